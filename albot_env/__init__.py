@@ -1,0 +1,1 @@
+"""The simulator, its sensors, the gymnasium environments, recording and rendering."""

@@ -1,0 +1,27 @@
+"""The one error that bad input raises."""
+
+from __future__ import annotations
+
+
+class InputError(ValueError):
+    """Input from outside (a file, an option, an action) that cannot be used.
+
+    The message is one line that names the source, the place in it, what was expected
+    and what was found: `intel.log, line 37: expected 180 ranges, found 112`.
+    The command prints it and exits with status 2.
+
+    Args:
+        source: The file, option or argument that is wrong.
+        expected: What should have stood there.
+        found: What stood there instead; empty where there is nothing to quote.
+        place: Where in the source (`line 37`, `walls[3]`); empty where the whole is meant.
+    """
+
+    def __init__(self, source: object, expected: str, found: str = "", *, place: str = "") -> None:
+        self.source = str(source)
+        self.expected = expected
+        self.found = found
+        self.place = place
+        where = f"{self.source}, {place}" if place else self.source
+        tail = f", found {found}" if found else ""
+        super().__init__(f"{where}: expected {expected}{tail}")

@@ -1,0 +1,63 @@
+"""Reading compressed text and writing files whole or not at all."""
+
+from __future__ import annotations
+
+import gzip
+import lzma
+import os
+import tempfile
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+from albot_core.errors import InputError
+
+
+def read_bytes(path: Path) -> bytes:
+    """The content of a file, unpacked where its name ends in `.gz` or `.xz`.
+
+    Raises:
+        InputError: The file is missing, unreadable, or its compression is torn.
+    """
+    unpack: Callable[[bytes], bytes] = {".gz": gzip.decompress, ".xz": lzma.decompress}.get(
+        path.suffix, bytes
+    )
+    try:
+        return unpack(path.read_bytes())
+    except FileNotFoundError:
+        raise InputError(path, "a file that exists", "none") from None
+    except IsADirectoryError:
+        raise InputError(path, "a file", "a folder") from None
+    except (EOFError, lzma.LZMAError, gzip.BadGzipFile, zlib.error) as error:
+        raise InputError(path, f"whole {path.suffix[1:]} data", str(error)) from None
+    except OSError as error:
+        raise InputError(path, "a readable file", error.strerror or str(error)) from None
+
+
+@contextmanager
+def replacing(path: Path, mode: str = "wb") -> Iterator[IO[bytes]]:
+    """Open a temporary neighbour of `path` that takes its place when the block ends well.
+
+    A reader sees the old file or the whole new one, never a part. Missing parent
+    folders are made. When the block raises, nothing is left behind.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(handle, mode) as stream:
+            yield stream
+        umask = os.umask(0)
+        os.umask(umask)
+        Path(name).chmod(0o666 & ~umask)
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 text to `path`, whole or not at all."""
+    with replacing(path) as stream:
+        stream.write(text.encode())

@@ -1,0 +1,53 @@
+"""Rigid motions of the plane as arrays `(..., 3)` of x, y (m) and heading (rad)."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.geometry.types import Points, Poses, Segments
+
+
+def wrap_angle(
+    angle: Float64[np.ndarray, "*angles"] | float,
+) -> Float64[np.ndarray, "*angles"] | np.float64:
+    """The same angle in [-pi, pi)."""
+    return np.asarray((np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi)[()]
+
+
+def compose(first: Poses, second: Poses) -> Poses:
+    """The pose reached by `second` seen from `first`: first ⊕ second. Shapes broadcast."""
+    cos, sin = np.cos(first[..., 2]), np.sin(first[..., 2])
+    x, y = second[..., 0], second[..., 1]
+    return np.stack(
+        np.broadcast_arrays(
+            first[..., 0] + cos * x - sin * y,
+            first[..., 1] + sin * x + cos * y,
+            wrap_angle(first[..., 2] + second[..., 2]),
+        ),
+        axis=-1,
+    )
+
+
+def inverse(pose: Poses) -> Poses:
+    """The pose that undoes `pose`: compose(pose, inverse(pose)) is the origin."""
+    cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    x, y = pose[..., 0], pose[..., 1]
+    return np.stack((-cos * x - sin * y, sin * x - cos * y, wrap_angle(-pose[..., 2])), axis=-1)
+
+
+def relative(origin: Poses, target: Poses) -> Poses:
+    """`target` seen from `origin`: compose(origin, relative(origin, target)) is `target`."""
+    return compose(inverse(origin), target)
+
+
+def transform_points(frame: Float64[np.ndarray, "3"], points: Points) -> Points:
+    """Points given in `frame`, expressed in the frame that `frame` is given in."""
+    cos, sin = np.cos(frame[2]), np.sin(frame[2])
+    x, y = points[..., 0], points[..., 1]
+    return np.stack((frame[0] + cos * x - sin * y, frame[1] + sin * x + cos * y), axis=-1)
+
+
+def transform_segments(frame: Float64[np.ndarray, "3"], segments: Segments) -> Segments:
+    """Segments given in `frame`, expressed in the frame that `frame` is given in."""
+    return transform_points(frame, segments.reshape(-1, 2, 2)).reshape(-1, 4)

@@ -1,0 +1,1 @@
+"""Worlds: floor plans, readers of foreign formats and a catalogue of hand-drawn buildings."""

@@ -1,0 +1,1 @@
+"""The `albot` command: one subcommand a file."""

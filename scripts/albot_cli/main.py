@@ -1,0 +1,62 @@
+"""The `albot` command: finds the subcommand, and turns errors into exit statuses."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+from albot_core.errors import InputError
+
+SUBCOMMANDS = {
+    "bench": "Measure speed, each figure beside something run in the same minute.",
+    "experiment": "Repeat the papers' experiments.",
+    "map": "Run a mapper over a real robot's log.",
+    "mappers": "List the mapping systems.",
+    "play": "Watch a robot explore and map, or play an episode back.",
+    "worlds": "List, show, check and convert worlds.",
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose subcommands are imported only when they are called, to start fast."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The names of all subcommands."""
+        return sorted(SUBCOMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """Import `albot_cli.NAME` and return its `command`."""
+        if name not in SUBCOMMANDS:
+            return None
+        module = importlib.import_module(f"albot_cli.{name}")
+        command: click.Command = module.command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the subcommands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(sorted(SUBCOMMANDS.items()))
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="albot-env")
+def albot() -> None:
+    """A robot explores, builds an imprecise map, recognises places and finds its way home."""
+
+
+def main() -> None:
+    """Run the command: exit status 0 done, 2 bad input, 1 our own fault."""
+    try:
+        status = albot.main(prog_name="albot", standalone_mode=False)
+    except InputError as error:
+        click.echo(f"albot: {error}", err=True)
+        sys.exit(2)
+    except click.ClickException as error:
+        click.echo(f"albot: {error.format_message()}", err=True)
+        sys.exit(2)
+    except click.Abort:
+        click.echo("albot: stopped", err=True)
+        sys.exit(130)
+    sys.exit(status if isinstance(status, int) else 0)

@@ -1,0 +1,41 @@
+"""The test run checks every array's shape: jaxtyping's import hook with beartype."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from jaxtyping import install_import_hook
+
+ROOT = Path(__file__).parents[1]
+SOURCES = {
+    "albot_core": ROOT / "core",
+    "albot_maps": ROOT / "maps",
+    "albot_env": ROOT,
+    "albot_agents": ROOT / "agents",
+    "albot_cli": ROOT / "scripts",
+}
+
+
+def _checked_modules() -> list[str]:
+    """Every module of ours but those with compiled functions, which take no decorator."""
+    modules = []
+    for package, folder in SOURCES.items():
+        for path in sorted((folder / package).rglob("*.py")):
+            if "numba" not in path.read_text(encoding="utf-8") and path.name != "__init__.py":
+                relative = path.relative_to(folder).with_suffix("")
+                modules.append(".".join(relative.parts))
+    return modules
+
+
+_HOOK = install_import_hook(_checked_modules(), "beartype.beartype")
+
+
+@pytest.fixture(scope="session")
+def data() -> Path:
+    """The folder of real logs and floor plans, named by ALBOT_DATA."""
+    folder = os.environ.get("ALBOT_DATA")
+    if not folder:
+        pytest.skip("ALBOT_DATA names no folder of real logs and floor plans")
+    return Path(folder)
