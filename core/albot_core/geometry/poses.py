@@ -30,14 +30,14 @@ def compose(first: Poses, second: Poses) -> Poses:
 
 
 def inverse(pose: Poses) -> Poses:
-    """The pose that undoes `pose`: compose(pose, inverse(pose)) is the origin."""
+    """The pose that undoes `pose`: the one composed with the other is the origin."""
     cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
     x, y = pose[..., 0], pose[..., 1]
     return np.stack((-cos * x - sin * y, sin * x - cos * y, wrap_angle(-pose[..., 2])), axis=-1)
 
 
 def relative(origin: Poses, target: Poses) -> Poses:
-    """`target` seen from `origin`: compose(origin, relative(origin, target)) is `target`."""
+    """`target` seen from `origin`, so that `origin` composed with it is `target`."""
     return compose(inverse(origin), target)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Ranges
@@ -39,6 +40,12 @@ class LaserGeometry:
         """Bearing of every beam from the laser's axis (rad)."""
         return self.first_bearing + self.spacing * np.arange(self.beams)
 
+    @cached_property
+    def directions(self) -> Float64[np.ndarray, "beams 2"]:
+        """Unit vector of every beam in the robot's frame."""
+        bearings = self.bearings + self.mount[2]
+        return np.stack((np.cos(bearings), np.sin(bearings)), axis=-1)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaserScan:
@@ -61,10 +68,8 @@ class LaserScan:
     def points(self) -> Points:
         """The points that were hit, in the robot's frame (m), in the order of the beams."""
         hit = self.ranges < self.geometry.max_range
-        x, y, heading = self.geometry.mount
-        direction = self.geometry.bearings[hit] + heading
-        reach = self.ranges[hit]
-        return np.stack((x + reach * np.cos(direction), y + reach * np.sin(direction)), axis=-1)
+        reach = self.ranges[hit, None] * self.geometry.directions[hit]
+        return np.asarray(self.geometry.mount[:2]) + reach
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
