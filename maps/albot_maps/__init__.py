@@ -1,1 +1,15 @@
 """Worlds: floor plans, readers of foreign formats and a catalogue of hand-drawn buildings."""
+
+from albot_maps.formats.reader import read_world
+from albot_maps.load import catalogue_names, load_world
+from albot_maps.world import ROBOT_RADIUS, Exit, Room, World
+
+__all__ = [
+    "ROBOT_RADIUS",
+    "Exit",
+    "Room",
+    "World",
+    "catalogue_names",
+    "load_world",
+    "read_world",
+]

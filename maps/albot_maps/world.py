@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
+import shapely
 from jaxtyping import Float64
 
-from albot_core.geometry.types import Poses, Segments
+from albot_core.errors import InputError
+from albot_core.geometry.types import Points, Poses, Segments
+from albot_maps.freespace import FreeSpace, wall_lines
+
+ROBOT_RADIUS = 0.25
+"""Radius (m) of the disc that stands for the Pioneer 3-DX wherever a world is checked."""
+
+LARGEST_COORDINATE = 10_000.0
+"""A coordinate beyond this (m) is not a building in metres."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -17,6 +30,9 @@ class Room:
     name: str
     boundary: Float64[np.ndarray, "corners 2"]
     """Corners of the room's outline (m), a simple polygon."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "boundary", _read_only(self.boundary))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,10 +45,22 @@ class Exit:
     rooms: tuple[str, str]
     """Names of the rooms on its two sides."""
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "segment", _read_only(self.segment))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class World:
-    """A building's floor. World frame: x right, y up on the plan, in metres."""
+    """A building's floor. World frame: x right, y up on the plan, in metres.
+
+    A world that exists is valid: every number is finite and in metres, no wall is a
+    point, names are unique, every start is free at the robot's radius, every room can be
+    entered from the first start by a disc of that radius, every tour keeps it clear of
+    the walls. Its arrays are read-only copies of those given.
+
+    Raises:
+        InputError: One of these does not hold; the place is as `walls[3]`, `exits[0]`.
+    """
 
     name: str
     walls: Segments
@@ -41,5 +69,183 @@ class World:
     """Poses at which an episode may begin; the first is the default."""
     rooms: tuple[Room, ...] = field(default=())
     exits: tuple[Exit, ...] = field(default=())
+    tours: Mapping[str, Points] = field(default_factory=dict)
+    """Routes by name: waypoints (m) joined by straight legs that a robot can drive."""
+    notes: tuple[str, ...] = ()
+    """What a reader of a foreign format left out or decided, one sentence each."""
     source: str = ""
     """Where the world came from: a file, a catalogue name, a generator's spec."""
+
+    def __post_init__(self) -> None:
+        self._freeze()
+        self._check_names()
+        self._check_walls()
+        self._check_rooms_and_exits()
+        self._check_starts()
+        self._check_tours()
+        self._check_reachability()
+
+    @cached_property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """The smallest rectangle around the walls: x_min, y_min, x_max, y_max (m)."""
+        points = self.walls.reshape(-1, 2)
+        (x_min, y_min), (x_max, y_max) = points.min(axis=0), points.max(axis=0)
+        return float(x_min), float(y_min), float(x_max), float(y_max)
+
+    @cached_property
+    def free_space(self) -> FreeSpace:
+        """Where the middle of a robot of radius `ROBOT_RADIUS` can be."""
+        return FreeSpace(self.walls, ROBOT_RADIUS)
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether the walls keep a robot that sets out from the first start inside them."""
+        return self.free_space.is_enclosed(self.starts[0, :2])
+
+    def room_at(self, x: float, y: float) -> str | None:
+        """Name of the room in which the point (m) lies; None outside all rooms.
+
+        A point on the line between two rooms belongs to the one listed first.
+        """
+        point = shapely.Point(x, y)
+        for room, outline in zip(self.rooms, self._outlines, strict=True):
+            if outline.covers(point):
+                return room.name
+        return None
+
+    @cached_property
+    def _outlines(self) -> tuple[shapely.Polygon, ...]:
+        outlines = tuple(shapely.Polygon(room.boundary) for room in self.rooms)
+        shapely.prepare(outlines)
+        return outlines
+
+    def _freeze(self) -> None:
+        tours = {name: _read_only(waypoints) for name, waypoints in self.tours.items()}
+        object.__setattr__(self, "walls", _read_only(self.walls))
+        object.__setattr__(self, "starts", _read_only(self.starts))
+        object.__setattr__(self, "tours", MappingProxyType(tours))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The fields, as the pickle of a world sent to another process needs them."""
+        state = {item.name: getattr(self, item.name) for item in fields(self)}
+        return state | {"tours": dict(self.tours)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            object.__setattr__(self, name, value)
+        self._freeze()
+
+    def _error(self, place: str, expected: str, found: str) -> InputError:
+        return InputError(self.source or self.name or "world", expected, found, place=place)
+
+    def _check_names(self) -> None:
+        self._check_name("name", self.name)
+        for kind, names in (
+            ("rooms", [room.name for room in self.rooms]),
+            ("exits", [opening.name for opening in self.exits]),
+            ("tours", list(self.tours)),
+        ):
+            for index, name in enumerate(names):
+                place = f"tours.{name}" if kind == "tours" else f"{kind}[{index}]"
+                self._check_name(place, name)
+                if name in names[:index]:
+                    raise self._error(place, "a name of its own", f"{name!r} once more")
+
+    def _check_name(self, place: str, name: str) -> None:
+        if not name.strip() or not name.isprintable():
+            raise self._error(place, "a name of one printable line", repr(name))
+
+    def _check_numbers(self, kind: str, rows: Iterable[np.ndarray]) -> None:
+        for index, row in enumerate(rows):
+            bad = ~(np.abs(row) <= LARGEST_COORDINATE)
+            if bad.any():
+                expected = f"finite numbers in metres, within ±{LARGEST_COORDINATE:g}"
+                raise self._error(f"{kind}[{index}]", expected, f"{row[bad].flat[0]:g}")
+
+    def _check_walls(self) -> None:
+        if not len(self.walls):
+            raise self._error("walls", "at least one wall", "none")
+        self._check_numbers("walls", self.walls)
+        points = np.flatnonzero((self.walls[:, :2] == self.walls[:, 2:]).all(axis=1))
+        if len(points):
+            x, y = self.walls[points[0], :2]
+            raise self._error(
+                f"walls[{points[0]}]", "a wall longer than 0", f"the point ({x:g}, {y:g})"
+            )
+
+    def _check_rooms_and_exits(self) -> None:
+        self._check_numbers("rooms", [room.boundary for room in self.rooms])
+        self._check_numbers("exits", [opening.segment for opening in self.exits])
+        for index, room in enumerate(self.rooms):
+            if len(room.boundary) < 3:
+                expected = f"an outline of {room.name!r} of 3 corners or more"
+                raise self._error(f"rooms[{index}]", expected, str(len(room.boundary)))
+            outline = shapely.Polygon(room.boundary)
+            if not outline.is_valid:
+                expected = f"an outline of {room.name!r} that does not cross itself"
+                raise self._error(f"rooms[{index}]", expected, shapely.is_valid_reason(outline))
+        names = {room.name for room in self.rooms}
+        for index, opening in enumerate(self.exits):
+            place = f"exits[{index}]"
+            if (opening.segment[:2] == opening.segment[2:]).all():
+                raise self._error(place, f"{opening.name!r} wider than 0", "a point")
+            for name in opening.rooms:
+                if name not in names:
+                    raise self._error(place, f"two rooms of this world at {opening.name!r}", name)
+            if opening.rooms[0] == opening.rooms[1]:
+                expected = f"two different rooms at {opening.name!r}"
+                raise self._error(place, expected, f"{opening.rooms[0]} twice")
+
+    def _check_starts(self) -> None:
+        if self.starts.ndim != 2 or not len(self.starts):
+            raise self._error("starts", "at least one start (n, 3)", str(self.starts.shape))
+        self._check_numbers("starts", self.starts)
+        clearance = shapely.distance(shapely.points(self.starts[:, :2]), wall_lines(self.walls))
+        for index in np.flatnonzero(clearance < ROBOT_RADIUS):
+            raise self._error(
+                f"starts[{index}]",
+                f"free space of radius {ROBOT_RADIUS} m",
+                f"a wall at {clearance[index]:.3g} m",
+            )
+
+    def _check_tours(self) -> None:
+        for name, waypoints in self.tours.items():
+            place = f"tours.{name}"
+            if waypoints.ndim != 2 or len(waypoints) < 2:
+                raise self._error(place, "two waypoints or more", str(waypoints.shape))
+            self._check_numbers(place, waypoints)
+            legs = shapely.linestrings(np.stack((waypoints[:-1], waypoints[1:]), axis=1))
+            clearance = shapely.distance(legs, wall_lines(self.walls))
+            for index in np.flatnonzero(clearance < ROBOT_RADIUS):
+                raise self._error(
+                    f"{place}[{index}]",
+                    f"a leg {ROBOT_RADIUS} m clear of the walls",
+                    f"one at {clearance[index]:.3g} m",
+                )
+
+    def _check_reachability(self) -> None:
+        if not self.rooms and len(self.starts) == 1:
+            return
+        region = self.free_space.region_at(self.starts[0, :2])
+        for index, start in enumerate(self.starts[1:], 1):
+            if self.free_space.region_at(start[:2]) is not region:
+                expected = f"a start that a robot of radius {ROBOT_RADIUS} m reaches from starts[0]"
+                raise self._error(f"starts[{index}]", expected, "a way barred by walls")
+        unreached = [
+            index
+            for index, outline in enumerate(self._outlines)
+            if not self.free_space.enters(region, outline)
+        ]
+        if unreached:
+            names = ", ".join(self.rooms[index].name for index in unreached)
+            raise self._error(
+                f"rooms[{unreached[0]}]",
+                f"rooms that a robot of radius {ROBOT_RADIUS} m reaches from starts[0]",
+                f"no way into {names}",
+            )
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    copy = np.array(array, dtype=np.float64)
+    copy.flags.writeable = False
+    return copy

@@ -1,0 +1,129 @@
+"""YAML read strictly, remembering on which line everything stands."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import yaml
+
+from albot_core.errors import InputError
+
+Path = tuple[str | int, ...]
+"""The way to a value from the top of a document: keys and indices."""
+
+
+class _Loader(yaml.BaseLoader):
+    """PyYAML with the scalars of YAML 1.2: 1e-3 is a number, no and 1:30 are text."""
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """Refuse aliases: a few lines of them can stand for a document without end."""
+        if self.check_event(yaml.AliasEvent):
+            raise yaml.composer.ComposerError(
+                problem="an alias, which is not read", problem_mark=self.get_mark()
+            )
+        return super().compose_node(parent, index)
+
+
+for _tag, _pattern in {
+    "null": r"~|null|Null|NULL|",
+    "bool": r"true|True|TRUE|false|False|FALSE",
+    "int": r"[-+]?[0-9]+",
+    "float": r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?"
+    r"|[-+]?(\.inf|\.Inf|\.INF)|\.nan|\.NaN|\.NAN",
+}.items():
+    _Loader.add_implicit_resolver(
+        f"tag:yaml.org,2002:{_tag}", re.compile(f"^(?:{_pattern})$"), None
+    )
+
+
+class YamlDocument:
+    """Plain data from YAML text, and the line on which each value begins.
+
+    Args:
+        text: The text.
+        source: What errors name as the place it came from.
+
+    Raises:
+        InputError: The text is no YAML, holds a key twice, a key that is no text, an
+            anchor's alias, a tag, or is nested without end.
+    """
+
+    def __init__(self, text: str, source: object) -> None:
+        self._source = source
+        self._lines: dict[Path, int] = {}
+        try:
+            root = yaml.compose(text, Loader=_Loader)
+            self.data: Any = None if root is None else self._plain(root, ())
+        except yaml.reader.ReaderError as error:
+            line = text.count("\n", 0, int(error.position)) + 1
+            found = f"the character {chr(error.character)!r}"
+            raise self._error(line, "text that YAML allows", found) from None
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            line = mark.line + 1 if mark else 1
+            raise self._error(line, "valid YAML", error.problem or str(error)) from None
+        except RecursionError:
+            raise InputError(source, "a document nested a few levels", "too many") from None
+
+    def place(self, path: Sequence[str | int]) -> str:
+        """A place as errors name it: `line 7, walls[3]`."""
+        known = tuple(path)
+        while known and known not in self._lines:
+            known = known[:-1]
+        name = dotted(path)
+        line = self._lines.get(known)
+        return ", ".join(part for part in (f"line {line}" if line else "", name) if part)
+
+    def _plain(self, node: yaml.Node, path: Path) -> Any:
+        line = node.start_mark.line + 1
+        if path in self._lines:
+            raise self._error(line, f"the key {path[-1]!r} once", "it twice")
+        self._lines[path] = line
+        if isinstance(node, yaml.MappingNode):
+            return {
+                key: self._plain(value, (*path, key))
+                for key, value in ((self._key(key), value) for key, value in node.value)
+            }
+        if isinstance(node, yaml.SequenceNode):
+            return [self._plain(item, (*path, index)) for index, item in enumerate(node.value)]
+        return self._scalar(node, line)
+
+    def _key(self, node: yaml.Node) -> str:
+        if not isinstance(node, yaml.ScalarNode):
+            raise self._error(node.start_mark.line + 1, "a key that is text", "a collection")
+        return str(node.value)
+
+    def _scalar(self, node: yaml.Node, line: int) -> Any:
+        kind = node.tag.removeprefix("tag:yaml.org,2002:")
+        text = node.value
+        match kind:
+            case "str":
+                return text
+            case "null":
+                return None
+            case "bool":
+                return text.lower() == "true"
+            case "int":
+                return int(text) if len(text) < 19 else float(text)
+            case "float":
+                return float(re.sub(r"(?i)\.(inf|nan)$", r"\1", text))
+        raise self._error(line, "plain values", f"the tag {node.tag}")
+
+    def _error(self, line: int, expected: str, found: str) -> InputError:
+        return InputError(self._source, expected, found, place=f"line {line}")
+
+
+def dotted(path: Sequence[str | int]) -> str:
+    """A path as text: `exits[2].rooms`."""
+    return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)[
+        1 if path and isinstance(path[0], str) else 0 :
+    ]
+
+
+def shown(value: Any) -> str:
+    """A value as errors quote it: on one line, and shortened where it is long."""
+    dumped = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, width=10**9)
+    text = " ".join(str(dumped).split()).removesuffix(" ...")
+    return text if len(text) <= 60 else f"{text[:57]}..."
