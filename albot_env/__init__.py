@@ -1,1 +1,12 @@
-"""The simulator, its sensors, the gymnasium environments, recording and rendering."""
+"""The simulator, its sensors, the gymnasium environments, recording and rendering.
+
+Importing this package registers its environments with gymnasium.
+"""
+
+import gymnasium
+
+gymnasium.register(
+    id="Albot/Explore-v0",
+    entry_point="albot_env.tasks.explore:ExploreEnv",
+    max_episode_steps=6000,
+)

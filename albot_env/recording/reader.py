@@ -1,0 +1,197 @@
+"""Reads episodes back: whole files, and the good beginning of those that were cut off."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import jsonschema
+import numpy as np
+from mcap.exceptions import McapError
+from mcap.records import Channel, McapRecord, Message
+from mcap.stream_reader import CRCValidationError, StreamReader
+from zstandard import ZstdError
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Segments
+from albot_core.perception.reading import LaserGeometry, LaserScan, Reading
+from albot_env.recording.episode import EpisodeHeader, Moment
+from albot_env.recording.schemas import EPISODE_HEADER
+
+RECORD_LIMIT = 256 * 2**20
+"""No record of an episode is larger than this (bytes)."""
+
+
+class EpisodeReader:
+    """An episode file.
+
+    Args:
+        path: The file.
+
+    Raises:
+        InputError: There is no such file, or it does not begin as an episode does.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.torn = False
+        """Whether the file was found to end before its index: known once all was read."""
+        self.agent = ""
+        """Name of the agent that drove."""
+        self.header = self._read_header()
+
+    def moments(self) -> Iterator[Moment]:
+        """The episode's moments in order. A file cut off gives its good beginning.
+
+        Raises:
+            InputError: The file is damaged before its end.
+        """
+        scan: list[float] | None = None
+        surfaces: Segments | None = None
+        for topic, time, content in self._messages():
+            if topic == "/scan":
+                scan = content["ranges"]
+            elif topic == "/albot/map":
+                surfaces = np.array(content["surfaces"], np.float64).reshape(-1, 4)
+            elif topic == "/albot/step":
+                with self._as_its_schema(f"albot.Step at {time / 1e9:g} s"):
+                    moment = self._moment(content, scan, surfaces)
+                yield moment
+                surfaces = None
+
+    def _moment(
+        self,
+        step: dict[str, Any],
+        ranges: list[float] | None,
+        surfaces: Segments | None,
+    ) -> Moment:
+        reach = np.array(ranges, np.float64)
+        reach[reach == 0] = np.inf
+        reading = Reading(
+            stamp=float(step["stamp"]),
+            motion=_numbers(step["motion"], 3),
+            laser=LaserScan(ranges=reach, geometry=self.header.laser),
+        )
+        return Moment(
+            action=None if step["action"] is None else _numbers(step["action"], 2),
+            reward=float(step["reward"]),
+            terms=dict(step["terms"]),
+            reading=reading,
+            pose=_numbers(step["pose"], 3),
+            collided=bool(step["collided"]),
+            room=str(step["room"]),
+            path_length=float(step["path_length"]),
+            belief=_numbers(step["belief"], 3),
+            home=_numbers(step["home"], 3),
+            updates=int(step["updates"]),
+            surfaces=surfaces,
+        )
+
+    def _read_header(self) -> EpisodeHeader:
+        for topic, _, content in self._messages():
+            if topic == "/albot/header":
+                return self._header(content)
+            break
+        raise InputError(
+            self._path,
+            "an episode that albot has recorded, its header first",
+            "an MCAP file without one",
+        )
+
+    def _header(self, content: dict[str, Any]) -> EpisodeHeader:
+        try:
+            jsonschema.validate(content, EPISODE_HEADER)
+        except jsonschema.ValidationError as error:
+            place = "/".join(("header", *map(str, error.path)))
+            raise InputError(self._path, "what its schema says", error.message, place=place) from (
+                None
+            )
+        self.agent = content["agent"]
+        laser = content["laser"]
+        return EpisodeHeader(
+            environment=content["environment"],
+            world=content["world"],
+            walls=np.array(content["walls"], np.float64).reshape(-1, 4),
+            start=_numbers(content["start"], 3),
+            mapper=content["mapper"],
+            odometer=content["odometer"],
+            seed=content["seed"],
+            laser=LaserGeometry(**{**laser, "mount": tuple(laser["mount"])}),
+        )
+
+    def _messages(self) -> Iterator[tuple[str, int, dict[str, Any]]]:
+        """Topic, time (ns) and content of every message in the order of the file."""
+        channels: dict[int, str] = {}
+        for record in self._records():
+            if isinstance(record, Channel):
+                channels[record.id] = record.topic
+            elif isinstance(record, Message) and record.channel_id in channels:
+                topic = channels[record.channel_id]
+                with self._as_its_schema(f"{topic} at {record.log_time / 1e9:g} s"):
+                    content = json.loads(record.data)
+                yield topic, record.log_time, content
+
+    def _records(self) -> Iterator[McapRecord]:
+        """The file's records; where it ends too early, they end and `torn` is set."""
+        with self._open() as stream:
+            size = self._path.stat().st_size
+            records = StreamReader(
+                stream, validate_crcs=True, record_size_limit=RECORD_LIMIT
+            ).records
+            kinds: set[str] = set()
+            while True:
+                try:
+                    record = next(records, None)
+                except (
+                    McapError,
+                    CRCValidationError,
+                    ZstdError,
+                    struct.error,
+                    ValueError,
+                ) as error:
+                    # mcap reads on to the end of a file that was cut off before it complains.
+                    if stream.tell() < size or not kinds:
+                        raise InputError(
+                            self._path,
+                            "an episode in MCAP format",
+                            str(error) or "its end",
+                            place=f"byte {stream.tell()}",
+                        ) from None
+                    self.torn = True
+                    return
+                if record is None:
+                    return
+                kinds.add(type(record).__name__)
+                yield record
+
+    @contextmanager
+    def _open(self) -> Iterator[BinaryIO]:
+        try:
+            stream = self._path.open("rb")
+        except OSError as error:
+            raise InputError(
+                self._path, "an episode file that can be read", error.strerror or str(error)
+            ) from None
+        with stream:
+            yield stream
+
+    @contextmanager
+    def _as_its_schema(self, place: str) -> Iterator[None]:
+        try:
+            yield
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(
+                self._path, "a message as its schema says", str(error), place=place
+            ) from None
+
+
+def _numbers(values: list[float], count: int) -> np.ndarray:
+    """So many numbers as an array."""
+    array = np.array(values, np.float64)
+    if array.shape != (count,):
+        raise ValueError(f"{count} numbers expected, found {array.shape}")
+    return array

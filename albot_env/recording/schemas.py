@@ -1,0 +1,199 @@
+"""JSON Schemas of the messages in an episode file: Foxglove's, and our own.
+
+Foxglove knows a message by its schema's name and reads the fields that its documentation
+lists: https://docs.foxglove.dev/docs/sdk/schemas/introduction
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+Schema = dict[str, Any]
+
+NUMBER: Schema = {"type": "number"}
+STRING: Schema = {"type": "string"}
+BOOLEAN: Schema = {"type": "boolean"}
+COUNT: Schema = {"type": "integer", "minimum": 0}
+NANOSECONDS: Schema = {"type": "integer", "minimum": 0, "maximum": 999_999_999}
+
+
+def _object(title: str, **properties: Schema) -> Schema:
+    return {"title": title, "type": "object", "properties": properties}
+
+
+def _strict(title: str, **properties: Schema) -> Schema:
+    return _object(title, **properties) | {"required": list(properties)}
+
+
+def _list(items: Schema) -> Schema:
+    return {"type": "array", "items": items}
+
+
+def _numbers(count: int) -> Schema:
+    return _list(NUMBER) | {"minItems": count, "maxItems": count}
+
+
+def _either(**values: int) -> Schema:
+    return {"oneOf": [{"title": name, "const": value} for name, value in values.items()]}
+
+
+TIME = _object("time", sec=COUNT, nsec=NANOSECONDS)
+DURATION = _object("duration", sec={"type": "integer"}, nsec=NANOSECONDS)
+VECTOR = _object("foxglove.Vector3", x=NUMBER, y=NUMBER, z=NUMBER)
+POINT = _object("foxglove.Point3", x=NUMBER, y=NUMBER, z=NUMBER)
+QUATERNION = _object("foxglove.Quaternion", x=NUMBER, y=NUMBER, z=NUMBER, w=NUMBER)
+POSE = _object("foxglove.Pose", position=VECTOR, orientation=QUATERNION)
+COLOUR = _object("foxglove.Color", r=NUMBER, g=NUMBER, b=NUMBER, a=NUMBER)
+
+_MESH = {"points": _list(POINT), "color": COLOUR, "colors": _list(COLOUR), "indices": _list(COUNT)}
+_PRIMITIVES: dict[str, Schema] = {
+    "arrows": _object(
+        "foxglove.ArrowPrimitive",
+        pose=POSE,
+        shaft_length=NUMBER,
+        shaft_diameter=NUMBER,
+        head_length=NUMBER,
+        head_diameter=NUMBER,
+        color=COLOUR,
+    ),
+    "cubes": _object("foxglove.CubePrimitive", pose=POSE, size=VECTOR, color=COLOUR),
+    "spheres": _object("foxglove.SpherePrimitive", pose=POSE, size=VECTOR, color=COLOUR),
+    "cylinders": _object(
+        "foxglove.CylinderPrimitive",
+        pose=POSE,
+        size=VECTOR,
+        bottom_scale=NUMBER,
+        top_scale=NUMBER,
+        color=COLOUR,
+    ),
+    "lines": _object(
+        "foxglove.LinePrimitive",
+        type=_either(LINE_STRIP=0, LINE_LOOP=1, LINE_LIST=2),
+        pose=POSE,
+        thickness=NUMBER,
+        scale_invariant=BOOLEAN,
+        **_MESH,
+    ),
+    "triangles": _object("foxglove.TriangleListPrimitive", pose=POSE, **_MESH),
+    "texts": _object(
+        "foxglove.TextPrimitive",
+        pose=POSE,
+        billboard=BOOLEAN,
+        font_size=NUMBER,
+        scale_invariant=BOOLEAN,
+        color=COLOUR,
+        text=STRING,
+    ),
+    "models": _object(
+        "foxglove.ModelPrimitive",
+        pose=POSE,
+        scale=VECTOR,
+        color=COLOUR,
+        override_color=BOOLEAN,
+        url=STRING,
+        media_type=STRING,
+        data=STRING | {"contentEncoding": "base64"},
+    ),
+}
+PRIMITIVES = tuple(_PRIMITIVES)
+"""The names of a scene entity's lists of shapes."""
+
+FRAME_TRANSFORMS = _object(
+    "foxglove.FrameTransforms",
+    transforms=_list(
+        _object(
+            "foxglove.FrameTransform",
+            timestamp=TIME,
+            parent_frame_id=STRING,
+            child_frame_id=STRING,
+            translation=VECTOR,
+            rotation=QUATERNION,
+        )
+    ),
+)
+LASER_SCAN = _object(
+    "foxglove.LaserScan",
+    timestamp=TIME,
+    frame_id=STRING,
+    pose=POSE,
+    start_angle=NUMBER,
+    end_angle=NUMBER,
+    ranges=_list(NUMBER),
+    intensities=_list(NUMBER),
+)
+POSE_IN_FRAME = _object("foxglove.PoseInFrame", timestamp=TIME, frame_id=STRING, pose=POSE)
+SCENE_UPDATE = _object(
+    "foxglove.SceneUpdate",
+    deletions=_list(
+        _object(
+            "foxglove.SceneEntityDeletion",
+            timestamp=TIME,
+            type=_either(MATCHING_ID=0, ALL=1),
+            id=STRING,
+        )
+    ),
+    entities=_list(
+        _object(
+            "foxglove.SceneEntity",
+            timestamp=TIME,
+            frame_id=STRING,
+            id=STRING,
+            lifetime=DURATION,
+            frame_locked=BOOLEAN,
+            metadata=_list(_object("foxglove.KeyValuePair", key=STRING, value=STRING)),
+            **{name: _list(shape) for name, shape in _PRIMITIVES.items()},
+        )
+    ),
+)
+
+EPISODE_HEADER = _strict(
+    "albot.EpisodeHeader",
+    format={"const": 1, "description": "Version of the albot messages."},
+    environment=STRING,
+    world=STRING,
+    walls=_list(_numbers(4)),
+    start=_numbers(3),
+    mapper=STRING,
+    odometer=STRING,
+    agent=STRING,
+    seed={"type": ["integer", "null"]},
+    laser=_strict(
+        "albot.LaserGeometry",
+        beams=COUNT,
+        first_bearing=NUMBER,
+        spacing=NUMBER,
+        max_range=NUMBER,
+        mount=_numbers(3),
+    ),
+)
+STEP = _strict(
+    "albot.Step",
+    stamp=NUMBER | {"description": "Simulated time (s), exact; the message's own is in ns."},
+    action={"oneOf": [_numbers(2), {"type": "null"}], "description": "As the agent gave it."},
+    reward=NUMBER,
+    terms={"type": "object", "additionalProperties": NUMBER},
+    motion=_numbers(3) | {"description": "Odometry in the robot's previous frame."},
+    pose=_numbers(3) | {"description": "Where the robot truly is, world frame."},
+    collided=BOOLEAN,
+    room=STRING,
+    path_length=NUMBER,
+    belief=_numbers(3) | {"description": "Where the robot believes to be, map frame."},
+    home=_numbers(3) | {"description": "Where home is believed to be, robot frame."},
+    updates=COUNT,
+)
+MAP = _strict(
+    "albot.Map",
+    surfaces=_list(_numbers(4)) | {"description": "Surfaces remembered, map frame."},
+)
+
+TOPICS: dict[str, Schema] = {
+    "/albot/header": EPISODE_HEADER,
+    "/tf": FRAME_TRANSFORMS,
+    "/scan": LASER_SCAN,
+    "/home": POSE_IN_FRAME,
+    "/walls": SCENE_UPDATE,
+    "/surfaces": SCENE_UPDATE,
+    "/albot/map": MAP,
+    "/albot/step": STEP,
+}
+"""The topics of an episode file and what their messages look like."""

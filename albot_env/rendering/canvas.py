@@ -1,0 +1,137 @@
+"""Scenes painted with pygame on a surface in memory: no display and no window needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pygame
+from jaxtyping import Float64, UInt8
+
+from albot_env.rendering.scene import ROBOT_RADIUS, Panel, Scene, Shape, scale_bar
+
+Colour = tuple[int, int, int]
+
+BACKGROUND: Colour = (22, 24, 29)
+PANEL: Colour = (30, 33, 40)
+TEXT: Colour = (222, 226, 233)
+FAINT: Colour = (128, 136, 150)
+PALETTE: dict[str, Colour] = {
+    "wall": (214, 219, 228),
+    "laser": (204, 96, 84),
+    "path": (90, 160, 240),
+    "surface": (244, 185, 66),
+    "believed": (112, 193, 140),
+    "home": (226, 120, 190),
+    "robot": (246, 248, 250),
+}
+
+MARGIN = 12
+TITLE_HEIGHT = 26
+CAPTION_HEIGHT = 30
+
+
+@cache
+def _font(size: int) -> pygame.font.Font:
+    pygame.font.init()
+    return pygame.font.Font(None, size)
+
+
+class _View:
+    """From metres to a panel's pixels."""
+
+    def __init__(self, bounds: tuple[float, float, float, float], area: pygame.Rect) -> None:
+        x0, y0, x1, y1 = bounds
+        self.scale = min(area.width / (x1 - x0), area.height / (y1 - y0))
+        self._middle = np.array(((x0 + x1) / 2, (y0 + y1) / 2))
+        self._centre = np.array(area.center, float)
+
+    def __call__(self, points: Float64[np.ndarray, "*points 2"]) -> Float64[np.ndarray, "..."]:
+        return np.asarray(self._centre + (points - self._middle) * (self.scale, -self.scale))
+
+
+def paint(scene: Scene, canvas: pygame.Surface) -> None:
+    """Paint a scene over the whole of `canvas`."""
+    canvas.fill(BACKGROUND)
+    width, height = canvas.get_size()
+    panel_width = (width - 3 * MARGIN) // 2
+    panel_height = height - 2 * MARGIN - CAPTION_HEIGHT
+    for k, panel in enumerate(scene.panels):
+        area = pygame.Rect(MARGIN + k * (panel_width + MARGIN), MARGIN, panel_width, panel_height)
+        _paint_panel(panel, scene, canvas, area)
+    caption = _font(20).render(scene.caption, True, TEXT)
+    canvas.blit(caption, (MARGIN + 4, height - CAPTION_HEIGHT))
+
+
+def _paint_panel(panel: Panel, scene: Scene, canvas: pygame.Surface, area: pygame.Rect) -> None:
+    pygame.draw.rect(canvas, PANEL, area, border_radius=6)
+    canvas.blit(_font(22).render(panel.title, True, TEXT), (area.x + 12, area.y + 8))
+    inner = area.inflate(-2 * MARGIN, -2 * TITLE_HEIGHT).move(0, TITLE_HEIGHT // 2)
+    view = _View(scene.bounds, inner)
+    canvas.set_clip(area)
+    for shape in panel.shapes:
+        PAINTERS[shape.kind](canvas, shape, view)
+    canvas.set_clip(None)
+    _paint_scale(canvas, scene, view, area)
+
+
+def _paint_scale(canvas: pygame.Surface, scene: Scene, view: _View, area: pygame.Rect) -> None:
+    length = scale_bar(scene.bounds[2] - scene.bounds[0])
+    pixels = round(length * view.scale)
+    right, y = area.right - 14, area.y + 20
+    pygame.draw.line(canvas, FAINT, (right - pixels, y), (right, y), 2)
+    text = _font(18).render(f"{length:g} m", True, FAINT)
+    canvas.blit(text, (right - pixels - text.get_width() - 6, y - text.get_height() // 2))
+
+
+def _segments(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
+    colour = PALETTE[shape.style]
+    for x1, y1, x2, y2 in view(shape.data.reshape(-1, 2)).reshape(-1, 4).tolist():
+        pygame.draw.line(canvas, colour, (x1, y1), (x2, y2), 2)
+
+
+def _line(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
+    if len(shape.data) > 1:
+        pygame.draw.aalines(canvas, PALETTE[shape.style], False, view(shape.data).tolist())
+
+
+def _dots(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
+    for x, y in view(shape.data).tolist():
+        pygame.draw.circle(canvas, PALETTE[shape.style], (x, y), 2)
+
+
+def _home(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
+    x, y = view(shape.data[:2]).tolist()
+    pygame.draw.circle(canvas, PALETTE[shape.style], (x, y), 8, 2)
+    pygame.draw.circle(canvas, PALETTE[shape.style], (x, y), 2)
+
+
+def _robot(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
+    x, y, heading = shape.data
+    radius = max(ROBOT_RADIUS, 6 / view.scale)
+    angles = heading + np.array((0.0, 2.5, np.pi, -2.5))
+    reach = radius * np.array((1.5, 1.1, 0.4, 1.1))
+    corners = np.stack((x + reach * np.cos(angles), y + reach * np.sin(angles)), axis=-1)
+    pygame.draw.polygon(canvas, PALETTE[shape.style], view(corners).tolist())
+
+
+PAINTERS: dict[str, Callable[[pygame.Surface, Shape, _View], None]] = {
+    "segments": _segments,
+    "line": _line,
+    "dots": _dots,
+    "home": _home,
+    "robot": _robot,
+}
+
+
+def paint_array(scene: Scene, size: tuple[int, int] = (1200, 640)) -> UInt8[np.ndarray, "h w 3"]:
+    """Paint a scene in memory; the image as rows of RGB pixels.
+
+    Args:
+        scene: What to paint.
+        size: Width and height of the image (pixels).
+    """
+    canvas = pygame.Surface(size, depth=32)
+    paint(scene, canvas)
+    return np.ascontiguousarray(pygame.surfarray.array3d(canvas).swapaxes(0, 1))

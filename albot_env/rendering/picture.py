@@ -1,0 +1,128 @@
+"""The picture: truth and map side by side in one PNG, for papers, pages and reports."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from albot_core.files import replacing
+from albot_env.rendering.frame import Frame
+from albot_env.rendering.scene import Panel, Scene, Shape, lay_out, scale_bar
+
+PALETTE = {
+    "wall": "#2b2f36",
+    "laser": "#e8927c",
+    "path": "#2a6fbb",
+    "surface": "#c77700",
+    "believed": "#2e8b57",
+    "home": "#b5338a",
+    "robot": "#111111",
+}
+
+
+def save_picture(frame: Frame, path: Path) -> None:
+    """Draw a frame, truth left and map right, and save it as a PNG, whole or not at all."""
+    scene = lay_out(frame)
+    x0, y0, x1, y1 = scene.bounds
+    height = float(np.clip(6.2 * (y1 - y0) / (x1 - x0), 2.2, 11.0))
+    figure = Figure(figsize=(13.0, height + 1.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(scene.caption, fontsize=11)
+    for axes, panel in zip(figure.subplots(1, 2), scene.panels, strict=True):
+        _draw_panel(axes, panel, scene)
+    with replacing(path) as stream:
+        figure.savefig(stream, format="png", dpi=110, metadata={"Software": "albot-env"})
+
+
+def _draw_panel(axes: Axes, panel: Panel, scene: Scene) -> None:
+    x0, y0, x1, y1 = scene.bounds
+    for depth, shape in enumerate(panel.shapes):
+        _draw_shape(axes, shape, 2 + depth)
+    axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xticks=[], yticks=[])
+    axes.set_title(panel.title, fontsize=10, loc="left")
+    axes.spines[:].set_color("#cccccc")
+    length = scale_bar(x1 - x0)
+    axes.annotate(
+        f"{length:g} m",
+        (1.0, 1.0),
+        xycoords="axes fraction",
+        xytext=(0, 6),
+        textcoords="offset points",
+        ha="right",
+        fontsize=9,
+        color="#555555",
+    )
+    axes.plot([x1 - length, x1], [y1, y1], color="#555555", linewidth=4, clip_on=False, zorder=9)
+    axes.legend(
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.01),
+        ncols=len(panel.shapes),
+        fontsize=8,
+        frameon=False,
+        handletextpad=0.5,
+        columnspacing=1.2,
+    )
+
+
+def _draw_shape(axes: Axes, shape: Shape, zorder: float) -> None:
+    colour = PALETTE[shape.style]
+    if shape.kind == "segments":
+        lines = LineCollection(
+            list(shape.data.reshape(-1, 2, 2)),
+            colors=colour,
+            linewidths=1.4,
+            label=shape.label,
+            zorder=zorder,
+            capstyle="round",
+        )
+        axes.add_collection(lines)
+    elif shape.kind == "line":
+        axes.plot(
+            shape.data[:, 0],
+            shape.data[:, 1],
+            color=colour,
+            lw=1.1,
+            label=shape.label,
+            zorder=zorder,
+        )
+    elif shape.kind == "dots":
+        axes.scatter(
+            shape.data[:, 0],
+            shape.data[:, 1],
+            s=5,
+            color=colour,
+            label=shape.label,
+            zorder=zorder,
+            linewidths=0,
+        )
+    elif shape.kind == "home":
+        axes.scatter(
+            shape.data[:1],
+            shape.data[1:2],
+            s=130,
+            facecolors="none",
+            edgecolors=colour,
+            linewidths=1.8,
+            label=shape.label,
+            zorder=zorder,
+        )
+    else:
+        _draw_robot(axes, shape, colour, zorder)
+
+
+def _draw_robot(axes: Axes, shape: Shape, colour: str, zorder: float) -> None:
+    x, y, heading = shape.data
+    axes.scatter(
+        [x],
+        [y],
+        s=70,
+        marker=(3, 0, np.degrees(heading) - 90),
+        color=colour,
+        label=shape.label,
+        zorder=zorder,
+    )

@@ -1,0 +1,54 @@
+"""The trace: what an episode leaves behind, from which a frame can be drawn at any moment."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from albot_core.geometry.types import Segments
+from albot_env.recording.episode import EpisodeHeader, Moment
+from albot_env.rendering.frame import Frame
+
+
+class Trace:
+    """Follows an episode, running or recorded, and gives its present frame.
+
+    Args:
+        header: What does not change in the episode.
+        first: How things stood after the reset.
+    """
+
+    def __init__(self, header: EpisodeHeader, first: Moment) -> None:
+        self._header = header
+        self._path: list[tuple[float, float]] = []
+        self._believed: list[tuple[float, float]] = []
+        self._surfaces: Segments = np.empty((0, 4))
+        self.add(first)
+
+    def add(self, moment: Moment) -> None:
+        """Follow the episode to its next moment."""
+        self._moment = moment
+        self._path.append((moment.pose[0], moment.pose[1]))
+        self._believed.append((moment.belief[0], moment.belief[1]))
+        if moment.surfaces is not None:
+            self._surfaces = moment.surfaces
+
+    @property
+    def frame(self) -> Frame:
+        """The frame of the latest moment."""
+        moment, header = self._moment, self._header
+        return Frame(
+            world=header.world,
+            mapper=header.mapper,
+            time=moment.reading.stamp,
+            path_length=moment.path_length,
+            updates=moment.updates,
+            walls=header.walls,
+            start=header.start,
+            pose=moment.pose,
+            path=np.array(self._path),
+            hits=moment.reading.laser.points,
+            surfaces=self._surfaces,
+            belief=moment.belief,
+            believed_path=np.array(self._believed),
+            home=moment.home,
+        )

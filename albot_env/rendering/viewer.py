@@ -1,0 +1,29 @@
+"""The viewer: something that frames are shown in."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+from albot_env.rendering.frame import Frame
+
+
+@runtime_checkable
+class Viewer(Protocol):
+    """Shows frames as the episode goes."""
+
+    def show(self, frame: Frame) -> bool:
+        """Show a frame; false where the person watching has closed the viewer."""
+
+    def close(self) -> None:
+        """Give the screen back."""
+
+
+class NullViewer:
+    """Shows nothing."""
+
+    def show(self, frame: Frame) -> bool:
+        """Look away."""
+        return True
+
+    def close(self) -> None:
+        """Do nothing: nothing was opened."""

@@ -1,0 +1,152 @@
+"""Observations: what the robot could know, scaled to [-1, 1] without any statistics.
+
+An observation is a function of the readings alone: the laser and the motion come from the
+reading, the rest from the mapper, which saw nothing but readings.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from gymnasium import spaces
+from jaxtyping import Float, Float32, Float64
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Pose
+from albot_core.mapper import Mapper
+from albot_core.perception.reading import Reading
+from albot_env.tasks.coverage import Coverage, CoverageConfig
+
+Parts = dict[str, Float32[np.ndarray, "..."]]
+"""An observation by part: `laser`, `motion`, `heading`, `home`, `coverage`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObservationConfig:
+    """How readings and beliefs become numbers in [-1, 1]."""
+
+    beams: int = 181
+    """Number of the laser's beams."""
+    laser_range: float = 30.0
+    """Range shown as -1, as nothing at all is (m)."""
+    laser_knee: float = 0.5
+    """Range up to which the scale is nearly linear; logarithmic beyond (m)."""
+    home_range: float = 100.0
+    """Distance from home shown as 1 (m)."""
+    home_knee: float = 1.0
+    """Distance from home up to which the scale is nearly linear; logarithmic beyond (m)."""
+    step_length: float = 0.1
+    """Travel in one step shown as 1, straight ahead or sideways (m)."""
+    step_turn: float = 0.3
+    """Turn in one step shown as 1 (rad)."""
+    coverage: CoverageConfig = field(default_factory=CoverageConfig)
+    """The egocentric patch of ground covered."""
+
+    def __post_init__(self) -> None:
+        for name in (
+            "laser_range",
+            "laser_knee",
+            "home_range",
+            "home_knee",
+            "step_length",
+            "step_turn",
+        ):
+            value = getattr(self, name)
+            if not 0 < value < np.inf:
+                raise InputError(f"ObservationConfig.{name}", "a positive number", str(value))
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shape of each part, in the order of the flat observation."""
+        side = self.coverage.patch_cells
+        return {
+            "laser": (self.beams,),
+            "motion": (3,),
+            "heading": (2,),
+            "home": (3,),
+            "coverage": (1, side, side),
+        }
+
+    @property
+    def dict_space(self) -> spaces.Dict:
+        """The space of observations by part."""
+        return spaces.Dict(
+            {name: spaces.Box(-1, 1, shape, np.float32) for name, shape in self.shapes.items()}
+        )
+
+    @property
+    def flat_space(self) -> spaces.Box:
+        """The space of observations in one row."""
+        length = sum(int(np.prod(shape)) for shape in self.shapes.values())
+        return spaces.Box(-1, 1, (length,), np.float32)
+
+    def observe(self, reading: Reading, mapper: Mapper, coverage: Coverage) -> Parts:
+        """The observation after a reading.
+
+        `laser` is near at 1 and far at -1 (see `ranges`); `motion` the odometer's last
+        step forward, sideways and round; `heading` cosine and sine of the believed heading
+        in the map; `home` the direction of home in the robot's frame as cosine and sine,
+        and its distance, -1 at home; `coverage` the patch of `Coverage.patch`.
+        """
+        heading = mapper.pose[2]
+        return {
+            "laser": -_log_scale(reading.laser.ranges, self.laser_knee, self.laser_range),
+            "motion": _clip(reading.motion / (self.step_length, self.step_length, self.step_turn)),
+            "heading": _clip(np.array((np.cos(heading), np.sin(heading)))),
+            "home": self._home(mapper.home),
+            "coverage": coverage.patch(mapper.pose),
+        }
+
+    def _home(self, home: Pose) -> Float32[np.ndarray, "3"]:
+        distance = np.hypot(home[0], home[1])
+        bearing = np.arctan2(home[1], home[0])
+        scaled = _log_scale(np.array((distance,)), self.home_knee, self.home_range)[0]
+        return _clip(np.array((np.cos(bearing), np.sin(bearing), scaled)))
+
+    def flatten(self, parts: Parts) -> Float32[np.ndarray, "length"]:
+        """All parts in one row, in the order of `shapes`."""
+        return np.concatenate([parts[name].ravel() for name in self.shapes])
+
+    def split(self, flat: Float[np.ndarray, "length"]) -> Parts:
+        """The parts of a flat observation.
+
+        Raises:
+            InputError: The observation has another length.
+        """
+        sizes = [int(np.prod(shape)) for shape in self.shapes.values()]
+        if flat.shape != (sum(sizes),):
+            raise InputError("observation", f"shape ({sum(sizes)},)", str(flat.shape))
+        pieces = np.split(flat, np.cumsum(sizes)[:-1])
+        return {
+            name: piece.reshape(shape)
+            for (name, shape), piece in zip(self.shapes.items(), pieces, strict=True)
+        }
+
+    def ranges(self, laser: Float[np.ndarray, "beams"]) -> Float64[np.ndarray, "beams"]:
+        """The ranges (m) that the `laser` part stands for, `laser_range` where nothing was."""
+        return _inverse_log_scale(-laser, self.laser_knee, self.laser_range)
+
+    def home_distance(self, scaled: float) -> float:
+        """The distance (m) that the last number of the `home` part stands for."""
+        return float(_inverse_log_scale(np.array((scaled,)), self.home_knee, self.home_range)[0])
+
+
+def _clip(values: Float[np.ndarray, "*n"]) -> Float32[np.ndarray, "*n"]:
+    return np.asarray(np.clip(values, -1, 1), np.float32)
+
+
+def _log_scale(
+    lengths: Float[np.ndarray, "n"], knee: float, longest: float
+) -> Float32[np.ndarray, "n"]:
+    """Lengths as numbers from -1 at 0 to 1 at `longest`, finest where short."""
+    share = np.log1p(np.clip(lengths, 0, longest) / knee) / np.log1p(longest / knee)
+    return _clip(2 * share - 1)
+
+
+def _inverse_log_scale(
+    scaled: Float[np.ndarray, "n"], knee: float, longest: float
+) -> Float64[np.ndarray, "n"]:
+    """The lengths that `_log_scale` made these numbers of."""
+    share = (np.asarray(scaled, np.float64) + 1) / 2
+    return np.asarray(knee * np.expm1(share * np.log1p(longest / knee)))
