@@ -10,9 +10,27 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
+from typing import IO, cast
 
 from albot_core.errors import InputError
+
+_PIECE = 4096
+"""How many unpacked bytes are asked for at a time."""
+
+
+def _open_plain(path: Path) -> IO[bytes]:
+    return path.open("rb")
+
+
+def _open_gzip(path: Path) -> IO[bytes]:
+    return cast("IO[bytes]", gzip.open(path, "rb"))
+
+
+def _open_xz(path: Path) -> IO[bytes]:
+    return lzma.open(path, "rb")
+
+
+_OPENERS: dict[str, Callable[[Path], IO[bytes]]] = {".gz": _open_gzip, ".xz": _open_xz}
 
 
 def read_bytes(path: Path) -> bytes:
@@ -21,19 +39,35 @@ def read_bytes(path: Path) -> bytes:
     Raises:
         InputError: The file is missing, unreadable, or its compression is torn.
     """
-    unpack: Callable[[bytes], bytes] = {".gz": gzip.decompress, ".xz": lzma.decompress}.get(
-        path.suffix, bytes
-    )
+    content, torn = read_beginning(path)
+    if torn is not None:
+        raise torn
+    return content
+
+
+def read_beginning(path: Path) -> tuple[bytes, InputError | None]:
+    """What `read_bytes` returns, or as much of it as unpacks and the error that ends it.
+
+    Raises:
+        InputError: The file is missing or unreadable.
+    """
+    opener: Callable[[Path], IO[bytes]] = _OPENERS.get(path.suffix, _open_plain)
+    pieces: list[bytes] = []
+    torn = None
     try:
-        return unpack(path.read_bytes())
+        with opener(path) as stream:
+            # Small pieces, so that what precedes a tear is kept.
+            while piece := stream.read(_PIECE):
+                pieces.append(piece)
     except FileNotFoundError:
         raise InputError(path, "a file that exists", "none") from None
     except IsADirectoryError:
         raise InputError(path, "a file", "a folder") from None
     except (EOFError, lzma.LZMAError, gzip.BadGzipFile, zlib.error) as error:
-        raise InputError(path, f"whole {path.suffix[1:]} data", str(error)) from None
+        torn = InputError(path, f"whole {path.suffix[1:]} data", str(error))
     except OSError as error:
         raise InputError(path, "a readable file", error.strerror or str(error)) from None
+    return b"".join(pieces), torn
 
 
 @contextmanager

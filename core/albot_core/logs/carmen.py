@@ -1,0 +1,180 @@
+"""Logs of CARMEN, the Carnegie Mellon robot navigation toolkit.
+
+A line is a message, `NAME contents ipc_stamp host logger_stamp`. Used are the first stamp and
+
+- `ODOM x y heading speed turn_rate acceleration`
+- `FLASER n r1 … rn x y heading odom_x odom_y odom_heading`
+- `ROBOTLASER1 type start_angle field_of_view spacing max_range accuracy remission_mode
+  n r1 … rn m e1 … em laser_x laser_y laser_heading robot_x robot_y robot_heading
+  speed turn_rate front_distance side_distance turn_axis` (early logs have no remissions: no
+  `m e1 … em`)
+
+Metres and radians; ranges run from the right to the left. Of a log with scans of both kinds
+those of the first kind met are read. Other messages are passed over.
+http://carmen.sourceforge.net/logger_playback.html
+
+A scan's first pose is the laser's, its second the robot's by its odometer. Where the first
+wanders from the second, a program has corrected it, and it is taken for the reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Poses
+from albot_core.logs.corrected import Odometer, Sweep, raw_odometry
+from albot_core.logs.lasers import NO_RETURN, sick_laser, steady_mount
+from albot_core.logs.recording import Recording, Scan, good_beginning
+from albot_core.logs.text import LogText
+from albot_core.perception.reading import LaserGeometry
+
+NAME = "CARMEN (FLASER or ROBOTLASER1 lines)"
+KEYWORDS = ("ODOM", "FLASER", "ROBOTLASER1", "PARAM", "SYNC", "RAWLASER1", "RLASER", "TRUEPOS")
+
+_READ = ("ODOM", "FLASER", "ROBOTLASER1")
+_SCANS = ("FLASER", "ROBOTLASER1")
+_AT_CENTRE = (0.0, 0.0, 0.0)
+_TAIL = 3
+"""Fields at the end of a message: two stamps and a host between them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Header:
+    """What a scan says of its laser; the same in all scans of a log."""
+
+    beams: int
+    configuration: tuple[str, ...] = ()
+    """Fields 2 to 8 of a ROBOTLASER1 line."""
+
+
+def read(text: LogText, keep_going: bool) -> Recording:
+    """Read a CARMEN log.
+
+    Raises:
+        InputError: A line is damaged, and is the first or not to be passed over.
+    """
+    messages = _Messages(text)
+    records, error = good_beginning(iter(messages), keep_going)
+    sweeps = [record for record in records if isinstance(record, Sweep)]
+    if not sweeps:
+        raise error or InputError(text.source, "a FLASER or ROBOTLASER1 line", "none")
+    odometry, reference, mount = _poses(records, sweeps)
+    return Recording(
+        geometry=messages.geometry(mount),
+        scans=[
+            Scan(stamp=sweep.stamp, ranges=sweep.ranges, odometry=pose)
+            for sweep, pose in zip(sweeps, odometry, strict=True)
+        ],
+        reference=None if reference is None else list(reference),
+        left_out=text.left_out(_SCANS, error) if error else None,
+    )
+
+
+def _poses(
+    records: Sequence[Odometer | Sweep], sweeps: Sequence[Sweep]
+) -> tuple[Poses, Poses | None, tuple[float, float, float]]:
+    """The odometer's poses, the reference where there is one, and the laser's mount."""
+    robot = np.stack([sweep.robot for sweep in sweeps])
+    laser = np.stack([sweep.laser for sweep in sweeps])
+    raw = raw_odometry(records)
+    if raw is not None:
+        return raw, robot, _AT_CENTRE
+    mount = steady_mount(robot, laser)
+    if mount is None:
+        return robot, laser, _AT_CENTRE
+    return robot, None, mount
+
+
+class _Messages:
+    """The messages of a log that are used, and the laser that they tell of."""
+
+    def __init__(self, text: LogText) -> None:
+        self._text = text
+        self._kind = ""
+        self._header: _Header | None = None
+
+    def __iter__(self) -> Iterator[Odometer | Sweep]:
+        for words in self._text.records(_READ):
+            if words[0] == "ODOM":
+                yield self._odometer(words)
+            elif self._kind in ("", words[0]):
+                self._kind = words[0]
+                yield self._flaser(words) if words[0] == "FLASER" else self._robotlaser(words)
+
+    def geometry(self, mount: tuple[float, float, float]) -> LaserGeometry:
+        """The laser of the scans read, at its place on the robot."""
+        assert self._header is not None
+        if not self._header.configuration:
+            return sick_laser(self._header.beams, NO_RETURN, mount)
+        _, start, _, spacing, max_range, _, _ = map(float, self._header.configuration)
+        return LaserGeometry(
+            beams=self._header.beams,
+            first_bearing=start,
+            spacing=spacing,
+            max_range=min(max_range, NO_RETURN),
+            mount=mount,
+        )
+
+    def _odometer(self, words: list[str]) -> Odometer:
+        text = self._text
+        if len(words) != 7 + _TAIL:
+            raise text.error("9 fields in ODOM", str(len(words) - 1))
+        pose = text.numbers(words[1:4], "a pose")
+        return Odometer(stamp=self._stamp(words), pose=pose)
+
+    def _flaser(self, words: list[str]) -> Sweep:
+        text = self._text
+        beams = text.beams(words[1:2], self._header.beams if self._header else None)
+        if len(words) != 2 + beams + 6 + _TAIL:
+            found = f"{len(words) - 2} fields"
+            raise text.error(f"{beams} ranges and 9 fields more in FLASER", found)
+        self._header = _Header(beams=beams)
+        return self._sweep(words, words[2 : 2 + beams], words[2 + beams :])
+
+    def _robotlaser(self, words: list[str]) -> Sweep:
+        text = self._text
+        if len(words) < 9:
+            raise text.error("the laser's 7 fields and a count in ROBOTLASER1", str(len(words) - 1))
+        beams = text.count(words[8], "beams")
+        self._check_laser(words[1:8], beams)
+        ranges, rest = words[9 : 9 + beams], words[9 + beams :]
+        if len(rest) != 11 + _TAIL:
+            # Remissions, which early logs lack, stand between the ranges and the poses.
+            remissions = text.count(rest[0], "remissions") if rest else 0
+            if len(rest) != 1 + remissions + 11 + _TAIL:
+                raise text.error(
+                    f"{beams} ranges, {remissions} remissions and 14 fields more in ROBOTLASER1",
+                    f"{len(words) - 9} fields",
+                )
+            rest = rest[1 + remissions :]
+        return self._sweep(words, ranges, rest)
+
+    def _check_laser(self, configuration: list[str], beams: int) -> None:
+        text = self._text
+        _, _, _, spacing, max_range, _, _ = text.numbers(configuration, "a laser's field")
+        header = _Header(beams=beams, configuration=tuple(configuration))
+        if self._header is not None and header != self._header:
+            raise text.error(
+                f"the laser of the first scan, {self._header.beams} beams",
+                f"another, {beams} beams",
+            )
+        if beams < 2 or not 0 < spacing <= np.pi / 2 or max_range <= 0:
+            found = f"{beams}, {spacing:g} rad and {max_range:g} m"
+            raise text.error("2 beams or more, some spacing and a largest range", found)
+        self._header = header
+
+    def _sweep(self, words: list[str], ranges: list[str], rest: list[str]) -> Sweep:
+        text = self._text
+        return Sweep(
+            stamp=self._stamp(words),
+            ranges=text.ranges(ranges),
+            laser=text.numbers(rest[:3], "a pose"),
+            robot=text.numbers(rest[3:6], "a pose"),
+        )
+
+    def _stamp(self, words: list[str]) -> float:
+        return float(self._text.numbers(words[-3:-2], "a stamp")[0])

@@ -1,0 +1,166 @@
+"""Logs as JSON, `{"map": {stamp: {"range": […], "x": …, "y": …, "theta": …}}}`.
+
+The Intel Research Lab log goes about in this form, once with the odometer's poses and once
+with corrected ones; the file does not say which. Metres, radians, seconds; ranges run from
+the right to the left. Entries are parsed one by one, so that a torn file has a beginning.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Ranges
+from albot_core.logs.lasers import SICK_SPACINGS, sick_laser
+from albot_core.logs.log import LeftOut
+from albot_core.logs.recording import Recording, Scan, good_beginning
+from albot_core.logs.text import LogText
+
+NAME = 'JSON ({"map": {stamp: {"range", "x", "y", "theta"}}})'
+
+_ENTRY = "range (a list), x, y and theta"
+
+
+def read(text: LogText, keep_going: bool) -> Recording:
+    """Read a log as JSON.
+
+    Raises:
+        InputError: An entry is damaged, and is the first or not to be passed over.
+    """
+    cursor = _Cursor(text)
+    scans, error = good_beginning(_scans(text, cursor), keep_going)
+    if not scans:
+        raise InputError(text.source, "at least one scan in the map", "none")
+    return Recording(
+        geometry=sick_laser(len(scans[0].ranges)),
+        scans=scans,
+        left_out=cursor.left_out(error) if error else None,
+    )
+
+
+def _scans(text: LogText, cursor: _Cursor) -> Iterator[Scan]:
+    beams: int | None = None
+    for stamp, entry in _entries(cursor):
+        scan = _scan(text, stamp, entry)
+        if len(scan.ranges) not in SICK_SPACINGS:
+            raise text.error("180, 181, 360 or 361 ranges", str(len(scan.ranges)))
+        if beams is not None and len(scan.ranges) != beams:
+            raise text.error(f"{beams} ranges as in the first scan", str(len(scan.ranges)))
+        beams = len(scan.ranges)
+        yield scan
+
+
+def _scan(text: LogText, stamp: str, entry: Any) -> Scan:
+    if not isinstance(entry, dict):
+        raise text.error(f"an object with {_ENTRY}", type(entry).__name__)
+    missing = {"range", "x", "y", "theta"} - entry.keys()
+    if missing:
+        raise text.error(_ENTRY, f"no {sorted(missing)[0]}")
+    pose = [_number(text, name, entry[name]) for name in ("x", "y", "theta")]
+    if not isinstance(entry["range"], list):
+        raise text.error(_ENTRY, f"range {entry['range']!r}")
+    return Scan(
+        stamp=float(text.numbers([stamp], "a stamp")[0]),
+        ranges=_ranges(text, entry["range"]),
+        odometry=np.array(pose),
+    )
+
+
+def _number(text: LogText, name: str, value: Any) -> float:
+    return float(text.numbers([str(value)], name)[0])
+
+
+def _ranges(text: LogText, values: list[Any]) -> Ranges:
+    return text.ranges([str(value) for value in values])
+
+
+def _entries(cursor: _Cursor) -> Iterator[tuple[str, Any]]:
+    """The members of the object under "map", wherever that stands in the outermost object."""
+    for name in cursor.members():
+        if name == "map":
+            for stamp in cursor.members():
+                yield stamp, cursor.value()
+                cursor.settle()
+        else:
+            cursor.value()
+    cursor.end()
+
+
+class _Cursor:
+    """A place in a JSON text; tells the log which line it has come to."""
+
+    _decoder = json.JSONDecoder()
+
+    def __init__(self, text: LogText) -> None:
+        self._text = text
+        self._content = "\n".join(text.lines)
+        self._at = 0
+        self._counted = 0
+        self._settled = 0
+        text.number = 1
+
+    def members(self) -> Iterator[str]:
+        """The names in the object that begins here; each one's value is to be read next."""
+        self._expect("{")
+        if self._peek() == "}":
+            self._at += 1
+            return
+        while True:
+            name = self.value()
+            if not isinstance(name, str):
+                raise self._text.error("a name in quotes", repr(name))
+            self._expect(":")
+            yield name
+            if self._peek() == "}":
+                self._at += 1
+                return
+            self._expect(",")
+
+    def value(self) -> Any:
+        """The value that begins here."""
+        self._peek()
+        try:
+            value, self._at = self._decoder.raw_decode(self._content, self._at)
+        except json.JSONDecodeError as error:
+            self._move_to(error.pos)
+            raise self._text.error("whole JSON", error.msg) from None
+        except RecursionError:
+            raise self._text.error("whole JSON", "brackets nested too deep") from None
+        return value
+
+    def settle(self) -> None:
+        """All up to here is good."""
+        self._settled = self._at
+
+    def left_out(self, error: InputError) -> LeftOut:
+        """What is lost when only what was settled is used."""
+        lost = self._content[self._settled :]
+        return LeftOut(lines=lost.count("\n") + 1, scans=lost.count('"range"'), reason=str(error))
+
+    def end(self) -> None:
+        """Nothing may follow."""
+        rest = self._peek()
+        if rest:
+            raise self._text.error("the end of the file", repr(rest))
+
+    def _expect(self, mark: str) -> None:
+        found = self._peek()
+        if found != mark:
+            raise self._text.error(repr(mark), repr(found) if found else "the end of the file")
+        self._at += 1
+
+    def _peek(self) -> str:
+        """The next character that is no white space, which is passed over; "" at the end."""
+        content = self._content
+        while self._at < len(content) and content[self._at] in " \t\r\n":
+            self._at += 1
+        self._move_to(self._at)
+        return content[self._at : self._at + 1]
+
+    def _move_to(self, place: int) -> None:
+        self._text.number += self._content.count("\n", self._counted, place)
+        self._counted = max(self._counted, place)

@@ -1,0 +1,82 @@
+"""Reading a robot's log in any of the known formats."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Protocol
+
+from albot_core.errors import InputError
+from albot_core.files import read_beginning
+from albot_core.logs import carmen, duke, intel_json, wean
+from albot_core.logs.log import LeftOut, Log
+from albot_core.logs.recording import Recording
+from albot_core.logs.text import LogText
+
+
+class _Format(Protocol):
+    """What the module of a format of lines offers."""
+
+    @property
+    def NAME(self) -> str: ...  # noqa: N802
+
+    @property
+    def KEYWORDS(self) -> tuple[str, ...]: ...  # noqa: N802
+
+    def read(self, text: LogText, keep_going: bool) -> Recording: ...
+
+
+_LINE_FORMATS: tuple[_Format, ...] = (carmen, wean, duke)
+
+FORMATS = (*(known.NAME for known in _LINE_FORMATS), intel_json.NAME)
+"""What the known formats are called."""
+
+
+def read_log(path: Path, keep_going: bool = False) -> Log:
+    """Read a robot's log, in the format that its content shows.
+
+    Files that end in `.gz` or `.xz` are unpacked. Scans come in the order of their stamps.
+    Messages of other kinds are passed over.
+
+    Args:
+        path: The file.
+        keep_going: Read the good beginning of a damaged log; the log's `left_out` says how
+            much was lost. At least one scan must be good.
+
+    Raises:
+        InputError: The file cannot be read, is in no known format, holds no scan, or is
+            damaged and not to be read as far as it is good.
+    """
+    content, torn = read_beginning(path)
+    if torn is not None and not (keep_going and content):
+        raise torn
+    recording = _read(LogText(path, content.decode("utf-8", "replace")), keep_going)
+    if torn is not None:
+        recording = _torn(recording, torn)
+    return recording.in_time(path.name)
+
+
+def _read(text: LogText, keep_going: bool) -> Recording:
+    content = "\n".join(text.lines)
+    if not content.strip():
+        raise InputError(text.source, "a log", "an empty file")
+    if content.lstrip().startswith("{"):
+        return intel_json.read(text, keep_going)
+    readers = {word: known.read for known in _LINE_FORMATS for word in known.KEYWORDS}
+    for line in text.lines:
+        for word in line.split(None, 1)[:1]:
+            if word in readers:
+                return readers[word](text, keep_going)
+    raise InputError(text.source, f"a log in one of the formats {'; '.join(FORMATS)}", _kind(text))
+
+
+def _kind(text: LogText) -> str:
+    """What a file of no known format seems to be."""
+    beginning = next(line for line in text.lines if line.strip())[:40]
+    return repr(beginning) if beginning.isprintable() else "binary data"
+
+
+def _torn(recording: Recording, torn: InputError) -> Recording:
+    """The beginning of a log that was unpacked from a torn archive."""
+    lost = recording.left_out or LeftOut(lines=0, scans=0, reason="")
+    return replace(recording, left_out=replace(lost, reason=str(torn)))
