@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -109,13 +108,13 @@ class _Walls:
 
     def _joined(self, path: tuple[str | int, ...], points: Points) -> Segments:
         """The segments between consecutive points, checked here where the line is known."""
-        for index, (start, end) in enumerate(pairwise(points)):
-            if not np.isfinite(start).all() or not np.isfinite(end).all():
-                raise self._error(path, "finite numbers in metres", shown((*start, *end)))
-            if (start == end).all():
-                place = (*path, index) if path[0] == "walls" else path
-                x, y = start
-                raise self._error(place, "a wall longer than 0", f"the point ({x:g}, {y:g}) twice")
+        for index in np.flatnonzero(~np.isfinite(points).all(axis=1)):
+            found = shown(points[index].tolist())
+            raise self._error((*path, int(index)), "finite numbers in metres", found)
+        for index in np.flatnonzero((points[:-1] == points[1:]).all(axis=1)):
+            place = (*path, int(index)) if path[0] == "walls" else path
+            found = f"the point {shown(points[index].tolist())} twice"
+            raise self._error(place, "a wall longer than 0", found)
         return np.concatenate((points[:-1], points[1:]), axis=1)
 
     def _error(self, path: Sequence[str | int], expected: str, found: str) -> InputError:

@@ -63,7 +63,7 @@ class YamlDocument:
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             line = mark.line + 1 if mark else 1
-            raise self._error(line, "valid YAML", error.problem or str(error)) from None
+            raise self._error(line, f"valid YAML ({error.problem})", "") from None
         except RecursionError:
             raise InputError(source, "a document nested a few levels", "too many") from None
 

@@ -1,0 +1,120 @@
+"""Drawing a world as a floor plan. Imported only where a picture is wanted: it is slow to load."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from shapely.plotting import patch_from_polygon
+
+from albot_core.files import replacing
+from albot_maps.freespace import FreeSpace
+from albot_maps.world import ROBOT_RADIUS, World
+
+_SOLID, _WALL, _TEXT = "#dcdcd8", "#22262b", "#59626d"
+_EXIT, _START, _TOUR = "#0a8a5f", "#c8371f", "#3b6fb6"
+_TINTS = ("#e6f0fb", "#fdf1df", "#e5f5e9", "#f4e9f7", "#fdeae6", "#f2f1dc")
+_LONGER_SIDE = 11.0
+"""The picture's longer side (inches)."""
+_HAIR = 1e-3
+"""Half the width (m) of a wall where the floor between walls is filled."""
+
+
+def save_picture(world: World, path: Path, *, tours: Iterable[str] = ()) -> None:
+    """Write the plan of a world, with the tours named, to a PNG file."""
+    x_min, y_min, x_max, y_max = world.bounds
+    size = np.array([x_max - x_min, y_max - y_min])
+    figure = Figure(figsize=tuple(np.maximum(size / size.max() * _LONGER_SIDE, 3.0)))
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    draw_world(world, axes, tours=tours)
+    with replacing(path) as stream:
+        figure.savefig(stream, format="png", dpi=120)
+
+
+def draw_world(world: World, axes: Axes, *, tours: Iterable[str] = ()) -> None:
+    """Draw floor, rooms, walls, exits, starts, a scale bar and the tours named.
+
+    Grey is what walls shut off: the inside of furniture and of thick walls, closed rooms.
+    """
+    _draw_floor(world, axes)
+    axes.add_collection(LineCollection(list(world.walls.reshape(-1, 2, 2)), colors=_WALL, lw=1.2))
+    for name in tours:
+        axes.plot(*world.tours[name].T, color=_TOUR, lw=1.2, alpha=0.7)
+    _draw_exits(world, axes)
+    for x, y, heading in world.starts:
+        axes.add_patch(Circle((x, y), ROBOT_RADIUS, color=_START))
+        nose = 2.5 * ROBOT_RADIUS * np.array([np.cos(heading), np.sin(heading)])
+        axes.plot([x, x + nose[0]], [y, y + nose[1]], color=_START, lw=1.5)
+    _frame(world, axes)
+
+
+def _draw_floor(world: World, axes: Axes) -> None:
+    """Shade what is shut off, and tint and name each room's part of the robot's floor."""
+    space = FreeSpace(world.walls, _HAIR)
+    floor = space.region_at(world.starts[0, :2])
+    shut = [
+        patch_from_polygon(region)
+        for region in space.regions
+        if region is not floor
+        and space.is_enclosed(np.array(region.representative_point().coords[0]))
+    ]
+    axes.add_collection(PatchCollection(shut, facecolor=_SOLID, edgecolor="none"))
+    starts = shapely.MultiPoint(world.starts[:, :2]).buffer(2 * ROBOT_RADIUS)
+    for index, room in enumerate(world.rooms):
+        pieces = shapely.get_parts(floor.intersection(shapely.Polygon(room.boundary)))
+        polygons = [piece for piece in pieces if piece.geom_type == "Polygon"]
+        patches = [patch_from_polygon(polygon) for polygon in polygons]
+        tint = _TINTS[index % len(_TINTS)]
+        axes.add_collection(PatchCollection(patches, facecolor=tint, edgecolor="none"))
+        widest = max(polygons, key=lambda polygon: float(polygon.area))
+        x, y = shapely.maximum_inscribed_circle(widest.difference(starts), tolerance=0.1).coords[0]
+        size = _text_size(world)
+        axes.text(x, y, room.name, color=_TEXT, fontsize=size, ha="center", va="center")
+
+
+def _draw_exits(world: World, axes: Axes) -> None:
+    for opening in world.exits:
+        x1, y1, x2, y2 = opening.segment
+        axes.plot([x1, x2], [y1, y2], color=_EXIT, lw=2.5)
+        axes.annotate(
+            opening.name,
+            ((x1 + x2) / 2, (y1 + y2) / 2),
+            xytext=(4, 4),
+            textcoords="offset points",
+            color=_EXIT,
+            fontsize=0.8 * _text_size(world),
+        )
+
+
+def _text_size(world: World) -> float:
+    """Size of the names (points): smaller on a larger floor."""
+    x_min, y_min, x_max, y_max = world.bounds
+    return float(np.clip(420.0 / max(x_max - x_min, y_max - y_min), 4.0, 13.0))
+
+
+def _frame(world: World, axes: Axes) -> None:
+    """Set the limits, with room below for a bar that shows the scale."""
+    x_min, y_min, x_max, y_max = world.bounds
+    margin = 0.04 * max(x_max - x_min, y_max - y_min)
+    axes.set_xlim(x_min - margin, x_max + margin)
+    axes.set_ylim(y_min - 2 * margin, y_max + margin)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    length = 10.0 ** np.floor(np.log10((x_max - x_min) / 2))
+    y = y_min - 1.2 * margin
+    axes.plot([x_min, x_min + length], [y, y], color=_WALL, lw=3, solid_capstyle="butt")
+    axes.annotate(
+        f"{length:g} m",
+        (x_min + length, y),
+        xytext=(6, 0),
+        textcoords="offset points",
+        va="center",
+        fontsize=9,
+        color=_WALL,
+    )

@@ -1,0 +1,190 @@
+"""Reading the XML floor plans of schools and offices by Luperto and others.
+
+Such a file (github.com/goldleaf3i/generativeCMLgraphs) draws each space of one floor as a
+polygon in pixels, y downward, and lists the portals that join two spaces. A portal is given
+as a point on the wall, without a width: a door is opened there. The walls are the polygons'
+sides; the file's own wall segments are those sides before neighbours were fitted together.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import shapely
+
+from albot_core.errors import InputError
+from albot_core.files import read_bytes
+from albot_core.geometry.types import Points, Segments
+from albot_maps.formats.door import Door, find_door
+from albot_maps.formats.reachable import reachable_world
+from albot_maps.world import Exit, Room, World
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Space:
+    """A space of the plan, in metres, y upward."""
+
+    name: str
+    outline: shapely.Polygon
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Portal:
+    """Two spaces joined at a point (m) of their walls; None where the plan omits it."""
+
+    spaces: tuple[str, str]
+    point: shapely.Point | None
+
+
+def read_plan_xml(path: Path) -> World:
+    """The world in an XML floor plan.
+
+    Doors are 0.9 m wide. The start lies in the widest place of the largest part that hangs
+    together. Spaces that cannot be reached from there keep their walls but are no rooms;
+    the world's notes name them.
+
+    Raises:
+        InputError: The file cannot be read, is torn, or is no such plan.
+    """
+    plan = _Plan(path)
+    spaces = plan.spaces()
+    portals = plan.portals(spaces)
+    doors = []
+    exits = []
+    for portal in portals:
+        first, second = (spaces[key] for key in portal.spaces)
+        door = find_door(first.outline, second.outline, portal.point)
+        if door is None:
+            plan.notes.append(f"no door from {first.name} to {second.name}: they do not touch")
+            continue
+        doors.append(door)
+        name = f"D{len(doors)}"
+        exits.append(Exit(name=name, segment=door.segment, rooms=(first.name, second.name)))
+    return reachable_world(
+        name=path.stem,
+        walls=_walls([space.outline for space in spaces.values()], doors),
+        rooms=tuple(
+            Room(name=space.name, boundary=np.array(space.outline.exterior.coords[:-1]))
+            for space in spaces.values()
+        ),
+        exits=tuple(exits),
+        notes=tuple(plan.notes),
+        source=str(path),
+    )
+
+
+def _walls(outlines: list[shapely.Polygon], doors: list[Door]) -> Segments:
+    """The outlines, each stretch that two of them share drawn once, less the doors."""
+    lines = shapely.unary_union([outline.exterior for outline in outlines])
+    opened = shapely.difference(lines, shapely.unary_union([door.opening for door in doors]))
+    joined = shapely.get_parts(shapely.line_merge(opened))
+    # Points on the straight way between their neighbours are dropped.
+    chains = [np.array(line.coords) for line in shapely.simplify(joined, 1e-6)]
+    pieces = [np.concatenate((chain[:-1], chain[1:]), axis=1) for chain in chains]
+    return np.concatenate((*pieces, *(door.jambs for door in doors)))
+
+
+class _Plan:
+    """The elements of a plan's file, with what had to be passed over in `notes`."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.notes: list[str] = []
+        try:
+            self._root = ElementTree.fromstring(read_bytes(path))
+        except ElementTree.ParseError as error:
+            line, _ = error.position
+            raise self._error("whole XML", str(error), f"line {line}") from None
+        if self._root.tag != "building":
+            raise self._error("a floor plan <building>", f"<{self._root.tag}>", "line 1")
+        self._metres_per_pixel = self._distance("real") / 100 / self._distance("represented")
+        self._spaces = self._root.findall("floor/spaces/space")
+        if not self._spaces:
+            raise self._error("floor/spaces with at least one space", "none")
+        heights = [self._pixels(point)[1] for point in self._root.iterfind(".//point")]
+        widths = [self._pixels(point)[0] for point in self._root.iterfind(".//point")]
+        self._left, self._bottom = min(widths), max(heights)
+
+    def spaces(self) -> dict[str, _Space]:
+        """The spaces by their id."""
+        labels = [self._label(space) for space in self._spaces]
+        total, seen = Counter(labels), Counter[str]()
+        spaces = {}
+        for element, label in zip(self._spaces, labels, strict=True):
+            seen[label] += 1
+            name = label if total[label] == 1 else f"{label} {seen[label]}"
+            key = element.get("id", "")
+            if not key or key in spaces:
+                raise self._error("an id of its own", repr(key), f"space {name}")
+            spaces[key] = self._space(element, name)
+        return spaces
+
+    def portals(self, spaces: dict[str, _Space]) -> list[_Portal]:
+        """The portals, each once though both of its spaces list it."""
+        points = {
+            line.get("id"): self._points(line)[0]
+            for line in self._root.iterfind(".//linesegment[class='PORTAL']")
+        }
+        portals: dict[tuple[frozenset[str], str], _Portal] = {}
+        for element in self._root.iterfind(".//portal"):
+            ids = [target.text or "" for target in element.findall("target/id")]
+            line = element.findtext("linesegment", "")
+            for key in ids:
+                if key not in spaces:
+                    raise self._error("the id of a space", repr(key), f"portal {line}")
+            if len(set(ids)) != 2:
+                raise self._error("two spaces", str(len(set(ids))), f"portal {line}")
+            point = shapely.Point(points[line]) if line in points else None
+            portals[frozenset(ids), line] = _Portal(spaces=(ids[0], ids[1]), point=point)
+        return list(portals.values())
+
+    def _space(self, element: ElementTree.Element, name: str) -> _Space:
+        corners = self._points(element.find("bounding_polygon"))
+        if len(corners) < 3:
+            raise self._error("3 corners or more", str(len(corners)), f"space {name}")
+        outline = shapely.Polygon(corners)
+        if not outline.is_valid:
+            parts = shapely.get_parts(shapely.make_valid(outline, method="structure"))
+            outline = shapely.Polygon(max(parts, key=lambda part: float(part.area)).exterior)
+            self.notes.append(f"the outline of {name} crossed itself and was cleaned")
+        return _Space(name=name, outline=outline)
+
+    def _label(self, element: ElementTree.Element) -> str:
+        return element.findtext("labels/label", "").strip() or "SPACE"
+
+    def _points(self, element: ElementTree.Element | None) -> Points:
+        """The points of an element in metres, from the lower left of the plan."""
+        points = (
+            [] if element is None else [self._pixels(each) for each in element.findall("point")]
+        )
+        pixels = np.array(points, dtype=np.float64).reshape(-1, 2)
+        return self._metres_per_pixel * (pixels - (self._left, self._bottom)) * (1, -1)
+
+    def _pixels(self, point: ElementTree.Element) -> tuple[float, float]:
+        return self._number(point.get("x"), "point x"), self._number(point.get("y"), "point y")
+
+    def _distance(self, kind: str) -> float:
+        place = f"scale/{kind}_distance"
+        unit = {"real": "cm", "represented": "pixel"}[kind]
+        if self._root.findtext(f"{place}/um", "").strip() != unit:
+            raise self._error(f"the unit {unit}", self._root.findtext(f"{place}/um", "none"), place)
+        value = self._number(self._root.findtext(f"{place}/value"), place)
+        if value <= 0:
+            raise self._error("a positive length", f"{value:g}", place)
+        return value
+
+    def _number(self, text: str | None, place: str) -> float:
+        try:
+            value = float(text or "")
+        except ValueError:
+            raise self._error("a number", repr(text or ""), place) from None
+        if not np.isfinite(value):
+            raise self._error("a finite number", repr(text), place)
+        return value
+
+    def _error(self, expected: str, found: str, place: str = "") -> InputError:
+        return InputError(self._path, expected, found, place=place)

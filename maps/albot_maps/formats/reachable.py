@@ -1,0 +1,62 @@
+"""What a plan drawn for people leaves open: where a robot starts, and where it can go."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Pose, Segments
+from albot_maps.freespace import FreeSpace
+from albot_maps.world import ROBOT_RADIUS, Exit, Room, World
+
+
+def reachable_world(
+    *,
+    name: str,
+    walls: Segments,
+    rooms: tuple[Room, ...],
+    exits: tuple[Exit, ...],
+    notes: tuple[str, ...],
+    source: str,
+) -> World:
+    """The world of a plan that states no start.
+
+    The start is the middle of the widest place of the largest part of the rooms that
+    hangs together for the robot. Rooms that it cannot reach keep their walls, but they
+    and their exits are left out, and a note names them.
+
+    Raises:
+        InputError: The robot can stand in no room.
+    """
+    space = FreeSpace(walls, ROBOT_RADIUS)
+    outlines = [shapely.Polygon(room.boundary) for room in rooms]
+    start, region = _start(space, shapely.unary_union(outlines), source)
+    reached = {
+        room.name
+        for room, outline in zip(rooms, outlines, strict=True)
+        if space.enters(region, outline)
+    }
+    shut = [room.name for room in rooms if room.name not in reached]
+    if shut:
+        notes = (*notes, f"walls only, no way in for a robot: {', '.join(shut)}")
+    return World(
+        name=name,
+        walls=walls,
+        starts=start.reshape(1, 3),
+        rooms=tuple(room for room in rooms if room.name in reached),
+        exits=tuple(opening for opening in exits if reached.issuperset(opening.rooms)),
+        notes=notes,
+        source=source,
+    )
+
+
+def _start(space: FreeSpace, floor: shapely.Geometry, source: str) -> tuple[Pose, shapely.Polygon]:
+    """The start, and the region of free space in which it lies."""
+    region = max(space.regions, key=lambda region: float(region.intersection(floor).area))
+    parts = shapely.get_parts(region.intersection(floor))
+    part = max(parts, key=lambda part: float(part.area), default=None)
+    if part is None or not part.area:
+        raise InputError(source, f"a room for a robot of radius {ROBOT_RADIUS} m", "none")
+    centre = shapely.maximum_inscribed_circle(part, tolerance=0.05).coords[0]
+    return np.array([*centre, 0.0]), region
