@@ -1,0 +1,113 @@
+"""The drive of a Pioneer 3-DX: what its wheels can do, and how they push the robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from albot_core.errors import InputError
+
+GRAVITY = 9.81
+
+
+class Wheels(NamedTuple):
+    """A pair of numbers, one for each driven wheel: speeds (m/s) or distances rolled (m)."""
+
+    left: float
+    right: float
+
+
+STANDSTILL = Wheels(0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotConfig:
+    """Body and drive of the robot. The defaults are a Pioneer 3-DX that carries a laser.
+
+    Sizes, weight and top speeds are those of the Pioneer 3 Operations Manual
+    (MobileRobots Inc.); the laser adds its 4.5 kg.
+    """
+
+    radius: float = 0.25
+    """Radius of the body, a disc about the middle of the axle (m)."""
+    wheel_base: float = 0.33
+    """Distance between the two driven wheels (m)."""
+    mass: float = 13.5
+    """Mass (kg), spread evenly over the disc."""
+    max_speed: float = 1.6
+    """Greatest speed of a wheel's rim, so also of the robot (m/s)."""
+    max_turn_rate: float = 5.2
+    """Greatest turn rate (rad/s), 300°/s."""
+    acceleration: float = 1.0
+    """Greatest change of a wheel's speed in a second (m/s²)."""
+    grip: float = 0.6
+    """Friction coefficient of the tyres on the floor: how hard the wheels can push."""
+    hull_friction: float = 0.3
+    """Friction coefficient of the body along walls."""
+    cruise_speed: float = 0.5
+    """Top speed of a start-stop move (m/s)."""
+    cruise_turn_rate: float = 1.0
+    """Top turn rate of a start-stop turn (rad/s)."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            least = "at least 0" if name == "hull_friction" else "above 0"
+            if not math.isfinite(value) or value < 0 or (value == 0 and least == "above 0"):
+                raise InputError(f"RobotConfig.{name}", f"a number {least}", str(value))
+        if self.cruise_speed > self.max_speed:
+            raise InputError(
+                "RobotConfig.cruise_speed", "at most max_speed", str(self.cruise_speed)
+            )
+        if self.cruise_turn_rate > self.max_turn_rate:
+            raise InputError(
+                "RobotConfig.cruise_turn_rate", "at most max_turn_rate", str(self.cruise_turn_rate)
+            )
+
+    @property
+    def moment(self) -> float:
+        """Moment of inertia of the disc about its centre (kg m²)."""
+        return 0.5 * self.mass * self.radius**2
+
+    def wheels_for(self, speed: float, turn_rate: float) -> Wheels:
+        """The wheel speeds for a (v, ω) command that the robot obeys as well as it can.
+
+        Speed and turn rate are clipped to the robot's; where a wheel would still be too
+        fast both slow down together, so that the robot keeps to its curve.
+        """
+        speed = _clip(speed, self.max_speed)
+        half = _clip(turn_rate, self.max_turn_rate) * self.wheel_base / 2
+        excess = max(1.0, (abs(speed) + abs(half)) / self.max_speed)
+        return Wheels((speed - half) / excess, (speed + half) / excess)
+
+    def limited(self, wheels: Wheels) -> Wheels:
+        """Wheel speeds clipped to what the motors reach and to the greatest turn rate."""
+        left, right = _clip(wheels.left, self.max_speed), _clip(wheels.right, self.max_speed)
+        turn_rate = abs(right - left) / self.wheel_base
+        excess = max(1.0, turn_rate / self.max_turn_rate)
+        return Wheels(left / excess, right / excess)
+
+    def ramped(self, wheels: Wheels, target: Wheels, duration: float) -> Wheels:
+        """The wheel speeds after accelerating from `wheels` towards `target` for a while (s).
+
+        Both wheels change in proportion, so that a turn on the spot stays one.
+        """
+        left, right = target.left - wheels.left, target.right - wheels.right
+        change = max(abs(left), abs(right))
+        possible = self.acceleration * duration
+        if change <= possible:
+            return target
+        share = possible / change
+        return Wheels(wheels.left + share * left, wheels.right + share * right)
+
+    def motion_of(self, wheels: Wheels) -> tuple[float, float]:
+        """Speed (m/s) and turn rate (rad/s) of a robot whose wheels do not slip."""
+        return (wheels.left + wheels.right) / 2, (wheels.right - wheels.left) / self.wheel_base
+
+
+PIONEER_3DX = RobotConfig()
+"""The papers' robot."""
+
+
+def _clip(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)

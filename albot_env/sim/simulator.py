@@ -1,0 +1,268 @@
+"""The simulator: a robot with a laser and an odometer in a world with real contacts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Pose
+from albot_core.perception.reading import Reading
+from albot_env.sim.drive import PIONEER_3DX, STANDSTILL, RobotConfig, Wheels
+from albot_env.sim.laser import LMS_200, Laser, LaserConfig
+from albot_env.sim.odometer import ODOMETERS, Odometer, OdometerConfig
+from albot_env.sim.rays import RayCaster
+from albot_env.sim.space import PHYSICS_STEP, Floor, Robot
+from albot_maps.world import World
+
+SUBSTEPS = 5
+"""Physics steps in a control step of 0.1 s."""
+LONGEST_MANOEUVRE = 1000.0
+"""Greatest distance (m) of a start-stop move, and angle (rad) of a turn."""
+
+_PATIENCE = 3 * SUBSTEPS
+"""Physics steps without progress after which a move is given up."""
+_PROGRESS = 0.1
+"""Share of the wheels' way that counts as progress of a robot in touch with a wall."""
+
+
+class Simulator:
+    """One Pioneer 3-DX in a world. Begin with `reset`; everything else gives a reading.
+
+    The same world, configuration, generator state, start and commands give the same
+    readings to the last bit.
+
+    Args:
+        world: The world; its walls are what the laser sees and what the robot bumps into.
+        robot: Body and drive of the robot.
+        laser: Beams and errors of the laser.
+        odometer: Errors of the odometer.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        *,
+        robot: RobotConfig = PIONEER_3DX,
+        laser: LaserConfig = LMS_200,
+        odometer: OdometerConfig = ODOMETERS["pioneer"],
+    ) -> None:
+        self._world = world
+        self._floor = Floor(world.walls)
+        self._robot = Robot(self._floor, robot)
+        self._laser = Laser(laser)
+        self._odometer = Odometer(odometer, robot.wheel_base)
+        self._rays = RayCaster(world.walls, laser.geometry)
+        self._rng: np.random.Generator | None = None
+        self._start = np.zeros(3)
+        self._ticks = 0
+        self._collided = False
+
+    @property
+    def world(self) -> World:
+        """The world that the robot is in."""
+        return self._world
+
+    @property
+    def start(self) -> Pose:
+        """Where the robot was at the last reset, in the world frame."""
+        return self._start.copy()
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot truly is, in the world frame."""
+        return self._robot.pose
+
+    @property
+    def velocity(self) -> tuple[float, float]:
+        """True speed along the heading (m/s) and turn rate (rad/s)."""
+        return self._robot.motion
+
+    @property
+    def time(self) -> float:
+        """Simulated time since the reset (s)."""
+        return self._ticks * PHYSICS_STEP
+
+    @property
+    def collided(self) -> bool:
+        """Whether a wall pushed the robot back during the last step, move or turn."""
+        return self._collided
+
+    def reset(self, rng: np.random.Generator, start: Pose | None = None) -> Reading:
+        """Put the robot at rest at `start` and begin anew.
+
+        Args:
+            rng: Source of all randomness until the next reset.
+            start: Pose in the world frame; by default the first start of the world.
+
+        Returns:
+            The first reading; its motion is that of an odometer that has not moved.
+
+        Raises:
+            InputError: The start is not finite, or the robot would touch a wall there.
+        """
+        pose = self._world.starts[0] if start is None else np.asarray(start, dtype=np.float64)
+        self._check_start(pose)
+        self._rng = rng
+        self._start = pose.copy()
+        self._robot.place(pose)
+        self._odometer.clear()
+        self._ticks = 0
+        self._collided = False
+        return self._read()
+
+    def step(self, speed: float, turn_rate: float) -> Reading:
+        """Drive for one control step of 0.1 s.
+
+        Args:
+            speed: Speed wanted (m/s), forwards positive.
+            turn_rate: Turn rate wanted (rad/s), counter-clockwise positive. Both are
+                limited to what the robot can do.
+
+        Raises:
+            InputError: A command is not finite, or there was no reset.
+        """
+        _check_finite("step", speed=speed, turn_rate=turn_rate)
+        return self._control(self._robot.config.wheels_for(speed, turn_rate))
+
+    def step_wheels(self, left: float, right: float) -> Reading:
+        """Drive for one control step of 0.1 s with wheel speeds (m/s), limited as in `step`.
+
+        Raises:
+            InputError: A command is not finite, or there was no reset.
+        """
+        _check_finite("step_wheels", left=left, right=right)
+        return self._control(self._robot.config.limited(Wheels(left, right)))
+
+    def move(self, distance: float) -> Reading:
+        """Start, go straight on for `distance` (m, backwards if negative) and stop.
+
+        The wheels turn for that distance. A robot that a wall holds up gives up when it
+        makes no progress for 0.3 s.
+
+        Returns:
+            One reading for the whole move.
+
+        Raises:
+            InputError: The distance is not within ±1000 m, or there was no reset.
+        """
+        _check_manoeuvre("move", "distance", distance)
+        config = self._robot.config
+        direction = math.copysign(1.0, distance)
+        speeds = _start_stop(abs(distance), config.cruise_speed, config.acceleration)
+        return self._manoeuvre(Wheels(direction * v, direction * v) for v in speeds)
+
+    def turn(self, angle: float) -> Reading:
+        """Start, turn on the spot by `angle` (rad, counter-clockwise) and stop.
+
+        Returns:
+            One reading for the whole turn.
+
+        Raises:
+            InputError: The angle is not within ±1000 rad, or there was no reset.
+        """
+        _check_manoeuvre("turn", "angle", angle)
+        config = self._robot.config
+        direction = math.copysign(1.0, angle)
+        arm = config.wheel_base / 2
+        speeds = _start_stop(abs(angle) * arm, config.cruise_turn_rate * arm, config.acceleration)
+        return self._manoeuvre(Wheels(-direction * v, direction * v) for v in speeds)
+
+    def _control(self, target: Wheels) -> Reading:
+        """One control step towards the wheel speeds `target`."""
+        self._check_reset()
+        robot = self._robot
+        self._collided = False
+        for _ in range(SUBSTEPS):
+            self._advance(robot.config.ramped(robot.wheels, target, PHYSICS_STEP))
+        return self._read()
+
+    def _manoeuvre(self, commands: Iterator[Wheels]) -> Reading:
+        """Drive through wheel speeds from standstill to standstill, or until held up."""
+        self._check_reset()
+        self._collided = False
+        self._brake()
+        held_up = 0
+        for wheels in commands:
+            self._advance(wheels)
+            held_up = held_up + 1 if self._held_up() else 0
+            if held_up == _PATIENCE:
+                break
+        self._brake()
+        return self._read()
+
+    def _brake(self) -> None:
+        """Ramp the wheels down until they stand."""
+        robot = self._robot
+        while robot.wheels != STANDSTILL:
+            self._advance(robot.config.ramped(robot.wheels, STANDSTILL, PHYSICS_STEP))
+
+    def _advance(self, wheels: Wheels) -> None:
+        """One physics step, after which the wheels turn at `wheels`."""
+        robot = self._robot
+        self._odometer.roll(robot.wheels, PHYSICS_STEP)
+        robot.drive(wheels)
+        self._floor.step()
+        self._collided |= robot.pushed
+        self._ticks += 1
+
+    def _held_up(self) -> bool:
+        """Whether a wall keeps the body from making a fair part of the wheels' way."""
+        robot = self._robot
+        rolled = robot.config.motion_of(robot.wheels)[0]
+        return robot.pushed and abs(robot.motion[0]) < _PROGRESS * abs(rolled)
+
+    def _read(self) -> Reading:
+        rng = self._check_reset()
+        return Reading(
+            stamp=self.time,
+            motion=self._odometer.read(rng),
+            laser=self._laser.sense(self._rays.scan(self.pose), rng),
+        )
+
+    def _check_reset(self) -> np.random.Generator:
+        if self._rng is None:
+            raise InputError("Simulator", "a reset before anything else")
+        return self._rng
+
+    def _check_start(self, pose: Pose) -> None:
+        if not np.isfinite(pose).all():
+            raise InputError("start", "a finite pose", str(pose.tolist()))
+        radius = self._robot.config.radius
+        room = self._floor.clearance(pose, radius)
+        if room < radius:
+            raise InputError(
+                "start",
+                f"a pose {radius:g} m clear of the walls of {self._world.name}",
+                f"{pose.tolist()}, {room:.3f} m from one",
+            )
+
+
+def _start_stop(distance: float, top_speed: float, acceleration: float) -> Iterator[float]:
+    """Wheel speeds, one for each physics step, that add up to `distance` and end at rest.
+
+    Accelerates to the top speed, keeps it, and slows down as late as the acceleration
+    allows: v = -a dt/2 + sqrt((a dt/2)² + 2 a r) is the greatest speed from which, after
+    one more step, the rest of the way r can still be used to stop.
+    """
+    gain = acceleration * PHYSICS_STEP
+    speed, rest = 0.0, distance
+    while rest > 1e-12:
+        stoppable = math.sqrt(gain * gain / 4 + 2 * acceleration * rest) - gain / 2
+        speed = min(speed + gain, top_speed, stoppable, rest / PHYSICS_STEP)
+        rest -= speed * PHYSICS_STEP
+        yield speed
+
+
+def _check_finite(method: str, **commands: float) -> None:
+    for name, value in commands.items():
+        if not math.isfinite(value):
+            raise InputError(f"Simulator.{method}", "a finite number", str(value), place=name)
+
+
+def _check_manoeuvre(method: str, name: str, value: float) -> None:
+    if not abs(value) <= LONGEST_MANOEUVRE:
+        expected = f"a number within ±{LONGEST_MANOEUVRE:g}"
+        raise InputError(f"Simulator.{method}", expected, str(value), place=name)
