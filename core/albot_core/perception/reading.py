@@ -69,7 +69,7 @@ class LaserScan:
         """The points that were hit, in the robot's frame (m), in the order of the beams."""
         hit = self.ranges < self.geometry.max_range
         reach = self.ranges[hit, None] * self.geometry.directions[hit]
-        return np.asarray(self.geometry.mount[:2]) + reach
+        return np.asarray(np.asarray(self.geometry.mount[:2]) + reach)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

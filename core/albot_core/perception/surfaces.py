@@ -35,17 +35,16 @@ def scan_points(
 @njit(cache=True)
 def _farthest_from_chord(points: np.ndarray, first: int, last: int) -> tuple[int, float]:
     """The point between `first` and `last` farthest from their chord, and its distance."""
-    dx = points[last, 0] - points[first, 0]
-    dy = points[last, 1] - points[first, 1]
-    chord = np.hypot(dx, dy)
+    x0, y0 = points[first, 0], points[first, 1]
+    dx, dy = points[last, 0] - x0, points[last, 1] - y0
+    square = dx * dx + dy * dy
     best, height = first, 0.0
     for i in range(first + 1, last):
-        x = points[i, 0] - points[first, 0]
-        y = points[i, 1] - points[first, 1]
-        h = np.hypot(x, y) if chord == 0.0 else abs(dx * y - dy * x) / chord
+        x, y = points[i, 0] - x0, points[i, 1] - y0
+        h = abs(dx * y - dy * x) if square > 0.0 else x * x + y * y
         if h > height:
             best, height = i, h
-    return best, height
+    return best, height / np.sqrt(square) if square > 0.0 else np.sqrt(height)
 
 
 @njit(cache=True)
@@ -66,19 +65,19 @@ def segment_points(
     found, cluster, start = 0, 0, 0
     for i in range(1, count + 1):
         if i < count:
-            gap = np.hypot(points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1])
-            if gap <= cluster_gap:
+            dx, dy = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
+            if dx * dx + dy * dy <= cluster_gap * cluster_gap:
                 continue
         stack[0, 0], stack[0, 1] = start, i - 1
         depth = 1
         while depth > 0:
             depth -= 1
-            first, last = stack[depth]
+            first, last = stack[depth, 0], stack[depth, 1]
             dx = points[last, 0] - points[first, 0]
             dy = points[last, 1] - points[first, 1]
             middle, height = _farthest_from_chord(points, first, last)
             # A closed outline has a short chord and a large height: its extent is what counts.
-            if height > break_height and max(np.hypot(dx, dy), height) > cluster_size:
+            if height > break_height and max(np.sqrt(dx * dx + dy * dy), height) > cluster_size:
                 stack[depth, 0], stack[depth, 1] = middle, last
                 stack[depth + 1, 0], stack[depth + 1, 1] = first, middle
                 depth += 2

@@ -1,0 +1,69 @@
+"""Locating the robot in the perceptual map by one landmark (algorithm 2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from albot_core.albot1.memory import Memory
+from albot_core.albot1.recognition import (
+    ANGLE,
+    DISTANCE,
+    END,
+    GAP,
+    heading_of,
+    length_of,
+    wrap,
+)
+from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
+
+TINY = 1e-6
+"""Gaps and angles below this (m, rad) do not make a landmark any better."""
+
+
+@njit(cache=True)
+def _pose_by(remembered: np.ndarray, seen: np.ndarray, end: int, pose: np.ndarray) -> None:
+    """Write the pose from which the remembered surface looks as the seen one does.
+
+    Equations 3.6 and 3.7 place the robot at its distance and angle from the landmark; the
+    same rigid motion is written here by the two surfaces' directions and the common point.
+    """
+    pose[2] = wrap(heading_of(remembered) - heading_of(seen))
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    x, y = seen[2 * end], seen[2 * end + 1]
+    pose[0] = remembered[2 * end] - (cos * x - sin * y)
+    pose[1] = remembered[2 * end + 1] - (sin * x + cos * y)
+
+
+@njit(cache=True)
+def localize(memory: Memory, current: Sight, pairs: np.ndarray) -> None:
+    """Algorithm 2: set `current.pose` by the best of the recognised landmarks.
+
+    Every landmark gives a localisation point. Those farther from their average than their
+    standard deviation are discarded; of the rest the landmark of highest goodness counts.
+    """
+    room = current.count[0]
+    poses = np.empty((room, 3))
+    which = np.empty(room, np.int64)
+    found = 0
+    for j in range(room):
+        if current.slots[j] != NOT_RECOGNIZED:
+            remembered = memory.surfaces[current.slots[j]]
+            _pose_by(remembered, current.surfaces[j], int(pairs[j, END]), poses[found])
+            which[found] = j
+            found += 1
+    mean_x, mean_y = np.mean(poses[:found, 0]), np.mean(poses[:found, 1])
+    off = np.hypot(poses[:found, 0] - mean_x, poses[:found, 1] - mean_y)
+    deviation = np.sqrt(np.mean(off**2))
+    best = -1.0
+    for k in range(found):
+        if off[k] > deviation + TINY:
+            continue
+        j = which[k]
+        # Eq. (3.5); perfect agreement would divide by zero.
+        goodness = length_of(current.surfaces[j]) / (
+            max(pairs[j, DISTANCE], TINY) * max(pairs[j, GAP], TINY) * max(pairs[j, ANGLE], TINY)
+        )
+        if goodness > best:
+            best = goodness
+            current.pose[:] = poses[k]

@@ -1,0 +1,394 @@
+"""Recognising what is remembered nearby and localising by all of it at once.
+
+This is ours, in place of algorithms 1 and 2. The thesis follows landmarks from view to view
+under the odometer's turn; where that turn is wrong by more than 5° nothing is recognised.
+Here the robot asks its map instead: of all turns near the odometer's, under which do most
+remembered surfaces stand where surfaces are seen now? Then all of them together, landmarks
+by their occluding and corner points and plain walls by their lines, say where it is. Only
+what is remembered around the robot takes part and nothing remembered is corrected by it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from albot_core.albot1.config import Limits
+from albot_core.albot1.memory import Memory, surfaces_ending_in
+from albot_core.albot1.recognition import heading_of, length_of, seen_from, wrap
+from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
+from albot_core.perception.surfaces import NO_EDGE
+
+TURN_STEP = np.radians(1.0)
+"""Turns are tried this far apart (rad)."""
+LINE_GAP = 0.30
+"""A wall is taken for the remembered one when it runs no farther than this beside it (m)."""
+LINE_VOTE = 0.5
+"""How much a wall that lies where it is remembered counts beside a landmark."""
+POINT_NOISE, POINT_NOISE_GROWTH = 0.05, 0.02
+"""Standard deviation of an occluding or corner point (m), and its growth with range (m/m)."""
+LINE_NOISE = 0.03
+"""Standard deviation of a wall's place (m)."""
+POINT_DOUBT, LINE_DOUBT = 0.15, 0.10
+"""Residuals (m) at which a point and a wall count half (Cauchy weights)."""
+ROUNDS, ITERATIONS = 3, 2
+"""How often surfaces are matched anew, and the Gauss-Newton steps after each."""
+
+POINT, SIDE, LINE = 0, 1, 2
+"""Columns of `matches`: the row of `expected` recognised by an end, which end, and the row
+recognised by its line; -1 where none."""
+
+
+@njit(cache=True)
+def _describe(surface: np.ndarray, row: np.ndarray) -> None:
+    """Fill a row: x1, y1, x2, y2, length, heading, and the unit vector along the surface."""
+    row[:4] = surface
+    length = length_of(surface)
+    row[4] = length
+    row[5] = heading_of(surface)
+    row[6] = (surface[2] - surface[0]) / length
+    row[7] = (surface[3] - surface[1]) / length
+
+
+@njit(cache=True)
+def _seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray]:
+    """The surfaces of the view long enough to be recognised: their places in it, and rows."""
+    which = np.empty(current.count[0], np.int64)
+    rows = np.empty((current.count[0], 8))
+    kept = 0
+    for k in range(current.count[0]):
+        if length_of(current.surfaces[k]) >= limits.landmark_length:
+            _describe(current.surfaces[k], rows[kept])
+            which[kept] = k
+            kept += 1
+    return which[:kept], rows[:kept]
+
+
+@njit(cache=True)
+def _seen_before(
+    previous: Sight, motion: np.ndarray, limits: Limits
+) -> tuple[np.ndarray, np.ndarray]:
+    """The last view's surfaces as the odometer expects them in this one: ends and rows."""
+    edges = np.empty((previous.count[0], 2), np.int8)
+    rows = np.empty((previous.count[0], 8))
+    expected = np.empty(4)
+    kept = 0
+    for i in range(previous.count[0]):
+        if length_of(previous.surfaces[i]) >= limits.landmark_length:
+            seen_from(motion, previous.surfaces[i], expected)
+            _describe(expected, rows[kept])
+            edges[kept] = previous.edges[i]
+            kept += 1
+    return edges[:kept], rows[:kept]
+
+
+@njit(cache=True)
+def _remembered_nearby(
+    memory: Memory, pose: np.ndarray, seen: np.ndarray, limits: Limits
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What the map holds where the view is expected to lie: slots, ends and rows."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    box = np.array((pose[0], pose[1], pose[0], pose[1]))
+    for k in range(seen.shape[0]):
+        for end in range(2):
+            x, y = seen[k, 2 * end], seen[k, 2 * end + 1]
+            shrink = min(1.0, limits.reach / max(np.hypot(x, y), 1e-9))
+            east = pose[0] + shrink * (cos * x - sin * y)
+            north = pose[1] + shrink * (sin * x + cos * y)
+            box[0], box[2] = min(box[0], east), max(box[2], east)
+            box[1], box[3] = min(box[1], north), max(box[3], north)
+    box[:2] -= limits.landmark_gap
+    box[2:] += limits.landmark_gap
+    slots = surfaces_ending_in(memory, box)
+    edges = np.empty((slots.shape[0], 2), np.int8)
+    rows = np.empty((slots.shape[0], 8))
+    expected = np.empty(4)
+    kept = 0
+    for slot in slots:
+        seen_from(pose, memory.surfaces[slot], expected)
+        if length_of(expected) >= limits.landmark_length:
+            _describe(expected, rows[kept])
+            edges[kept] = memory.edges[slot]
+            slots[kept] = slot
+            kept += 1
+    return slots[:kept], edges[:kept], rows[:kept]
+
+
+@njit(cache=True)
+def _beside(
+    wall: np.ndarray, seen: np.ndarray, correction: np.ndarray, cos: float, sin: float
+) -> float:
+    """How far the corrected surface runs beside the wall (m); infinity without overlap."""
+    ux, uy = wall[6], wall[7]
+    dx = correction[0] + cos * seen[0] - sin * seen[1] - wall[0]
+    dy = correction[1] + sin * seen[0] + cos * seen[1] - wall[1]
+    first, aside = ux * dx + uy * dy, ux * dy - uy * dx
+    dx = correction[0] + cos * seen[2] - sin * seen[3] - wall[0]
+    dy = correction[1] + sin * seen[2] + cos * seen[3] - wall[1]
+    last = ux * dx + uy * dy
+    aside = 0.5 * abs(aside + ux * dy - uy * dx)
+    overlap = min(last, wall[4]) - max(first, 0.0)
+    return aside if overlap >= 0.3 * min(seen[4], wall[4]) else np.inf
+
+
+@njit(cache=True)
+def _vote_by_points(
+    seen: np.ndarray,
+    seen_edges: np.ndarray,
+    wall: np.ndarray,
+    wall_edges: np.ndarray,
+    turns: np.ndarray,
+    low: int,
+    high: int,
+    gap: float,
+    own: np.ndarray,
+) -> None:
+    """Vote for the turns low..high that bring a landmark's points onto a remembered one's."""
+    for end in range(2):
+        if seen_edges[end] == NO_EDGE or wall_edges[end] == NO_EDGE:
+            continue
+        x, y = seen[2 * end], seen[2 * end + 1]
+        ex, ey = wall[2 * end], wall[2 * end + 1]
+        for b in range(low, high + 1):
+            cos, sin = turns[b, 0], turns[b, 1]
+            dx, dy = cos * x - sin * y - ex, sin * x + cos * y - ey
+            own[b] = max(own[b], 1.0 - (dx * dx + dy * dy) / gap**2)
+
+
+@njit(cache=True)
+def likeliest_turn(
+    seen: np.ndarray,
+    seen_edges: np.ndarray,
+    expected: np.ndarray,
+    edges: np.ndarray,
+    limits: Limits,
+) -> float:
+    """The turn (rad) to add to the odometer's under which most surfaces agree.
+
+    Every surface seen votes for the turns that bring it onto a remembered one, a landmark
+    by its points and a wall by its line, each the more the better it fits.
+    """
+    steps = int(np.round(limits.turn_search / TURN_STEP))
+    bins = 2 * steps + 1
+    off = (np.arange(bins) - steps) * TURN_STEP
+    turns = np.stack((np.cos(off), np.sin(off)), axis=-1)
+    votes = -((off / limits.turn_cost) ** 2)
+    own, still = np.empty(bins), np.zeros(3)
+    for k in range(seen.shape[0]):
+        own[:] = 0.0
+        for q in range(expected.shape[0]):
+            aligned = wrap(expected[q, 5] - seen[k, 5]) / TURN_STEP + steps
+            low = max(int(np.ceil(aligned - limits.landmark_angle / TURN_STEP)), 0)
+            high = min(int(np.floor(aligned + limits.landmark_angle / TURN_STEP)), bins - 1)
+            if low > high:
+                continue
+            _vote_by_points(
+                seen[k],
+                seen_edges[k],
+                expected[q],
+                edges[q],
+                turns,
+                low,
+                high,
+                limits.landmark_gap,
+                own,
+            )
+            middle = min(max(int(np.round(aligned)), 0), bins - 1)
+            aside = _beside(expected[q], seen[k], still, turns[middle, 0], turns[middle, 1])
+            if aside < LINE_GAP:
+                vote = LINE_VOTE * (1.0 - (aside / LINE_GAP) ** 2)
+                for b in range(low, high + 1):
+                    turned = (b - aligned) * TURN_STEP / limits.landmark_angle
+                    own[b] = max(own[b], vote * (1.0 - turned * turned))
+        votes += own
+    return float(off[np.argmax(votes)])
+
+
+@njit(cache=True)
+def _match(
+    seen: np.ndarray,
+    seen_edges: np.ndarray,
+    expected: np.ndarray,
+    edges: np.ndarray,
+    correction: np.ndarray,
+    limits: Limits,
+    matches: np.ndarray,
+) -> int:
+    """Match every surface seen to the nearest remembered point and line; count the points."""
+    cos, sin = np.cos(correction[2]), np.sin(correction[2])
+    points = 0
+    for k in range(seen.shape[0]):
+        matches[k] = -1
+        nearest_gap, nearest_line = limits.landmark_gap**2, LINE_GAP
+        for q in range(expected.shape[0]):
+            if abs(wrap(expected[q, 5] - seen[k, 5] - correction[2])) >= limits.landmark_angle:
+                continue
+            for end in range(2):
+                if seen_edges[k, end] == NO_EDGE or edges[q, end] == NO_EDGE:
+                    continue
+                x, y = seen[k, 2 * end], seen[k, 2 * end + 1]
+                dx = correction[0] + cos * x - sin * y - expected[q, 2 * end]
+                dy = correction[1] + sin * x + cos * y - expected[q, 2 * end + 1]
+                gap = dx * dx + dy * dy
+                if gap < nearest_gap:
+                    nearest_gap = gap
+                    matches[k, POINT], matches[k, SIDE] = q, end
+            aside = _beside(expected[q], seen[k], correction, cos, sin)
+            if aside < nearest_line:
+                nearest_line = aside
+                matches[k, LINE] = q
+        if matches[k, POINT] >= 0:
+            points += 1
+    return points
+
+
+@njit(cache=True)
+def _pull(
+    normal: np.ndarray,
+    slope: np.ndarray,
+    x: float,
+    y: float,
+    nx: float,
+    ny: float,
+    residual: float,
+    weight: float,
+) -> None:
+    """Add to the normal equations that the arm (x, y) should move by `residual` along (nx, ny)."""
+    turn = x * ny - y * nx
+    normal[0, 0] += weight * nx * nx
+    normal[0, 1] += weight * nx * ny
+    normal[1, 1] += weight * ny * ny
+    normal[0, 2] += weight * nx * turn
+    normal[1, 2] += weight * ny * turn
+    normal[2, 2] += weight * turn * turn
+    slope[0] += weight * residual * nx
+    slope[1] += weight * residual * ny
+    slope[2] += weight * residual * turn
+
+
+@njit(cache=True)
+def _pull_point(
+    match: np.ndarray,
+    seen: np.ndarray,
+    expected: np.ndarray,
+    correction: np.ndarray,
+    normal: np.ndarray,
+    slope: np.ndarray,
+) -> None:
+    """Add a recognised landmark's point to the normal equations."""
+    side = match[SIDE]
+    cos, sin = np.cos(correction[2]), np.sin(correction[2])
+    px, py = seen[2 * side], seen[2 * side + 1]
+    x, y = cos * px - sin * py, sin * px + cos * py
+    ex = expected[2 * side] - correction[0] - x
+    ey = expected[2 * side + 1] - correction[1] - y
+    noise = POINT_NOISE + POINT_NOISE_GROWTH * np.hypot(px, py)
+    weight = 1.0 / (1.0 + (ex * ex + ey * ey) / POINT_DOUBT**2) / noise**2
+    _pull(normal, slope, x, y, 1.0, 0.0, ex, weight)
+    _pull(normal, slope, x, y, 0.0, 1.0, ey, weight)
+
+
+@njit(cache=True)
+def _pull_line(
+    seen: np.ndarray,
+    wall: np.ndarray,
+    correction: np.ndarray,
+    normal: np.ndarray,
+    slope: np.ndarray,
+) -> None:
+    """Add a recognised wall to the normal equations: both ends of the common part lie on it."""
+    cos, sin = np.cos(correction[2]), np.sin(correction[2])
+    ux, uy = wall[6], wall[7]
+    arm = np.empty((2, 2))
+    along = np.empty(2)
+    for end in range(2):
+        px, py = seen[2 * end], seen[2 * end + 1]
+        arm[end, 0], arm[end, 1] = cos * px - sin * py, sin * px + cos * py
+        along[end] = ux * (correction[0] + arm[end, 0] - wall[0]) + uy * (
+            correction[1] + arm[end, 1] - wall[1]
+        )
+    run = along[1] - along[0]
+    if run <= 0.0:
+        return
+    for end in range(2):
+        part = (min(max(along[end], 0.0), wall[4]) - along[0]) / run
+        x = arm[0, 0] + part * (arm[1, 0] - arm[0, 0])
+        y = arm[0, 1] + part * (arm[1, 1] - arm[0, 1])
+        off = (correction[0] + x - wall[0]) * -uy + (correction[1] + y - wall[1]) * ux
+        weight = min(seen[4], 3.0) / (1.0 + (off / LINE_DOUBT) ** 2) / LINE_NOISE**2
+        _pull(normal, slope, x, y, -uy, ux, -off, weight)
+
+
+@njit(cache=True)
+def _solve(normal: np.ndarray, slope: np.ndarray, step: np.ndarray) -> None:
+    """Solve the symmetric 3 x 3 system (upper triangle given) by Cholesky's method."""
+    a = np.sqrt(normal[0, 0])
+    b, c = normal[0, 1] / a, normal[0, 2] / a
+    d = np.sqrt(normal[1, 1] - b * b)
+    e = (normal[1, 2] - b * c) / d
+    f = np.sqrt(normal[2, 2] - c * c - e * e)
+    u = slope[0] / a
+    v = (slope[1] - b * u) / d
+    w = (slope[2] - c * u - e * v) / f
+    step[2] = w / f
+    step[1] = (v - e * step[2]) / d
+    step[0] = (u - b * step[1] - c * step[2]) / a
+
+
+@njit(cache=True)
+def _adjust(
+    seen: np.ndarray,
+    expected: np.ndarray,
+    matches: np.ndarray,
+    limits: Limits,
+    correction: np.ndarray,
+) -> None:
+    """Gauss-Newton on the correction, held by the odometer's motion and the likeliest turn."""
+    step = np.empty(3)
+    for _ in range(ITERATIONS):
+        normal, slope = np.zeros((3, 3)), np.zeros(3)
+        normal[0, 0] = normal[1, 1] = 1.0 / limits.motion_error**2
+        normal[2, 2] = 1.0 / limits.turn_error**2
+        for i in range(3):
+            slope[i] = -normal[i, i] * correction[i]
+        for k in range(seen.shape[0]):
+            if matches[k, POINT] >= 0:
+                wall = expected[matches[k, POINT]]
+                _pull_point(matches[k], seen[k], wall, correction, normal, slope)
+            if matches[k, LINE] >= 0:
+                _pull_line(seen[k], expected[matches[k, LINE]], correction, normal, slope)
+        _solve(normal, slope, step)
+        correction += step
+
+
+@njit(cache=True)
+def triangulate(
+    memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
+) -> int:
+    """Move `current.pose` from where the odometer says to where the remembered surfaces say.
+
+    Sets `current.slots` for the landmarks recognised there and returns their number.
+    """
+    which, seen = _seen_now(current, limits)
+    seen_edges = current.edges[which]
+    edges, expected = _seen_before(previous, motion, limits)
+    turn = likeliest_turn(seen, seen_edges, expected, edges, limits)
+    current.pose[2] = wrap(current.pose[2] + turn)
+
+    slots, edges, expected = _remembered_nearby(memory, current.pose, seen, limits)
+    correction = np.zeros(3)
+    matches = np.empty((seen.shape[0], 3), np.int64)
+    for _ in range(ROUNDS):
+        _match(seen, seen_edges, expected, edges, correction, limits, matches)
+        _adjust(seen, expected, matches, limits, correction)
+    recognized = _match(seen, seen_edges, expected, edges, correction, limits, matches)
+
+    current.slots[: current.count[0]] = NOT_RECOGNIZED
+    for k in range(seen.shape[0]):
+        if matches[k, POINT] >= 0:
+            current.slots[which[k]] = slots[matches[k, POINT]]
+    cos, sin = np.cos(current.pose[2]), np.sin(current.pose[2])
+    current.pose[0] += cos * correction[0] - sin * correction[1]
+    current.pose[1] += sin * correction[0] + cos * correction[1]
+    current.pose[2] = wrap(current.pose[2] + correction[2])
+    return int(recognized)

@@ -1,0 +1,216 @@
+"""Laying a view over the perceptual map (algorithm 3)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from albot_core.albot1.config import Limits
+from albot_core.albot1.memory import (
+    Memory,
+    add_surface,
+    move_surface,
+    remove_surface,
+    surfaces_ending_in,
+)
+from albot_core.albot1.recognition import length_of
+from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
+from albot_core.perception.surfaces import NO_EDGE
+
+SHORTEST = 0.10
+"""What is left of a surface after a cut is forgotten below this length (m)."""
+
+
+@njit(cache=True)
+def placed(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
+    """Write into `out` the surface seen from `pose`, in the map's frame."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    for end in range(2):
+        x, y = surface[2 * end], surface[2 * end + 1]
+        out[2 * end] = pose[0] + cos * x - sin * y
+        out[2 * end + 1] = pose[1] + sin * x + cos * y
+
+
+@njit(cache=True)
+def view_polygon(laid: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """The view's boundary (corners, 2): the surfaces' ends in the order seen, and the eye.
+
+    Algorithm 3, line 7, joins the surfaces' ends alone. Here the robot's own place closes
+    the polygon: without it the ground between the robot and the first and last surface
+    would count as outside whenever nothing stands at +-90°.
+    """
+    count = laid.shape[0]
+    polygon = np.empty((2 * count + 1, 2))
+    for k in range(count):
+        polygon[2 * k] = laid[k, :2]
+        polygon[2 * k + 1] = laid[k, 2:]
+    polygon[2 * count] = pose[:2]
+    return polygon
+
+
+@njit(cache=True)
+def is_inside(polygon: np.ndarray, x: float, y: float) -> bool:
+    """Whether a point is inside the polygon (even-odd rule)."""
+    inside = False
+    corners = polygon.shape[0]
+    ax, ay = polygon[corners - 1, 0], polygon[corners - 1, 1]
+    for i in range(corners):
+        bx, by = polygon[i, 0], polygon[i, 1]
+        # Does a ray from the point along +x cross the edge? Written without a division.
+        if (by > y) != (ay > y) and ((x - bx) * (ay - by) < (ax - bx) * (y - by)) == (ay > by):
+            inside = not inside
+        ax, ay = bx, by
+    return inside
+
+
+@njit(cache=True)
+def square_distance(polygon: np.ndarray, x: float, y: float) -> float:
+    """Square of the distance from a point to the polygon's boundary (m²)."""
+    nearest = np.inf
+    corners = polygon.shape[0]
+    ax, ay = polygon[corners - 1, 0], polygon[corners - 1, 1]
+    for i in range(corners):
+        bx, by = polygon[i, 0], polygon[i, 1]
+        run_x, run_y = bx - ax, by - ay
+        square = run_x * run_x + run_y * run_y
+        along = 0.0
+        if square > 0.0:
+            along = min(1.0, max(0.0, ((x - ax) * run_x + (y - ay) * run_y) / square))
+        dx, dy = x - ax - along * run_x, y - ay - along * run_y
+        nearest = min(nearest, dx * dx + dy * dy)
+        ax, ay = bx, by
+    return nearest
+
+
+@njit(cache=True)
+def is_covered(polygon: np.ndarray, box: np.ndarray, margin: float, x: float, y: float) -> bool:
+    """Whether a point is inside the polygon or within `margin` of its boundary.
+
+    `box` bounds all such points (x_min, y_min, x_max, y_max).
+    """
+    if x < box[0] or y < box[1] or x > box[2] or y > box[3]:
+        return False
+    return is_inside(polygon, x, y) or square_distance(polygon, x, y) <= margin * margin
+
+
+@njit(cache=True)
+def _counterpart(old: np.ndarray, laid: np.ndarray, taken: np.ndarray, limits: Limits) -> int:
+    """The surface of the view that shows the same wall as the old one, or -1.
+
+    The same wall: nearly the same direction, side by side or end to end, and the nearest.
+    """
+    length = length_of(old)
+    x0, y0 = old[0], old[1]
+    ux, uy = (old[2] - x0) / length, (old[3] - y0) / length
+    steepest = np.tan(limits.landmark_angle)
+    best, found = limits.landmark_gap, -1
+    for k in range(laid.shape[0]):
+        if taken[k]:
+            continue
+        first_x, first_y = laid[k, 0] - x0, laid[k, 1] - y0
+        last_x, last_y = laid[k, 2] - x0, laid[k, 3] - y0
+        first, last = ux * first_x + uy * first_y, ux * last_x + uy * last_y
+        first_aside, last_aside = ux * first_y - uy * first_x, ux * last_y - uy * last_x
+        if last <= first or abs(last_aside - first_aside) >= steepest * (last - first):
+            continue
+        if first > length + limits.landmark_gap or last < -limits.landmark_gap:
+            continue
+        aside = 0.5 * abs(first_aside + last_aside)
+        if aside < best:
+            best, found = aside, k
+    return found
+
+
+@njit(cache=True)
+def _extended(new: np.ndarray, old: np.ndarray, outer: int, out: np.ndarray) -> bool:
+    """Write the new surface drawn out to the old one's outer end; false where it reaches it."""
+    length = length_of(new)
+    ux, uy = (new[2] - new[0]) / length, (new[3] - new[1]) / length
+    along = (old[2 * outer] - new[0]) * ux + (old[2 * outer + 1] - new[1]) * uy
+    out[:] = new
+    if (outer == 0 and along >= 0.0) or (outer == 1 and along <= length):
+        return False
+    out[2 * outer] = new[0] + along * ux
+    out[2 * outer + 1] = new[1] + along * uy
+    return True
+
+
+@njit(cache=True)
+def _cut(
+    old: np.ndarray,
+    outer: int,
+    polygon: np.ndarray,
+    box: np.ndarray,
+    margin: float,
+    out: np.ndarray,
+) -> None:
+    """Write the part of the old surface that the polygon does not cover at its outer end."""
+    kept, lost = 1.0, 0.0  # fractions of the way from the covered end to the outer one
+    inner = 1 - outer
+    ix, iy = old[2 * inner], old[2 * inner + 1]
+    run_x, run_y = old[2 * outer] - ix, old[2 * outer + 1] - iy
+    for _ in range(12):  # to a 4000th of its length
+        middle = 0.5 * (kept + lost)
+        if is_covered(polygon, box, margin, ix + middle * run_x, iy + middle * run_y):
+            lost = middle
+        else:
+            kept = middle
+    out[:] = old
+    out[2 * inner], out[2 * inner + 1] = ix + kept * run_x, iy + kept * run_y
+
+
+@njit(cache=True)
+def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
+    """Algorithm 3: lay the view, seen from `sight.pose`, over the map.
+
+    Surfaces with both ends inside the view's boundary are removed. Of those with one end
+    inside the part outside stays: drawn together with the view's surface of the same wall
+    where there is one, cut at the boundary where there is none. Then the rest of the view
+    is added, and all its landmarks are recognised ones (algorithm 4, lines 17 and 22).
+    """
+    count = sight.count[0]
+    laid = np.empty((count, 4))
+    for k in range(count):
+        placed(sight.pose, sight.surfaces[k], laid[k])
+    polygon = view_polygon(laid, sight.pose)
+    box = np.array(
+        (
+            polygon[:, 0].min() - limits.margin,
+            polygon[:, 1].min() - limits.margin,
+            polygon[:, 0].max() + limits.margin,
+            polygon[:, 1].max() + limits.margin,
+        )
+    )
+    slots = np.full(count, NOT_RECOGNIZED)
+    taken = np.zeros(count, np.bool_)
+    changed, edges = np.empty(4), np.empty(2, np.int8)
+    for slot in surfaces_ending_in(memory, box):
+        old = memory.surfaces[slot]
+        first = is_covered(polygon, box, limits.margin, old[0], old[1])
+        second = is_covered(polygon, box, limits.margin, old[2], old[3])
+        if first and second:  # Alg. 3, line 9
+            remove_surface(memory, slot)
+        elif first or second:  # Alg. 3, line 11
+            outer = 1 if first else 0
+            k = _counterpart(old, laid, taken, limits)
+            if k < 0:
+                _cut(old, outer, polygon, box, limits.margin, changed)
+                edges[:] = memory.edges[slot]
+                edges[1 - outer] = NO_EDGE
+                if length_of(changed) < SHORTEST:
+                    remove_surface(memory, slot)
+                else:
+                    move_surface(memory, slot, changed, edges)
+                continue
+            edges[:] = sight.edges[k]
+            if _extended(laid[k], old, outer, changed):
+                edges[outer] = memory.edges[slot, outer]
+                # The end in view is no longer the end in the map.
+                sight.edges[k, outer] = NO_EDGE
+            move_surface(memory, slot, changed, edges)
+            slots[k] = slot
+            taken[k] = True
+    for k in range(count):  # Alg. 3, line 15
+        if not taken[k]:
+            slots[k] = add_surface(memory, laid[k], sight.edges[k])
+        sight.slots[k] = slots[k] if sight.landmark[k] else NOT_RECOGNIZED
