@@ -59,13 +59,22 @@ class EpisodeWriter:
         self._stream.flush()
 
     def add(self, moment: Moment) -> None:
-        """Write the next moment."""
+        """Write the next moment.
+
+        Raises:
+            InputError: No episode was begun, or the disk is full.
+        """
         if self._header is None or self._stream is None:
             raise InputError(self._path, "an episode that was begun", "none")
-        for message in moment_messages(moment, self._header.start):
-            self._write(message, nanoseconds(moment.reading.stamp))
-        # A chunk that is complete shall outlive us; without a new one this costs nothing.
-        self._stream.flush()
+        try:
+            for message in moment_messages(moment, self._header.start):
+                self._write(message, nanoseconds(moment.reading.stamp))
+            # A complete chunk shall outlive us; without a new one this costs nothing.
+            self._stream.flush()
+        except OSError as error:
+            raise InputError(
+                self._path, "room to write the episode", error.strerror or str(error)
+            ) from None
 
     def close(self) -> None:
         """Write the file's index and close it."""

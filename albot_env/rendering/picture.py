@@ -10,6 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from albot_core.errors import InputError
 from albot_core.files import replacing
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.scene import Panel, Scene, Shape, lay_out, scale_bar
@@ -26,7 +27,11 @@ PALETTE = {
 
 
 def save_picture(frame: Frame, path: Path) -> None:
-    """Draw a frame, truth left and map right, and save it as a PNG, whole or not at all."""
+    """Draw a frame, truth left and map right, and save it as a PNG, whole or not at all.
+
+    Raises:
+        InputError: The file cannot be written.
+    """
     scene = lay_out(frame)
     x0, y0, x1, y1 = scene.bounds
     height = float(np.clip(6.2 * (y1 - y0) / (x1 - x0), 2.2, 11.0))
@@ -35,8 +40,13 @@ def save_picture(frame: Frame, path: Path) -> None:
     figure.suptitle(scene.caption, fontsize=11)
     for axes, panel in zip(figure.subplots(1, 2), scene.panels, strict=True):
         _draw_panel(axes, panel, scene)
-    with replacing(path) as stream:
-        figure.savefig(stream, format="png", dpi=110, metadata={"Software": "albot-env"})
+    try:
+        with replacing(path) as stream:
+            figure.savefig(stream, format="png", dpi=110, metadata={"Software": "albot-env"})
+    except OSError as error:
+        raise InputError(
+            path, "a picture that can be written", error.strerror or str(error)
+        ) from None
 
 
 def _draw_panel(axes: Axes, panel: Panel, scene: Scene) -> None:

@@ -6,6 +6,8 @@ from itertools import groupby
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
 from rich.text import Text
 
 from albot_env.rendering.frame import Frame
@@ -133,3 +135,31 @@ def draw_text(frame: Frame, columns: int, lines: int) -> Text:
         text.append("\n").append_text(one).append(" │ ", style="dim").append_text(other)
     text.append("\n" + scene.caption[:columns], style="bold")
     return text
+
+
+class TerminalView:
+    """Shows frames in place in a terminal, with something below them.
+
+    Args:
+        console: The terminal.
+        footer: What stands below, such as a progress bar.
+    """
+
+    _FOOTER_LINES = 3
+
+    def __init__(self, console: Console, footer: RenderableType) -> None:
+        self._console = console
+        self._footer = footer
+        self._live = Live(footer, console=console, auto_refresh=False)
+        self._live.start()
+
+    def show(self, frame: Frame) -> bool:
+        """Show a frame, as large as the terminal is now."""
+        width, height = self._console.size
+        drawing = draw_text(frame, width, height - self._FOOTER_LINES)
+        self._live.update(Group(drawing, self._footer), refresh=True)
+        return True
+
+    def close(self) -> None:
+        """Leave the last frame standing."""
+        self._live.stop()

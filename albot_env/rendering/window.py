@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import os
-import sys
 
 import pygame
 
 from albot_core.errors import InputError
 from albot_env.rendering.canvas import paint
+from albot_env.rendering.display import display_found
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.scene import lay_out
 
 SIZE = (1200, 640)
-
-
-def display_found() -> bool:
-    """Whether there is a screen to open a window on."""
-    if sys.platform in {"win32", "darwin"}:
-        return True
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 class Window:

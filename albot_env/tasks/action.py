@@ -15,9 +15,9 @@ from albot_core.errors import InputError
 class ActionConfig:
     """Speed and turn rate that actions of 1 ask for."""
 
-    speed: float = 0.8
+    speed: float = 1.0
     """Speed at 1 (m/s); as fast backwards at -1."""
-    turn_rate: float = 1.5
+    turn_rate: float = 2.0
     """Turn rate at 1, counter-clockwise (rad/s); clockwise at -1."""
 
     def __post_init__(self) -> None:

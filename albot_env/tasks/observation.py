@@ -36,7 +36,7 @@ class ObservationConfig:
     """Distance from home shown as 1 (m)."""
     home_knee: float = 1.0
     """Distance from home up to which the scale is nearly linear; logarithmic beyond (m)."""
-    step_length: float = 0.1
+    step_length: float = 0.15
     """Travel in one step shown as 1, straight ahead or sideways (m)."""
     step_turn: float = 0.3
     """Turn in one step shown as 1 (rad)."""

@@ -1,0 +1,34 @@
+"""Agents by name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+
+from albot_agents.agent import Agent
+from albot_agents.scripted.gap_explorer import GapExplorer
+from albot_agents.scripted.wanderer import Wanderer
+from albot_core.errors import InputError
+
+_MAKERS: dict[str, Callable[[], Agent]] = {
+    GapExplorer.name: GapExplorer,
+    Wanderer.name: Wanderer,
+}
+
+
+def agent_names() -> tuple[str, ...]:
+    """The names of all agents."""
+    return tuple(sorted(_MAKERS))
+
+
+def make_agent(name: str) -> Agent:
+    """A new agent.
+
+    Raises:
+        InputError: There is no agent of this name.
+    """
+    if name not in _MAKERS:
+        close = difflib.get_close_matches(name, _MAKERS, n=1)
+        hint = f" (did you mean {close[0]}?)" if close else ""
+        raise InputError("agent", f"one of {', '.join(agent_names())}", f"{name}{hint}")
+    return _MAKERS[name]()

@@ -1,0 +1,62 @@
+"""Prospects: places seen but not yet covered, kept until they are."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_agents.scripted.senses import Senses
+
+
+class Prospects:
+    """Ground of the map worth covering, and from where each is to be looked at.
+
+    Args:
+        spacing: A prospect nearer than this to one already kept, or given up, is not kept (m).
+    """
+
+    def __init__(self, spacing: float = 0.8) -> None:
+        self._spacing = spacing
+        self.goals: Float64[np.ndarray, "prospects 2"] = np.empty((0, 2))
+        """Where to go for them (m, map frame)."""
+        self._ground: Float64[np.ndarray, "prospects 2"] = np.empty((0, 2))
+        self._given_up: Float64[np.ndarray, "places 2"] = np.empty((0, 2))
+
+    def note(
+        self,
+        goals: Float64[np.ndarray, "n 2"],
+        ground: Float64[np.ndarray, "n 2"],
+        senses: Senses,
+    ) -> None:
+        """Keep those whose ground is not covered (m, robot's frame)."""
+        fresh = ~senses.covered(ground)
+        goals, ground = senses.to_map(goals[fresh]), senses.to_map(ground[fresh])
+        for goal, spot in zip(goals, ground, strict=True):
+            known = np.concatenate((self._ground, self._given_up)) - spot
+            if not (np.hypot(known[:, 0], known[:, 1]) < self._spacing).any():
+                self.goals = np.vstack((self.goals, goal))
+                self._ground = np.vstack((self._ground, spot))
+
+    def forget_covered(self, senses: Senses) -> None:
+        """Drop those near by whose ground is covered by now, or on whose goal the robot is."""
+        near = np.hypot(*(self._ground - senses.pose[:2]).T) < senses.patch_radius
+        covered = near & senses.covered(senses.to_robot(self._ground))
+        here = np.hypot(*(self.goals - senses.pose[:2]).T) < 0.3
+        self._keep(~covered & ~here)
+
+    def holds(self, goal: Float64[np.ndarray, "2"]) -> bool:
+        """Whether a goal is still one."""
+        return bool((self.goals == goal).all(axis=1).any())
+
+    def give_up(self, goal: Float64[np.ndarray, "2"]) -> None:
+        """Drop the prospects of a goal and keep nothing on their ground again."""
+        given = (self.goals == goal).all(axis=1)
+        self._given_up = np.concatenate((self._given_up, self._ground[given]))
+        self._keep(~given)
+
+    def pardon(self) -> None:
+        """Allow the places given up to be kept again."""
+        self._given_up = np.empty((0, 2))
+
+    def _keep(self, kept: np.ndarray) -> None:
+        self.goals, self._ground = self.goals[kept], self._ground[kept]

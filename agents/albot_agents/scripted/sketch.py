@@ -1,0 +1,125 @@
+"""The sketch: where the robot has seen free ground and obstacles, to find its way on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int
+
+from albot_agents.scripted.senses import LASER, Senses
+from albot_agents.scripted.sketch_kernels import draw_scan, flood, straight_is_free
+from albot_core.errors import InputError
+from albot_core.geometry.types import Points, Pose
+
+
+@dataclass(frozen=True, kw_only=True)
+class SketchConfig:
+    """How fine the sketch is, and how wide a way must be."""
+
+    cell: float = 0.125
+    """Side of a cell (m)."""
+    reach: float = 7.0
+    """What lies farther away is not drawn (m)."""
+    extent: float = 40.0
+    """Half the side of the first sheet (m); it grows with the way."""
+    radius: float = 0.3
+    """Ways keep the robot's middle so far from obstacles (m)."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0 < value < np.inf:
+                raise InputError(f"SketchConfig.{name}", "a positive length (m)", str(value))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ways:
+    """The ways from where the robot is to all ground that it knows to be free."""
+
+    steps: Int[np.ndarray, "side side"]
+    """How many cells away each cell is; -1 where no way is known."""
+    before: Int[np.ndarray, "side side"]
+    """The cell before each on the way from here, as a flat index."""
+
+
+class Sketch:
+    """A grid of the map's frame, redrawn where the robot looks again.
+
+    It is only as true as the believed pose. What is drawn later counts, so that old
+    ground that a drifting belief has moved is replaced.
+
+    Args:
+        config: How fine it is.
+    """
+
+    def __init__(self, config: SketchConfig = SketchConfig()) -> None:
+        self._config = config
+        half = int(np.ceil(config.extent / config.cell))
+        self._grid = np.zeros((2 * half, 2 * half), np.int8)
+        self._radius = int(np.ceil(config.radius / config.cell))
+
+    def draw(self, senses: Senses) -> None:
+        """Draw what is in view."""
+        config = self._config
+        self._make_room(senses.pose)
+        draw_scan(
+            self._grid,
+            config.cell,
+            senses.pose,
+            senses.ranges,
+            LASER.first_bearing,
+            LASER.spacing,
+            config.reach,
+        )
+
+    def ways(self, pose: Pose) -> Ways:
+        """The ways from a pose."""
+        before = np.empty(self._grid.shape, np.int64)
+        steps = flood(self._grid, self._cell(pose[:2]), self._radius, before)
+        return Ways(steps=steps, before=before)
+
+    def length(self, ways: Ways, point: Points) -> float:
+        """Length (m) of the way to a point of the map, or near it; infinite if there is none."""
+        nearest = self._nearest(ways, point)
+        return np.inf if nearest is None else float(ways.steps[nearest] * self._config.cell)
+
+    def route(self, ways: Ways, point: Points) -> Float64[np.ndarray, "cells 2"]:
+        """The way to a point, or near it, cell by cell (m, map frame); empty if there is none."""
+        cell = self._nearest(ways, point)
+        if cell is None:
+            return np.empty((0, 2))
+        size = len(self._grid)
+        cells = [cell]
+        while ways.steps[cell] > 0:
+            cell = divmod(int(ways.before[cell]), size)
+            cells.append(cell)
+        rows_columns = np.array(cells[::-1], np.float64)
+        return np.asarray((rows_columns[:, ::-1] + 0.5 - size // 2) * self._config.cell)
+
+    def is_straight(self, pose: Pose, point: Points) -> bool:
+        """Whether the robot can go from a pose straight to a point (map frame)."""
+        return bool(
+            straight_is_free(self._grid, self._cell(pose[:2]), self._cell(point), self._radius)
+        )
+
+    def _cell(self, point: Points) -> tuple[int, int]:
+        column, row = np.floor(point / self._config.cell).astype(int) + len(self._grid) // 2
+        return int(row), int(column)
+
+    def _nearest(self, ways: Ways, point: Points) -> tuple[int, int] | None:
+        """The cell within half a metre of a point that is the fewest steps away."""
+        row, column = self._cell(point)
+        around = int(0.5 / self._config.cell)
+        low_row, low_column = max(0, row - around), max(0, column - around)
+        window = ways.steps[low_row : row + around + 1, low_column : column + around + 1]
+        reached = np.where(window >= 0, window, np.iinfo(np.int32).max)
+        if not reached.size or reached.min() == np.iinfo(np.int32).max:
+            return None
+        i, j = divmod(int(reached.argmin()), window.shape[1])
+        return low_row + i, low_column + j
+
+    def _make_room(self, pose: Pose) -> None:
+        """Take a larger sheet where the robot comes near the edge of this one."""
+        needed = np.abs(pose[:2]).max() + self._config.reach + 1.0
+        while needed > len(self._grid) / 2 * self._config.cell:
+            self._grid = np.pad(self._grid, len(self._grid) // 2)

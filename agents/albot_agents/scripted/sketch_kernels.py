@@ -1,0 +1,101 @@
+"""Compiled loops of the sketch. Meaning of the arrays: see `sketch`."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+UNKNOWN, FREE, BLOCKED = 0, 1, 2
+
+
+@njit(cache=True)
+def draw_scan(
+    grid: np.ndarray,
+    cell: float,
+    pose: np.ndarray,
+    ranges: np.ndarray,
+    first_bearing: float,
+    spacing: float,
+    reach: float,
+) -> None:
+    """Mark the ground along the beams free up to `reach` (m), and blocked where they end."""
+    half = grid.shape[0] // 2
+    for blocked in (False, True):  # Ends last: a beam that grazes a wall must not erase it.
+        for k in range(ranges.shape[0]):
+            angle = pose[2] + first_bearing + k * spacing
+            dx, dy = np.cos(angle), np.sin(angle)
+            if blocked:
+                if ranges[k] < reach:
+                    row = int(np.floor((pose[1] + ranges[k] * dy) / cell)) + half
+                    column = int(np.floor((pose[0] + ranges[k] * dx) / cell)) + half
+                    grid[row, column] = BLOCKED
+                continue
+            free = min(ranges[k] - cell, reach)
+            steps = int(free / cell)
+            for j in range(steps + 1):
+                row = int(np.floor((pose[1] + j * cell * dy) / cell)) + half
+                column = int(np.floor((pose[0] + j * cell * dx) / cell)) + half
+                grid[row, column] = FREE
+
+
+@njit(cache=True)
+def _passable(grid: np.ndarray, row: int, column: int, radius: int) -> bool:
+    """Whether a disc about a free cell meets no blocked one."""
+    if grid[row, column] != FREE:
+        return False
+    for i in range(-radius, radius + 1):
+        for j in range(-radius, radius + 1):
+            if i * i + j * j <= radius * radius and grid[row + i, column + j] == BLOCKED:
+                return False
+    return True
+
+
+@njit(cache=True)
+def flood(grid: np.ndarray, start: tuple[int, int], radius: int, before: np.ndarray) -> np.ndarray:
+    """Flood the passable cells from `start`, nearest first; return steps to each, -1 beyond.
+
+    `before` receives the flat index of the cell before each. Near the start only blocked
+    cells stop the flood, so that a robot close to a wall can leave it.
+    """
+    size = grid.shape[0]
+    steps = np.full((size, size), -1, np.int32)
+    queue = np.empty(size * size, np.int64)
+    queue[0] = start[0] * size + start[1]
+    steps[start[0], start[1]] = 0
+    before[start[0], start[1]] = queue[0]
+    first, last = 0, 1
+    while first < last:
+        here = queue[first]
+        first += 1
+        row, column = here // size, here % size
+        for i in range(9):
+            r, c = row + (i // 3) - 1, column + (i % 3) - 1
+            inside = radius <= r < size - radius and radius <= c < size - radius
+            if not inside or steps[r, c] >= 0:
+                continue
+            near = (r - start[0]) ** 2 + (c - start[1]) ** 2 <= (radius + 1) ** 2
+            if (near and grid[r, c] != BLOCKED) or _passable(grid, r, c, radius):
+                steps[r, c] = steps[row, column] + 1
+                before[r, c] = here
+                queue[last] = r * size + c
+                last += 1
+    return steps
+
+
+@njit(cache=True)
+def straight_is_free(
+    grid: np.ndarray, start: tuple[int, int], end: tuple[int, int], radius: int
+) -> bool:
+    """Whether a disc can go straight from cell to cell; near the start as in `flood`."""
+    rows, columns = end[0] - start[0], end[1] - start[1]
+    count = max(abs(rows), abs(columns))
+    for k in range(1, count + 1):
+        row = start[0] + int(np.round(rows * k / count))
+        column = start[1] + int(np.round(columns * k / count))
+        near = (row - start[0]) ** 2 + (column - start[1]) ** 2 <= (radius + 1) ** 2
+        if near:
+            if grid[row, column] == BLOCKED:
+                return False
+        elif not _passable(grid, row, column, radius):
+            return False
+    return True

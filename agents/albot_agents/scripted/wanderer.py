@@ -1,0 +1,31 @@
+"""The random agent: the floor that every other agent must rise above."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import numpy as np
+
+from albot_agents.agent import Action
+
+
+class Wanderer:
+    """Draws an action at random and keeps to it for a second."""
+
+    name: ClassVar[str] = "random"
+
+    _HOLD = 10
+    """Steps for which an action is kept: white noise would only tremble on the spot."""
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Begin anew."""
+        self._rng = rng
+        self._left = 0
+
+    def act(self, observation: Any) -> Action:
+        """An action that does not depend on the observation."""
+        if self._left == 0:
+            self._action = self._rng.uniform(-1, 1, 2).astype(np.float32)
+            self._left = self._HOLD
+        self._left -= 1
+        return self._action.copy()

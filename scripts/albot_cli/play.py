@@ -1,0 +1,205 @@
+"""`albot play`: watch a robot explore and map, or play an episode back."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+from click.core import ParameterSource
+
+from albot_core.errors import InputError
+
+RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "odometer", "record")
+"""Options that a recorded episode has already decided."""
+
+
+@click.command()
+@click.argument("episode", required=False, type=click.Path(path_type=Path))
+@click.option("--world", default="office-ring", show_default=True, help="World: a name or a file.")
+@click.option("--mapper", default="albot1", show_default=True, help="Mapping system.")
+@click.option("--agent", default="gap-explorer", show_default=True, help="Who drives.")
+@click.option("--odometer", default="pioneer", show_default=True, help="ideal, pioneer or poor.")
+@click.option("--seed", default=1, show_default=True, type=click.IntRange(min=0))
+@click.option(
+    "--steps",
+    default=3000,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Length, in steps of 0.1 s.",
+)
+@click.option(
+    "--record",
+    default="episode.mcap",
+    show_default=True,
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Where the episode is written.",
+)
+@click.option(
+    "--png",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Where the picture of truth and map is written.  [default: episode.png; none for EPISODE]",
+)
+@click.option(
+    "--speed",
+    default=10.0,
+    show_default=True,
+    type=click.FloatRange(min=0, min_open=True),
+    help="How many times faster than real time it is shown.",
+)
+@click.option("--headless", is_flag=True, help="Show nothing but the progress line.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object, show nothing.")
+@click.pass_context
+def command(
+    ctx: click.Context,
+    /,
+    episode: Path | None,
+    png: Path | None,
+    as_json: bool,
+    **options: Any,
+) -> None:
+    """Watch a robot explore and map, or play back the recorded EPISODE."""
+    options["headless"] = options["headless"] or as_json
+    if episode is None:
+        summary = _run(png=png or Path("episode.png"), **options)
+    else:
+        for name in RUN_ONLY:
+            if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+                raise InputError(f"--{name}", "no such option when an episode is played back")
+        summary = _play_back(episode, png, options["speed"], options["headless"])
+    click.echo(json.dumps(summary) if as_json else _as_text(summary))
+
+
+def _run(
+    *,
+    world: str,
+    mapper: str,
+    agent: str,
+    odometer: str,
+    seed: int,
+    steps: int,
+    record: Path,
+    png: Path,
+    speed: float,
+    headless: bool,
+) -> dict[str, Any]:
+    """Run an episode; its summary."""
+    import gymnasium
+    import numpy as np
+
+    from albot_agents.registry import make_agent
+    from albot_cli.stage import open_stage
+    from albot_env.recording.writer import EpisodeWriter
+    from albot_env.rendering.picture import save_picture
+    from albot_env.tasks.explore import ENVIRONMENT, ExploreEnv
+
+    driver = make_agent(agent)
+    env = gymnasium.make(
+        ENVIRONMENT, world=world, mapper=mapper, odometer=odometer, max_episode_steps=steps
+    )
+    explorer = env.unwrapped
+    assert isinstance(explorer, ExploreEnv)
+    explorer.recorder = EpisodeWriter(record, agent=agent)
+    # The environment draws from `seed` itself: the driver must not draw the same numbers.
+    driver.reset(np.random.default_rng((seed, 1)))
+    try:
+        observation, info = env.reset(seed=seed)
+        collisions, done, watched = 0, False, True
+        with open_stage(
+            f"{agent} in {world}", total=steps, speed=speed, headless=headless
+        ) as stage:
+            while watched and not done:
+                observation, _, ended, cut, info = env.step(driver.act(observation))
+                collisions += info["collided"]
+                done = ended or cut
+                watched = stage.step(info["time"], lambda: explorer.frame)
+            stage.end(explorer.frame)
+        save_picture(explorer.frame, png)
+    finally:
+        env.close()
+    return {
+        "world": world,
+        "agent": agent,
+        "mapper": mapper,
+        "seed": seed,
+        "steps": round(info["time"] * 10),
+        "path_m": info["path_length"],
+        "updates": info["updates"],
+        "surfaces": info["surfaces"],
+        "position_error_m": info["position_error"],
+        "files": {"episode": str(record), "picture": str(png)},
+        "simulated_s": info["time"],
+        "coverage": info["coverage"],
+        "rooms_entered": info["rooms_entered"],
+        "steps_in_contact": collisions,
+    }
+
+
+def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) -> dict[str, Any]:
+    """Play an episode back; its summary."""
+    from albot_cli.stage import open_stage
+    from albot_env.recording.reader import EpisodeReader
+    from albot_env.rendering.picture import save_picture
+    from albot_env.rendering.trace import Trace
+
+    reader = EpisodeReader(episode)
+    header, moments = reader.header, reader.moments()
+    moment = next(moments, None)
+    if moment is None:
+        raise InputError(episode, "an episode with at least one step", "its header alone")
+    trace, steps, collisions = Trace(header, moment), 0, 0
+    rooms = {moment.room} - {""}
+    with open_stage(f"{episode}", total=None, speed=speed, headless=headless) as stage:
+        for moment in moments:
+            trace.add(moment)
+            steps += 1
+            collisions += moment.collided
+            rooms |= {moment.room} - {""}
+            if not stage.step(moment.reading.stamp, lambda: trace.frame):
+                break
+        stage.end(trace.frame)
+    if reader.torn:
+        click.echo(f"albot: {episode}: ends early; what is there was played", err=True)
+    if png is not None:
+        save_picture(trace.frame, png)
+    frame = trace.frame
+    return {
+        "world": header.world,
+        "agent": reader.agent,
+        "mapper": header.mapper,
+        "seed": header.seed,
+        "steps": steps,
+        "path_m": frame.path_length,
+        "updates": frame.updates,
+        "surfaces": len(frame.surfaces),
+        "position_error_m": frame.position_error,
+        "files": {"episode": str(episode), "picture": None if png is None else str(png)},
+        "simulated_s": frame.time,
+        "coverage": None,
+        "rooms_entered": len(rooms),
+        "steps_in_contact": collisions,
+        "torn": reader.torn,
+    }
+
+
+def _as_text(summary: dict[str, Any]) -> str:
+    """The summary for people."""
+    covered = summary["coverage"]
+    figures = [
+        f"{summary['path_m']:.1f} m driven",
+        f"{summary['updates']} updates",
+        f"{summary['surfaces']} surfaces",
+        f"{summary['position_error_m']:.2f} m off",
+        f"{summary['rooms_entered']} rooms entered",
+        *([] if covered is None else [f"{covered:.0%} of the ground covered"]),
+    ]
+    lines = [
+        f"{summary['agent']} in {summary['world']} with {summary['mapper']}, "
+        f"seed {summary['seed']}, {summary['simulated_s']:.0f} s:",
+        f"  {' · '.join(figures)}",
+        f"  episode  {summary['files']['episode']}  (albot play FILE, or open it in Foxglove)",
+    ]
+    if summary["files"]["picture"]:
+        lines.append(f"  picture  {summary['files']['picture']}")
+    return "\n".join(lines)
