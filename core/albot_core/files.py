@@ -76,9 +76,17 @@ def replacing(path: Path, mode: str = "wb") -> Iterator[IO[bytes]]:
 
     A reader sees the old file or the whole new one, never a part. Missing parent
     folders are made. When the block raises, nothing is left behind.
+
+    Raises:
+        InputError: Nothing can be written there.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    if path.is_dir():
+        raise InputError(path, "a file to write", "a folder")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise InputError(path, "a file to write", error.strerror or str(error)) from None
     try:
         with os.fdopen(handle, mode) as stream:
             yield stream

@@ -33,7 +33,10 @@ class FreeSpace:
     def __init__(self, walls: Segments, radius: float) -> None:
         self.radius = radius
         lines = wall_lines(walls)
-        self._widened = shapely.buffer(lines, radius, quad_segs=self._SIDES_PER_QUARTER)
+        # Widened chain by chain and then united: far faster than the whole at once.
+        chains = shapely.get_parts(shapely.line_merge(lines))
+        widened = shapely.buffer(chains, radius, quad_segs=self._SIDES_PER_QUARTER)
+        self._widened = shapely.union_all(widened)
         x_min, y_min, x_max, y_max = lines.bounds
         margin = 4 * radius
         self._frame = shapely.box(x_min - margin, y_min - margin, x_max + margin, y_max + margin)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from types import MappingProxyType
@@ -155,7 +155,7 @@ class World:
         if not name.strip() or not name.isprintable():
             raise self._error(place, "a name of one printable line", repr(name))
 
-    def _check_numbers(self, kind: str, rows: Iterable[np.ndarray]) -> None:
+    def _check_numbers(self, kind: str, rows: Sequence[np.ndarray] | np.ndarray) -> None:
         for index, row in enumerate(rows):
             bad = ~(np.abs(row) <= LARGEST_COORDINATE)
             if bad.any():

@@ -99,8 +99,13 @@ class _Plan:
         except ElementTree.ParseError as error:
             line, _ = error.position
             raise self._error("whole XML", str(error), f"line {line}") from None
+        except (LookupError, ValueError) as error:
+            raise self._error("XML in a known encoding", str(error), "line 1") from None
         if self._root.tag != "building":
             raise self._error("a floor plan <building>", f"<{self._root.tag}>", "line 1")
+        floors = len(self._root.findall("floor"))
+        if floors != 1:
+            raise self._error("one floor", str(floors))
         self._metres_per_pixel = self._distance("real") / 100 / self._distance("represented")
         self._spaces = self._root.findall("floor/spaces/space")
         if not self._spaces:
@@ -128,6 +133,7 @@ class _Plan:
         points = {
             line.get("id"): self._points(line)[0]
             for line in self._root.iterfind(".//linesegment[class='PORTAL']")
+            if line.find("point") is not None
         }
         portals: dict[tuple[frozenset[str], str], _Portal] = {}
         for element in self._root.iterfind(".//portal"):
@@ -149,7 +155,10 @@ class _Plan:
         outline = shapely.Polygon(corners)
         if not outline.is_valid:
             parts = shapely.get_parts(shapely.make_valid(outline, method="structure"))
-            outline = shapely.Polygon(max(parts, key=lambda part: float(part.area)).exterior)
+            polygons = [part for part in parts if part.geom_type == "Polygon"]
+            if not polygons:
+                raise self._error("an outline that encloses something", "a line", f"space {name}")
+            outline = shapely.Polygon(max(polygons, key=lambda part: float(part.area)).exterior)
             self.notes.append(f"the outline of {name} crossed itself and was cleaned")
         return _Space(name=name, outline=outline)
 

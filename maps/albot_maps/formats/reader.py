@@ -4,14 +4,49 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from albot_maps.formats.world_yaml import read_world_yaml
+from albot_core.errors import InputError
+from albot_maps.formats.plan_xml import read_plan_xml
+from albot_maps.formats.ros_grid import read_ros_grid
+from albot_maps.formats.world_yaml import world_from_document
+from albot_maps.formats.yaml_document import read_yaml
 from albot_maps.world import World
+
+_YAML = {".yaml", ".yml"}
+_PICTURES = {".pgm", ".png"}
 
 
 def read_world(path: Path) -> World:
-    """The world in a file.
+    """The world in a file: our own YAML, a ROS map (its YAML or its picture), a plan's XML.
+
+    Any of them may be compressed (`.gz`, `.xz`).
 
     Raises:
         InputError: The file cannot be read, its format is not known, or it is wrong.
     """
-    return read_world_yaml(path)
+    kind = Path(path.stem).suffix if path.suffix in {".gz", ".xz"} else path.suffix
+    if kind in _YAML:
+        return _read_yaml_world(path)
+    if kind == ".xml":
+        return read_plan_xml(path)
+    if kind in _PICTURES:
+        return _read_yaml_world(_description_of(path))
+    raise InputError(path, "a world file: .yaml, .xml, .pgm or .png", kind or "no suffix")
+
+
+def _read_yaml_world(path: Path) -> World:
+    document = read_yaml(path)
+    if isinstance(document.data, dict) and "image" in document.data:
+        return read_ros_grid(document, path)
+    return world_from_document(document, source=str(path))
+
+
+def _description_of(picture: Path) -> Path:
+    """The YAML beside a ROS map's picture."""
+    if not picture.exists():
+        raise InputError(picture, "a file that exists", "none")
+    stem = picture.name.split(".")[0]
+    for suffix in sorted(_YAML):
+        path = picture.with_name(picture.name.replace(".gz", "")).with_suffix(suffix)
+        if path.is_file():
+            return path
+    raise InputError(picture, f"its map_server description {stem}.yaml beside it", "none")

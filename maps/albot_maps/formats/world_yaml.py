@@ -3,34 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
 
 from albot_core.errors import InputError
-from albot_core.files import read_bytes
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_maps.formats.world_schema import check_schema
 from albot_maps.formats.yaml_document import YamlDocument, shown
 from albot_maps.world import Exit, Room, World
-
-
-def read_world_yaml(path: Path) -> World:
-    """The world in an `albot-world` file.
-
-    Raises:
-        InputError: The file cannot be read, is no such file or holds an invalid world.
-    """
-    content = read_bytes(path)
-    try:
-        text = content.decode()
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        found = f"the byte {content[error.start]:#04x}"
-        raise InputError(path, "UTF-8 text", found, place=f"line {line}") from None
-    return parse_world(text, source=str(path))
 
 
 def parse_world(text: str, *, source: str) -> World:
@@ -39,7 +21,11 @@ def parse_world(text: str, *, source: str) -> World:
     Raises:
         InputError: The text is no such file or holds an invalid world; with the line.
     """
-    document = YamlDocument(text, source)
+    return world_from_document(YamlDocument(text, source), source=source)
+
+
+def world_from_document(document: YamlDocument, *, source: str) -> World:
+    """The world in the document of an `albot-world` file; raises as `parse_world` does."""
     check_schema(document, source)
     data = document.data
     walls = _Walls(document, source)

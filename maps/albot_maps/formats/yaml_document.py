@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import yaml
 
 from albot_core.errors import InputError
+from albot_core.files import read_bytes
 
-Path = tuple[str | int, ...]
+Steps = tuple[str | int, ...]
 """The way to a value from the top of a document: keys and indices."""
 
 
@@ -52,7 +54,7 @@ class YamlDocument:
 
     def __init__(self, text: str, source: object) -> None:
         self._source = source
-        self._lines: dict[Path, int] = {}
+        self._lines: dict[Steps, int] = {}
         try:
             root = yaml.compose(text, Loader=_Loader)
             self.data: Any = None if root is None else self._plain(root, ())
@@ -76,7 +78,7 @@ class YamlDocument:
         line = self._lines.get(known)
         return ", ".join(part for part in (f"line {line}" if line else "", name) if part)
 
-    def _plain(self, node: yaml.Node, path: Path) -> Any:
+    def _plain(self, node: yaml.Node, path: Steps) -> Any:
         line = node.start_mark.line + 1
         if path in self._lines:
             raise self._error(line, f"the key {path[-1]!r} once", "it twice")
@@ -113,6 +115,21 @@ class YamlDocument:
 
     def _error(self, line: int, expected: str, found: str) -> InputError:
         return InputError(self._source, expected, found, place=f"line {line}")
+
+
+def read_yaml(path: Path) -> YamlDocument:
+    """The document in a file.
+
+    Raises:
+        InputError: The file cannot be read, or is no UTF-8 text or no YAML.
+    """
+    content = read_bytes(path)
+    try:
+        return YamlDocument(content.decode(), path)
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        found = f"the byte {content[error.start]:#04x}"
+        raise InputError(path, "UTF-8 text", found, place=f"line {line}") from None
 
 
 def dotted(path: Sequence[str | int]) -> str:

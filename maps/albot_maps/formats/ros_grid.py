@@ -1,0 +1,188 @@
+"""Reading ROS map_server maps: a picture of grid cells and the YAML that describes it.
+
+The format is that of https://wiki.ros.org/map_server: a cell is occupied where its darkness
+exceeds `occupied_thresh`. Occupied cells are traced to walls along their edges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from jaxtyping import Bool, Float64
+from PIL import Image
+from scipy import ndimage
+
+from albot_core.errors import InputError
+from albot_core.files import read_bytes
+from albot_core.geometry.poses import transform_points, transform_segments
+from albot_core.geometry.types import Pose, Segments
+from albot_maps.formats.yaml_document import YamlDocument, shown
+from albot_maps.world import ROBOT_RADIUS, World
+
+Cells = Bool[np.ndarray, "rows columns"]
+"""One truth value a cell; the first row is the lowest on the map."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Description:
+    """What the YAML of a map says."""
+
+    picture: Path
+    resolution: float
+    """Length of a cell's side (m)."""
+    origin: Pose
+    """Pose of the map's lower left corner in the world."""
+    occupied_above: float
+    free_below: float
+    negate: bool
+
+
+def read_ros_grid(document: YamlDocument, path: Path) -> World:
+    """The world on a map_server map, whose YAML is `document`, read from `path`.
+
+    No occupied cell is dropped, however small a speck: it may be a table's leg. Every
+    wall lies within one cell of an occupied cell's edge, and every such edge within one
+    cell of a wall. Cells never seen are no walls. The start is the middle of the widest
+    place of the largest stretch of free cells that a robot can drive about in.
+
+    Raises:
+        InputError: The description is wrong, the picture is missing or unreadable, or no
+            free place is large enough for the robot.
+    """
+    description = _describe(document, path)
+    occupied, free = _read_cells(description)
+    if not occupied.any():
+        raise InputError(description.picture, "at least one occupied cell", "none")
+    start = _start(occupied, free, description)
+    walls = trace_cells(occupied) * description.resolution
+    return World(
+        name=path.stem,
+        walls=transform_segments(description.origin, walls),
+        starts=np.array([[*transform_points(description.origin, start), 0.0]]),
+        source=str(path),
+    )
+
+
+def trace_cells(occupied: Cells) -> Segments:
+    """The outlines of the occupied cells, simplified by at most one cell's side.
+
+    Lengths are in cells, from the lower left corner of the map.
+    """
+    rows, lefts, rights = _runs(occupied)
+    blobs = shapely.unary_union(shapely.box(lefts, rows, rights, rows + 1))
+    outlines = shapely.get_rings(shapely.get_parts(blobs))
+    simple = shapely.simplify(outlines, 1.0, preserve_topology=True)
+    rings = [np.array(ring.coords) for ring in simple]
+    return np.concatenate([np.concatenate((ring[:-1], ring[1:]), axis=1) for ring in rings])
+
+
+def _runs(
+    cells: Cells,
+) -> tuple[Float64[np.ndarray, "runs"], Float64[np.ndarray, "runs"], Float64[np.ndarray, "runs"]]:
+    """Row, left end and right end of every run of true cells in a row."""
+    padded = np.pad(cells, ((0, 0), (1, 1))).astype(np.int8)
+    change = np.diff(padded, axis=1)
+    rows, lefts = np.nonzero(change == 1)
+    _, rights = np.nonzero(change == -1)
+    return rows.astype(np.float64), lefts.astype(np.float64), rights.astype(np.float64)
+
+
+def _start(occupied: Cells, free: Cells, description: _Description) -> Float64[np.ndarray, "2"]:
+    """The middle (m) of the free cell from which walls and the unknown are furthest."""
+    clearance = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
+    # A traced wall may lie one cell off the cells it stands for.
+    roomy = clearance * description.resolution > ROBOT_RADIUS + 2 * description.resolution
+    parts, count = ndimage.label(roomy)
+    if not count:
+        expected = f"free cells with room for a robot of radius {ROBOT_RADIUS} m"
+        raise InputError(description.picture, expected, "none")
+    largest = 1 + int(np.argmax(np.bincount(parts.ravel())[1:]))
+    row, column = np.unravel_index(np.argmax(clearance * (parts == largest)), occupied.shape)
+    return (np.array([column, row]) + 0.5) * description.resolution
+
+
+def _read_cells(description: _Description) -> tuple[Cells, Cells]:
+    """Which cells are occupied and which are free; the rest were never seen."""
+    shade = _read_shades(description.picture) / 255
+    darkness = shade if description.negate else 1 - shade
+    upward = darkness[::-1]
+    return upward > description.occupied_above, upward < description.free_below
+
+
+def _read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
+    """The picture's brightness, 0 to 255; that of a coloured one is its channels' mean."""
+    content = read_bytes(path)
+    try:
+        with Image.open(BytesIO(content)) as picture:
+            if picture.mode.startswith(("I", "F")):
+                raise InputError(path, "8 bits a channel", f"the mode {picture.mode}")
+            colours: np.ndarray = np.asarray(picture.convert("RGB"), dtype=np.float64)
+    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+        raise InputError(path, "a whole PGM or PNG picture", str(error)) from None
+    return np.array(colours.mean(axis=2))
+
+
+def _describe(document: YamlDocument, path: Path) -> _Description:
+    fields = _Fields(document, path)
+    x, y, yaw = fields.numbers("origin", 3)
+    (resolution,) = fields.numbers("resolution", 1)
+    if resolution <= 0:
+        raise fields.error("resolution", "a positive length (m)")
+    if document.data.get("mode", "trinary") not in {"trinary", "scale"}:
+        raise fields.error("mode", "trinary or scale")
+    if document.data.get("negate") not in {0, 1}:
+        raise fields.error("negate", "0 or 1")
+    return _Description(
+        picture=fields.picture(),
+        resolution=resolution,
+        origin=np.array([x, y, yaw]),
+        occupied_above=fields.share("occupied_thresh"),
+        free_below=fields.share("free_thresh"),
+        negate=bool(document.data["negate"]),
+    )
+
+
+class _Fields:
+    """The values of a map's YAML, each checked as it is asked for."""
+
+    def __init__(self, document: YamlDocument, path: Path) -> None:
+        self._document = document
+        self._path = path
+
+    def numbers(self, key: str, count: int) -> list[float]:
+        """So many finite numbers."""
+        value = self._document.data.get(key)
+        values = value if isinstance(value, list) else [value]
+        plain = [item for item in values if isinstance(item, int | float)]
+        if len(plain) != len(values) or len(values) != count or not np.isfinite(plain).all():
+            raise self.error(key, "a number" if count == 1 else f"{count} numbers")
+        return [float(item) for item in plain]
+
+    def share(self, key: str) -> float:
+        """A number in [0, 1]."""
+        (value,) = self.numbers(key, 1)
+        if not 0 <= value <= 1:
+            raise self.error(key, "a number from 0 to 1")
+        return value
+
+    def picture(self) -> Path:
+        """The picture's file, which may have been gzipped."""
+        name = self._document.data.get("image")
+        if not isinstance(name, str):
+            raise self.error("image", "the name of a picture")
+        path = self._path.parent / name
+        zipped = path.with_name(f"{path.name}.gz")
+        if not path.is_file() and not zipped.is_file():
+            raise self.error("image", "a picture that exists")
+        return path if path.is_file() else zipped
+
+    def error(self, key: str, expected: str) -> InputError:
+        """What is wrong with the value of a key."""
+        data: dict[str, Any] = self._document.data
+        found = shown(data[key]) if key in data else "no such key"
+        return InputError(self._path, expected, found, place=self._document.place((key,)))

@@ -1,0 +1,138 @@
+"""`albot worlds`: list, show, check and convert worlds."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.files import write_text
+from albot_maps import World, catalogue_names, load_world
+from albot_maps.formats.world_text import world_text
+
+_JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object, no more.")
+_WORLD = click.argument("spec", metavar="WORLD")
+
+
+@click.group()
+def command() -> None:
+    """List, show, check and convert worlds.
+
+    WORLD is a name that `albot worlds list` prints, or a file: our own YAML, a ROS map
+    (.yaml, .pgm, .png), or an XML floor plan; compressed (.gz, .xz) or not.
+    """
+
+
+@command.command("list")
+@_JSON
+def list_worlds(as_json: bool) -> None:
+    """List the worlds that come with the project."""
+    worlds = [summary(load_world(name)) for name in catalogue_names()]
+    if as_json:
+        click.echo(json.dumps({"worlds": worlds}))
+        return
+    width = max(len(each["name"]) for each in worlds)
+    for each in worlds:
+        click.echo(f"{each['name']:{width}}  {one_line(each)}")
+
+
+@command.command()
+@_WORLD
+@click.option("--png", type=click.Path(path_type=Path), help="Draw its floor plan to a file.")
+@_JSON
+def show(spec: str, png: Path | None, as_json: bool) -> None:
+    """Say what WORLD holds, and draw it."""
+    if png is not None and png.suffix.lower() != ".png":
+        raise InputError("--png", "a name that ends in .png", str(png))
+    world = load_world(spec)
+    facts = summary(world)
+    if png is not None:
+        from albot_maps.drawing import save_picture  # matplotlib is slow to load
+
+        save_picture(world, png)
+        facts["png"] = str(png)
+    click.echo(json.dumps(facts) if as_json else in_full(facts))
+
+
+@command.command()
+@_WORLD
+@_JSON
+def check(spec: str, as_json: bool) -> None:
+    """Check that WORLD can be read and is valid; say what its reader left out."""
+    facts = summary(load_world(spec))
+    if as_json:
+        click.echo(json.dumps({"valid": True, **facts}))
+        return
+    click.echo(f"{spec}: a valid world, {one_line(facts)}")
+    for note in facts["notes"]:
+        click.echo(f"  note: {note}")
+
+
+@command.command()
+@_WORLD
+@click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="A .yaml file.")
+@_JSON
+def convert(spec: str, out: Path, as_json: bool) -> None:
+    """Write WORLD, whatever its format, as our own YAML."""
+    if out.suffix not in {".yaml", ".yml"}:
+        raise InputError("--out", "a name that ends in .yaml", str(out))
+    world = load_world(spec)
+    write_text(out, world_text(world))
+    facts = {**summary(world), "out": str(out)}
+    click.echo(json.dumps(facts) if as_json else f"{out}: {one_line(facts)}")
+
+
+def summary(world: World) -> dict[str, Any]:
+    """The facts about a world that the command prints; lengths in metres."""
+    x_min, y_min, x_max, y_max = world.bounds
+    return {
+        "name": world.name,
+        "source": world.source,
+        "size_m": [round(x_max - x_min, 3), round(y_max - y_min, 3)],
+        "closed": world.closed,
+        "walls": len(world.walls),
+        "rooms": [room.name for room in world.rooms],
+        "exits": {opening.name: list(opening.rooms) for opening in world.exits},
+        "starts": world.starts.tolist(),
+        "tours_m": {name: round(_length(points), 2) for name, points in world.tours.items()},
+        "notes": list(world.notes),
+    }
+
+
+def one_line(facts: dict[str, Any]) -> str:
+    """A world's size and how much is in it."""
+    width, height = facts["size_m"]
+    parts = [f"{width:.1f} x {height:.1f} m"]
+    parts += [_count(len(facts[kind]), kind) for kind in ("rooms", "exits")]
+    return ", ".join([*parts, _count(facts["walls"], "walls")])
+
+
+def in_full(facts: dict[str, Any]) -> str:
+    """A world's facts, one a line."""
+    width, height = facts["size_m"]
+    x, y, heading = facts["starts"][0]
+    rows = {
+        "name": facts["name"],
+        "source": facts["source"],
+        "size": f"{width:.2f} x {height:.2f} m, {'closed' if facts['closed'] else 'open'}",
+        "walls": str(facts["walls"]),
+        "rooms": ", ".join(facts["rooms"]),
+        "exits": ", ".join(f"{name} ({'–'.join(ends)})" for name, ends in facts["exits"].items()),
+        "start": f"({x:.2f}, {y:.2f}) m, heading {np.rad2deg(heading):.0f}°",
+        "tours": ", ".join(f"{name} ({length:.1f} m)" for name, length in facts["tours_m"].items()),
+        "notes": "; ".join(facts["notes"]),
+        "png": facts.get("png", ""),
+    }
+    return "\n".join(f"{title:8}{text}" for title, text in rows.items() if text)
+
+
+def _count(number: int, plural: str) -> str:
+    return f"{number} {plural if number != 1 else plural.removesuffix('s')}"
+
+
+def _length(points: np.ndarray) -> float:
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
