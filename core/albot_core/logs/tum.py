@@ -1,0 +1,62 @@
+"""Trajectories in the TUM format: a line each, `stamp x y z qx qy qz qw`.
+
+Seconds, metres, and the heading as a quaternion about z; lines that begin with `#` are
+comments. https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.evaluation.trajectory import Trajectory
+from albot_core.files import write_text
+from albot_core.logs.text import LogText
+
+_EXPECTED = "eight finite numbers, stamp x y z qx qy qz qw"
+
+
+def write_tum(trajectory: Trajectory, path: Path) -> None:
+    """Write a trajectory, whole or not at all.
+
+    Read back, stamps and positions are the same to the last bit, headings to rounding.
+    """
+    lines = ["# stamp x y z qx qy qz qw"]
+    for stamp, (x, y, heading) in zip(trajectory.stamps, trajectory.poses, strict=True):
+        numbers = (stamp, x, y, 0, 0, 0, np.sin(heading / 2), np.cos(heading / 2))
+        lines.append(" ".join(_shortest(number) for number in numbers))
+    write_text(path, "\n".join(lines) + "\n")
+
+
+def read_tum(text: LogText) -> Trajectory:
+    """Read a trajectory; only the turn about z is used. Lines may stand in any order.
+
+    Raises:
+        InputError: A line is not eight finite numbers, its quaternion is none, or there is
+            no line at all.
+    """
+    rows = []
+    for number, line in enumerate(text.lines, start=1):
+        text.number = number
+        words = line.split()
+        if not words or words[0].startswith("#"):
+            continue
+        if len(words) != 8:
+            raise text.error(_EXPECTED, f"{len(words)} fields")
+        stamp, x, y, _, qx, qy, qz, qw = text.numbers(words, "a field")
+        if not np.isclose(np.hypot(np.hypot(qx, qy), np.hypot(qz, qw)), 1.0, atol=0.01):
+            raise text.error("a quaternion of length 1", " ".join(words[4:]))
+        turn = np.arctan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
+        rows.append((stamp, x, y, turn))
+    if not rows:
+        raise InputError(text.source, "at least one line, stamp x y z qx qy qz qw", "none")
+    table = np.array(sorted(rows, key=lambda row: row[0]))
+    return Trajectory(stamps=table[:, 0], poses=table[:, 1:])
+
+
+def _shortest(number: float) -> str:
+    """The fewest digits that give this number back; 0 without its sign."""
+    text = repr(float(number) + 0.0)
+    return text.removesuffix(".0")

@@ -1,0 +1,78 @@
+"""`albot map`: a mapper on a real robot's log."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import click
+
+from albot_cli.map_files import check_folder, write_files
+from albot_cli.map_report import as_table, report
+from albot_cli.mapping_run import Score, run_mapper, score, warm_up
+from albot_cli.progress import progress
+from albot_core.errors import InputError
+from albot_core.evaluation.relations import read_relations
+from albot_core.logs.log import Log
+from albot_core.logs.reader import read_log
+from albot_core.logs.reference import read_reference
+from albot_core.registry import make_mapper, mapper_names
+
+_FILE = click.Path(path_type=Path)
+
+
+@click.command()
+@click.argument("log", type=_FILE)
+@click.option("--mapper", default="albot1", show_default=True, help=f"{', '.join(mapper_names())}.")
+@click.option(
+    "--reference",
+    type=_FILE,
+    help="Where the robot was: a TUM trajectory, a JSON log, or a CARMEN log of corrected "
+    "poses. A log that holds its own reference needs none.",
+)
+@click.option("--relations", type=_FILE, help="True relations between poses (Kümmerle et al.).")
+@click.option("--out", type=_FILE, help="Folder for the trajectory, surfaces, picture and map.")
+@click.option("--keep-going", is_flag=True, help="Map the good beginning of a damaged log.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+def command(
+    log: Path,
+    mapper: str,
+    reference: Path | None,
+    relations: Path | None,
+    out: Path | None,
+    keep_going: bool,
+    as_json: bool,
+) -> None:
+    """Run a mapper over LOG, a real robot's log, and say how well it mapped.
+
+    LOG is a CARMEN, Wean Hall, Duke or JSON log, plain or packed (.gz, .xz). The seconds
+    reported are those of the mapper's updates alone, compiling excluded.
+    """
+    make_mapper(mapper)
+    if out is not None:
+        check_folder(out)
+    recorded = read_log(log, keep_going)
+    truth = read_reference(reference) if reference else recorded.reference_trajectory
+    true_relations = read_relations(relations) if relations else None
+    odometry = score(recorded.odometry_trajectory, truth, true_relations)
+    _check_stamps(recorded, odometry, reference, relations)
+    warm_up(mapper, recorded)
+    with progress(f"{mapper} on {recorded.name}", len(recorded.readings), "scans") as tell:
+        run = run_mapper(mapper, recorded, tell)
+    mapped = score(run.believed, truth, true_relations)
+    figures = report(recorded, run, mapped, odometry)
+    title = f"{mapper} on {recorded.name}"
+    figures["files"] = write_files(out, title, run, truth) if out else None
+    click.echo(json.dumps(figures) if as_json else as_table(figures))
+
+
+def _check_stamps(
+    log: Log, odometry: Score, reference: Path | None, relations: Path | None
+) -> None:
+    """Raise InputError where what a whole log is to be held against is not of this log."""
+    if log.left_out is not None:
+        return
+    if reference and odometry.trajectory is None:
+        raise InputError(reference, f"moments of {log.name}", "stamps of another log")
+    if relations and odometry.relations is None:
+        raise InputError(relations, f"moments of {log.name}", "stamps of another log")

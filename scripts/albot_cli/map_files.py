@@ -1,0 +1,69 @@
+"""The files that `albot map --out` leaves: all of them, or none."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from pathlib import Path
+
+from albot_cli.mapping_run import MappingRun
+from albot_core.errors import InputError
+from albot_core.evaluation.trajectory import Trajectory, alignment
+from albot_core.geometry.poses import compose
+from albot_core.logs.geojson import write_geojson
+from albot_core.logs.picture import write_picture
+from albot_core.logs.tum import write_tum
+from albot_core.mapfile import save_map
+
+TRAJECTORY, SURFACES, PICTURE, MAP = "trajectory.tum", "surfaces.geojson", "map.png", "map.albot"
+
+
+def check_folder(folder: Path) -> None:
+    """Raise InputError where no folder can be made or nothing be written into it.
+
+    Asked before the work, so that it is not done for nothing.
+    """
+    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not existing.is_dir():
+        raise InputError(folder, "a folder to write to", f"a file at {existing}")
+    try:
+        with tempfile.TemporaryFile(dir=existing):
+            pass
+    except OSError as error:
+        found = error.strerror or str(error)
+        raise InputError(folder, "a folder to write to", found) from None
+
+
+def write_files(
+    folder: Path, title: str, run: MappingRun, reference: Trajectory | None
+) -> dict[str, str]:
+    """Write trajectory, surfaces, picture and map; return their paths by kind.
+
+    They are written to a folder beside, and moved over when all are whole.
+    """
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    beside = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
+    try:
+        write_tum(run.believed, beside / TRAJECTORY)
+        write_geojson(run.mapper.surfaces, beside / SURFACES)
+        save_map(run.mapper, beside / MAP)
+        _draw(beside / PICTURE, title, run, reference)
+        folder.mkdir(exist_ok=True)
+        for path in sorted(beside.iterdir()):
+            path.replace(folder / path.name)
+    finally:
+        shutil.rmtree(beside)
+    names = {"trajectory": TRAJECTORY, "surfaces": SURFACES, "picture": PICTURE, "map": MAP}
+    return {kind: str(folder / name) for kind, name in names.items()}
+
+
+def _draw(path: Path, title: str, run: MappingRun, reference: Trajectory | None) -> None:
+    """Draw the map, and the reference laid on the believed path as well as it goes."""
+    frame = None if reference is None else alignment(reference, run.believed)
+    write_picture(
+        path,
+        title=title,
+        surfaces=run.mapper.surfaces,
+        believed=run.believed.poses,
+        reference=None if reference is None or frame is None else compose(frame, reference.poses),
+    )
