@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import io
 import lzma
 import os
 import tempfile
@@ -10,7 +11,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, cast
+from typing import IO
 
 from albot_core.errors import InputError
 
@@ -18,19 +19,19 @@ _PIECE = 4096
 """How many unpacked bytes are asked for at a time."""
 
 
-def _open_plain(path: Path) -> IO[bytes]:
+def _open_plain(path: Path) -> io.BufferedIOBase:
     return path.open("rb")
 
 
-def _open_gzip(path: Path) -> IO[bytes]:
-    return cast("IO[bytes]", gzip.open(path, "rb"))
+def _open_gzip(path: Path) -> io.BufferedIOBase:
+    return gzip.GzipFile(path, "rb")
 
 
-def _open_xz(path: Path) -> IO[bytes]:
-    return lzma.open(path, "rb")
+def _open_xz(path: Path) -> io.BufferedIOBase:
+    return lzma.LZMAFile(path, "rb")
 
 
-_OPENERS: dict[str, Callable[[Path], IO[bytes]]] = {".gz": _open_gzip, ".xz": _open_xz}
+_OPENERS: dict[str, Callable[[Path], io.BufferedIOBase]] = {".gz": _open_gzip, ".xz": _open_xz}
 
 
 def read_bytes(path: Path) -> bytes:
@@ -51,7 +52,7 @@ def read_beginning(path: Path) -> tuple[bytes, InputError | None]:
     Raises:
         InputError: The file is missing or unreadable.
     """
-    opener: Callable[[Path], IO[bytes]] = _OPENERS.get(path.suffix, _open_plain)
+    opener = _OPENERS.get(path.suffix, _open_plain)
     pieces: list[bytes] = []
     torn = None
     try:

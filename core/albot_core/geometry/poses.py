@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.types import Points, Poses, Segments
+from albot_core.geometry.types import BroadcastPoses, Points, Poses, Segments
 
 
 def wrap_angle(
@@ -15,7 +15,7 @@ def wrap_angle(
     return np.asarray((np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi)[()]
 
 
-def compose(first: Poses, second: Poses) -> Poses:
+def compose(first: BroadcastPoses, second: BroadcastPoses) -> BroadcastPoses:
     """The pose reached by `second` seen from `first`: first ⊕ second. Shapes broadcast."""
     cos, sin = np.cos(first[..., 2]), np.sin(first[..., 2])
     x, y = second[..., 0], second[..., 1]
@@ -36,7 +36,7 @@ def inverse(pose: Poses) -> Poses:
     return np.stack((-cos * x - sin * y, sin * x - cos * y, wrap_angle(-pose[..., 2])), axis=-1)
 
 
-def relative(origin: Poses, target: Poses) -> Poses:
+def relative(origin: BroadcastPoses, target: BroadcastPoses) -> BroadcastPoses:
     """`target` seen from `origin`, so that `origin` composed with it is `target`."""
     return compose(inverse(origin), target)
 

@@ -11,6 +11,9 @@ Pose = Float64[np.ndarray, "3"]
 Poses = Float64[np.ndarray, "*poses 3"]
 """Any number of poses."""
 
+BroadcastPoses = Float64[np.ndarray, "*#poses 3"]
+"""Poses whose number may also be one where others beside them are many."""
+
 Points = Float64[np.ndarray, "*points 2"]
 """Any number of points x, y (m)."""
 

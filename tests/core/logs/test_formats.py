@@ -1,0 +1,217 @@
+from __future__ import annotations
+
+import gzip
+import lzma
+
+import numpy as np
+import pytest
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose, relative
+from albot_core.logs.reader import FORMATS, read_log
+
+
+def test_every_format_gives_what_was_written(kind, drive, write, log_text):
+    truth = drive(kind)
+    log = read_log(write(log_text(kind)))
+    assert log.name == "run.log"
+    assert log.left_out is None
+    np.testing.assert_allclose(log.ranges, truth.ranges, atol=1e-9)
+    # A corrected log holds the odometer's steps to the rounding of its own poses.
+    np.testing.assert_allclose(log.odometry, truth.odometry, atol=1e-5)
+    if kind != "duke":
+        np.testing.assert_allclose(log.stamps, truth.stamps, atol=1e-9)
+    else:
+        np.testing.assert_array_equal(log.stamps, np.arange(len(truth.stamps)))
+    if kind == "corrected":
+        np.testing.assert_allclose(log.reference, truth.corrected, atol=1e-9)
+    else:
+        assert log.reference is None
+
+
+def test_readings_are_the_odometers_steps(kind, write, log_text):
+    log = read_log(write(log_text(kind)))
+    assert len(log.readings) == len(log.odometry)
+    np.testing.assert_array_equal(log.readings[0].motion, np.zeros(3))
+    pose = log.odometry[0]
+    for reading, stamp, ranges, expected in zip(
+        log.readings, log.stamps, log.ranges, log.odometry, strict=True
+    ):
+        pose = compose(pose, reading.motion)
+        np.testing.assert_allclose(relative(expected, pose), 0, atol=1e-12)
+        assert reading.stamp == stamp
+        assert reading.laser.geometry is log.geometry
+        np.testing.assert_array_equal(reading.laser.ranges, ranges)
+
+
+@pytest.mark.parametrize(
+    ("kind", "beams", "spacing", "max_range", "mount"),
+    [
+        ("carmen", 180, 1.0, 30.0, (0, 0, 0)),
+        ("robotlaser", 361, 0.5, 12.5, (0.1, -0.2, 0)),
+        ("corrected", 180, 1.0, 30.0, (0, 0, 0)),
+        ("wean", 180, 1.0, 30.0, (0.25, 0, 0)),
+        ("duke", 181, 1.0, 8.18, (0.4, 0, 0)),
+        ("json", 180, 1.0, 30.0, (0, 0, 0)),
+    ],
+)
+def test_the_laser_of_every_format(kind, beams, spacing, max_range, mount, write, log_text):
+    laser = read_log(write(log_text(kind))).geometry
+    assert laser.beams == beams
+    assert laser.max_range == max_range
+    assert laser.mount == pytest.approx(mount, abs=1e-4)
+    # Beams run from the right to the left.
+    assert np.rad2deg(laser.bearings[:2]) == pytest.approx((-90, -90 + spacing), abs=0.01)
+
+
+def test_half_a_degree_between_360_beams(drive, write):
+    text = drive("carmen")
+    text.ranges = np.tile(text.ranges, (1, 2))
+    log = read_log(write(text.carmen()))
+    assert log.geometry.beams == 360
+    assert np.rad2deg(log.geometry.bearings[-1]) == pytest.approx(89.5)
+
+
+@pytest.mark.parametrize("suffix", [".gz", ".xz"])
+def test_packed_logs_are_unpacked(kind, suffix, tmp_path, write, log_text):
+    pack = {".gz": gzip.compress, ".xz": lzma.compress}[suffix]
+    path = tmp_path / f"run.log{suffix}"
+    path.write_bytes(pack(log_text(kind).encode()))
+    plain = read_log(write(log_text(kind)))
+    packed = read_log(path)
+    np.testing.assert_array_equal(packed.ranges, plain.ranges)
+    np.testing.assert_array_equal(packed.odometry, plain.odometry)
+
+
+def test_scans_come_in_the_order_of_time(drive, write):
+    shuffled = drive("carmen")
+    straight = read_log(write(shuffled.carmen()))
+    order = np.array((1, 0, 2, 5, 3, 4))
+    for name in ("odometry", "stamps", "ranges"):
+        setattr(shuffled, name, getattr(shuffled, name)[order])
+    log = read_log(write(shuffled.carmen()))
+    np.testing.assert_array_equal(log.stamps, straight.stamps)
+    np.testing.assert_array_equal(log.ranges, straight.ranges)
+    np.testing.assert_array_equal(
+        [reading.motion for reading in log.readings],
+        [reading.motion for reading in straight.readings],
+    )
+
+
+def test_scans_of_one_stamp_stay_as_they_stand(drive, write):
+    text = drive("carmen")
+    text.stamps[:] = 7.0
+    np.testing.assert_array_equal(read_log(write(text.carmen())).ranges, text.ranges)
+
+
+def test_ranges_beyond_reach_and_codes_of_fault_mean_no_return(drive, write):
+    text = drive("carmen")
+    text.ranges[0, :6] = (0.0, 29.99, 30.0, 50.0, 81.83, 81.91)
+    log = read_log(write(text.carmen()))
+    assert log.ranges[0, :6].tolist() == [np.inf, 29.99, np.inf, np.inf, np.inf, np.inf]
+
+
+def test_the_header_of_a_robotlaser_tells_the_largest_range(drive, write):
+    text = drive("robotlaser")
+    text.ranges[0, :2] = (12.4, 12.6)
+    log = read_log(write(text.robotlaser()))
+    assert log.ranges[0, :2].tolist() == [12.4, np.inf]
+
+
+@pytest.mark.parametrize("remissions", [None, 0, 1, 361])
+def test_robotlaser_with_and_without_remissions(remissions, drive, write):
+    text = drive("robotlaser")
+    log = read_log(write(text.robotlaser(remissions)))
+    np.testing.assert_allclose(log.ranges, text.ranges)
+    np.testing.assert_allclose(log.odometry, text.odometry)
+
+
+def test_of_two_kinds_of_scans_the_first_is_read(drive, write, log_text):
+    log = read_log(write(log_text("carmen") + log_text("robotlaser")))
+    assert log.geometry.beams == 180
+    assert len(log.stamps) == len(drive("carmen").stamps)
+
+
+def test_a_first_pose_that_wanders_is_the_reference(drive, write):
+    text = drive("carmen")
+    lines = [
+        text.flaser(k, corrected, raw)
+        for k, (corrected, raw) in enumerate(zip(text.corrected, text.odometry, strict=True))
+    ]
+    log = read_log(write("\n".join(lines) + "\n"))
+    np.testing.assert_allclose(log.odometry, text.odometry)
+    np.testing.assert_allclose(log.reference, text.corrected)
+
+
+def test_a_raw_log_with_odometry_after_each_scan_is_not_taken_for_a_corrected_one(drive, write):
+    text = drive("carmen")
+    lines = []
+    for k, pose in enumerate(text.odometry):
+        lines += [text.flaser(k, pose, pose), text.odom(pose, text.stamps[k])]
+    log = read_log(write("\n".join(lines) + "\n"))
+    assert log.reference is None
+    np.testing.assert_allclose(log.odometry, text.odometry)
+
+
+def test_a_corrected_log_out_of_time_order_keeps_its_odometry(drive, write):
+    text = drive("corrected")
+    text.stamps = text.stamps[[0, 2, 1, 3, 4, 5]]
+    log = read_log(write(text.corrected_log()))
+    order = np.argsort(text.stamps)
+    np.testing.assert_allclose(log.odometry, text.odometry[order], atol=1e-5)
+    np.testing.assert_allclose(log.reference, text.corrected[order], atol=1e-9)
+
+
+def test_carriage_returns_are_no_matter(kind, write, log_text):
+    log = read_log(write(log_text(kind).replace("\n", "\r\n")))
+    np.testing.assert_array_equal(log.ranges, read_log(write(log_text(kind))).ranges)
+
+
+@pytest.mark.parametrize("kind", ["carmen", "robotlaser", "wean", "duke"])
+def test_a_last_line_without_its_end_is_read_if_whole(kind, write, log_text):
+    log = read_log(write(log_text(kind).rstrip()))
+    assert len(log.stamps) == len(read_log(write(log_text(kind))).stamps)
+
+
+@pytest.mark.parametrize(
+    ("content", "found"),
+    [
+        (b"", "an empty file"),
+        (b" \n\n", "an empty file"),
+        (b"\x7fELF\x00\x01\x02", "binary data"),
+        (b"Dear diary,\ntoday I drove.\n", "'Dear diary,'"),
+        (b"point2 0 1 2\n", "'point2 0 1 2'"),
+    ],
+)
+def test_what_is_no_log_is_named(content, found, tmp_path):
+    path = tmp_path / "what.log"
+    path.write_bytes(content)
+    for keep_going in (False, True):
+        with pytest.raises(InputError) as caught:
+            read_log(path, keep_going)
+        assert caught.value.found == found
+        assert str(path) in str(caught.value)
+
+
+def test_the_error_of_an_unknown_format_lists_the_known_ones(write):
+    with pytest.raises(InputError) as caught:
+        read_log(write("Dear diary\n"))
+    assert all(known in str(caught.value) for known in FORMATS)
+
+
+def test_a_log_without_scans_is_refused(write):
+    with pytest.raises(InputError, match="a FLASER or ROBOTLASER1 line"):
+        read_log(write("PARAM robot_length 0.5 nohost 0\nODOM 0 0 0 0 0 0 1 robot 1\n"))
+    with pytest.raises(InputError, match="at least one L line"):
+        read_log(write("O 1 2 3 4\n"))
+    with pytest.raises(InputError, match="at least one Laser line"):
+        read_log(write("Odometry 1 2 3\n"))
+    with pytest.raises(InputError, match="at least one scan"):
+        read_log(write('{"map": {}}'))
+
+
+def test_a_missing_log_and_a_folder(tmp_path):
+    with pytest.raises(InputError, match="a file that exists"):
+        read_log(tmp_path / "none.log")
+    with pytest.raises(InputError, match="a folder"):
+        read_log(tmp_path)
