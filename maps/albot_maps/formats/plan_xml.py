@@ -52,26 +52,18 @@ def read_plan_xml(path: Path) -> World:
     """
     plan = _Plan(path)
     spaces = plan.spaces()
-    portals = plan.portals(spaces)
-    doors = []
-    exits = []
-    for portal in portals:
-        first, second = (spaces[key] for key in portal.spaces)
-        door = find_door(first.outline, second.outline, portal.point)
-        if door is None:
-            plan.notes.append(f"no door from {first.name} to {second.name}: they do not touch")
-            continue
-        doors.append(door)
-        name = f"D{len(doors)}"
-        exits.append(Exit(name=name, segment=door.segment, rooms=(first.name, second.name)))
+    doors = plan.doors(spaces)
     return reachable_world(
         name=path.stem,
-        walls=_walls([space.outline for space in spaces.values()], doors),
+        walls=_walls([space.outline for space in spaces.values()], [door for door, _ in doors]),
         rooms=tuple(
             Room(name=space.name, boundary=np.array(space.outline.exterior.coords[:-1]))
             for space in spaces.values()
         ),
-        exits=tuple(exits),
+        exits=tuple(
+            Exit(name=f"D{number}", segment=door.segment, rooms=rooms)
+            for number, (door, rooms) in enumerate(doors, 1)
+        ),
         notes=tuple(plan.notes),
         source=str(path),
     )
@@ -128,25 +120,43 @@ class _Plan:
             spaces[key] = self._space(element, name)
         return spaces
 
-    def portals(self, spaces: dict[str, _Space]) -> list[_Portal]:
+    def doors(self, spaces: dict[str, _Space]) -> list[tuple[Door, tuple[str, str]]]:
+        """A door for every portal, with the names of the two spaces it joins."""
+        doors = []
+        for portal in self._portals(spaces):
+            first, second = (spaces[key] for key in portal.spaces)
+            door = find_door(first.outline, second.outline, portal.point)
+            if door is None:
+                note = f"no door from {first.name} to {second.name}, which do not touch"
+                self.notes.append(note)
+            else:
+                doors.append((door, (first.name, second.name)))
+        return doors
+
+    def _portals(self, spaces: dict[str, _Space]) -> list[_Portal]:
         """The portals, each once though both of its spaces list it."""
         points = {
-            line.get("id"): self._points(line)[0]
+            line.get("id"): shapely.Point(self._points(line)[0])
             for line in self._root.iterfind(".//linesegment[class='PORTAL']")
             if line.find("point") is not None
         }
-        portals: dict[tuple[frozenset[str], str], _Portal] = {}
+        portals: dict[tuple[frozenset[str], shapely.Point | None], _Portal] = {}
         for element in self._root.iterfind(".//portal"):
-            ids = [target.text or "" for target in element.findall("target/id")]
             line = element.findtext("linesegment", "")
+            ids = [target.text or "" for target in element.findall("target/id")]
             for key in ids:
                 if key not in spaces:
                     raise self._error("the id of a space", repr(key), f"portal {line}")
             if len(set(ids)) != 2:
                 raise self._error("two spaces", str(len(set(ids))), f"portal {line}")
-            point = shapely.Point(points[line]) if line in points else None
-            portals[frozenset(ids), line] = _Portal(spaces=(ids[0], ids[1]), point=point)
-        return list(portals.values())
+            point = points.get(line)
+            portals[frozenset(ids), point] = _Portal(spaces=(ids[0], ids[1]), point=point)
+        placed = {pair for pair, point in portals if point is not None}
+        return [
+            portal
+            for (pair, point), portal in portals.items()
+            if point is not None or pair not in placed
+        ]
 
     def _space(self, element: ElementTree.Element, name: str) -> _Space:
         corners = self._points(element.find("bounding_polygon"))

@@ -59,4 +59,4 @@ def _start(space: FreeSpace, floor: shapely.Geometry, source: str) -> tuple[Pose
     if part is None or not part.area:
         raise InputError(source, f"a room for a robot of radius {ROBOT_RADIUS} m", "none")
     centre = shapely.maximum_inscribed_circle(part, tolerance=0.05).coords[0]
-    return np.array([*centre, 0.0]), region
+    return np.array([*np.round(centre, 2), 0.0]), region

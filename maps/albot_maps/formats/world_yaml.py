@@ -107,7 +107,7 @@ class _Walls:
         return InputError(self._source, expected, found, place=self._document.place(path))
 
 
-def _points(rows: Sequence[Sequence[float]]) -> Points:
+def _points(rows: list[Any]) -> Points:
     return np.array(rows, dtype=np.float64)
 
 

@@ -19,7 +19,7 @@ Steps = tuple[str | int, ...]
 class _Loader(yaml.BaseLoader):
     """PyYAML with the scalars of YAML 1.2: 1e-3 is a number, no and 1:30 are text."""
 
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """Refuse aliases: a few lines of them can stand for a document without end."""
         if self.check_event(yaml.AliasEvent):
             raise yaml.composer.ComposerError(
