@@ -42,7 +42,7 @@ def localize(memory: Memory, current: Sight, pairs: np.ndarray) -> None:
     Every landmark gives a localisation point. Those farther from their average than their
     standard deviation are discarded; of the rest the landmark of highest goodness counts.
     """
-    room = current.count[0]
+    room = current.size[0]
     poses = np.empty((room, 3))
     which = np.empty(room, np.int64)
     found = 0

@@ -8,8 +8,8 @@ import numpy as np
 
 from albot_core.albot1.config import Albot1Config
 from albot_core.albot1.mapping import LOST, UPDATES, map_step
-from albot_core.albot1.memory import Memory, empty_memory, with_room
-from albot_core.albot1.sight import Sight, empty_sight
+from albot_core.albot1.memory import STORED, empty_memory, rebuilt_memory, with_room
+from albot_core.albot1.sight import Sight, empty_sight, rebuilt_sight
 from albot_core.geometry.poses import inverse
 from albot_core.geometry.types import Pose, Segments
 from albot_core.perception.reading import LaserGeometry, Reading
@@ -83,7 +83,7 @@ class Albot1:
             new = empty_sight(geometry.beams)
             for larger, smaller in zip(new[:4], old[:4], strict=True):
                 larger[: len(smaller)] = smaller
-            new.count[:] = old.count
+            new.size[:] = old.size
             new.pose[:] = old.pose
             sights.append(new)
         self._previous, self._current = sights
@@ -120,19 +120,24 @@ class Albot1:
 
     def state(self) -> dict[str, np.ndarray]:
         """Everything the mapper remembers, as arrays by name."""
-        parts = {"memory": self._memory, "previous": self._previous, "current": self._current}
-        arrays = {
-            f"{part}.{field}": array.copy()
-            for part, arrays in parts.items()
-            for field, array in arrays._asdict().items()
-        }
-        return arrays | {"progress": self._progress.copy()}
+        state = {"progress": self._progress.copy()}
+        state |= {f"memory.{field}": getattr(self._memory, field).copy() for field in STORED}
+        for part, sight in (("previous", self._previous), ("current", self._current)):
+            state |= {f"{part}.{field}": a.copy() for field, a in sight._asdict().items()}
+        return state
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`."""
-        self._memory = Memory(*(state[f"memory.{field}"].copy() for field in Memory._fields))
-        self._previous, self._current = (
-            Sight(*(state[f"{part}.{field}"].copy() for field in Sight._fields))
+        """Become the mapper that returned `state`.
+
+        Raises:
+            InputError: The arrays contradict each other.
+        """
+        memory = rebuilt_memory({field: state[f"memory.{field}"] for field in STORED})
+        previous, current = (
+            rebuilt_sight(
+                {field: state[f"{part}.{field}"] for field in Sight._fields}, len(memory.ids)
+            )
             for part in ("previous", "current")
         )
+        self._memory, self._previous, self._current = memory, previous, current
         self._progress = state["progress"].copy()

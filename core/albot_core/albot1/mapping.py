@@ -22,7 +22,7 @@ thesis's ustep), views laid into the map, and readings without any recognised la
 @njit(cache=True)
 def find_landmarks(current: Sight, limits: Limits) -> None:
     """Section 3.1.4: long surfaces with an occluding or corner point are landmarks."""
-    for k in range(current.count[0]):
+    for k in range(current.size[0]):
         current.landmark[k] = length_of(current.surfaces[k]) >= limits.landmark_length and (
             current.edges[k, 0] != NO_EDGE or current.edges[k, 1] != NO_EDGE
         )
@@ -39,7 +39,7 @@ def _recognize_and_localize(
     current.pose[2] = wrap(previous.pose[2] + motion[2])
     if limits.remembered:
         return int(triangulate(memory, previous, current, motion, limits))
-    pairs = np.empty((current.count[0], 4))
+    pairs = np.empty((current.size[0], 4))
     recognized = recognize_landmarks(previous, current, motion, limits, pairs)
     # With no landmark in view path integration stands in (section 3.2.1).
     if recognized > 0:
@@ -63,7 +63,7 @@ def map_step(
     progress: np.ndarray,
 ) -> None:
     """Algorithm 4: take in one reading; `current` becomes what is seen now."""
-    current.count[0] = extract_surfaces(  # line 3
+    current.size[0] = extract_surfaces(  # line 3
         ranges,
         directions,
         mount[0],

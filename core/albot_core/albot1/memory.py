@@ -8,10 +8,13 @@ again. Compiled; a `Memory` is a named tuple so that kernels take it whole.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+
+from albot_core.errors import InputError
 
 CELL = 2.0
 """Side of a grid cell (m)."""
@@ -170,25 +173,58 @@ def surfaces_ending_in(memory: Memory, box: np.ndarray) -> np.ndarray:
 def with_room(memory: Memory, room: int) -> Memory:
     """The same map with at least `room` free slots; larger arrays only where needed.
 
-    The order within buckets depends on history, not on capacity, and the search sorts its
-    answer: a map that has grown behaves exactly as one that was large from the start.
+    Old free slots are used before the new ones, and the search sorts its answer: a map that
+    has grown behaves exactly as one that was large from the start.
     """
     if memory.counts[FREE] >= room:
         return memory
-    old = len(memory.surfaces)
+    old, unused = len(memory.surfaces), int(memory.counts[FREE])
     larger = empty_memory(max(2 * old, old + room))
     larger.surfaces[:old] = memory.surfaces
     larger.edges[:old] = memory.edges
     larger.ids[:old] = memory.ids
-    new = len(larger.surfaces)
-    unused = int(memory.counts[FREE])
-    # Old free slots are used before the new ones.
-    larger.free[: new - old] = np.arange(new - 1, old - 1, -1)
-    larger.free[new - old : new - old + unused] = memory.free[:unused]
-    larger.counts[:] = memory.counts
-    larger.counts[FREE] = new - old + unused
+    added = len(larger.surfaces) - old
+    larger.free[:added] = np.arange(old + added - 1, old - 1, -1)
+    larger.free[added : added + unused] = memory.free[:unused]
+    larger.counts[:] = memory.counts[ALIVE], added + unused, memory.counts[NEXT_ID]
     _file_all(larger)
     return larger
+
+
+STORED = ("surfaces", "edges", "ids", "free", "counts")
+"""The fields from which a memory can be rebuilt; the grid follows from them."""
+
+
+def rebuilt_memory(stored: Mapping[str, np.ndarray]) -> Memory:
+    """The memory with the given STORED fields.
+
+    Raises:
+        InputError: The fields contradict each other.
+    """
+    capacity = len(stored["ids"])
+    memory = empty_memory(capacity)
+    for field in STORED:
+        expected = getattr(memory, field)
+        if stored[field].shape != expected.shape:
+            raise InputError(f"memory.{field}", f"shape {expected.shape}", str(stored[field].shape))
+        expected[...] = stored[field]
+    living = memory.ids >= 0
+    unused = int(memory.counts[FREE])
+    if (
+        memory.counts[ALIVE] != living.sum()
+        or unused != capacity - living.sum()
+        or not np.array_equal(np.sort(memory.free[:unused]), np.flatnonzero(~living))
+    ):
+        raise InputError("memory.free", "exactly the slots without a surface", "others")
+    if not np.isfinite(memory.surfaces[living]).all():
+        raise InputError("memory.surfaces", "finite surfaces", "NaN or infinity")
+    if (
+        len(np.unique(memory.ids[living])) != living.sum()
+        or (memory.ids >= memory.counts[NEXT_ID]).any()
+    ):
+        raise InputError("memory.ids", "every id once and below the next", "others")
+    _file_all(memory)
+    return memory
 
 
 @njit(cache=True)

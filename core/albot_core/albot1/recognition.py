@@ -61,14 +61,14 @@ def recognize_landmarks(
     Fills `current.slots` and, for every recognised surface, its row of `pairs`; returns how
     many landmarks of the current view were recognised.
     """
-    current.slots[: current.count[0]] = NOT_RECOGNIZED
+    current.slots[: current.size[0]] = NOT_RECOGNIZED
     expected = np.empty(4)
-    for i in range(previous.count[0]):
+    for i in range(previous.size[0]):
         if previous.slots[i] == NOT_RECOGNIZED:
             continue
         seen_from(motion, previous.surfaces[i], expected)  # Alg. 1, line 2
         heading = heading_of(expected)
-        for j in range(current.count[0]):
+        for j in range(current.size[0]):
             if not current.landmark[j]:
                 continue
             angle = abs(wrap(heading_of(current.surfaces[j]) - heading))
@@ -93,4 +93,4 @@ def recognize_landmarks(
                 pairs[j, DISTANCE] = np.hypot(
                     previous.surfaces[i, 2 * end], previous.surfaces[i, 2 * end + 1]
                 )
-    return int(np.sum(current.slots[: current.count[0]] != NOT_RECOGNIZED))
+    return int(np.sum(current.slots[: current.size[0]] != NOT_RECOGNIZED))

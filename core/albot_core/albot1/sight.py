@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+
+from albot_core.errors import InputError
 
 NOT_RECOGNIZED = -1
 """In `Sight.slots`: this surface is no recognised landmark."""
@@ -21,7 +24,7 @@ class Sight(NamedTuple):
     """(room,) bool: the surface is a landmark."""
     slots: np.ndarray
     """(room,) int64: the map's slot of the surface it was recognised as, or NOT_RECOGNIZED."""
-    count: np.ndarray
+    size: np.ndarray
     """(1,) int64: how many surfaces the view has."""
     pose: np.ndarray
     """(3,) float64: where in the map the robot believed to see this from."""
@@ -34,6 +37,26 @@ def empty_sight(room: int) -> Sight:
         edges=np.zeros((room, 2), np.int8),
         landmark=np.zeros(room, np.bool_),
         slots=np.full(room, NOT_RECOGNIZED, np.int64),
-        count=np.zeros(1, np.int64),
+        size=np.zeros(1, np.int64),
         pose=np.zeros(3),
     )
+
+
+def rebuilt_sight(stored: Mapping[str, np.ndarray], capacity: int) -> Sight:
+    """The view with the given fields, whose landmarks are in a map of that capacity.
+
+    Raises:
+        InputError: The fields contradict each other or the map.
+    """
+    sight = empty_sight(len(stored["slots"]))
+    for field, array in sight._asdict().items():
+        if stored[field].shape != array.shape:
+            raise InputError(f"sight.{field}", f"shape {array.shape}", str(stored[field].shape))
+        array[...] = stored[field]
+    if not 0 <= sight.size[0] <= len(sight.slots):
+        raise InputError("sight.size", f"0 to {len(sight.slots)}", str(sight.size[0]))
+    if ((sight.slots < NOT_RECOGNIZED) | (sight.slots >= capacity)).any():
+        raise InputError("sight.slots", f"slots of a map of {capacity}", "others")
+    if not (np.isfinite(sight.surfaces).all() and np.isfinite(sight.pose).all()):
+        raise InputError("sight.surfaces", "finite surfaces and pose", "NaN or infinity")
+    return sight

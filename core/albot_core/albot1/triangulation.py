@@ -53,10 +53,10 @@ def _describe(surface: np.ndarray, row: np.ndarray) -> None:
 @njit(cache=True)
 def _seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray]:
     """The surfaces of the view long enough to be recognised: their places in it, and rows."""
-    which = np.empty(current.count[0], np.int64)
-    rows = np.empty((current.count[0], 8))
+    which = np.empty(current.size[0], np.int64)
+    rows = np.empty((current.size[0], 8))
     kept = 0
-    for k in range(current.count[0]):
+    for k in range(current.size[0]):
         if length_of(current.surfaces[k]) >= limits.landmark_length:
             _describe(current.surfaces[k], rows[kept])
             which[kept] = k
@@ -69,11 +69,11 @@ def _seen_before(
     previous: Sight, motion: np.ndarray, limits: Limits
 ) -> tuple[np.ndarray, np.ndarray]:
     """The last view's surfaces as the odometer expects them in this one: ends and rows."""
-    edges = np.empty((previous.count[0], 2), np.int8)
-    rows = np.empty((previous.count[0], 8))
+    edges = np.empty((previous.size[0], 2), np.int8)
+    rows = np.empty((previous.size[0], 8))
     expected = np.empty(4)
     kept = 0
-    for i in range(previous.count[0]):
+    for i in range(previous.size[0]):
         if length_of(previous.surfaces[i]) >= limits.landmark_length:
             seen_from(motion, previous.surfaces[i], expected)
             _describe(expected, rows[kept])
@@ -383,7 +383,7 @@ def triangulate(
         _adjust(seen, expected, matches, limits, correction)
     recognized = _match(seen, seen_edges, expected, edges, correction, limits, matches)
 
-    current.slots[: current.count[0]] = NOT_RECOGNIZED
+    current.slots[: current.size[0]] = NOT_RECOGNIZED
     for k in range(seen.shape[0]):
         if matches[k, POINT] >= 0:
             current.slots[which[k]] = slots[matches[k, POINT]]

@@ -168,7 +168,7 @@ def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
     where there is one, cut at the boundary where there is none. Then the rest of the view
     is added, and all its landmarks are recognised ones (algorithm 4, lines 17 and 22).
     """
-    count = sight.count[0]
+    count = sight.size[0]
     laid = np.empty((count, 4))
     for k in range(count):
         placed(sight.pose, sight.surfaces[k], laid[k])

@@ -63,6 +63,11 @@ class LaserScan:
                 f"{self.geometry.beams} ranges as the geometry says",
                 str(self.ranges.shape),
             )
+        if not (self.ranges >= 0).all():
+            beam = int(np.argmin(self.ranges >= 0))
+            raise InputError(
+                "LaserScan.ranges", "distances or infinity", f"{self.ranges[beam]} at beam {beam}"
+            )
 
     @property
     def points(self) -> Points:
@@ -82,3 +87,7 @@ class Reading:
     """Odometry: the robot's pose now, in its own frame at the previous reading."""
     laser: LaserScan
     """The laser's sweep at this step."""
+
+    def __post_init__(self) -> None:
+        if self.motion.shape != (3,) or not np.isfinite(self.motion).all():
+            raise InputError("Reading.motion", "three finite numbers", str(self.motion))
