@@ -10,6 +10,9 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_segments
 from albot_core.geometry.types import Pose, Segments
 
+_Surfaces = Float64[np.ndarray, "surfaces 4"]
+_Walls = Float64[np.ndarray, "walls 4"]
+
 
 def sample_segments(segments: Segments, spacing: float) -> Float64[np.ndarray, "points 2"]:
     """Points at the middles of equal pieces of the segments, none longer than `spacing` (m).
@@ -28,7 +31,7 @@ def sample_segments(segments: Segments, spacing: float) -> Float64[np.ndarray, "
 
 
 def surface_distances(
-    surfaces: Segments, walls: Segments, frame: Pose, spacing: float = 0.05
+    surfaces: _Surfaces, walls: _Walls, frame: Pose, spacing: float = 0.05
 ) -> Float64[np.ndarray, "points"]:
     """Distance (m) from points along the surfaces to the nearest wall.
 
@@ -52,7 +55,7 @@ def surface_distances(
 
 
 def surface_error(
-    surfaces: Segments, walls: Segments, frame: Pose, spacing: float = 0.05
+    surfaces: _Surfaces, walls: _Walls, frame: Pose, spacing: float = 0.05
 ) -> float | None:
     """Median distance (m) from the surfaces' points to the nearest true wall.
 

@@ -25,9 +25,6 @@ class Trajectory:
     """The robot's pose at each stamp, all in one frame."""
 
     def __post_init__(self) -> None:
-        if len(self.stamps) != len(self.poses):
-            found = f"{len(self.stamps)} stamps and {len(self.poses)} poses"
-            raise InputError("Trajectory", "a stamp for every pose", found)
         if not (np.isfinite(self.stamps).all() and np.isfinite(self.poses).all()):
             raise InputError("Trajectory", "finite numbers", "NaN or infinity")
         if (np.diff(self.stamps) < 0).any():

@@ -29,7 +29,7 @@ from albot_core.geometry.types import Poses
 from albot_core.logs.corrected import Odometer, Sweep, raw_odometry
 from albot_core.logs.lasers import NO_RETURN, sick_laser, steady_mount
 from albot_core.logs.recording import Recording, Scan, good_beginning
-from albot_core.logs.text import LogText
+from albot_core.logs.text import LogText, is_number
 from albot_core.perception.reading import LaserGeometry
 
 NAME = "CARMEN (FLASER or ROBOTLASER1 lines)"
@@ -142,16 +142,20 @@ class _Messages:
         beams = text.count(words[8], "beams")
         self._check_laser(words[1:8], beams)
         ranges, rest = words[9 : 9 + beams], words[9 + beams :]
-        if len(rest) != 11 + _TAIL:
-            # Remissions, which early logs lack, stand between the ranges and the poses.
-            remissions = text.count(rest[0], "remissions") if rest else 0
-            if len(rest) != 1 + remissions + 11 + _TAIL:
-                raise text.error(
-                    f"{beams} ranges, {remissions} remissions and 14 fields more in ROBOTLASER1",
-                    f"{len(words) - 9} fields",
-                )
-            rest = rest[1 + remissions :]
-        return self._sweep(words, ranges, rest)
+        return self._sweep(words, ranges, self._after_remissions(rest))
+
+    def _after_remissions(self, rest: list[str]) -> list[str]:
+        """What follows the remissions, which stand after the ranges but in early logs."""
+        poses = 11 + _TAIL
+        # A host that is a number gives away a line that is torn to the length of an early one.
+        if len(rest) == poses and not is_number(rest[-2]):
+            return rest
+        remissions = self._text.count(rest[0], "remissions") if rest else 0
+        if len(rest) != 1 + remissions + poses:
+            raise self._text.error(
+                f"{1 + remissions + poses} fields after the ranges in ROBOTLASER1", str(len(rest))
+            )
+        return rest[1 + remissions :]
 
     def _check_laser(self, configuration: list[str], beams: int) -> None:
         text = self._text

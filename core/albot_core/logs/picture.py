@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.files import replacing
-from albot_core.geometry.types import Points, Segments
+from albot_core.geometry.types import Segments
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -64,7 +64,9 @@ def write_picture(
         figure.savefig(stream, format="png")
 
 
-def _bounds(points: Points) -> tuple[Points, Points]:
+def _bounds(
+    points: Float64[np.ndarray, "points 2"],
+) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
     """The corners of a rectangle around the points, with a margin (m)."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.5 + 0.03 * (high - low).max()

@@ -8,7 +8,7 @@ from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.files import read_bytes
 from albot_core.logs.reader import read_log
-from albot_core.logs.text import LogText
+from albot_core.logs.text import LogText, is_number
 from albot_core.logs.tum import read_tum
 
 
@@ -36,5 +36,5 @@ def _is_tum(text: LogText) -> bool:
     for line in text.lines:
         words = line.split()
         if words and not words[0].startswith("#"):
-            return len(words) == 8 and words[0].replace(".", "", 1).lstrip("+-").isdecimal()
+            return len(words) == 8 and is_number(words[0])
     return False

@@ -121,7 +121,7 @@ class LogText:
         try:
             return np.array([float(word) for word in words], dtype=np.float64)
         except ValueError:
-            bad = next(word for word in words if not _is_number(word))
+            bad = next(word for word in words if not is_number(word))
             raise self.error(f"{what} that is a number", repr(bad)) from None
 
 
@@ -130,7 +130,8 @@ def _decimals(word: str) -> int:
     return len(word.partition(".")[2])
 
 
-def _is_number(word: str) -> bool:
+def is_number(word: str) -> bool:
+    """Whether a word is a number, NaN and infinity among them."""
     try:
         float(word)
     except ValueError:

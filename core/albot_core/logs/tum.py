@@ -25,7 +25,7 @@ def write_tum(trajectory: Trajectory, path: Path) -> None:
     """
     lines = ["# stamp x y z qx qy qz qw"]
     for stamp, (x, y, heading) in zip(trajectory.stamps, trajectory.poses, strict=True):
-        numbers = (stamp, x, y, 0, 0, 0, np.sin(heading / 2), np.cos(heading / 2))
+        numbers = (stamp, x, y, 0.0, 0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2))
         lines.append(" ".join(_shortest(number) for number in numbers))
     write_text(path, "\n".join(lines) + "\n")
 

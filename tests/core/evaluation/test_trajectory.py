@@ -1,0 +1,156 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from albot_core.errors import InputError
+from albot_core.evaluation.trajectory import (
+    Trajectory,
+    align,
+    associate,
+    path_length,
+    trajectory_error,
+)
+from albot_core.geometry.poses import compose, transform_points
+
+COORDINATE = st.floats(-100, 100, allow_subnormal=False)
+POSE = hnp.arrays(np.float64, 3, elements=st.floats(-10, 10, allow_subnormal=False))
+POSES = st.integers(3, 12).flatmap(lambda n: hnp.arrays(np.float64, (n, 3), elements=COORDINATE))
+
+
+def trajectory(poses: np.ndarray, first: float = 0.0) -> Trajectory:
+    return Trajectory(stamps=first + np.arange(len(poses), dtype=np.float64), poses=poses)
+
+
+def error(estimate: Trajectory, reference: Trajectory) -> float:
+    measured = trajectory_error(estimate, reference)
+    assert measured is not None
+    return measured.rmse
+
+
+def test_a_square_with_one_side_out():
+    # By symmetry the best alignment of (0, 0), (2, 0) on (0, 0), (4, 0) sets the middles on
+    # each other, so both ends are 1 m off.
+    mine = np.array([[0.0, 0, 0], [2, 0, 0]])
+    theirs = np.array([[0.0, 0, 0], [4, 0, 0]])
+    measured = trajectory_error(trajectory(mine), trajectory(theirs))
+    assert measured is not None
+    assert (measured.count, measured.rmse, measured.mean, measured.median, measured.largest) == (
+        2,
+        pytest.approx(1),
+        pytest.approx(1),
+        pytest.approx(1),
+        pytest.approx(1),
+    )
+
+
+def test_one_point_out_of_line():
+    # Four points of a square, one pushed out along its diagonal by d: least squares leaves
+    # d² (1 - 1/4 - 1/8): the shift takes a quarter of it, and the push is radial, so no turn
+    # takes any.
+    square = np.array([[1.0, 1, 0], [-1, 1, 0], [-1, -1, 0], [1, -1, 0]])
+    pushed = square.copy()
+    pushed[0, :2] += 0.4 / np.sqrt(2)
+    measured = trajectory_error(trajectory(pushed), trajectory(square))
+    assert measured is not None
+    assert measured.rmse == pytest.approx(np.sqrt(0.4**2 * (3 / 4) / 4))
+
+
+@settings(deadline=None)
+@given(poses=POSES, other=POSES, frame=POSE)
+def test_the_error_knows_no_frame(poses, other, frame):
+    count = min(len(poses), len(other))
+    mine, theirs = poses[:count], other[:count]
+    plain = error(trajectory(mine), trajectory(theirs))
+    moved = error(trajectory(compose(frame, mine)), trajectory(theirs))
+    assert moved == pytest.approx(plain, abs=1e-6)
+    assert error(trajectory(theirs), trajectory(mine)) == pytest.approx(plain, abs=1e-6)
+
+
+@settings(deadline=None)
+@given(poses=POSES, frame=POSE)
+def test_the_moved_truth_has_no_error(poses, frame):
+    assert error(trajectory(compose(frame, poses)), trajectory(poses)) < 1e-9
+
+
+@settings(deadline=None)
+@given(poses=POSES, frame=POSE, nudge=POSE)
+def test_no_other_frame_is_better(poses, frame, nudge):
+    rng = np.random.default_rng(0)
+    points = poses[:, :2]
+    targets = transform_points(frame, points) + rng.normal(0, 1, points.shape)
+    best = align(points, targets)
+
+    def cost(pose: np.ndarray) -> float:
+        return float(((transform_points(pose, points) - targets) ** 2).sum())
+
+    assert cost(best) <= cost(best + 0.01 * nudge) + 1e-6
+
+
+@settings(deadline=None)
+@given(poses=POSES)
+def test_scale_is_not_taken_out(poses):
+    spread = float(np.sqrt(((poses[:, :2] - poses[:, :2].mean(axis=0)) ** 2).sum(axis=1).mean()))
+    doubled = poses * (2, 2, 1)
+    assert error(trajectory(doubled), trajectory(poses)) == pytest.approx(spread, abs=1e-6)
+
+
+def test_a_mirror_image_does_not_fit():
+    triangle = np.array([[0.0, 0, 0], [4, 0, 0], [0, 2, 0]])
+    assert error(trajectory(triangle * (1, -1, 1)), trajectory(triangle)) > 0.5
+
+
+def test_moments_are_paired_by_stamp():
+    poses = np.array([[0.0, 0, 0], [1, 0, 0], [2, 5, 0], [3, 0, 0]])
+    mine = Trajectory(stamps=np.array([0.0, 1.004, 2.5, 3.0]), poses=poses)
+    theirs = trajectory(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0]]))
+    measured = trajectory_error(mine, theirs)
+    assert measured is not None
+    assert measured.count == 3
+    assert measured.rmse == pytest.approx(0, abs=1e-9)
+    # Paired by place, the third pose would count.
+    assert error(trajectory(poses), theirs) > 1
+
+
+def test_trajectories_without_common_moments_have_no_error():
+    poses = np.zeros((3, 3))
+    assert trajectory_error(trajectory(poses), trajectory(poses, first=100.0)) is None
+    assert trajectory_error(trajectory(poses[:0]), trajectory(poses)) is None
+    assert trajectory_error(trajectory(poses), trajectory(poses[:0])) is None
+
+
+SORTED = st.lists(st.floats(0, 10), max_size=12).map(lambda stamps: np.array(sorted(stamps)))
+
+
+@settings(deadline=None)
+@given(stamps=SORTED, wanted=SORTED, tolerance=st.floats(0, 2))
+def test_association_is_the_nearest_stamp(stamps, wanted, tolerance):
+    mine, theirs = associate(stamps, wanted, tolerance)
+    found = dict(zip(theirs.tolist(), mine.tolist(), strict=True))
+    for k, stamp in enumerate(wanted):
+        gaps = np.abs(stamps - stamp)
+        if len(gaps) and gaps.min() <= tolerance:
+            assert gaps[found[k]] == gaps.min()
+        else:
+            assert k not in found
+
+
+def test_path_length():
+    poses = np.array([[0.0, 0, 0], [3, 4, 1], [3, 4, 2], [3, 3, 0]])
+    assert path_length(poses) == pytest.approx(6)
+    assert path_length(poses[:1]) == 0
+
+
+@pytest.mark.parametrize(
+    ("stamps", "message"),
+    [
+        ([0.0, 2.0, 1.0], "in the order of time"),
+        ([0.0, np.nan, 1.0], "finite numbers"),
+    ],
+)
+def test_what_is_no_trajectory(stamps, message):
+    with pytest.raises(InputError, match=message):
+        Trajectory(stamps=np.array(stamps), poses=np.zeros((3, 3)))

@@ -1,0 +1,295 @@
+"""What a damaged log gets: one line that says where and what, or its good beginning."""
+
+from __future__ import annotations
+
+import gzip
+import lzma
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from albot_core.errors import InputError
+from albot_core.logs.log import Log
+from albot_core.logs.reader import read_log
+
+FUZZ = settings(
+    deadline=None,
+    max_examples=60,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)
+
+
+def _edit(text: str, line: int, word: int, new: str | None) -> str:
+    """The text with a word of a line (from 1) replaced, or with the words from it on gone."""
+    lines = text.split("\n")
+    words = lines[line - 1].split()
+    words[word:] = [] if new is None else [new, *words[word:][1:]]
+    lines[line - 1] = " ".join(words)
+    return "\n".join(lines)
+
+
+def _number_of(text: str, keyword: str, which: int) -> int:
+    """The number of the line where a keyword stands for the `which`-th time (from 0)."""
+    numbers = [n for n, line in enumerate(text.split("\n"), 1) if line.startswith(keyword)]
+    return numbers[which]
+
+
+SCAN = {
+    "carmen": "FLASER",
+    "robotlaser": "ROBOTLASER1",
+    "corrected": "FLASER",
+    "wean": "L",
+    "duke": "Laser",
+}
+FIRST_RANGE = {"carmen": 2, "robotlaser": 9, "corrected": 2, "wean": 7, "duke": 2}
+POSE = {"carmen": -6, "robotlaser": -11, "corrected": -6, "wean": 1}
+
+
+@pytest.fixture(params=sorted(SCAN))
+def line_kind(request):
+    return request.param
+
+
+def _expect_error(path: Path, line: int, *words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        read_log(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}, line {line}: expected ")
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_nan_is_named(line_kind, write, log_text):
+    text = log_text(line_kind)
+    line = _number_of(text, SCAN[line_kind], 3)
+    bad = _edit(text, line, FIRST_RANGE[line_kind] + 5, "nan")
+    _expect_error(write(bad), line, "found nan")
+
+
+def test_a_negative_range_is_named(line_kind, write, log_text):
+    text = log_text(line_kind)
+    line = _number_of(text, SCAN[line_kind], 3)
+    bad = _edit(text, line, FIRST_RANGE[line_kind], "-1.5")
+    _expect_error(write(bad), line, "found -1.5")
+
+
+@pytest.mark.parametrize("kind", sorted(POSE))
+@pytest.mark.parametrize("number", ["nan", "inf", "x7"])
+def test_a_pose_that_is_none_is_named(kind, number, write, log_text):
+    text = log_text(kind)
+    line = _number_of(text, SCAN[kind], 3)
+    _expect_error(write(_edit(text, line, POSE[kind], number)), line, number)
+
+
+def test_a_line_cut_off_is_named(line_kind, write, log_text):
+    text = log_text(line_kind)
+    line = _number_of(text, SCAN[line_kind], 3)
+    _expect_error(write(_edit(text, line, 40, None)), line)
+
+
+def test_another_number_of_beams_is_named(line_kind, drive, write, log_text):
+    text = log_text(line_kind)
+    line = _number_of(text, SCAN[line_kind], 3)
+    lines = text.split("\n")
+    other = {180: 181, 181: 180, 361: 360}[drive(line_kind).ranges.shape[1]]
+    full = type(drive(line_kind))(other)
+    writer = {
+        "carmen": full.carmen,
+        "robotlaser": full.robotlaser,
+        "corrected": full.corrected_log,
+        "wean": full.wean,
+        "duke": full.duke,
+    }[line_kind]
+    lines[line - 1] = writer().split("\n")[line - 1]
+    _expect_error(write("\n".join(lines)), line, "first scan", str(other))
+
+
+def test_an_unknown_number_of_beams_is_named(drive, write):
+    _expect_error(write(type(drive("carmen"))(77).carmen()), 5, "180, 181, 360 or 361", "77")
+    with pytest.raises(InputError, match="360 or 361 ranges, found 77"):
+        read_log(write(type(drive("json"))(77).json()))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "found"),
+    [
+        ('"theta"', '"yaw"', "no theta"),
+        ('"range": [', '"range": [NaN, ', "nan"),
+        ('"range": [', '"range": [null, ', "'None'"),
+        ('"x": ', '"x": "here", "z": ', "'here'"),
+        ('"range": [', '"range": [1.0, ', "181"),
+        ('"range": [', '"range": 3, "more": [', "range 3"),
+        ("},", "}", "'\"'"),
+    ],
+)
+def test_damaged_json_is_named(old, new, found, write, log_text):
+    head, entry, tail = log_text("json").partition('"102.')
+    with pytest.raises(InputError) as caught:
+        read_log(write(head + entry + tail.replace(old, new, 1)))
+    assert caught.value.found == found
+    assert caught.value.place.startswith("line ")
+
+
+@pytest.mark.parametrize("text", ['{"map": 3}', '{"map": {"1": 3}}', '{"map"', "{", '{"a": 1}'])
+def test_json_that_is_no_log_is_refused(text, write):
+    for keep_going in (False, True):
+        with pytest.raises(InputError):
+            read_log(write(text), keep_going)
+
+
+def test_json_nested_too_deep_is_refused(write):
+    with pytest.raises(InputError, match="nested too deep"):
+        read_log(write('{"map": {"1": ' + "[" * 100_000))
+
+
+def test_a_laser_line_without_its_odometry_is_named(write, log_text):
+    text = log_text("duke")
+    line = _number_of(text, "Odometry", 2)
+    lines = text.split("\n")
+    del lines[line - 1]
+    _expect_error(write("\n".join(lines)), line, "an Odometry line before each Laser line")
+
+
+def test_a_robotlaser_of_another_make_is_named(write, log_text):
+    text = log_text("robotlaser")
+    _expect_error(write(_edit(text, 3, 2, "-2.35")), 3, "the laser of the first scan")
+    _expect_error(write(_edit(text, 1, 4, "0.0")), 1, "0 rad")
+
+
+def test_a_laser_that_strays_on_the_robot_is_refused(write, log_text):
+    text = log_text("wean")
+    with pytest.raises(InputError, match="keeps its place on the robot"):
+        read_log(write(_edit(text, _number_of(text, "L", 2), 4, "5000.0")))
+
+
+def test_keep_going_reads_the_good_beginning(line_kind, write, log_text):
+    text = log_text(line_kind)
+    whole = read_log(write(text))
+    line = _number_of(text, SCAN[line_kind], 3)
+    log = read_log(write(_edit(text, line, FIRST_RANGE[line_kind], "nan")), keep_going=True)
+    np.testing.assert_array_equal(log.ranges, whole.ranges[:3])
+    np.testing.assert_array_equal(log.odometry, whole.odometry[:3])
+    assert log.left_out is not None
+    assert log.left_out.scans == len(whole.stamps) - 3
+    assert log.left_out.lines == len(text.rstrip("\n").split("\n")) - line + 1
+    assert f"line {line}" in log.left_out.reason
+
+
+def test_keep_going_reads_the_good_beginning_of_json(write, log_text):
+    text = log_text("json")
+    whole = read_log(write(text))
+    good = text.index('"102.')
+    cut = text.index('"range"', good) + 300
+    log = read_log(write(text[:cut]), keep_going=True)
+    np.testing.assert_array_equal(log.ranges, whole.ranges[: len(log.stamps)])
+    assert 0 < len(log.stamps) < len(whole.stamps)
+    assert log.left_out is not None
+    assert log.left_out.scans == 1
+    tail = read_log(write(text[:-2]), keep_going=True)
+    assert len(tail.stamps) == len(whole.stamps)
+    assert tail.left_out is not None
+    assert tail.left_out.scans == 0
+
+
+def test_keep_going_needs_one_good_scan(line_kind, write, log_text):
+    text = log_text(line_kind)
+    line = _number_of(text, SCAN[line_kind], 0)
+    with pytest.raises(InputError, match=f"line {line}"):
+        read_log(write(_edit(text, line, 20, "nan")), keep_going=True)
+
+
+def test_keep_going_changes_nothing_of_a_whole_log(kind, write, log_text):
+    path = write(log_text(kind))
+    one, other = read_log(path), read_log(path, keep_going=True)
+    assert other.left_out is None
+    np.testing.assert_array_equal(one.ranges, other.ranges)
+
+
+@pytest.mark.parametrize("suffix", [".gz", ".xz"])
+def test_a_torn_archive(kind, suffix, tmp_path, write, log_text, drive):
+    pack = {".gz": gzip.compress, ".xz": lzma.compress}[suffix]
+    text = log_text(kind, scans=120)
+    packed = pack(text.encode())
+    path = tmp_path / f"torn.log{suffix}"
+    path.write_bytes(packed[: len(packed) * 2 // 3])
+    with pytest.raises(InputError, match=f"whole {suffix[1:]} data"):
+        read_log(path)
+    log = read_log(path, keep_going=True)
+    whole = read_log(write(text))
+    assert 0 < len(log.stamps) < len(whole.stamps)
+    np.testing.assert_array_equal(log.ranges, whole.ranges[: len(log.stamps)])
+    assert log.left_out is not None
+    assert f"whole {suffix[1:]} data" in log.left_out.reason
+
+
+def _read(path: Path, content: bytes, keep_going: bool) -> Log | None:
+    """The log, or nothing where it is refused with the one error that bad input gets."""
+    path.write_bytes(content)
+    try:
+        log = read_log(path, keep_going)
+    except InputError as error:
+        assert "\n" not in str(error)
+        assert str(error).startswith(str(path))
+        return None
+    assert np.isfinite(log.odometry).all()
+    assert np.isfinite(log.stamps).all()
+    assert (log.ranges > 0).all()
+    assert (np.diff(log.stamps) >= 0).all()
+    assert len(log.readings) == len(log.stamps) > 0
+    return log
+
+
+@FUZZ
+@given(share=st.floats(0, 1), keep_going=st.booleans())
+def test_a_log_cut_at_any_byte(kind, share, keep_going, tmp_path, log_text):
+    whole = _read(tmp_path / "whole.log", log_text(kind).encode(), False)
+    content = log_text(kind).encode()
+    log = _read(tmp_path / "cut.log", content[: round(share * len(content))], keep_going)
+    if log is None or whole is None:
+        return
+    count = len(log.stamps)
+    np.testing.assert_array_equal(log.ranges, whole.ranges[:count])
+    np.testing.assert_array_equal(log.stamps, whole.stamps[:count])
+    np.testing.assert_array_equal(log.odometry, whole.odometry[:count])
+
+
+def test_a_log_cut_at_every_byte_of_its_last_line(kind, tmp_path, log_text):
+    content = log_text(kind, scans=3).encode()
+    whole = _read(tmp_path / "whole.log", content, False)
+    assert whole is not None
+    for end in range(len(content) - 150, len(content)):
+        log = _read(tmp_path / "cut.log", content[:end], True)
+        assert log is not None
+        count = len(log.stamps)
+        assert count >= 2
+        np.testing.assert_array_equal(log.ranges, whole.ranges[:count])
+        np.testing.assert_array_equal(log.stamps, whole.stamps[:count])
+        np.testing.assert_array_equal(log.odometry, whole.odometry[:count])
+
+
+@FUZZ
+@given(data=st.data(), keep_going=st.booleans())
+def test_a_log_with_bytes_changed(kind, data, keep_going, tmp_path, log_text):
+    content = bytearray(log_text(kind).encode())
+    for _ in range(data.draw(st.integers(1, 4))):
+        place = data.draw(st.integers(0, len(content) - 1))
+        content[place] = data.draw(st.integers(0, 255))
+    _read(tmp_path / "changed.log", bytes(content), keep_going)
+
+
+@FUZZ
+@given(share=st.floats(0, 1), suffix=st.sampled_from([".gz", ".xz"]), keep_going=st.booleans())
+def test_an_archive_cut_at_any_byte(kind, share, suffix, keep_going, tmp_path, log_text):
+    pack = {".gz": gzip.compress, ".xz": lzma.compress}[suffix]
+    packed = pack(log_text(kind).encode())
+    _read(tmp_path / f"cut.log{suffix}", packed[: round(share * len(packed))], keep_going)
+
+
+@FUZZ
+@given(content=st.binary(max_size=300), keep_going=st.booleans())
+def test_junk_is_refused(content, keep_going, tmp_path):
+    assert _read(tmp_path / "junk.log", content, keep_going) is None
