@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from albot_core.errors import InputError
+from albot_maps.world import ROBOT_RADIUS
 
 GRAVITY = 9.81
 
@@ -29,7 +30,7 @@ class RobotConfig:
     (MobileRobots Inc.); the laser adds its 4.5 kg.
     """
 
-    radius: float = 0.25
+    radius: float = ROBOT_RADIUS
     """Radius of the body, a disc about the middle of the axle (m)."""
     wheel_base: float = 0.33
     """Distance between the two driven wheels (m)."""
