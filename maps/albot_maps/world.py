@@ -22,6 +22,12 @@ ROBOT_RADIUS = 0.25
 LARGEST_COORDINATE = 10_000.0
 """A coordinate beyond this (m) is not a building in metres."""
 
+SHORTEST_WALL = 1e-6
+"""A wall no longer than this (m) is a point."""
+
+METRES = f"finite numbers in metres, within ±{LARGEST_COORDINATE:g}"
+"""What errors expect of coordinates."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Room:
@@ -159,19 +165,17 @@ class World:
         for index, row in enumerate(rows):
             bad = ~(np.abs(row) <= LARGEST_COORDINATE)
             if bad.any():
-                expected = f"finite numbers in metres, within ±{LARGEST_COORDINATE:g}"
-                raise self._error(f"{kind}[{index}]", expected, f"{row[bad].flat[0]:g}")
+                raise self._error(f"{kind}[{index}]", METRES, f"{row[bad].flat[0]:g}")
 
     def _check_walls(self) -> None:
         if not len(self.walls):
             raise self._error("walls", "at least one wall", "none")
         self._check_numbers("walls", self.walls)
-        points = np.flatnonzero((self.walls[:, :2] == self.walls[:, 2:]).all(axis=1))
-        if len(points):
-            x, y = self.walls[points[0], :2]
-            raise self._error(
-                f"walls[{points[0]}]", "a wall longer than 0", f"the point ({x:g}, {y:g})"
-            )
+        lengths = np.hypot(*(self.walls[:, 2:] - self.walls[:, :2]).T)
+        for index in np.flatnonzero(lengths <= SHORTEST_WALL):
+            x, y = self.walls[index, :2]
+            found = f"the point ({x:g}, {y:g})"
+            raise self._error(f"walls[{index}]", "a wall longer than 0", found)
 
     def _check_rooms_and_exits(self) -> None:
         self._check_numbers("rooms", [room.boundary for room in self.rooms])

@@ -21,7 +21,7 @@ from albot_core.files import read_bytes
 from albot_core.geometry.types import Points, Segments
 from albot_maps.formats.door import Door, find_door
 from albot_maps.formats.reachable import reachable_world
-from albot_maps.world import Exit, Room, World
+from albot_maps.world import SHORTEST_WALL, Exit, Room, World
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -77,7 +77,9 @@ def _walls(outlines: list[shapely.Polygon], doors: list[Door]) -> Segments:
     # Points on the straight way between their neighbours are dropped.
     chains = [np.array(line.coords) for line in shapely.simplify(joined, 1e-6)]
     pieces = [np.concatenate((chain[:-1], chain[1:]), axis=1) for chain in chains]
-    return np.concatenate((*pieces, *(door.jambs for door in doors)))
+    segments = np.concatenate((*pieces, *(door.jambs for door in doors)))
+    long = np.hypot(*(segments[:, 2:] - segments[:, :2]).T) > SHORTEST_WALL
+    return np.compress(long, segments, axis=0)
 
 
 class _Plan:

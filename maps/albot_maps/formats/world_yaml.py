@@ -12,7 +12,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_maps.formats.world_schema import check_schema
 from albot_maps.formats.yaml_document import YamlDocument, shown
-from albot_maps.world import Exit, Room, World
+from albot_maps.world import LARGEST_COORDINATE, METRES, SHORTEST_WALL, Exit, Room, World
 
 
 def parse_world(text: str, *, source: str) -> World:
@@ -94,10 +94,10 @@ class _Walls:
 
     def _joined(self, path: tuple[str | int, ...], points: Points) -> Segments:
         """The segments between consecutive points, checked here where the line is known."""
-        for index in np.flatnonzero(~np.isfinite(points).all(axis=1)):
+        for index in np.flatnonzero(~(np.abs(points) <= LARGEST_COORDINATE).all(axis=1)):
             found = shown(points[index].tolist())
-            raise self._error((*path, int(index)), "finite numbers in metres", found)
-        for index in np.flatnonzero((points[:-1] == points[1:]).all(axis=1)):
+            raise self._error((*path, int(index)), METRES, found)
+        for index in np.flatnonzero(np.hypot(*np.diff(points, axis=0).T) <= SHORTEST_WALL):
             place = (*path, int(index)) if path[0] == "walls" else path
             found = f"the point {shown(points[index].tolist())} twice"
             raise self._error(place, "a wall longer than 0", found)

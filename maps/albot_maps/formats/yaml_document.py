@@ -57,7 +57,7 @@ class YamlDocument:
         self._lines: dict[Steps, int] = {}
         try:
             root = yaml.compose(text, Loader=_Loader)
-            self.data: Any = None if root is None else self._plain(root, ())
+            self.data: Any = None if root is None else self._plain(root, (), _line(root))
         except yaml.reader.ReaderError as error:
             line = text.count("\n", 0, int(error.position)) + 1
             found = f"the character {chr(error.character)!r}"
@@ -78,24 +78,28 @@ class YamlDocument:
         line = self._lines.get(known)
         return ", ".join(part for part in (f"line {line}" if line else "", name) if part)
 
-    def _plain(self, node: yaml.Node, path: Steps) -> Any:
-        line = node.start_mark.line + 1
+    def _plain(self, node: yaml.Node, path: Steps, line: int) -> Any:
         if path in self._lines:
             raise self._error(line, f"the key {path[-1]!r} once", "it twice")
         self._lines[path] = line
         if isinstance(node, yaml.MappingNode):
             return {
-                key: self._plain(value, (*path, key))
-                for key, value in ((self._key(key), value) for key, value in node.value)
+                key: self._plain(value, (*path, key), line)
+                for key, value, line in map(self._entry, node.value)
             }
         if isinstance(node, yaml.SequenceNode):
-            return [self._plain(item, (*path, index)) for index, item in enumerate(node.value)]
+            return [
+                self._plain(item, (*path, index), _line(item))
+                for index, item in enumerate(node.value)
+            ]
         return self._scalar(node, line)
 
-    def _key(self, node: yaml.Node) -> str:
-        if not isinstance(node, yaml.ScalarNode):
-            raise self._error(node.start_mark.line + 1, "a key that is text", "a collection")
-        return str(node.value)
+    def _entry(self, pair: tuple[yaml.Node, yaml.Node]) -> tuple[str, yaml.Node, int]:
+        """A mapping's key, the value it leads to, and the key's line."""
+        key, value = pair
+        if not isinstance(key, yaml.ScalarNode):
+            raise self._error(_line(key), "a key that is text", "a collection")
+        return str(key.value), value, _line(key)
 
     def _scalar(self, node: yaml.Node, line: int) -> Any:
         kind = node.tag.removeprefix("tag:yaml.org,2002:")
@@ -115,6 +119,10 @@ class YamlDocument:
 
     def _error(self, line: int, expected: str, found: str) -> InputError:
         return InputError(self._source, expected, found, place=f"line {line}")
+
+
+def _line(node: yaml.Node) -> int:
+    return node.start_mark.line + 1
 
 
 def read_yaml(path: Path) -> YamlDocument:

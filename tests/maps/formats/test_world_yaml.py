@@ -1,0 +1,204 @@
+"""Our own world file: what it means, that it comes back exactly, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+
+import jsonschema
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from albot_core.errors import InputError
+from albot_maps import Exit, Room, World, catalogue_names, load_world
+from albot_maps.formats.world_text import world_text
+from albot_maps.formats.world_yaml import parse_world
+
+SMALL = """\
+albot-world: 1
+name: small
+walls:
+  - [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0]]
+boxes:
+  - [0, 3, 1, 4]
+polygons:
+  - [[3, 3], [4, 3], [4, 4]]
+rooms:
+  only: [[0, 0], [4, 0], [4, 4], [0, 4]]
+starts:
+  - {at: [1, 1], heading: 90}
+"""
+
+
+FAR_WALLS = 2000.0 * np.array([[-1, -1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1], [-1, 1, -1, -1]])
+
+
+def same(first: World, second: World) -> bool:
+    """Whether two worlds are equal to the last bit, but for where they came from."""
+    arrays = [
+        (first.walls, second.walls),
+        (first.starts, second.starts),
+        *((a.boundary, b.boundary) for a, b in zip(first.rooms, second.rooms, strict=True)),
+        *((a.segment, b.segment) for a, b in zip(first.exits, second.exits, strict=True)),
+        *((first.tours[name], second.tours[name]) for name in first.tours),
+    ]
+    return all(np.array_equal(a, b) for a, b in arrays) and (
+        [room.name for room in first.rooms] == [room.name for room in second.rooms]
+        and [(e.name, e.rooms) for e in first.exits] == [(e.name, e.rooms) for e in second.exits]
+        and list(first.tours) == list(second.tours)
+        and (first.name, first.notes) == (second.name, second.notes)
+    )
+
+
+def test_polylines_boxes_and_polygons_become_walls_in_order():
+    world = parse_world(SMALL, source="small.yaml")
+    outline = [[0, 0, 4, 0], [4, 0, 4, 4], [4, 4, 0, 4], [0, 4, 0, 0]]
+    box = [[0, 3, 1, 3], [1, 3, 1, 4], [1, 4, 0, 4], [0, 4, 0, 3]]
+    triangle = [[3, 3, 4, 3], [4, 3, 4, 4], [4, 4, 3, 3]]
+    assert np.array_equal(world.walls, [*outline, *box, *triangle])
+    assert np.array_equal(world.starts, [[1, 1, np.pi / 2]])
+    assert world.source == "small.yaml"
+
+
+@pytest.mark.parametrize("name", catalogue_names())
+def test_the_catalogue_comes_back_exactly(name):
+    world = load_world(name)
+    assert same(parse_world(world_text(world), source="again"), world)
+
+
+metres = st.floats(-100, 100)
+names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=12).filter(
+    lambda name: name.isprintable() and bool(name.strip())
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    name=names,
+    walls=st.lists(
+        st.tuples(metres, metres, metres, metres).filter(
+            lambda wall: np.hypot(wall[2] - wall[0], wall[3] - wall[1]) > 1e-5
+        ),
+        min_size=1,
+        max_size=5,
+    ),
+    heading=st.floats(-10, 10),
+    corners=st.lists(metres, min_size=3, max_size=3, unique=True),
+    labels=st.lists(names, min_size=3, max_size=3, unique=True),
+    note=st.text(st.characters(codec="utf-8", exclude_categories=["C"]), max_size=30),
+)
+def test_any_world_comes_back_exactly(name, walls, heading, corners, labels, note):
+    low, middle, high = sorted(corners)
+    outlines = (
+        [[900 + low, 0], [900 + middle, 0], [900, 300 + high]],
+        [[900, 0], [1000 + high, 100], [900, 200]],
+    )
+    first, second, label = labels
+    world = World(
+        name=name,
+        walls=np.concatenate((FAR_WALLS, walls)),
+        starts=np.array([[800.0 + low, high, heading]]),
+        rooms=tuple(
+            Room(name=each, boundary=np.array(outline))
+            for each, outline in zip((first, second), outlines, strict=True)
+        )
+        if middle - low > 1
+        else (),
+        exits=(Exit(name=label, segment=np.array([low, middle, high, low]), rooms=(first, second)),)
+        if middle - low > 1
+        else (),
+        tours={label: np.array([[800.0 + low, high], [801.0 + low, middle]])},
+        notes=(note,),
+    )
+    assert same(parse_world(world_text(world), source="again"), world)
+
+
+def replaced(old: str, new: str) -> str:
+    assert old in SMALL
+    return SMALL.replace(old, new)
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "words"),
+    [
+        ("", "line 1", "found nothing"),
+        ("# only a comment\n", "line 1", "found nothing"),
+        ("- 1\n- 2\n", "line 1", "expected a YAML mapping with the key albot-world, found [1, 2]"),
+        ("just text", "line 1", "found just text"),
+        ("name: x\nwalls: []\n", "line 1", "expected the key albot-world, found the keys name, wa"),
+        (replaced("albot-world: 1", "albot-world: 2"), "line 1, albot-world", "version 1"),
+        (replaced("walls:", "wals:"), "line 3, wals", "did you mean walls?"),
+        (replaced("heading", "heeding"), "line 12, starts[0].heeding", "did you mean heading?"),
+        (replaced("heading: 90", "heading_rad: 1, heading: 90"), "line 12, starts[0]", "degrees"),
+        (replaced(", heading: 90", ""), "line 12, starts[0]", "found {at: [1, 1]}"),
+        (replaced("  - {at: [1, 1], heading: 90}", "  []"), "line 11, starts", "one start or more"),
+        (replaced("name: small\n", ""), "line 1", "the key name"),
+        (replaced("name: small", "name: 3"), "line 2, name", "a name, found 3"),
+        (replaced("[4, 4], [0, 4], [0, 0]]\nb", "[4, 4], [4, 4]]\nb"), "line 4, walls[0][2]", "0"),
+        (replaced("[4, 0], [4, 4]", "[.nan, 0], [4, 4]"), "line 4, walls[0][1]", "finite"),
+        (replaced("[4, 0], [4, 4]", "[-.inf, 0], [4, 4]"), "line 4, walls[0][1]", "finite"),
+        (replaced("[4, 0], [4, 4]", "[4e4, 0], [4, 4]"), "line 4, walls[0][1]", "±10000"),
+        (replaced("[4, 0], [4, 4]", "[4, 0], [4, 1e-9], [4, 4]"), "line 4, walls[0][1]", "longer"),
+        (replaced("[4, 0], [4, 4]", "[4], [4, 4]"), "line 4, walls[0][1]", "a point [x, y]"),
+        (replaced("[4, 0], [4, 4]", "[4, four], [4, 4]"), "line 4, walls[0][1][1]", "found four"),
+        (replaced("[4, 0], [4, 4]", "[4, true], [4, 4]"), "line 4, walls[0][1][1]", "found true"),
+        (replaced("[0, 3, 1, 4]", "[0, 3, 1, 3]"), "line 6, boxes[0]", "longer than 0"),
+        (replaced("[0, 3, 1, 4]", "[0, 3, 1]"), "line 6, boxes[0]", "a box [x_min"),
+        (replaced("at: [1, 1]", "at: [0.1, 1]"), "line 12, starts[0]", "free space"),
+        (replaced("[0, 3, 1, 4]", "[0, 0, 3, 3]"), "line 12, starts[0]", "the inside of line 6, b"),
+        (replaced("at: [1, 1]", "at: [3.9, 3.5]"), "line 12, starts[0]", "inside of line 8, poly"),
+        (replaced("at: [1, 1]", "at: [9, 9]"), "line 10, rooms.only", "no way into only"),
+        (replaced("heading: 90", "heading: .nan"), "line 12, starts[0]", "finite"),
+        (replaced("boxes:", "walls:"), "line 5", "the key 'walls' once"),
+        (replaced("[0, 0]]\nb", "[0, 0]\nb"), "line 5", "valid YAML"),
+        (replaced("name: small", "name: !!python/name:os.system"), "line 2", "the tag"),
+        (replaced("name: small", "name: *small"), "line 2", "an alias"),
+        (replaced("name: small", "name: a\x07b"), "line 2", "the character"),
+        (replaced("name: small", "? [1, 2]\n: 3"), "line 2", "a key that is text"),
+        (SMALL + "--- {}\n", "line 13", "valid YAML"),
+        (SMALL + "exits: {A: {line: [[0, 0], [1, 1]], rooms: [only, x]}}", "line 13, exits.A", "x"),
+        (SMALL + "exits: {A: {line: [[0, 0], [1, 1]]}}", "line 13, exits.A", "the key rooms"),
+        (SMALL + "tours:\n  t: [[1, 1], [1, 3.9]]", "line 14, tours.t", "0.25 m clear"),
+        ("[" * 5000, "", "nested a few levels"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_line(text, place, words):
+    with pytest.raises(InputError) as caught:
+        parse_world(text, source="small.yaml")
+    assert caught.value.place == place
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"), [("1e-1", 0.1), ("+.5", 0.5), ("0x10", None), ("1:30", None), ("010", 10)]
+)
+def test_numbers_are_read_as_yaml_1_2_has_them(written, meant):
+    text = replaced("heading: 90", f"heading: {written}")
+    if meant is None:
+        with pytest.raises(InputError, match="a heading in degrees"):
+            parse_world(text, source="small.yaml")
+    else:
+        assert parse_world(text, source="small.yaml").starts[0, 2] == np.deg2rad(meant)
+
+
+def test_a_name_may_look_like_a_truth_value():
+    world = parse_world(replaced("only:", "no:").replace("small", "on"), source="small.yaml")
+    assert (world.name, world.rooms[0].name) == ("on", "no")
+
+
+def test_the_schema_is_one_and_says_in_words_what_it_expects():
+    file = resources.files("albot_maps.formats") / "albot-world.schema.json"
+    schema = json.loads(file.read_text(encoding="utf-8"))
+    jsonschema.Draft202012Validator.check_schema(schema)
+
+    def unexplained(part, path):
+        if isinstance(part, dict):
+            if "type" in part and "description" not in part:
+                yield path
+            for key, value in part.items():
+                yield from unexplained(value, f"{path}/{key}")
+
+    assert list(unexplained(schema, "")) == []

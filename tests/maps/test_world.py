@@ -1,0 +1,154 @@
+"""The world model: what it refuses, what it keeps, and that nobody can change it."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+
+from albot_core.errors import InputError
+from albot_maps import Exit, Room, World
+
+SQUARE = np.array([[0.0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 0, 4], [0, 4, 0, 0]])
+DIVIDED = np.concatenate((SQUARE, [[3.0, 0, 3, 1.5], [3, 2.5, 3, 4]]))
+SHUT = np.concatenate((SQUARE, [[3.0, 0, 3, 4]]))
+WEST = Room(name="west", boundary=np.array([[0.0, 0], [3, 0], [3, 4], [0, 4]]))
+EAST = Room(name="east", boundary=np.array([[3.0, 0], [6, 0], [6, 4], [3, 4]]))
+DOOR = Exit(name="door", segment=np.array([3.0, 1.5, 3, 2.5]), rooms=("west", "east"))
+START = np.array([[1.0, 1, 0]])
+
+
+def make(**changes) -> World:
+    parts = {"name": "two rooms", "walls": DIVIDED, "starts": START}
+    parts |= {"rooms": (WEST, EAST), "exits": (DOOR,), "source": "test.yaml"}
+    return World(**(parts | changes))
+
+
+def with_wall(*wall: float) -> np.ndarray:
+    return np.concatenate((DIVIDED, [wall]))
+
+
+def test_the_example_is_valid():
+    world = make()
+    assert world.bounds == (0, 0, 6, 4)
+    assert world.closed
+    assert not make(walls=DIVIDED[1:]).closed
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "name"),
+    [
+        (1.0, 1.0, "west"),
+        (5.0, 3.0, "east"),
+        (3.0, 2.0, "west"),
+        (0.0, 0.0, "west"),
+        (3.01, 2.0, "east"),
+        (7.0, 1.0, None),
+    ],
+)
+def test_room_at(x, y, name):
+    assert make().room_at(x, y) == name
+
+
+@pytest.mark.parametrize(
+    ("changes", "place", "words"),
+    [
+        ({"name": " "}, "name", "a name"),
+        ({"name": "two\nlines"}, "name", "one printable line"),
+        ({"walls": np.empty((0, 4))}, "walls", "at least one wall"),
+        ({"walls": with_wall(1, 1, 1, 1)}, "walls[6]", "longer than 0"),
+        ({"walls": with_wall(1, 1, np.nan, 1)}, "walls[6]", "finite"),
+        ({"walls": with_wall(1, 1, np.inf, 1)}, "walls[6]", "finite"),
+        ({"walls": with_wall(1, 1, 12_000, 1)}, "walls[6]", "in metres"),
+        ({"starts": np.empty((0, 3))}, "starts", "at least one start"),
+        ({"starts": np.array([[1, 0.2, 0]])}, "starts[0]", "0.25 m, found a wall at 0.2 m"),
+        ({"starts": np.array([[1.0, 1, 0], [3, 1, 0]])}, "starts[1]", "a wall at 0 m"),
+        ({"starts": np.array([[1, np.nan, 0]])}, "starts[0]", "finite"),
+        ({"starts": np.array([[1, 1, np.inf]])}, "starts[0]", "finite"),
+        ({"rooms": (WEST, EAST, WEST)}, "rooms[2]", "a name of its own"),
+        ({"exits": (DOOR, DOOR)}, "exits[1]", "a name of its own"),
+        ({"rooms": (WEST,)}, "exits[0]", "found east"),
+        ({"walls": SHUT}, "rooms[1]", "no way into east"),
+        ({"walls": SHUT, "starts": np.array([[5.0, 1, 0]])}, "rooms[0]", "no way into west"),
+        (
+            {"walls": SHUT, "rooms": (), "exits": (), "starts": np.array([[1.0, 1, 0], [5, 1, 0]])},
+            "starts[1]",
+            "a way barred",
+        ),
+        ({"tours": {"t": np.array([[1.0, 1]])}}, "tours.t", "two waypoints"),
+        ({"tours": {"t": np.array([[1.0, 1], [1, 2], [5, 0.5]])}}, "tours.t[1]", "0.25 m clear"),
+        ({"tours": {"t": np.array([[1.0, 1], [1, np.nan]])}}, "tours.t[1]", "finite"),
+        ({"tours": {"": np.array([[1.0, 1], [2, 2]])}}, "tours.", "a name"),
+    ],
+)
+def test_what_is_wrong_is_named_with_its_place(changes, place, words):
+    with pytest.raises(InputError) as caught:
+        make(**changes)
+    assert caught.value.place == place
+    assert words in str(caught.value)
+    assert str(caught.value).startswith("test.yaml, ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("boundary", "words"),
+    [
+        ([[0, 0], [3, 0]], "3 corners"),
+        ([[0, 0], [3, 4], [3, 0], [0, 4]], "cross itself"),
+        ([[0, 0], [3, 0], [np.nan, 4]], "finite"),
+    ],
+)
+def test_a_room_needs_a_simple_outline(boundary, words):
+    room = Room(name="east", boundary=np.array(boundary, dtype=float))
+    with pytest.raises(InputError, match=words) as caught:
+        make(rooms=(WEST, room))
+    assert caught.value.place == "rooms[1]"
+
+
+@pytest.mark.parametrize(
+    ("segment", "rooms", "words"),
+    [
+        ([3, 1, 3, 1], ("west", "east"), "wider than 0"),
+        ([3, 1, 3, np.inf], ("west", "east"), "finite"),
+        ([3, 1, 3, 2], ("west", "west"), "two different rooms"),
+    ],
+)
+def test_an_exit_joins_two_rooms(segment, rooms, words):
+    door = Exit(name="door", segment=np.array(segment, dtype=float), rooms=rooms)
+    with pytest.raises(InputError, match=words) as caught:
+        make(exits=(door,))
+    assert caught.value.place == "exits[0]"
+
+
+def test_a_room_is_reachable_only_where_the_robot_stands_wholly_inside():
+    """A wall right behind the door leaves the robot in the doorway."""
+    make(walls=with_wall(3.6, 0, 3.6, 4), rooms=(WEST,), exits=())
+    with pytest.raises(InputError, match="no way into east"):
+        make(walls=with_wall(3.45, 0, 3.45, 4))
+
+
+def test_nothing_in_a_world_can_be_changed():
+    walls = DIVIDED.copy()
+    world = make(walls=walls, tours={"t": np.array([[1.0, 1], [2, 2]])})
+    walls[0] = 7
+    assert world.walls[0, 0] == 0
+    for array in (world.walls, world.starts, world.rooms[0].boundary, world.tours["t"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+    with pytest.raises(TypeError):
+        world.tours["u"] = walls
+    with pytest.raises(AttributeError):
+        world.name = "another"
+
+
+def test_a_world_can_be_copied_as_for_another_process():
+    world = make(tours={"t": np.array([[1.0, 1], [2, 2]])})
+    assert world.closed
+    copy = deepcopy(world)
+    assert np.array_equal(copy.walls, world.walls)
+    assert np.array_equal(copy.tours["t"], world.tours["t"])
+    assert copy.room_at(5.0, 1.0) == "east"
+    assert not copy.walls.flags.writeable
+    with pytest.raises(TypeError):
+        copy.tours["u"] = world.walls
