@@ -29,6 +29,21 @@ def _checked_modules() -> list[str]:
     return modules
 
 
+def _drop_stale_kernels() -> None:
+    """Delete compiled code older than any kernel's source.
+
+    numba looks only at the file that a compiled function stands in; one that it calls may
+    have changed in another file.
+    """
+    for folder in {root / package for package, root in SOURCES.items()}:
+        sources = [p for p in folder.rglob("*.py") if "numba" in p.read_text(encoding="utf-8")]
+        newest = max((p.stat().st_mtime for p in sources), default=0.0)
+        for compiled in folder.rglob("*.nbi"):
+            if compiled.stat().st_mtime < newest:
+                compiled.unlink(missing_ok=True)
+
+
+_drop_stale_kernels()
 _HOOK = install_import_hook(_checked_modules(), "beartype.beartype")
 
 

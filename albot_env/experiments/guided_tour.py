@@ -1,0 +1,93 @@
+"""A robot guided along a tour in start-stop motion, as in the thesis's experiments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import relative, wrap_angle
+from albot_core.geometry.types import Points, Poses
+from albot_core.perception.reading import Reading
+from albot_env.sim.odometer import ODOMETERS, OdometerConfig
+from albot_env.sim.simulator import Simulator
+from albot_maps.world import World
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartStop:
+    """How far the robot is sent at a time before it stops and looks (thesis, section 3.1.2)."""
+
+    move: float = 1.0
+    """Longest move (m)."""
+    turn: float = np.radians(45.0)
+    """Largest turn (rad)."""
+
+    def __post_init__(self) -> None:
+        if not (self.move > 0 and self.turn > 0):
+            raise InputError("StartStop", "a move and a turn above 0", f"{self.move}, {self.turn}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Journey:
+    """What a robot sensed on a journey, and where it truly was."""
+
+    readings: tuple[Reading, ...]
+    """One reading a view."""
+    truth: Poses
+    """(views, 3): the true pose at every reading, in the world frame."""
+
+    @property
+    def path_length(self) -> float:
+        """Length of the way from view to view (m)."""
+        return float(np.hypot(*np.diff(self.truth[:, :2], axis=0).T).sum())
+
+
+def guided_tour(
+    world: World,
+    waypoints: Points,
+    rng: np.random.Generator,
+    *,
+    steps: StartStop = StartStop(),
+    odometer: OdometerConfig = ODOMETERS["pioneer"],
+) -> Journey:
+    """Guide a robot through the waypoints and return what it saw.
+
+    The guide sees where the robot truly is, so that the odometer's errors do not change the
+    way. Every leg begins with a turn towards its end, and both are cut into equal steps.
+
+    Raises:
+        InputError: The robot bumped into something: the tour is not clear of walls.
+    """
+    first = waypoints[1] - waypoints[0]
+    start = np.array([*waypoints[0], np.arctan2(first[1], first[0])])
+    simulator = Simulator(world, odometer=odometer)
+    readings, truth = [simulator.reset(rng, start)], [simulator.pose]
+    for leg, waypoint in enumerate(waypoints[1:], start=1):
+        for reading in _follow_leg(simulator, waypoint, steps):
+            readings.append(reading)
+            truth.append(simulator.pose)
+            if simulator.collided:
+                raise InputError(world.name, "a tour clear of walls", "a wall", place=f"leg {leg}")
+    return Journey(readings=tuple(readings), truth=np.array(truth))
+
+
+def _follow_leg(simulator: Simulator, waypoint: Points, steps: StartStop) -> Iterator[Reading]:
+    """Turn towards the waypoint and go there; one reading a step."""
+    to = waypoint - simulator.pose[:2]
+    turn = float(wrap_angle(np.arctan2(to[1], to[0]) - simulator.pose[2]))
+    parts = int(np.ceil(abs(turn) / steps.turn - 1e-9))
+    for _ in range(parts):
+        yield simulator.turn(turn / parts)
+    distance = float(np.hypot(*(waypoint - simulator.pose[:2])))
+    parts = int(np.ceil(distance / steps.move - 1e-9))
+    for _ in range(parts):
+        yield simulator.move(distance / parts)
+
+
+def true_motions(journey: Journey) -> Poses:
+    """(views, 3): the true pose at every view seen from the one before; the first is 0."""
+    before = np.concatenate((journey.truth[:1], journey.truth[:-1]))
+    return relative(before, journey.truth)

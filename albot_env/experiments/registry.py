@@ -1,0 +1,54 @@
+"""The experiments by name."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from albot_core.errors import InputError
+from albot_env.experiments.report import Report
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """An experiment of a paper."""
+
+    id: str
+    title: str
+    seeds: int
+    """How many seeds it runs over unless told otherwise."""
+    module: str
+    """Where its `run(seeds, progress)` stands."""
+
+    def run(self, seeds: range, progress: Callable[[int], None]) -> Report:
+        """Run it over the seeds, telling `progress` how many are done."""
+        report: Report = importlib.import_module(self.module).run(seeds, progress)
+        return report
+
+
+EXPERIMENTS = {
+    experiment.id: experiment
+    for experiment in (
+        Experiment(
+            id="albot1-e3",
+            title="Albot1 bears a wrong odometer (Hossain 2014, section 3.2.3)",
+            seeds=20,
+            module="albot_env.experiments.albot1_e3",
+        ),
+    )
+}
+
+
+def find_experiment(name: str) -> Experiment:
+    """The experiment of that name.
+
+    Raises:
+        InputError: There is none.
+    """
+    if name in EXPERIMENTS:
+        return EXPERIMENTS[name]
+    near = get_close_matches(name, EXPERIMENTS, n=1)
+    hint = f"{name!r}; did you mean {near[0]!r}?" if near else repr(name)
+    raise InputError("experiment", f"one of {', '.join(sorted(EXPERIMENTS))}", hint)
