@@ -10,6 +10,7 @@ from __future__ import annotations
 import io
 import json
 import struct
+import tokenize
 import zipfile
 import zlib
 from pathlib import Path
@@ -38,6 +39,9 @@ _TORN = (
     ValueError,
     NotImplementedError,
     RuntimeError,
+    SyntaxError,
+    TypeError,
+    tokenize.TokenError,
 )
 """What zipfile and numpy raise where bytes are lost or changed."""
 
@@ -65,7 +69,7 @@ def load_map(path: Path) -> Mapper:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             members = {name: archive.read(name) for name in archive.namelist()}
     except _TORN as error:
-        raise InputError(path, "a whole map file", str(error)) from None
+        raise InputError(path, "a whole map file", _one_line(error)) from None
     mapper = make_mapper(_mapper_name(path, members.pop(_HEADER, None)))
     state = {
         name.removesuffix(".npy"): _array(path, name, member) for name, member in members.items()
@@ -104,13 +108,11 @@ def _array(path: Path, name: str, content: bytes) -> np.ndarray:
     stream = io.BytesIO(content)
     try:
         version = np.lib.format.read_magic(stream)
-        if version != (1, 0):
-            raise InputError(path, "npy version 1.0", ".".join(map(str, version)), place=name)
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
     except _TORN as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(path, "an array", str(error), place=name) from None
+        raise InputError(path, "an array", _one_line(error), place=name) from None
+    if version != (1, 0):
+        raise InputError(path, "npy version 1.0", ".".join(map(str, version)), place=name)
     if dtype.kind not in "biuf":
         raise InputError(path, "an array of numbers", str(dtype), place=name)
     rest = content[stream.tell() :]
@@ -119,6 +121,10 @@ def _array(path: Path, name: str, content: bytes) -> np.ndarray:
         found = f"{len(rest)}" + (" in columns" if fortran else "")
         raise InputError(path, f"{size} bytes in rows", found, place=name)
     return np.frombuffer(rest, dtype).reshape(shape).copy()
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 def _check_state(path: Path, mapper: Mapper, state: dict[str, np.ndarray]) -> None:

@@ -31,7 +31,7 @@ def report(log: Log, run: MappingRun, mapped: Score, odometry: Score) -> dict[st
     }
 
 
-def _relations(error: RelationError | None) -> dict[str, float] | None:
+def _relations(error: RelationError | None) -> dict[str, int | float] | None:
     if error is None:
         return None
     return {
@@ -80,9 +80,9 @@ def _relation_rows(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
     ]
 
 
-def _metres(error: dict[str, float]) -> str:
+def _metres(error: dict[str, int | float]) -> str:
     return f"{error['translation_mean_m']:.3f} ± {error['translation_std_m']:.3f} m"
 
 
-def _degrees(error: dict[str, float]) -> str:
+def _degrees(error: dict[str, int | float]) -> str:
     return f"{error['rotation_mean_deg']:.2f} ± {error['rotation_std_deg']:.2f}°"
