@@ -112,6 +112,7 @@ class EpisodeReader:
             )
         self.agent = content["agent"]
         laser = content["laser"]
+        x, y, heading = (float(number) for number in laser["mount"])
         return EpisodeHeader(
             environment=content["environment"],
             world=content["world"],
@@ -120,7 +121,13 @@ class EpisodeReader:
             mapper=content["mapper"],
             odometer=content["odometer"],
             seed=content["seed"],
-            laser=LaserGeometry(**{**laser, "mount": tuple(laser["mount"])}),
+            laser=LaserGeometry(
+                beams=laser["beams"],
+                first_bearing=float(laser["first_bearing"]),
+                spacing=float(laser["spacing"]),
+                max_range=float(laser["max_range"]),
+                mount=(x, y, heading),
+            ),
         )
 
     def _messages(self) -> Iterator[tuple[str, int, dict[str, Any]]]:
@@ -189,7 +196,7 @@ class EpisodeReader:
             ) from None
 
 
-def _numbers(values: list[float], count: int) -> np.ndarray:
+def _numbers(values: Any, count: int) -> np.ndarray:
     """So many numbers as an array."""
     array = np.array(values, np.float64)
     if array.shape != (count,):

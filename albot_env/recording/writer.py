@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
@@ -44,19 +46,15 @@ class EpisodeWriter:
         if self._header is not None:
             raise InputError(self._path, "one episode a file", "a second reset")
         self._header = header
-        try:
+        with self._disk():
             self._path.parent.mkdir(parents=True, exist_ok=True)
             self._stream = self._path.open("wb")
-        except OSError as error:
-            raise InputError(
-                self._path, "a file that can be written", error.strerror or str(error)
-            ) from None
-        self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES)
-        self._writer.start(profile="", library="albot-env")
-        self._channels = {topic: self._register(topic) for topic in TOPICS}
-        for message in header_messages(header, self._agent):
-            self._write(message, 0)
-        self._stream.flush()
+            self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES)
+            self._writer.start(profile="", library="albot-env")
+            self._channels = {topic: self._register(topic) for topic in TOPICS}
+            for message in header_messages(header, self._agent):
+                self._write(message, 0)
+            self._stream.flush()
 
     def add(self, moment: Moment) -> None:
         """Write the next moment.
@@ -66,22 +64,37 @@ class EpisodeWriter:
         """
         if self._header is None or self._stream is None:
             raise InputError(self._path, "an episode that was begun", "none")
-        try:
+        with self._disk():
             for message in moment_messages(moment, self._header.start):
                 self._write(message, nanoseconds(moment.reading.stamp))
             # A complete chunk shall outlive us; without a new one this costs nothing.
             self._stream.flush()
-        except OSError as error:
-            raise InputError(
-                self._path, "room to write the episode", error.strerror or str(error)
-            ) from None
 
     def close(self) -> None:
-        """Write the file's index and close it."""
+        """Write the file's index and close it.
+
+        Raises:
+            InputError: The disk is full.
+        """
         if self._stream is not None:
-            self._writer.finish()
-            self._stream.close()
+            with self._disk():
+                self._writer.finish()
+                self._stream.close()
             self._stream = None
+
+    @contextmanager
+    def _disk(self) -> Iterator[None]:
+        """Turn what the disk refuses into an error that says so; nothing more is written then."""
+        try:
+            yield
+        except OSError as error:
+            if self._stream is not None:
+                with suppress(OSError):
+                    self._stream.close()
+                self._stream = None
+            raise InputError(
+                self._path, "a file that can be written", error.strerror or str(error)
+            ) from None
 
     def _register(self, topic: str) -> int:
         schema = TOPICS[topic]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Pose
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,7 +28,7 @@ class Frame:
     """Distance truly driven (m)."""
     updates: int
     """How often the mapper has added a view to its map."""
-    walls: Segments
+    walls: Float64[np.ndarray, "walls 4"]
     """The world's walls, world frame."""
     start: Pose
     """Where the robot truly set out, world frame."""
@@ -38,7 +38,7 @@ class Frame:
     """Where the robot has truly been, world frame."""
     hits: Float64[np.ndarray, "hits 2"]
     """The points that the laser hit, in the robot's frame."""
-    surfaces: Segments
+    surfaces: Float64[np.ndarray, "surfaces 4"]
     """The surfaces that the mapper remembers, map frame."""
     belief: Pose
     """Where the robot believes to be, map frame."""

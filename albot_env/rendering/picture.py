@@ -10,7 +10,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from albot_core.errors import InputError
 from albot_core.files import replacing
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.scene import Panel, Scene, Shape, lay_out, scale_bar
@@ -40,13 +39,8 @@ def save_picture(frame: Frame, path: Path) -> None:
     figure.suptitle(scene.caption, fontsize=11)
     for axes, panel in zip(figure.subplots(1, 2), scene.panels, strict=True):
         _draw_panel(axes, panel, scene)
-    try:
-        with replacing(path) as stream:
-            figure.savefig(stream, format="png", dpi=110, metadata={"Software": "albot-env"})
-    except OSError as error:
-        raise InputError(
-            path, "a picture that can be written", error.strerror or str(error)
-        ) from None
+    with replacing(path) as stream:
+        figure.savefig(stream, format="png", dpi=110, metadata={"Software": "albot-env"})
 
 
 def _draw_panel(axes: Axes, panel: Panel, scene: Scene) -> None:
@@ -79,7 +73,7 @@ def _draw_panel(axes: Axes, panel: Panel, scene: Scene) -> None:
     )
 
 
-def _draw_shape(axes: Axes, shape: Shape, zorder: float) -> None:
+def _draw_shape(axes: Axes, shape: Shape, zorder: int) -> None:
     colour = PALETTE[shape.style]
     if shape.kind == "segments":
         lines = LineCollection(
@@ -125,7 +119,7 @@ def _draw_shape(axes: Axes, shape: Shape, zorder: float) -> None:
         _draw_robot(axes, shape, colour, zorder)
 
 
-def _draw_robot(axes: Axes, shape: Shape, colour: str, zorder: float) -> None:
+def _draw_robot(axes: Axes, shape: Shape, colour: str, zorder: int) -> None:
     x, y, heading = shape.data
     axes.scatter(
         [x],

@@ -7,6 +7,7 @@ reading, the rest from the mapper, which saw nothing but readings.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -69,7 +70,7 @@ class ObservationConfig:
         }
 
     @property
-    def dict_space(self) -> spaces.Dict:
+    def dict_space(self) -> spaces.Space[Any]:
         """The space of observations by part."""
         return spaces.Dict(
             {name: spaces.Box(-1, 1, shape, np.float32) for name, shape in self.shapes.items()}
@@ -91,12 +92,16 @@ class ObservationConfig:
         """
         heading = mapper.pose[2]
         return {
-            "laser": -_log_scale(reading.laser.ranges, self.laser_knee, self.laser_range),
+            "laser": self.observe_ranges(reading.laser.ranges),
             "motion": _clip(reading.motion / (self.step_length, self.step_length, self.step_turn)),
             "heading": _clip(np.array((np.cos(heading), np.sin(heading)))),
             "home": self._home(mapper.home),
             "coverage": coverage.patch(mapper.pose),
         }
+
+    def observe_ranges(self, ranges: Float[np.ndarray, "beams"]) -> Float32[np.ndarray, "beams"]:
+        """Ranges (m) as the `laser` part shows them: 1 at 0, -1 at `laser_range` and beyond."""
+        return -_log_scale(ranges, self.laser_knee, self.laser_range)
 
     def _home(self, home: Pose) -> Float32[np.ndarray, "3"]:
         distance = np.hypot(home[0], home[1])
@@ -127,9 +132,9 @@ class ObservationConfig:
         """The ranges (m) that the `laser` part stands for, `laser_range` where nothing was."""
         return _inverse_log_scale(-laser, self.laser_knee, self.laser_range)
 
-    def home_distance(self, scaled: float) -> float:
+    def home_distance(self, scaled: float | np.floating) -> float:
         """The distance (m) that the last number of the `home` part stands for."""
-        return float(_inverse_log_scale(np.array((scaled,)), self.home_knee, self.home_range)[0])
+        return float(_inverse_log_scale(np.array((float(scaled),)), self.home_knee, self.home_range)[0])
 
 
 def _clip(values: Float[np.ndarray, "*n"]) -> Float32[np.ndarray, "*n"]:

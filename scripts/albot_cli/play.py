@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 
 from albot_core.errors import InputError
+from albot_env.rendering.frame import Frame
 
 RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "odometer", "record")
 """Options that a recorded episode has already decided."""
@@ -91,7 +92,6 @@ def _run(
     from albot_agents.registry import make_agent
     from albot_cli.stage import open_stage
     from albot_env.recording.writer import EpisodeWriter
-    from albot_env.rendering.picture import save_picture
     from albot_env.tasks.explore import ENVIRONMENT, ExploreEnv
 
     driver = make_agent(agent)
@@ -115,7 +115,7 @@ def _run(
                 done = ended or cut
                 watched = stage.step(info["time"], lambda: explorer.frame)
             stage.end(explorer.frame)
-        save_picture(explorer.frame, png)
+        _save_picture(explorer.frame, png)
     finally:
         env.close()
     return {
@@ -140,7 +140,6 @@ def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) ->
     """Play an episode back; its summary."""
     from albot_cli.stage import open_stage
     from albot_env.recording.reader import EpisodeReader
-    from albot_env.rendering.picture import save_picture
     from albot_env.rendering.trace import Trace
 
     reader = EpisodeReader(episode)
@@ -162,7 +161,7 @@ def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) ->
     if reader.torn:
         click.echo(f"albot: {episode}: ends early; what is there was played", err=True)
     if png is not None:
-        save_picture(trace.frame, png)
+        _save_picture(trace.frame, png)
     frame = trace.frame
     return {
         "world": header.world,
@@ -181,6 +180,13 @@ def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) ->
         "steps_in_contact": collisions,
         "torn": reader.torn,
     }
+
+
+def _save_picture(frame: Frame, path: Path) -> None:
+    """Save the picture; matplotlib is loaded no sooner than it is needed."""
+    from albot_env.rendering.picture import save_picture
+
+    save_picture(frame, path)
 
 
 def _as_text(summary: dict[str, Any]) -> str:

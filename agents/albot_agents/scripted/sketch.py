@@ -17,13 +17,13 @@ from albot_core.geometry.types import Points, Pose
 class SketchConfig:
     """How fine the sketch is, and how wide a way must be."""
 
-    cell: float = 0.125
+    cell: float = 0.1
     """Side of a cell (m)."""
     reach: float = 7.0
     """What lies farther away is not drawn (m)."""
     extent: float = 40.0
     """Half the side of the first sheet (m); it grows with the way."""
-    radius: float = 0.3
+    radius: float = 0.28
     """Ways keep the robot's middle so far from obstacles (m)."""
 
     def __post_init__(self) -> None:

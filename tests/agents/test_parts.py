@@ -1,0 +1,232 @@
+"""The parts of the gap explorer against hand-drawn scenes and slow answers."""
+
+from __future__ import annotations
+
+from collections import deque
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from albot_agents.scripted.gaps import find_gaps
+from albot_agents.scripted.patience import Patience
+from albot_agents.scripted.prospects import Prospects
+from albot_agents.scripted.senses import LASER, Senses, make_sense
+from albot_agents.scripted.sketch import Sketch
+from albot_agents.scripted.sketch_kernels import BLOCKED, FREE, flood, straight_is_free
+from albot_agents.scripted.steering import DIRECTIONS, SteeringConfig, free_way, steer
+from albot_core.errors import InputError
+from albot_core.geometry.poses import relative
+from albot_core.perception.reading import LaserGeometry
+from albot_env.sim import RayCaster
+from albot_env.tasks.observation import ObservationConfig
+from tests.env.conftest import drive
+
+WALL_WITH_DOOR = np.array(((2, -4, 2, 0.5), (2, 1.5, 2, 4), (5, -4, 5, 4)), float)
+"""A wall 2 m ahead with a doorway of 1 m, and another wall 3 m behind it."""
+
+
+def _points(walls: np.ndarray, pose: tuple[float, float, float] = (0, 0, 0)) -> np.ndarray:
+    ranges = RayCaster(walls, LaserGeometry()).scan(np.array(pose, float))
+    return np.minimum(ranges, 30.0)[:, None] * LASER.directions
+
+
+def _senses(walls: np.ndarray, pose: tuple[float, float, float] = (0, 0, 0)) -> Senses:
+    ranges = RayCaster(walls, LaserGeometry()).scan(np.array(pose, float))
+    return Senses(
+        ranges=np.minimum(ranges, 30.0),
+        pose=np.array(pose, float),
+        patch=np.full((32, 32), -1, np.float32),
+        patch_cell=0.5,
+    )
+
+
+def test_a_doorway_is_a_gap_with_its_width_and_its_middle() -> None:
+    doors = find_gaps(_points(WALL_WITH_DOOR), narrowest=0.6, reach=3.0)
+    assert len(doors) == 2  # Once from either jamb.
+    for door in doors:
+        assert door.width == pytest.approx(1.0, abs=0.1)
+        assert door.centre == pytest.approx((2.0, 1.0), abs=0.1)
+        assert door.outward == pytest.approx((1.0, 0.0), abs=0.1)
+        assert door.beyond(0.5) == pytest.approx((2.5, 1.0), abs=0.15)
+
+
+def test_what_the_robot_cannot_pass_is_no_gap() -> None:
+    assert not find_gaps(_points(WALL_WITH_DOOR), narrowest=1.2, reach=3.0)
+    assert not find_gaps(_points(WALL_WITH_DOOR), narrowest=0.6, reach=1.5)
+
+
+@given(st.floats(0.3, 1.5), st.floats(-0.4, 0.4))
+@settings(deadline=None)
+def test_a_long_wall_beside_the_robot_has_no_gap(aside: float, heading: float) -> None:
+    """At a grazing angle its range jumps from beam to beam."""
+    walls = np.array(((-50, aside, 50, aside), (-50, -1.5, 50, -1.5)), float)
+    gaps = find_gaps(_points(walls, (0, 0, heading)), narrowest=0.6, reach=6.5)
+    assert not gaps
+
+
+@given(st.floats(-np.pi, np.pi), st.floats(0.5, 4))
+@settings(deadline=None)
+def test_free_ways_touch_nothing(bearing: float, distance: float) -> None:
+    """A disc that goes its free way in any direction stays clear of a post."""
+    post = np.array(((distance * np.cos(bearing), distance * np.sin(bearing)),))
+    way = free_way(np.repeat(post, 3, axis=0), 0.3)
+    for direction, length in zip(DIRECTIONS, way, strict=True):
+        for share in (0.25, 0.5, 0.75, 0.999):
+            step = share * min(length, 10.0)
+            at = step * np.array((np.cos(direction), np.sin(direction)))
+            assert np.hypot(*(post[0] - at)) >= 0.3 - 1e-6 or distance < 0.3
+
+
+def test_steering_goes_to_what_is_ahead_and_turns_to_what_is_not() -> None:
+    nothing = _points(np.array(((40, -1, 40, 1),), float))
+    speed, turn = steer(nothing, np.array((3.0, 0.0)))
+    assert speed > 0.9
+    assert turn == 0
+    for side in (-1.0, 1.0):
+        speed, turn = steer(nothing, np.array((-1.0, side)))
+        assert speed == 0
+        assert np.sign(turn) == side
+        _, turn = steer(nothing, np.array((2.0, 0.5 * side)))
+        assert np.sign(turn) == side
+
+
+def test_steering_slows_before_a_wall_and_never_drives_into_it() -> None:
+    speeds = [
+        float(steer(_points(np.array(((x, -3, x, 3),), float)), np.array((9.0, 0.0)))[0])
+        for x in (6.0, 1.5, 0.5, 0.34)
+    ]
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[-1] == 0
+
+
+def test_steering_settings_that_are_none_are_refused() -> None:
+    with pytest.raises(InputError, match=r"SteeringConfig\.radius"):
+        SteeringConfig(radius=-1.0)
+
+
+def _slow_flood(grid: np.ndarray, start: tuple[int, int], radius: int) -> np.ndarray:
+    """Breadth-first search, cell by cell, over cells whose disc meets no blocked one."""
+    size = len(grid)
+    blocked = np.argwhere(grid == BLOCKED)
+    steps = np.full(grid.shape, -1)
+    steps[start] = 0
+    queue = deque([start])
+    while queue:
+        row, column = queue.popleft()
+        for r in range(row - 1, row + 2):
+            for c in range(column - 1, column + 2):
+                if not (radius <= r < size - radius and radius <= c < size - radius):
+                    continue
+                if steps[r, c] >= 0:
+                    continue
+                near = (r - start[0]) ** 2 + (c - start[1]) ** 2 <= (radius + 1) ** 2
+                apart = ((blocked - (r, c)) ** 2).sum(axis=1)
+                clear = grid[r, c] == FREE and not (apart <= radius**2).any()
+                if clear or (near and grid[r, c] != BLOCKED):
+                    steps[r, c] = steps[row, column] + 1
+                    queue.append((r, c))
+    return steps
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(deadline=None, max_examples=40)
+def test_the_flood_is_a_breadth_first_search(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    grid = rng.choice(np.array((0, FREE, BLOCKED), np.int8), (24, 24), p=(0.05, 0.9, 0.05))
+    start = (int(rng.integers(3, 21)), int(rng.integers(3, 21)))
+    grid[start] = FREE
+    before = np.empty(grid.shape, np.int64)
+    steps = flood(grid, start, 2, before)
+    assert np.array_equal(steps, _slow_flood(grid, start, 2))
+    for row, column in np.argwhere(steps > 0):
+        r, c = divmod(int(before[row, column]), 24)
+        assert steps[r, c] == steps[row, column] - 1
+        assert max(abs(r - row), abs(c - column)) == 1
+
+
+def test_a_straight_way_is_free_or_not() -> None:
+    grid = np.full((40, 40), FREE, np.int8)
+    grid[20, 25] = BLOCKED
+    assert not straight_is_free(grid, (20, 5), (20, 35), 2)
+    assert straight_is_free(grid, (15, 5), (15, 35), 2)
+    assert straight_is_free(grid, (20, 5), (20, 20), 2)
+
+
+def test_the_sketch_finds_the_way_through_the_doorway() -> None:
+    sketch, senses = Sketch(), _senses(WALL_WITH_DOOR)
+    sketch.draw(senses)
+    ways = sketch.ways(senses.pose)
+    behind, in_wall = np.array((3.5, 1.6)), np.array((2.0, -2.0))
+    route = sketch.route(ways, behind)
+    assert route[0] == pytest.approx((0, 0), abs=0.1)
+    assert np.hypot(*(route[-1] - behind)) < 0.6
+    crossing = route[np.abs(route[:, 0] - 2.0).argmin()]
+    assert crossing[1] == pytest.approx(1.0, abs=0.25)
+    assert np.hypot(*np.diff(route, axis=0).T).max() < 0.15
+    assert sketch.length(ways, behind) == pytest.approx(4.0, abs=1.0)
+    assert sketch.length(ways, np.array((9.0, 0.0))) == np.inf
+    assert not len(sketch.route(ways, np.array((9.0, 0.0))))
+    assert sketch.is_straight(senses.pose, np.array((1.2, 0.0)))
+    assert not sketch.is_straight(senses.pose, in_wall)
+
+
+def test_the_sketch_grows_where_the_robot_goes_far() -> None:
+    sketch = Sketch()
+    far = _senses(WALL_WITH_DOOR + np.tile((300.0, -200.0), 2), (300.0, -200.0, 0.0))
+    sketch.draw(far)
+    ways = sketch.ways(far.pose)
+    assert sketch.length(ways, np.array((301.2, -200.0))) == pytest.approx(1.2, abs=0.6)
+
+
+def test_prospects_are_kept_until_covered_and_not_twice() -> None:
+    prospects, senses = Prospects(), _senses(WALL_WITH_DOOR)
+    places = np.array(((1.0, 1.0), (1.2, 1.1), (3.0, 1.0)))
+    prospects.note(places, places, senses)
+    prospects.note(places, places, senses)
+    assert prospects.goals == pytest.approx(np.array(((1.0, 1.0), (3.0, 1.0))))
+    goal = prospects.goals[1]
+    assert prospects.holds(goal)
+    prospects.give_up(goal)
+    prospects.note(places, places, senses)
+    assert prospects.goals == pytest.approx(np.array(((1.0, 1.0),)))
+    prospects.pardon()
+    prospects.note(places, places, senses)
+    assert len(prospects.goals) == 2
+    covered = Senses(
+        ranges=senses.ranges,
+        pose=senses.pose,
+        patch=np.ones((32, 32), np.float32),
+        patch_cell=0.5,
+    )
+    prospects.forget_covered(covered)
+    assert not len(prospects.goals)
+
+
+def test_patience_ends_on_the_spot_and_on_long_ways() -> None:
+    patience, here = Patience(), np.zeros(3)
+    patience.begin(100.0)
+    assert [patience.lost(here) for _ in range(46)] == [False] * 45 + [True]
+    patience.begin(1.0)
+    walk = [patience.lost(np.array((0.2 * k, 0, 0))) for k in range(200)]
+    assert walk.index(True) == 140
+    assert patience.recovery() is None
+    patience.recover(np.random.default_rng(0))
+    backwards = [patience.recovery() for _ in range(13)]
+    assert backwards[-1] is None
+    assert all(action is not None and action[0] < 0 for action in backwards[:-1])
+
+
+def test_senses_undo_the_observation(make_env) -> None:
+    env = make_env(odometer="ideal")
+    for observation, info in drive(env, 40)[::10]:
+        senses = make_sense(observation, ObservationConfig())
+        start = np.array((2.0, 2.0, 0.0))
+        assert senses.pose == pytest.approx(relative(start, info["pose"]), abs=0.02)
+        assert senses.ranges.min() > 0.2
+        # The cell on which the robot stands and looks ahead is covered.
+        assert senses.covered(np.array((0.6, 0.0)))
+        assert senses.covered(np.array(((50.0, 0.0), (0.6, 0.1)))).tolist() == [True, True]
+        back = senses.to_robot(senses.to_map(np.array(((1.0, 2.0),))))
+        assert back == pytest.approx(np.array(((1.0, 2.0),)))

@@ -1,0 +1,207 @@
+"""The frame, its layout, and the four ways to draw it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from PIL import Image
+from rich.console import Console
+from rich.text import Text
+
+from albot_core.errors import InputError
+from albot_env.rendering.canvas import BACKGROUND, PALETTE, PANEL, paint_array
+from albot_env.rendering.frame import Frame, position_error
+from albot_env.rendering.picture import save_picture
+from albot_env.rendering.scene import lay_out, scale_bar
+from albot_env.rendering.terminal import BrailleCanvas, TerminalView, draw_text
+from albot_env.rendering.viewer import NullViewer, Viewer
+from albot_env.rendering.window import Window
+
+
+@pytest.fixture
+def frame() -> Frame:
+    """A square room of 10 m; the robot has gone 4 m east from its south-west, facing north.
+
+    Its map frame is turned by a quarter against the world's. The map is perfect.
+    """
+    walls = np.array(((0, 0, 10, 0), (10, 0, 10, 10), (10, 10, 0, 10), (0, 10, 0, 0)), float)
+    return Frame(
+        world="room",
+        mapper="albot1",
+        time=83.25,
+        path_length=4.0,
+        updates=7,
+        walls=walls,
+        start=np.array((2.0, 2.0, np.pi / 2)),
+        pose=np.array((6.0, 2.0, np.pi / 2)),
+        path=np.array(((2.0, 2.0), (6.0, 2.0))),
+        hits=np.array(((8.0, 0.0), (0.0, 6.0))),
+        surfaces=np.array(((-2.0, 2.0, -2.0, -8.0), (8.0, -8.0, 8.0, 2.0))),
+        belief=np.array((0.0, -4.0, 0.0)),
+        believed_path=np.array(((0.0, 0.0), (0.0, -4.0))),
+        home=np.array((0.0, 4.0, 0.0)),
+    )
+
+
+def test_a_perfect_map_lies_on_the_truth(frame: Frame) -> None:
+    scene = lay_out(frame)
+    truth = {shape.style: shape.data for shape in scene.truth.shapes}
+    mapped = {shape.style: shape.data for shape in scene.map.shapes}
+    assert mapped["robot"] == pytest.approx(truth["robot"])
+    assert mapped["home"] == pytest.approx(truth["home"])
+    assert mapped["believed"] == pytest.approx(truth["path"])
+    assert mapped["surface"][0] == pytest.approx((0, 0, 10, 0))
+    assert truth["laser"] == pytest.approx(np.array(((6, 10), (0, 2))))
+    assert scene.bounds == pytest.approx((-0.8, -0.8, 10.8, 10.8))
+    assert frame.position_error == pytest.approx(0, abs=1e-12)
+
+
+def test_the_error_is_the_distance_from_the_truth(frame: Frame) -> None:
+    believed = replace(frame, belief=np.array((0.3, -3.6, 1.0)))
+    assert believed.position_error == pytest.approx(0.5)
+    assert "1:23.2 · 4.0 m driven · 7 updates · 2 surfaces · 0.50 m off" in believed.caption
+
+
+@given(st.lists(st.floats(-50, 50), min_size=6, max_size=6))
+@settings(deadline=None)
+def test_the_error_does_not_depend_on_where_the_map_lies(numbers: list[float]) -> None:
+    start, belief = np.array(numbers[:3]), np.array(numbers[3:])
+    origin = np.zeros(3)
+    truth = np.array((1.0, 2.0, 0.5))
+    cos, sin = np.cos(start[2]), np.sin(start[2])
+    moved = np.array((
+        start[0] + cos * truth[0] - sin * truth[1],
+        start[1] + sin * truth[0] + cos * truth[1],
+        start[2] + truth[2],
+    ))  # fmt: skip
+    here = position_error(origin, truth, belief)
+    assert position_error(start, moved, belief) == pytest.approx(here, abs=1e-9)
+
+
+@pytest.mark.parametrize(("width", "bar"), [(10.0, 2.0), (31.6, 5.0), (9.9, 1.0), (400.0, 50.0)])
+def test_the_scale_bar_is_round(width: float, bar: float) -> None:
+    assert scale_bar(width) == pytest.approx(bar)
+
+
+def test_the_canvas_shows_each_thing_in_its_colour(frame: Frame) -> None:
+    image = paint_array(lay_out(frame), (1000, 520))
+    assert image.shape == (520, 1000, 3)
+    left, right = image[:, :500].reshape(-1, 3), image[:, 500:].reshape(-1, 3)
+    colours = {style: np.array(colour) for style, colour in PALETTE.items()}
+    for style in ("wall", "laser", "home", "robot"):
+        assert (left == colours[style]).all(axis=1).any(), style
+    for style in ("surface", "home", "robot"):
+        assert (right == colours[style]).all(axis=1).any(), style
+    assert not (right == colours["wall"]).all(axis=1).any()
+    assert not (left == colours["surface"]).all(axis=1).any()
+    assert tuple(image[0, 0]) == BACKGROUND
+    assert (left == np.array(PANEL)).all(axis=1).mean() > 0.5
+
+
+def test_painting_needs_no_display(frame: Frame, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    first = paint_array(lay_out(frame))
+    assert np.array_equal(first, paint_array(lay_out(frame)))
+
+
+def test_the_picture_is_whole_and_the_same_again(frame: Frame, tmp_path: Path) -> None:
+    save_picture(frame, tmp_path / "deep" / "a.png")
+    save_picture(frame, tmp_path / "b.png")
+    assert (tmp_path / "b.png").read_bytes() == (tmp_path / "deep" / "a.png").read_bytes()
+    with Image.open(tmp_path / "b.png") as image:
+        assert image.format == "PNG"
+        assert image.width > 1200
+        pixels = np.asarray(image.convert("RGB"))
+    half = pixels.shape[1] // 2
+    orange = (np.abs(pixels.astype(int) - (0xC7, 0x77, 0x00)) < 40).all(axis=2)
+    assert orange[:, half:].sum() > 200
+    assert orange[:, :half].sum() == 0
+    assert list(tmp_path.iterdir()) != []
+
+
+def test_a_picture_that_cannot_be_written_leaves_nothing(frame: Frame, tmp_path: Path) -> None:
+    (tmp_path / "taken").mkdir()
+    with pytest.raises(InputError, match="taken: expected a file to write"):
+        save_picture(frame, tmp_path / "taken")
+    assert [path.name for path in tmp_path.iterdir()] == ["taken"]
+
+
+def test_an_empty_map_can_be_drawn(frame: Frame, tmp_path: Path) -> None:
+    empty = replace(
+        frame,
+        surfaces=np.empty((0, 4)),
+        hits=np.empty((0, 2)),
+        path=frame.path[:1],
+        believed_path=frame.believed_path[:1],
+    )
+    paint_array(lay_out(empty))
+    save_picture(empty, tmp_path / "a.png")
+    assert "room" in draw_text(empty, 60, 20).plain
+
+
+@given(st.integers(0, 3), st.integers(0, 3), st.floats(0.01, 0.99), st.floats(0.01, 0.99))
+@settings(deadline=None)
+def test_a_dot_is_where_unicode_says(column: int, row: int, dx: float, dy: float) -> None:
+    """Eight dots numbered 1-2-3-7 down the left and 4-5-6-8 down the right of a cell."""
+    canvas = BrailleCanvas(2, 1, (0.0, 0.0, 4.0, 4.0))
+    canvas.dots(np.array(((column + dx, 4 - row - dy),)), "white")
+    number = ((1, 4), (2, 5), (3, 6), (7, 8))[row][column % 2]
+    expected = [" ", " "]
+    expected[column // 2] = chr(0x2800 + (1 << (number - 1)))
+    assert canvas.line(0).plain == "".join(expected)
+
+
+@pytest.mark.parametrize(("columns", "lines"), [(80, 24), (120, 50), (40, 10), (200, 30)])
+def test_the_text_fits_the_terminal(frame: Frame, columns: int, lines: int) -> None:
+    rows = draw_text(frame, columns, lines).plain.split("\n")
+    assert len(rows) <= lines
+    assert max(map(len, rows)) <= columns
+    assert any("⌂" in row for row in rows)
+    drawn = "".join(rows)
+    assert sum(0x2800 < ord(c) < 0x2900 for c in drawn) > 20
+    assert "↑" in drawn
+
+
+def test_the_terminal_shows_frames_and_footer(frame: Frame) -> None:
+    console = Console(width=90, height=30, force_terminal=True, record=True)
+    view = TerminalView(console, Text("below"))
+    assert isinstance(view, Viewer)
+    assert view.show(frame)
+    view.close()
+    shown = console.export_text()
+    assert "truth" in shown
+    assert "below" in shown
+
+
+def test_nobody_sees_the_null_viewer(frame: Frame) -> None:
+    viewer = NullViewer()
+    assert isinstance(viewer, Viewer)
+    assert viewer.show(frame)
+    viewer.close()
+
+
+def test_the_window_opens_shows_and_is_closed(
+    frame: Frame, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pygame = pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    window = Window("test", rate=1000.0)
+    assert window.show(frame)
+    shown = pygame.surfarray.array3d(pygame.display.get_surface())
+    assert len(np.unique(shown.reshape(-1, 3), axis=0)) > 10
+    pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_ESCAPE))
+    assert not window.show(frame)
+    assert not window.show(frame)
+    window.close()
+
+
+def test_a_display_that_does_not_open_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "nonesuch")
+    with pytest.raises(InputError, match="expected a display that opens"):
+        Window("test")

@@ -1,0 +1,186 @@
+"""What every registered environment promises, whichever form and mapper."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import albot_env
+from albot_core.errors import InputError
+
+IDS = sorted(name for name in gymnasium.registry if name.startswith("Albot/"))
+FORMS = ("flat", "dict")
+STEPS = 60
+
+
+def _make(environment: str, **options: Any) -> gymnasium.Env[Any, Any]:
+    settings = {"world": "square-loop", "mapper": "odometry", **options}
+    return gymnasium.make(environment, **settings)
+
+
+def _rollout(env: gymnasium.Env[Any, Any], seed: int, steps: int = STEPS) -> list[Any]:
+    rng = np.random.default_rng(3)
+    seen: list[Any] = [env.reset(seed=seed)]
+    actions = rng.uniform(-1, 1, (steps, 2)).astype(np.float32)
+    seen.extend(env.step(action) for action in actions)
+    return seen
+
+
+def _arrays(value: Any) -> list[np.ndarray]:
+    """All arrays inside an observation or an info."""
+    if isinstance(value, np.ndarray):
+        return [value]
+    if isinstance(value, dict):
+        return [array for item in value.values() for array in _arrays(item)]
+    if isinstance(value, tuple | list):
+        return [array for item in value for array in _arrays(item)]
+    return []
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Whether two outcomes are the same to the last bit."""
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and one.tobytes() == other.tobytes()
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(_same(one[k], other[k]) for k in one)
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(_same, one, other))
+    return bool(one == other)
+
+
+def test_every_task_is_registered() -> None:
+    folder = Path(albot_env.__file__).parent / "tasks"
+    tasks = [path for path in folder.glob("*.py") if "\nENVIRONMENT = " in path.read_text()]
+    assert len(IDS) == len(tasks) >= 1
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("mapper", ["odometry", "albot1"])
+def test_gymnasium_finds_nothing_wrong(
+    environment: str, form: str, mapper: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")  # It opens the window too.
+    env = _make(environment, observation=form, mapper=mapper, render_mode="rgb_array")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(env.unwrapped)
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("form", FORMS)
+def test_the_same_seed_gives_the_same_episode(environment: str, form: str) -> None:
+    one, other = (_make(environment, observation=form, mapper="albot1") for _ in range(2))
+    other.reset(seed=99)  # An episode before must leave nothing behind.
+    other.step(np.zeros(2, np.float32))
+    assert _same(_rollout(one, 7), _rollout(other, 7))
+    assert not _same(_rollout(one, 7), _rollout(one, 8))
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("form", FORMS)
+def test_observations_are_inside_alive_and_their_own(environment: str, form: str) -> None:
+    env = _make(environment, observation=form)
+    seen = [step[0] for step in _rollout(env, 1)]
+    assert all(observation in env.observation_space for observation in seen)
+    arrays = [_arrays(observation) for observation in seen]
+    for part in zip(*arrays, strict=True):
+        assert len({array.tobytes() for array in part}) > STEPS / 4
+    for k, ours in enumerate(arrays[1:], 1):
+        assert not any(np.shares_memory(a, b) for a in ours for b in arrays[k - 1])
+
+
+@pytest.mark.parametrize("environment", IDS)
+def test_info_has_the_same_keys_from_the_reset_on(environment: str) -> None:
+    env = _make(environment)
+    seen = _rollout(env, 2)
+    keys = [sorted(step[-1]) for step in seen]
+    terms = [sorted(step[-1]["reward_terms"]) for step in seen]
+    assert all(key == keys[0] for key in keys)
+    assert all(term == terms[0] for term in terms)
+
+
+@pytest.mark.parametrize("environment", IDS)
+def test_a_reward_is_the_sum_of_its_terms(environment: str) -> None:
+    for step in _rollout(_make(environment), 4)[1:]:
+        assert step[1] == pytest.approx(sum(step[-1]["reward_terms"].values()), abs=1e-12)
+
+
+@pytest.mark.parametrize("environment", IDS)
+def test_a_time_limit_truncates(environment: str) -> None:
+    env = _make(environment, max_episode_steps=5)
+    ends = [(step[2], step[3]) for step in _rollout(env, 1, steps=5)[1:]]
+    assert ends == [(False, False)] * 4 + [(False, True)]
+
+
+@pytest.mark.parametrize("environment", IDS)
+def test_the_start_is_drawn(environment: str) -> None:
+    env = _make(environment, world="office-ring")
+    starts = {tuple(env.reset(seed=seed)[1]["pose"]) for seed in range(12)}
+    assert len(starts) == 3
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize(
+    ("action", "found"),
+    [
+        ([np.nan, 0], "nan"),
+        ([0, 1.01], "1.01"),
+        ([-np.inf, 0], "-inf"),
+        ([0, 0, 0], r"shape \(3,\)"),
+        (0.5, r"shape \(\)"),
+        (["fast", 0], "fast"),
+        (None, r"shape|nan|None"),
+    ],
+)
+def test_an_action_that_is_none_is_refused(environment: str, action: Any, found: str) -> None:
+    env = _make(environment).unwrapped
+    env.reset(seed=1)
+    with pytest.raises(InputError, match=f"{environment}, action: expected 2 numbers.*{found}"):
+        env.step(action)
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize(
+    ("options", "found"),
+    [
+        ({"odometer": "perfect"}, "perfect"),
+        ({"mapper": "albot2"}, "albot2"),
+        ({"world": "office-rong"}, "office-rong"),
+        ({"observation": "image"}, "image"),
+    ],
+)
+def test_settings_that_are_none_are_refused(
+    environment: str, options: dict[str, str], found: str
+) -> None:
+    with pytest.raises(InputError, match=found):
+        _make(environment, **options)
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize(
+    "options", [{"place": 1}, {"start": 99}, {"start": (1, 2)}, {"start": "here"}]
+)
+def test_reset_options_that_are_none_are_refused(environment: str, options: Any) -> None:
+    with pytest.raises(InputError, match=environment):
+        _make(environment).reset(seed=1, options=options)
+
+
+@pytest.mark.parametrize("environment", IDS)
+def test_stepping_before_a_reset_is_an_error(environment: str) -> None:
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        _make(environment).unwrapped.step(np.zeros(2, np.float32))
+
+
+@pytest.mark.parametrize("environment", IDS)
+def test_human_mode_needs_a_display(environment: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "SDL_VIDEODRIVER"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(InputError, match="expected a display"):
+        _make(environment, render_mode="human")

@@ -1,0 +1,108 @@
+"""Coverage against slow and closed-form answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from albot_core.errors import InputError
+from albot_core.perception.reading import LaserGeometry, LaserScan
+from albot_env.tasks.coverage import Coverage, CoverageConfig
+from albot_env.tasks.ground import reachable_area
+from albot_env.tasks.rooms import RoomLog
+from albot_maps import load_world
+
+CONFIG = CoverageConfig()
+OFFICE = load_world("office-ring")
+NOWHERE = LaserScan(ranges=np.full(181, np.inf), geometry=LaserGeometry())
+
+
+def _wall_at(distance: float) -> LaserScan:
+    return LaserScan(ranges=np.full(181, distance), geometry=LaserGeometry())
+
+
+def test_open_ground_is_half_a_disc() -> None:
+    fine = CoverageConfig(cell=0.05)
+    area = Coverage(fine, 5.0).add(np.array((0.3, -0.2, 1.0)), NOWHERE)
+    assert area == pytest.approx(np.pi * fine.radius**2 / 2, rel=0.05)
+
+
+def test_a_wall_hides_what_is_behind_it() -> None:
+    fine = CoverageConfig(cell=0.05)
+    area = Coverage(fine, 5.0).add(np.zeros(3), _wall_at(1.0))
+    assert area == pytest.approx(np.pi / 2, rel=0.1)
+
+
+def test_the_same_look_again_covers_nothing_new() -> None:
+    coverage = Coverage(CONFIG, 5.0)
+    first = coverage.add(np.zeros(3), NOWHERE)
+    assert first > 0
+    assert coverage.add(np.zeros(3), NOWHERE) == 0
+    assert coverage.area == first
+    coverage.clear()
+    assert coverage.area == 0
+    assert coverage.add(np.zeros(3), NOWHERE) == first
+
+
+@given(st.floats(-40, 40), st.floats(-40, 40), st.floats(-4, 4))
+@settings(deadline=None)
+def test_ground_beyond_the_square_is_left_out(x: float, y: float, heading: float) -> None:
+    coverage = Coverage(CONFIG, 3.0, (1.0, -2.0))
+    coverage.add(np.array((x, y, heading)), NOWHERE)
+    assert 0 <= coverage.area <= 36
+
+
+@given(
+    st.floats(-3, 3), st.floats(-3, 3), st.floats(-np.pi, np.pi), st.integers(0, 31),
+    st.integers(0, 31),
+)  # fmt: skip
+@settings(deadline=None)
+def test_the_patch_shows_the_cells_it_says(
+    x: float, y: float, heading: float, row: int, column: int
+) -> None:
+    """The slow way: where the patch's cell lies in the frame, and whether that is covered."""
+    coverage = Coverage(CONFIG, 8.0)
+    coverage.add(np.array((0.5, 0.5, 0.7)), _wall_at(1.5))
+    patch = coverage.patch(np.array((x, y, heading)))[0]
+    ahead, left = (15.5 - row) * 0.5, (15.5 - column) * 0.5
+    px = x + np.cos(heading) * ahead - np.sin(heading) * left
+    py = y + np.sin(heading) * ahead + np.cos(heading) * left
+    far = np.hypot(px - 0.5, py - 0.5)
+    facing = np.cos(0.7) * (px - 0.5) + np.sin(0.7) * (py - 0.5)
+    if far < 1.1 and facing > 0.4:
+        assert patch[row, column] == 1
+    elif far > 1.9 or facing < -0.4:
+        assert patch[row, column] == -1
+
+
+def test_sizes_that_are_none_are_refused() -> None:
+    with pytest.raises(InputError, match=r"CoverageConfig\.cell"):
+        CoverageConfig(cell=0.0)
+    with pytest.raises(InputError, match=r"CoverageConfig\.patch_cells"):
+        CoverageConfig(patch_cells=1)
+
+
+def test_reachable_ground_of_two_rooms(two_rooms) -> None:
+    # 40 m² of floor; the body reaches all but a little in each of the sixteen corners.
+    assert reachable_area(two_rooms) == pytest.approx(40.0, rel=0.01)
+
+
+@given(st.floats(0, 30), st.floats(0, 30))
+@settings(deadline=None, max_examples=300)
+def test_rooms_are_those_of_the_world(x: float, y: float) -> None:
+    world = OFFICE
+    name, new = RoomLog(world.rooms).enter(np.array((x, y, 0.0)))
+    outlines = [room.boundary for room in world.rooms]
+    corners = np.concatenate(outlines)
+    if np.abs(corners - (x, y)).min() > 1e-6:  # On an outline either answer will do.
+        assert name == (world.room_at(x, y) or "")
+    assert new == bool(name)
+
+
+def test_a_room_is_new_once(two_rooms) -> None:
+    rooms = RoomLog(two_rooms.rooms)
+    visits = [rooms.enter(np.array((x, 2.0, 0.0))) for x in (1.0, 2.0, 7.0, 1.0, 11.0)]
+    assert visits == [("west", True), ("west", False), ("east", True), ("west", False), ("", False)]
+    assert rooms.entered == 2
