@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float64
@@ -76,9 +77,23 @@ class RayCaster:
         everywhere = np.arange(len(self._walls), dtype=np.int32)
         starts = np.zeros(cells + 2, np.int64)
         count, members = 64 * cells, everywhere[:0]
+        neighbours = _neighbours(self._walls)
         while count > len(members):
             members = np.empty(count, np.int32)
             reach = self.geometry.max_range
-            count = list_visible(self._walls, corner, cell, shape, reach, starts, members)
+            count = list_visible(
+                self._walls, neighbours, corner, cell, shape, reach, starts, members
+            )
         starts[-1] = count + len(everywhere)
         return starts, np.concatenate((members[:count], everywhere))
+
+
+def _neighbours(walls: Segments) -> np.ndarray:
+    """For either end of each wall, an end of another at the same point: 2 wall + 0 or 1, or -1."""
+    found = np.full(2 * len(walls), -1)
+    _, groups = np.unique(walls.reshape(-1, 2), axis=0, return_inverse=True)
+    order = np.argsort(groups, kind="stable")
+    for first, second in pairwise(order):
+        if groups[first] == groups[second]:
+            found[first], found[second] = second, first
+    return found.reshape(-1, 2)

@@ -1,10 +1,12 @@
 """Which walls can be seen from where: a list for every cell of a grid, never too short.
 
-A wall is left out of a cell's list only where it is out of reach, or where one other wall
-hides all of it from all of the cell. Seen from the cell, the part of the plane that
-a screen hides is bounded by the screen and by the two lines that touch the cell and one
-end of the screen each: three half-planes, and a wall is hidden where both its ends
-lie in all three.
+A wall is left out of a cell's list only where it is out of reach, or where others that
+hang together hide all of it from all of the cell. Seen from the cell, what lies beyond a
+wall's line and between the two lines that touch the cell and one end of the wall each is in
+the wall's shadow: three half-planes, and another wall is hidden where both its ends
+lie in all three. Where the next wall of a chain goes on sideways without going beyond
+the line, the shadow reaches as far as the chain: each beam towards something beyond
+the line meets the chain before.
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ _MARGIN = 1e-6
 @njit(cache=True)
 def list_visible(
     walls: np.ndarray,
+    neighbours: np.ndarray,
     corner: np.ndarray,
     cell: float,
     shape: tuple[int, int],
@@ -32,6 +35,8 @@ def list_visible(
 
     Args:
         walls: Ends x1, y1, x2, y2 (n, 4) of the walls (m).
+        neighbours: For either end of each wall (n, 2), another end that stands at the same
+            point, as twice its wall's number plus 0 or 1; -1 where there is none.
         corner: Lower left corner x, y of the grid (m).
         cell: Side of a cell (m).
         shape: Columns and rows; cells are numbered row by row.
@@ -62,7 +67,7 @@ def list_visible(
             if count < len(members):
                 members[count] = j
             count += 1
-            if _shadow(walls[j], x, y, cell / 2, screens[in_use]):
+            if _shadow(walls, neighbours, j, x, y, cell / 2, screens[in_use]):
                 in_use += 1
     starts[columns * rows] = count
     return count
@@ -93,30 +98,93 @@ def _hidden(wall: np.ndarray, screens: np.ndarray) -> bool:
 
 
 @njit(cache=True)
-def _shadow(wall: np.ndarray, x: float, y: float, half: float, planes: np.ndarray) -> bool:
+def _shadow(
+    walls: np.ndarray,
+    neighbours: np.ndarray,
+    wall: int,
+    x: float,
+    y: float,
+    half: float,
+    planes: np.ndarray,
+) -> bool:
     """Fill `planes` with the half-planes n · p > offset of a wall's shadow.
 
     False where the cell about (x, y) does not lie on one side of the wall: no shadow.
     """
-    sx, sy, ex, ey = wall
+    sx, sy, ex, ey = walls[wall]
+    left = 0
     if _left_of(sx, sy, ex, ey, x, y) > 0.0:
         sx, sy, ex, ey = ex, ey, sx, sy
+        left = 1
     # Now the cell is to the right of the way from s to e: from it, s is the left end.
     _half_plane(ex - sx, ey - sy, sx, sy, planes[0])
-    left_x, left_y = right_x, right_y = 0.0, 0.0
     for k in range(4):
-        cx, cy = x + half * (2 * (k % 2) - 1), y + half * (2 * (k // 2) - 1)
+        cx, cy = _corner(x, y, half, k)
         if planes[0, 0] * cx + planes[0, 1] * cy - planes[0, 2] > -_MARGIN:
             return False
-        # The shadow lies right of the most clockwise of the lines through s, and left
-        # of the most counter-clockwise of those through e.
-        if k == 0 or left_x * (sy - cy) - left_y * (sx - cx) < 0.0:
-            left_x, left_y = sx - cx, sy - cy
-        if k == 0 or right_x * (ey - cy) - right_y * (ex - cx) > 0.0:
-            right_x, right_y = ex - cx, ey - cy
-    _half_plane(-left_x, -left_y, sx, sy, planes[1])
-    _half_plane(right_x, right_y, ex, ey, planes[2])
+    lx, ly = _follow(walls, neighbours, 2 * wall + left, 1.0, (ex, ey), planes[0], x, y, half)
+    rx, ry = _follow(walls, neighbours, 2 * wall + 1 - left, -1.0, (lx, ly), planes[0], x, y, half)
+    # The shadow lies right of the most clockwise of the lines through the left end, and
+    # left of the most counter-clockwise of those through the right end.
+    _tangent(lx, ly, 1.0, x, y, half, planes[1])
+    _tangent(rx, ry, -1.0, x, y, half, planes[2])
     return True
+
+
+@njit(cache=True)
+def _follow(
+    walls: np.ndarray,
+    neighbours: np.ndarray,
+    end: int,
+    side: float,
+    other: tuple[float, float],
+    line: np.ndarray,
+    x: float,
+    y: float,
+    half: float,
+) -> tuple[float, float]:
+    """How far the chain of walls from an end on goes on to one side (1 left, -1 right).
+
+    It must not go beyond the line, nor back, and from every corner of the cell must span
+    less than a half turn from the point `other`.
+    """
+    px, py = walls[end // 2, 2 * (end % 2)], walls[end // 2, 2 * (end % 2) + 1]
+    for _ in range(len(walls)):
+        end = neighbours[end // 2, end % 2]
+        if end < 0:
+            break
+        end ^= 1  # the neighbour's far end
+        nx, ny = walls[end // 2, 2 * (end % 2)], walls[end // 2, 2 * (end % 2) + 1]
+        if line[0] * nx + line[1] * ny > line[2]:
+            break
+        goes_on = True
+        for k in range(4):
+            cx, cy = _corner(x, y, half, k)
+            goes_on = goes_on and side * _left_of(cx, cy, px, py, nx, ny) > _MARGIN
+            goes_on = goes_on and side * _left_of(cx, cy, other[0], other[1], nx, ny) > _MARGIN
+        if not goes_on:
+            break
+        px, py = nx, ny
+    return px, py
+
+
+@njit(cache=True)
+def _tangent(
+    px: float, py: float, side: float, x: float, y: float, half: float, plane: np.ndarray
+) -> None:
+    """The half-plane to the right (side 1) or left (-1) of all lines from the cell through p."""
+    dx = dy = 0.0
+    for k in range(4):
+        cx, cy = _corner(x, y, half, k)
+        if k == 0 or side * (dx * (py - cy) - dy * (px - cx)) < 0.0:
+            dx, dy = px - cx, py - cy
+    _half_plane(-side * dx, -side * dy, px, py, plane)
+
+
+@njit(cache=True)
+def _corner(x: float, y: float, half: float, k: int) -> tuple[float, float]:
+    """Corner k of a cell about (x, y)."""
+    return x + half * (2 * (k % 2) - 1), y + half * (2 * (k // 2) - 1)
 
 
 @njit(cache=True)

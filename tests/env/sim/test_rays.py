@@ -132,6 +132,18 @@ def test_lists_of_visible_walls_change_nothing(segments: int) -> None:
     np.testing.assert_array_equal(listed, brute)
 
 
+@settings(deadline=None, max_examples=200)
+@given(walls=st.lists(segments, min_size=3, max_size=30).map(lambda s: np.array(s, dtype=float)))
+def test_lists_of_visible_walls_change_nothing_in_tangles(walls: np.ndarray) -> None:
+    """Walls on a grid of quarter metres share ends, cross, and hang together in chains."""
+    rng = np.random.default_rng(len(walls))
+    poses = np.column_stack((rng.uniform(-3.5, 3.5, (300, 2)), rng.uniform(-4, 4, 300)))
+    listed = RayCaster(walls, ALL_ROUND).scan_batch(poses)
+    np.testing.assert_array_equal(
+        listed, RayCaster(walls, ALL_ROUND, indexed=False).scan_batch(poses)
+    )
+
+
 def test_no_beam_slips_out_between_walls_that_share_a_corner(box: World) -> None:
     rng = np.random.default_rng(0)
     around = np.linspace(0, 2 * math.pi, 60, endpoint=False)
