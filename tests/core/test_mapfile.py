@@ -93,6 +93,8 @@ def test_the_file_is_plain_numpy_and_json(tmp_path):
     save_map(mapper, path)
     with zipfile.ZipFile(path) as archive:
         header = json.loads(archive.read("header.json"))
+        # No clock in the file.
+        assert {member.date_time for member in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
     assert header == {"format": "albot-map", "version": 1, "mapper": "odometry"}
     with np.load(path, allow_pickle=False) as arrays:
         np.testing.assert_array_equal(arrays["surfaces"], mapper.surfaces)

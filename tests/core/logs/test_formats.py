@@ -99,9 +99,10 @@ def test_scans_come_in_the_order_of_time(drive, write):
 
 
 def test_scans_of_one_stamp_stay_as_they_stand(drive, write):
-    text = drive("carmen")
-    text.stamps[:] = 7.0
-    np.testing.assert_array_equal(read_log(write(text.carmen())).ranges, text.ranges)
+    text = drive("carmen", scans=60)
+    text.stamps[:] = np.repeat((8.0, 7.0), 30)
+    expected = np.concatenate((text.ranges[30:], text.ranges[:30]))
+    np.testing.assert_array_equal(read_log(write(text.carmen())).ranges, expected)
 
 
 def test_ranges_beyond_reach_and_codes_of_fault_mean_no_return(drive, write):
