@@ -20,7 +20,7 @@ _BLOCK = 5.0
 _DOOR = 1.0
 
 
-def measure_laser(seconds_per_case: float = 1.0) -> list[dict[str, float]]:
+def measure_laser(seconds_per_case: float = 1.0) -> list[dict[str, int | float]]:
     """Time 181-beam scans in floor plans of about 60, 200 and 1000 segments.
 
     Args:
@@ -65,7 +65,7 @@ def floor_plan(segments: int, rng: np.random.Generator) -> Segments:
     return np.array(walls)
 
 
-def _measure(segments: int, seconds: float) -> dict[str, float]:
+def _measure(segments: int, seconds: float) -> dict[str, int | float]:
     rng = np.random.default_rng(segments)
     walls = floor_plan(segments, rng)
     geometry = LaserGeometry()

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pymunk
+from pymunk._chipmunk_cffi import lib
 
 from albot_core.geometry.types import Pose, Segments
 from albot_env.sim.drive import GRAVITY, STANDSTILL, RobotConfig, Wheels
@@ -36,7 +37,8 @@ class Floor:
         self.space.collision_slop = _ALLOWED_OVERLAP
         self.space.collision_bias = _OVERLAP_LEFT ** (1 / PHYSICS_STEP)
         self.space.on_collision(_WALL, _ROBOT, post_solve=self._note_push)
-        self._pushed: set[int] = set()
+        self.pushed: set[int] = set()
+        """The bodies, by pymunk's id, that a wall pushed back in the last physics step."""
         ground = self.space.static_body
         for x1, y1, x2, y2 in walls.tolist():
             wall = pymunk.Segment(ground, (x1, y1), (x2, y2), 0.0)
@@ -52,16 +54,12 @@ class Floor:
 
     def step(self) -> None:
         """Let one physics step pass."""
-        self._pushed.clear()
+        self.pushed.clear()
         self.space.step(PHYSICS_STEP)
-
-    def pushed(self, body: pymunk.Body) -> bool:
-        """Whether a wall pushed this body back in the last physics step."""
-        return body.id in self._pushed
 
     def _note_push(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: object) -> None:
         if arbiter.total_impulse != (0.0, 0.0):
-            self._pushed.update(body.id for body in arbiter.bodies)
+            self.pushed.update(body.id for body in arbiter.bodies)
 
 
 class Robot:
@@ -101,7 +99,7 @@ class Robot:
     @property
     def pushed(self) -> bool:
         """Whether a wall pushed the robot back in the last physics step."""
-        return self._floor.pushed(self._body)
+        return self._body_id in self._floor.pushed
 
     def place(self, pose: Pose) -> None:
         """Put the robot at rest at `pose`.
@@ -129,6 +127,7 @@ class Robot:
 
         space = self._floor.space
         space.remove(*self._parts)
+        self._body_id = self._body.id
         self._parts = (self._body, disc, pull, twist)
         space.add(*self._parts)
         self.wheels = STANDSTILL
@@ -141,11 +140,14 @@ class Robot:
         """
         self.wheels = wheels
         speed, turn_rate = self.config.motion_of(wheels)
-        heading = self._body.angle + self._body.angular_velocity * PHYSICS_STEP
+        # Chipmunk's functions themselves: pymunk's properties would take half of a step.
+        body, wheel_motion = self._body._body, self._wheel_motion._body
+        heading = lib.cpBodyGetAngle(body) + lib.cpBodyGetAngularVelocity(body) * PHYSICS_STEP
         direction, shortening = _chord(heading, turn_rate)
         speed *= shortening
-        self._wheel_motion.velocity = speed * math.cos(direction), speed * math.sin(direction)
-        self._wheel_motion.angular_velocity = turn_rate
+        velocity = speed * math.cos(direction), speed * math.sin(direction)
+        lib.cpBodySetVelocity(wheel_motion, velocity)
+        lib.cpBodySetAngularVelocity(wheel_motion, turn_rate)
 
 
 def _chord(heading: float, turn_rate: float) -> tuple[float, float]:

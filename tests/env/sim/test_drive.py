@@ -1,0 +1,106 @@
+"""What the wheels can do, and robots that share a floor."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from albot_core.errors import InputError
+from albot_env.sim import PIONEER_3DX, RobotConfig
+from albot_env.sim.drive import STANDSTILL, Wheels
+from albot_env.sim.space import PHYSICS_STEP, Floor, Robot
+from albot_maps.world import World
+
+any_number = st.floats(allow_nan=False, allow_infinity=False)
+wheel_speed = st.floats(-PIONEER_3DX.max_speed, PIONEER_3DX.max_speed)
+
+
+@settings(deadline=None)
+@given(speed=any_number, turn_rate=any_number)
+def test_no_command_asks_more_of_a_wheel_than_it_can(speed: float, turn_rate: float) -> None:
+    wheels = PIONEER_3DX.wheels_for(speed, turn_rate)
+    assert max(map(abs, wheels)) <= PIONEER_3DX.max_speed * (1 + 1e-12)
+    assert abs(PIONEER_3DX.motion_of(wheels)[1]) <= PIONEER_3DX.max_turn_rate * (1 + 1e-12)
+
+
+@settings(deadline=None)
+@given(left=any_number, right=any_number)
+def test_wheel_speeds_are_limited_too(left: float, right: float) -> None:
+    wheels = PIONEER_3DX.limited(Wheels(left, right))
+    assert max(map(abs, wheels)) <= PIONEER_3DX.max_speed
+    assert abs(PIONEER_3DX.motion_of(wheels)[1]) <= PIONEER_3DX.max_turn_rate * (1 + 1e-12)
+
+
+@settings(deadline=None)
+@given(speed=st.floats(-0.7, 0.7), turn_rate=st.floats(-5.0, 5.0))
+def test_a_possible_command_is_obeyed_as_it_is(speed: float, turn_rate: float) -> None:
+    motion = PIONEER_3DX.motion_of(PIONEER_3DX.wheels_for(speed, turn_rate))
+    assert motion == pytest.approx((speed, turn_rate), abs=1e-12)
+
+
+def test_a_command_too_fast_for_the_outer_wheel_keeps_its_curve() -> None:
+    speed, turn_rate = PIONEER_3DX.motion_of(PIONEER_3DX.wheels_for(1.6, 3.0))
+    assert speed < 1.6
+    assert turn_rate / speed == pytest.approx(3.0 / 1.6)
+
+
+@settings(deadline=None)
+@given(l0=wheel_speed, r0=wheel_speed, l1=wheel_speed, r1=wheel_speed)
+def test_a_ramp_changes_no_wheel_faster_than_the_acceleration_and_arrives(
+    l0: float, r0: float, l1: float, r1: float
+) -> None:
+    wheels, target = Wheels(l0, r0), Wheels(l1, r1)
+    for _ in range(200):
+        after = PIONEER_3DX.ramped(wheels, target, PHYSICS_STEP)
+        for before, now in zip(wheels, after, strict=True):
+            assert abs(now - before) <= PIONEER_3DX.acceleration * PHYSICS_STEP + 1e-12
+        wheels = after
+    assert wheels == target
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("radius", 0.0), ("mass", -1.0), ("grip", math.nan), ("cruise_speed", 2.0)],
+)
+def test_impossible_robots_are_refused(field: str, value: float) -> None:
+    with pytest.raises(InputError, match=f"RobotConfig.{field}: expected"):
+        RobotConfig(**{field: value})
+
+
+def drives(floor: Floor, starts: np.ndarray, commands: np.ndarray) -> list[np.ndarray]:
+    """The poses of robots on one floor, step by step, each with commands of its own."""
+    robots = [Robot(floor, PIONEER_3DX) for _ in starts]
+    for robot, start in zip(robots, starts, strict=True):
+        robot.place(start)
+    ways: list[list[np.ndarray]] = [[] for _ in robots]
+    for row in commands:
+        for _ in range(10):
+            for robot, command in zip(robots, row.tolist(), strict=True):
+                target = PIONEER_3DX.wheels_for(*command)
+                robot.drive(PIONEER_3DX.ramped(robot.wheels, target, PHYSICS_STEP))
+            floor.step()
+            for way, robot in zip(ways, robots, strict=True):
+                way.append(np.array([*robot.pose, robot.pushed]))
+    return [np.array(way) for way in ways]
+
+
+def test_robots_that_share_a_floor_get_the_same_bits_as_alone(box: World) -> None:
+    rng = np.random.default_rng(2)
+    count = 6
+    starts = np.column_stack((rng.uniform(0.3, 2.0, (count, 2)), rng.uniform(-3, 3, count)))
+    commands = rng.uniform((-0.5, -2.0), (1.5, 2.0), (60, count, 2))
+    together = drives(Floor(box.walls), starts, commands)
+    assert sum(way[:, 3].sum() for way in together) > 100
+    for k in range(count):
+        alone = drives(Floor(box.walls), starts[k : k + 1], commands[:, k : k + 1])
+        np.testing.assert_array_equal(together[k], alone[0])
+
+
+def test_a_robot_that_stands_stays(box: World) -> None:
+    way = drives(Floor(box.walls), box.starts, np.zeros((20, 1, 2)))[0]
+    np.testing.assert_array_equal(way[:, :3], np.repeat(box.starts, 200, axis=0))
+    assert STANDSTILL == (0.0, 0.0)
