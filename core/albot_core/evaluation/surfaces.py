@@ -13,6 +13,8 @@ from albot_core.geometry.types import Pose, Segments
 _Surfaces = Float64[np.ndarray, "surfaces 4"]
 _Walls = Float64[np.ndarray, "walls 4"]
 
+_ROUNDING = 1e-6
+
 
 def sample_segments(segments: Segments, spacing: float) -> Float64[np.ndarray, "points 2"]:
     """Points at the middles of equal pieces of the segments, none longer than `spacing` (m).
@@ -22,7 +24,9 @@ def sample_segments(segments: Segments, spacing: float) -> Float64[np.ndarray, "
     if not 0 < spacing < np.inf:
         raise InputError("spacing", "a positive length (m)", str(spacing))
     runs = segments[:, 2:] - segments[:, :2]
-    pieces = np.maximum(np.ceil(np.hypot(runs[:, 0], runs[:, 1]) / spacing), 1).astype(np.int64)
+    # A length that is a multiple of the spacing but for rounding makes no piece more.
+    lengths = np.hypot(runs[:, 0], runs[:, 1]) / spacing - _ROUNDING
+    pieces = np.maximum(np.ceil(lengths), 1).astype(np.int64)
     which = np.repeat(np.arange(len(segments)), pieces)
     first = np.cumsum(pieces) - pieces
     step = np.arange(len(which)) - first[which]

@@ -128,6 +128,8 @@ class _Cursor:
         except json.JSONDecodeError as error:
             self._move_to(error.pos)
             raise self._text.error("whole JSON", error.msg) from None
+        except ValueError as error:
+            raise self._text.error("numbers of a common length", str(error)) from None
         except RecursionError:
             raise self._text.error("whole JSON", "brackets nested too deep") from None
         return value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_core.geometry.poses import relative
+from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Poses
 from albot_core.perception.reading import LaserGeometry
 
@@ -38,7 +38,8 @@ def steady_mount(robot: Poses, laser: Poses) -> tuple[float, float, float] | Non
     None where it does not keep still: then the two are not one body's, but two estimates.
     """
     mounts = relative(robot, laser)
-    middle = np.median(mounts, axis=0)
+    # Seen from the first, so that no heading lies where angles wrap.
+    middle = compose(mounts[0], np.median(relative(mounts[0], mounts), axis=0))
     if (np.abs(relative(middle, mounts)) > _MOUNT_PLAY).any():
         return None
     x, y, heading = np.round(middle, _MOUNT_DIGITS) + 0.0

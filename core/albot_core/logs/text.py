@@ -12,6 +12,12 @@ from albot_core.errors import InputError
 from albot_core.logs.lasers import SICK_SPACINGS
 from albot_core.logs.log import LeftOut
 
+LARGEST = 1e12
+"""No pose (m, rad) and no stamp (s) of a robot is larger."""
+
+_LONGEST_COUNT = 9
+"""Digits in a number of things."""
+
 
 class LogText:
     """The lines of a log, and the number of the one being read.
@@ -69,14 +75,15 @@ class LogText:
         return LeftOut(lines=len(rest), scans=scans, reason=str(error))
 
     def numbers(self, words: Sequence[str], what: str) -> Float64[np.ndarray, "numbers"]:
-        """The words as finite numbers.
+        """The words as finite numbers, small enough to reckon with.
 
         Raises:
-            InputError: One is not a finite number.
+            InputError: One is no number, or is none within `LARGEST`.
         """
         values = self._parse(words, what)
-        if not np.isfinite(values).all():
-            raise self.error(f"{what} that is finite", words[int(np.isfinite(values).argmin())])
+        good = np.abs(values) <= LARGEST
+        if not good.all():
+            raise self.error(f"{what} within ±{LARGEST:g}", words[int(good.argmin())])
         return values
 
     def ranges(self, words: Sequence[str]) -> Float64[np.ndarray, "ranges"]:
@@ -96,7 +103,7 @@ class LogText:
         Raises:
             InputError: It is none.
         """
-        if not (word.isascii() and word.isdecimal()):
+        if not (word.isascii() and word.isdecimal() and len(word) <= _LONGEST_COUNT):
             raise self.error(f"the number of {what}", repr(word))
         return int(word)
 

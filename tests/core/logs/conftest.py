@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -153,7 +154,7 @@ def write(tmp_path: Path) -> Callable[[str], Path]:
     return write_file
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def log_text() -> Callable[[str], str]:
     """The text of a small log in the format of a name."""
-    return lambda kind, **options: WRITERS[kind](make_drive(kind, **options))
+    return cache(lambda kind, **options: WRITERS[kind](make_drive(kind, **options)))

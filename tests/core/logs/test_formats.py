@@ -127,6 +127,20 @@ def test_robotlaser_with_and_without_remissions(remissions, drive, write):
     np.testing.assert_allclose(log.odometry, text.odometry)
 
 
+def test_a_laser_that_looks_back(drive, write):
+    text = drive("carmen")
+    back = compose(text.odometry, np.array((-0.2, 0.0, np.pi)))
+    lines = [
+        text.flaser(k, laser, robot)
+        for k, (laser, robot) in enumerate(zip(back, text.odometry, strict=True))
+    ]
+    log = read_log(write("\n".join(lines) + "\n"))
+    assert log.reference is None
+    x, y, heading = log.geometry.mount
+    assert (x, y) == pytest.approx((-0.2, 0.0), abs=1e-4)
+    assert np.abs(heading) == pytest.approx(np.pi, abs=1e-4)
+
+
 def test_of_two_kinds_of_scans_the_first_is_read(drive, write, log_text):
     log = read_log(write(log_text("carmen") + log_text("robotlaser")))
     assert log.geometry.beams == 180
