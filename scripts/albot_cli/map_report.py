@@ -58,8 +58,13 @@ def as_table(figures: dict[str, Any]) -> str:
         lines += [f"{label:<{width}}  {mine:>16}  {its:>16}" for label, mine, its in rows]
     if figures["left_out"]:
         lost = figures["left_out"]
-        lines += ["", f"left out: {lost['lines']} lines, {lost['scans']} scans ({lost['reason']})"]
+        counts = f"{_many(lost['lines'], 'line')}, {_many(lost['scans'], 'scan')}"
+        lines += ["", f"left out: {counts} ({lost['reason']})"]
     return "\n".join(lines)
+
+
+def _many(count: int, thing: str) -> str:
+    return f"{count} {thing}" + ("" if count == 1 else "s")
 
 
 def _trajectory_rows(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
