@@ -134,7 +134,8 @@ class ObservationConfig:
 
     def home_distance(self, scaled: float | np.floating) -> float:
         """The distance (m) that the last number of the `home` part stands for."""
-        return float(_inverse_log_scale(np.array((float(scaled),)), self.home_knee, self.home_range)[0])
+        distances = np.array((float(scaled),))
+        return float(_inverse_log_scale(distances, self.home_knee, self.home_range)[0])
 
 
 def _clip(values: Float[np.ndarray, "*n"]) -> Float32[np.ndarray, "*n"]:

@@ -98,6 +98,7 @@ def test_steering_slows_before_a_wall_and_never_drives_into_it() -> None:
         for x in (6.0, 1.5, 0.5, 0.34)
     ]
     assert speeds == sorted(speeds, reverse=True)
+    assert speeds[0] > speeds[1] > speeds[2]
     assert speeds[-1] == 0
 
 
@@ -161,7 +162,7 @@ def test_the_sketch_finds_the_way_through_the_doorway() -> None:
     behind, in_wall = np.array((3.5, 1.6)), np.array((2.0, -2.0))
     route = sketch.route(ways, behind)
     assert route[0] == pytest.approx((0, 0), abs=0.1)
-    assert np.hypot(*(route[-1] - behind)) < 0.6
+    assert np.hypot(*(route[-1] - behind)) < 0.75
     crossing = route[np.abs(route[:, 0] - 2.0).argmin()]
     assert crossing[1] == pytest.approx(1.0, abs=0.25)
     assert np.hypot(*np.diff(route, axis=0).T).max() < 0.15

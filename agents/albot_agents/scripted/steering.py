@@ -10,6 +10,7 @@ from jaxtyping import Float64
 from albot_agents.agent import Action
 from albot_core.errors import InputError
 from albot_env.tasks.action import ActionConfig
+from albot_maps import ROBOT_RADIUS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,13 +25,17 @@ class SteeringConfig:
     """Deceleration that the speed leaves room for (m/s²)."""
     actions: ActionConfig = field(default_factory=ActionConfig)
     """What the environment makes of actions."""
+    creep: float = 0.3
+    """Speed past things that are all but touched (m/s)."""
+    ease: float = 2.5
+    """How much faster for each metre that the nearest thing is farther away (1/s)."""
     gain: float = 2.0
     """Turn rate asked for each radian off the direction (1/s)."""
     pivot: float = 0.7
     """Farther off the direction than this the robot turns on the spot (rad)."""
 
     def __post_init__(self) -> None:
-        for name in ("radius", "lookahead", "braking", "gain", "pivot"):
+        for name in ("radius", "lookahead", "braking", "creep", "ease", "gain", "pivot"):
             value = getattr(self, name)
             if not 0 < value < np.inf:
                 raise InputError(f"SteeringConfig.{name}", "a positive number", str(value))
@@ -47,8 +52,10 @@ def free_way(
     cos, sin = np.cos(DIRECTIONS)[:, None], np.sin(DIRECTIONS)[:, None]
     along = cos * points[:, 0] + sin * points[:, 1]
     aside = cos * points[:, 1] - sin * points[:, 0]
-    meets = (np.abs(aside) < radius) & (along > 0)
-    way = along - np.sqrt(np.maximum(radius**2 - aside**2, 0))
+    # A point that is already nearer than the radius must not bar the way along it.
+    reach = np.minimum(radius, 0.97 * np.hypot(points[:, 0], points[:, 1]))
+    meets = (np.abs(aside) < reach) & (along > 0)
+    way = along - np.sqrt(np.maximum(reach**2 - aside**2, 0))
     return np.asarray(np.maximum(np.where(meets, way, np.inf).min(axis=1), 0))
 
 
@@ -80,8 +87,13 @@ def steer(
         return _action(0.0, turn_rate, config)
     ahead = float(way[len(way) // 2])
     room = min(ahead, distance + 0.2)
-    speed = min(config.actions.speed, np.sqrt(2 * config.braking * room)) * np.cos(direction) ** 2
-    return _action(speed, turn_rate, config)
+    nearest = float(np.hypot(points[:, 0], points[:, 1]).min())
+    speed = min(
+        config.actions.speed,
+        float(np.sqrt(2 * config.braking * room)),
+        config.creep + config.ease * max(0.0, nearest - ROBOT_RADIUS),
+    )
+    return _action(speed * np.cos(direction) ** 2, turn_rate, config)
 
 
 def _action(speed: float, turn_rate: float, config: SteeringConfig) -> Action:

@@ -1,0 +1,216 @@
+"""`albot play` as people call it."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from albot_cli.main import main
+from albot_env.recording.reader import EpisodeReader
+
+KEYS = {
+    "world", "agent", "mapper", "seed", "steps", "path_m", "updates", "surfaces",
+    "position_error_m", "files",
+}  # fmt: skip
+Play = Callable[..., "Done"]
+SHORT = ("--world", "square-loop", "--mapper", "odometry", "--steps", "40")
+
+
+def _environment() -> dict[str, str]:
+    kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
+    return {**kept, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p), "COLUMNS": "100"}
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a call of the command ended."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def play(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., Done]:
+    """Call `albot play` in an empty folder, without a display or a terminal."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+
+    def call(*arguments: str) -> Done:
+        monkeypatch.setattr(sys, "argv", ["albot", "play", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        shown = capsys.readouterr()
+        return Done(int(ended.value.code or 0), shown.out, shown.err)
+
+    return call
+
+
+def test_an_episode_is_played_written_and_summed_up(play: Play, tmp_path: Path) -> None:
+    done = play(*SHORT, "--json")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert set(summary) >= KEYS
+    assert (summary["steps"], summary["seed"], summary["agent"]) == (40, 1, "gap-explorer")
+    assert summary["files"] == {"episode": "episode.mcap", "picture": "episode.png"}
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["episode.mcap", "episode.png"]
+    assert (tmp_path / "episode.png").read_bytes().startswith(b"\x89PNG")
+    moments = list(EpisodeReader(tmp_path / "episode.mcap").moments())
+    assert len(moments) == 41
+    assert moments[-1].path_length == summary["path_m"]
+    assert moments[-1].updates == summary["updates"]
+
+
+def test_people_get_a_summary_and_a_progress_line(play: Play, tmp_path: Path) -> None:
+    done = play(*SHORT)
+    assert done.returncode == 0, done.stderr
+    for words in ("m driven", "updates", "surfaces", "m off", "episode.mcap", "episode.png"):
+        assert words in done.stdout
+    assert "40/40" in done.stderr
+    assert "\x1b" not in done.stdout
+
+
+def test_the_same_seed_gives_the_same_files(play: Play, tmp_path: Path) -> None:
+    for name in ("a", "b", "c"):
+        seed = "3" if name == "c" else "2"
+        files = ("--record", f"{name}.mcap", "--png", f"{name}.png")
+        assert play(*SHORT, "--seed", seed, *files, "--json").returncode == 0
+    read = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert read["a.mcap"] == read["b.mcap"] != read["c.mcap"]
+    assert read["a.png"] == read["b.png"] != read["c.png"]
+
+
+def test_a_recorded_episode_plays_back_to_the_same_end(play: Play, tmp_path: Path) -> None:
+    ran = json.loads(play(*SHORT, "--json").stdout)
+    back = play("episode.mcap", "--png", "again.png", "--json")
+    assert back.returncode == 0, back.stderr
+    played = json.loads(back.stdout)
+    for key in KEYS - {"files"}:
+        assert played[key] == ran[key], key
+    assert played["files"]["picture"] == "again.png"
+    assert (tmp_path / "again.png").read_bytes() == (tmp_path / "episode.png").read_bytes()
+
+
+def test_a_torn_episode_plays_its_beginning_and_says_so(play: Play, tmp_path: Path) -> None:
+    assert play(*SHORT, "--json").returncode == 0
+    whole = (tmp_path / "episode.mcap").read_bytes()
+    (tmp_path / "torn.mcap").write_bytes(whole[: len(whole) // 2])
+    back = play("torn.mcap", "--json")
+    assert back.returncode == 0
+    assert "torn.mcap: ends early" in back.stderr
+    summary = json.loads(back.stdout)
+    assert summary["torn"] is True
+    assert 0 < summary["steps"] < 40
+
+
+@pytest.mark.parametrize(
+    ("arguments", "found"),
+    [
+        (("--world", "office-rong"), "did you mean office-ring"),
+        (("--mapper", "albot2"), "albot2"),
+        (("--agent", "gap-explorer2"), "did you mean gap-explorer"),
+        (("--odometer", "perfect"), "perfect"),
+        (("--seed", "-1"), "seed"),
+        (("--steps", "0"), "steps"),
+        (("--speed", "0"), "speed"),
+        (("none.mcap",), "none.mcap"),
+        ((*SHORT, "--record", "taken/a.mcap"), "taken"),
+        (("--jsn",), "--json"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(
+    play: Play, tmp_path: Path, arguments: tuple[str, ...], found: str
+) -> None:
+    (tmp_path / "taken").touch()
+    done = play(*arguments)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert done.stderr.startswith("albot: ")
+    assert found in done.stderr
+    assert not list(tmp_path.glob("episode.*"))
+
+
+def test_options_of_a_run_do_not_go_with_a_recorded_one(play: Play) -> None:
+    done = play("a.mcap", "--world", "square-loop")
+    assert done.returncode == 2
+    assert "--world" in done.stderr
+
+
+def test_ctrl_c_leaves_a_readable_file(tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-c", "from albot_cli.main import main; main()", "play",
+         "--world", "square-loop", "--mapper", "odometry", "--steps", "1000000"],
+        cwd=tmp_path,
+        env=_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )  # fmt: skip
+    episode = tmp_path / "episode.mcap"
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline and not (
+        episode.exists() and episode.stat().st_size > 200_000
+    ):
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    out, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert out == b""
+    reader = EpisodeReader(episode)
+    assert len(list(reader.moments())) > 20
+    assert not reader.torn
+    assert not (tmp_path / "episode.png").exists()
+
+
+def test_in_a_terminal_the_map_is_drawn(tmp_path: Path) -> None:
+    main_end, other_end = pty.openpty()
+    process = subprocess.Popen(
+        [sys.executable, "-c", "from albot_cli.main import main; main()", "play", *SHORT,
+         "--speed", "1000"],
+        cwd=tmp_path,
+        env={**_environment(), "TERM": "xterm-256color", "LINES": "30"},
+        stdin=other_end,
+        stdout=other_end,
+        stderr=other_end,
+    )  # fmt: skip
+    os.close(other_end)
+    shown = b""
+    while True:
+        try:
+            piece = os.read(main_end, 65536)
+        except OSError:  # The other end is closed: it has ended.
+            break
+        if not piece:
+            break
+        shown += piece
+    os.close(main_end)
+    assert process.wait(timeout=60) == 0
+    text = shown.decode()
+    assert sum(0x2800 < ord(character) < 0x2900 for character in text) > 200
+    assert "truth" in text
+    assert any(arrow in text for arrow in "→↗↑↖←↙↓↘")
+
+
+def test_nothing_heavy_is_loaded_before_it_is_needed() -> None:
+    code = (
+        "import sys, albot_cli.play, albot_env.tasks.explore, albot_agents.registry;"
+        "print([m for m in ('pygame', 'matplotlib', 'torch', 'pandas') if m in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=_environment(), capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
