@@ -95,5 +95,5 @@ def _cut(stretch: shapely.LineString, along: float, second: shapely.Polygon) -> 
     )
 
 
-def _rectangle(side: Points, across: Points) -> shapely.Polygon:
+def _rectangle(side: Points, across: Float64[np.ndarray, "2"]) -> shapely.Polygon:
     return shapely.Polygon([*side, *(side[::-1] + across)])

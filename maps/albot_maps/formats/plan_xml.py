@@ -167,7 +167,7 @@ class _Plan:
         outline = shapely.Polygon(corners)
         if not outline.is_valid:
             parts = shapely.get_parts(shapely.make_valid(outline, method="structure"))
-            polygons = [part for part in parts if part.geom_type == "Polygon"]
+            polygons = [part for part in parts if part.geom_type == "Polygon" and part.area]
             if not polygons:
                 raise self._error("an outline that encloses something", "a line", f"space {name}")
             outline = shapely.Polygon(max(polygons, key=lambda part: float(part.area)).exterior)

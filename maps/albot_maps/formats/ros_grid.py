@@ -28,6 +28,10 @@ Cells = Bool[np.ndarray, "rows columns"]
 """One truth value a cell; the first row is the lowest on the map."""
 
 
+_SIMPLIFIED_BY = 1.0
+"""How far (cells) a corner that is left out may lie from its wall."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Description:
     """What the YAML of a map says."""
@@ -76,9 +80,25 @@ def trace_cells(occupied: Cells) -> Segments:
     rows, lefts, rights = _runs(occupied)
     blobs = shapely.unary_union(shapely.box(lefts, rows, rights, rows + 1))
     outlines = shapely.get_rings(shapely.get_parts(blobs))
-    simple = shapely.simplify(outlines, 1.0, preserve_topology=True)
-    rings = [np.array(ring.coords) for ring in simple]
+    rings = [_simplified(np.array(outline.coords)) for outline in outlines]
     return np.concatenate([np.concatenate((ring[:-1], ring[1:]), axis=1) for ring in rings])
+
+
+def _simplified(
+    ring: Float64[np.ndarray, "corners 2"],
+) -> Float64[np.ndarray, "kept 2"]:
+    """A closed line with fewer corners; the same where nothing but a line would be left.
+
+    Its two halves are simplified apart, for the ends of a line stay where they are.
+    """
+    far = int(np.argmax(((ring - ring[0]) ** 2).sum(axis=1)))
+    halves = shapely.simplify(
+        [shapely.LineString(ring[: far + 1]), shapely.LineString(ring[far:])],
+        _SIMPLIFIED_BY,
+        preserve_topology=False,
+    )
+    first, second = (np.array(half.coords) for half in halves)
+    return ring if len(first) == len(second) == 2 else np.concatenate((first, second[1:]))
 
 
 def _runs(
@@ -122,7 +142,7 @@ def _read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
             if picture.mode.startswith(("I", "F")):
                 raise InputError(path, "8 bits a channel", f"the mode {picture.mode}")
             colours: np.ndarray = np.asarray(picture.convert("RGB"), dtype=np.float64)
-    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise InputError(path, "a whole PGM or PNG picture", str(error)) from None
     return np.array(colours.mean(axis=2))
 
