@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pymunk
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import compose, transform_segments
@@ -110,15 +110,20 @@ def distances(walls: np.ndarray, origin: tuple[float, float]) -> list[float]:
 def test_moving_world_and_robot_together_changes_no_range(
     walls: np.ndarray, pose: np.ndarray, frame: np.ndarray
 ) -> None:
+    # Rounding may turn a robot on a wall's line, which sees it edge-on, to either side.
+    assume(min(line_distances(walls, pose)) > MILLIMETRE)
     geometry = LaserGeometry(beams=13, spacing=0.25, first_bearing=-1.4142)
     here = RayCaster(walls, geometry)
-    there = RayCaster(transform_segments(frame, walls), geometry)
-    scan, moved = here.scan(pose), there.scan(compose(frame, pose))
+    moved = RayCaster(transform_segments(frame, walls), geometry).scan(compose(frame, pose))
     either = [here.scan(compose(pose, np.array([0, 0, tilt]))) for tilt in (-1e-6, 0.0, 1e-6)]
-    lowest, highest = np.min(either, axis=0), np.max(either, axis=0)
-    assert (
-        (moved > lowest - MILLIMETRE) & (moved < highest + MILLIMETRE) | close(scan, moved)
-    ).all()
+    assert (moved >= np.min(either, axis=0) - MILLIMETRE).all()
+    assert (moved <= np.max(either, axis=0) + MILLIMETRE).all()
+
+
+def line_distances(walls: np.ndarray, pose: np.ndarray) -> list[float]:
+    """Distance of a pose from the line through every wall."""
+    a, e = walls[:, :2] - pose[:2], walls[:, 2:] - walls[:, :2]
+    return (np.abs(a[:, 0] * e[:, 1] - a[:, 1] * e[:, 0]) / np.hypot(*e.T)).tolist()
 
 
 @pytest.mark.parametrize("segments", [60, 200, 1000])
