@@ -21,7 +21,7 @@ TINY = 1e-6
 """Gaps and angles below this (m, rad) do not make a landmark any better."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _pose_by(remembered: np.ndarray, seen: np.ndarray, end: int, pose: np.ndarray) -> None:
     """Write the pose from which the remembered surface looks as the seen one does.
 
@@ -35,7 +35,7 @@ def _pose_by(remembered: np.ndarray, seen: np.ndarray, end: int, pose: np.ndarra
     pose[1] = remembered[2 * end + 1] - (sin * x + cos * y)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def localize(memory: Memory, current: Sight, pairs: np.ndarray) -> None:
     """Algorithm 2: set `current.pose` by the best of the recognised landmarks.
 
@@ -52,12 +52,15 @@ def localize(memory: Memory, current: Sight, pairs: np.ndarray) -> None:
             _pose_by(remembered, current.surfaces[j], int(pairs[j, END]), poses[found])
             which[found] = j
             found += 1
-    mean_x, mean_y = np.mean(poses[:found, 0]), np.mean(poses[:found, 1])
-    off = np.hypot(poses[:found, 0] - mean_x, poses[:found, 1] - mean_y)
-    deviation = np.sqrt(np.mean(off**2))
+    mean_x = mean_y = variance = 0.0
+    for k in range(found):
+        mean_x += poses[k, 0] / found
+        mean_y += poses[k, 1] / found
+    for k in range(found):
+        variance += ((poses[k, 0] - mean_x) ** 2 + (poses[k, 1] - mean_y) ** 2) / found
     best = -1.0
     for k in range(found):
-        if off[k] > deviation + TINY:
+        if np.hypot(poses[k, 0] - mean_x, poses[k, 1] - mean_y) > np.sqrt(variance) + TINY:
             continue
         j = which[k]
         # Eq. (3.5); perfect agreement would divide by zero.
@@ -66,4 +69,5 @@ def localize(memory: Memory, current: Sight, pairs: np.ndarray) -> None:
         )
         if goodness > best:
             best = goodness
-            current.pose[:] = poses[k]
+            for i in range(3):
+                current.pose[i] = poses[k, i]

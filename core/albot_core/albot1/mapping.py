@@ -19,7 +19,7 @@ STEP, UPDATED_AT, UPDATES, LOST = 0, 1, 2, 3
 thesis's ustep), views laid into the map, and readings without any recognised landmark."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def find_landmarks(current: Sight, limits: Limits) -> None:
     """Section 3.1.4: long surfaces with an occluding or corner point are landmarks."""
     for k in range(current.size[0]):
@@ -28,7 +28,7 @@ def find_landmarks(current: Sight, limits: Limits) -> None:
         )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _recognize_and_localize(
     memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
 ) -> int:
@@ -47,7 +47,7 @@ def _recognize_and_localize(
     return int(recognized)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def map_step(
     memory: Memory,
     previous: Sight,

@@ -59,25 +59,25 @@ def empty_memory(capacity: int = 1024) -> Memory:
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cell_of(coordinate: float) -> int:
     """Index of the grid cell that holds a coordinate."""
     return int(np.floor(coordinate / CELL))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cell_key(column: int, row: int) -> int:
     """One number for a cell; cells less than 2^31 cells apart never share it."""
     return int((column << 32) ^ (row & 0xFFFFFFFF))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def bucket_of(column: int, row: int, buckets: int) -> int:
     """The bucket in which the ends of a cell are filed; other cells may share it."""
     return int(((column * 73856093) ^ (row * 19349663)) & (buckets - 1))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _file_end(memory: Memory, end: int) -> None:
     slot, side = end >> 1, end & 1
     column = cell_of(memory.surfaces[slot, 2 * side])
@@ -91,7 +91,7 @@ def _file_end(memory: Memory, end: int) -> None:
     memory.heads[bucket] = end
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _unfile_end(memory: Memory, end: int) -> None:
     link = memory.links[end]
     if link[BEFORE] >= 0:
@@ -102,7 +102,7 @@ def _unfile_end(memory: Memory, end: int) -> None:
         memory.links[link[NEXT], BEFORE] = link[BEFORE]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def add_surface(memory: Memory, surface: np.ndarray, edges: np.ndarray) -> int:
     """Remember a surface under a new id; return its slot. There must be a free one."""
     memory.counts[FREE] -= 1
@@ -117,7 +117,7 @@ def add_surface(memory: Memory, surface: np.ndarray, edges: np.ndarray) -> int:
     return slot
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def remove_surface(memory: Memory, slot: int) -> None:
     """Forget the surface in a slot."""
     _unfile_end(memory, 2 * slot)
@@ -129,7 +129,7 @@ def remove_surface(memory: Memory, slot: int) -> None:
     memory.counts[ALIVE] -= 1
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def move_surface(memory: Memory, slot: int, surface: np.ndarray, edges: np.ndarray) -> None:
     """Give the surface in a slot new ends; it keeps its id."""
     _unfile_end(memory, 2 * slot)
@@ -140,7 +140,7 @@ def move_surface(memory: Memory, slot: int, surface: np.ndarray, edges: np.ndarr
     _file_end(memory, 2 * slot + 1)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def surfaces_ending_in(memory: Memory, box: np.ndarray) -> np.ndarray:
     """Slots of the surfaces with an end in the box (x_min, y_min, x_max, y_max), ascending."""
     surfaces, heads, links = memory.surfaces, memory.heads, memory.links
@@ -227,7 +227,7 @@ def rebuilt_memory(stored: Mapping[str, np.ndarray]) -> Memory:
     return memory
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _file_all(memory: Memory) -> None:
     for slot in range(memory.ids.shape[0]):
         if memory.ids[slot] >= 0:

@@ -15,20 +15,20 @@ END, GAP, ANGLE, DISTANCE = 0, 1, 2, 3
 from the robot in the last view (m)."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def heading_of(surface: np.ndarray) -> float:
     """Direction of a surface from its first end to its second (rad)."""
     return float(np.arctan2(surface[3] - surface[1], surface[2] - surface[0]))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def length_of(surface: np.ndarray) -> float:
     """Length of a surface (m)."""
     x, y = surface[2] - surface[0], surface[3] - surface[1]
     return float(np.sqrt(x * x + y * y))
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def wrap(angle: float) -> float:
     """The same angle in [-pi, pi), for angles in [-3 pi, 3 pi): all sums of two headings."""
     if angle >= np.pi:
@@ -38,7 +38,7 @@ def wrap(angle: float) -> float:
     return angle
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def seen_from(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
     """Write into `out` the surface as seen from a pose (equations 3.1 to 3.4).
 
@@ -52,16 +52,31 @@ def seen_from(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
         out[2 * end + 1] = cos * y - sin * x
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
+def _nearest_end(
+    expected: np.ndarray, ends: np.ndarray, seen: np.ndarray, seen_ends: np.ndarray
+) -> tuple[int, float]:
+    """Which occluding or corner point the two surfaces share, and how far apart it is (m)."""
+    nearest, which = np.inf, -1
+    for end in range(2):
+        if ends[end] != NO_EDGE and seen_ends[end] != NO_EDGE:
+            dx, dy = seen[2 * end] - expected[2 * end], seen[2 * end + 1] - expected[2 * end + 1]
+            gap = np.sqrt(dx * dx + dy * dy)
+            if gap < nearest:
+                nearest, which = gap, end
+    return which, nearest
+
+
+@njit(cache=True, error_model="numpy")
 def recognize_landmarks(
     previous: Sight, current: Sight, motion: np.ndarray, limits: Limits, pairs: np.ndarray
 ) -> int:
     """Algorithm 1: which landmarks recognised in `previous` are landmarks of `current`.
 
     Fills `current.slots` and, for every recognised surface, its row of `pairs`; returns how
-    many landmarks of the current view were recognised.
+    many landmarks of the current view were recognised. The last match of a surface stands.
     """
-    current.slots[: current.size[0]] = NOT_RECOGNIZED
+    current.slots[:] = NOT_RECOGNIZED
     expected = np.empty(4)
     for i in range(previous.size[0]):
         if previous.slots[i] == NOT_RECOGNIZED:
@@ -69,28 +84,19 @@ def recognize_landmarks(
         seen_from(motion, previous.surfaces[i], expected)  # Alg. 1, line 2
         heading = heading_of(expected)
         for j in range(current.size[0]):
-            if not current.landmark[j]:
-                continue
             angle = abs(wrap(heading_of(current.surfaces[j]) - heading))
-            if angle >= limits.landmark_angle:  # Alg. 1, line 6
+            if not current.landmark[j] or angle >= limits.landmark_angle:  # line 6
                 continue
-            for end in range(2):
-                if previous.edges[i, end] == NO_EDGE or current.edges[j, end] == NO_EDGE:
-                    continue
-                gap = np.hypot(
-                    current.surfaces[j, 2 * end] - expected[2 * end],
-                    current.surfaces[j, 2 * end + 1] - expected[2 * end + 1],
-                )
-                if gap >= limits.landmark_gap:  # Alg. 1, line 7
-                    continue
-                # The last match stands, as in the algorithm; of its two ends the nearer.
-                if current.slots[j] == previous.slots[i] and pairs[j, GAP] <= gap:
-                    continue
-                current.slots[j] = previous.slots[i]  # Alg. 1, line 8
-                pairs[j, END] = end
-                pairs[j, GAP] = gap
-                pairs[j, ANGLE] = angle
-                pairs[j, DISTANCE] = np.hypot(
-                    previous.surfaces[i, 2 * end], previous.surfaces[i, 2 * end + 1]
-                )
-    return int(np.sum(current.slots[: current.size[0]] != NOT_RECOGNIZED))
+            end, gap = _nearest_end(
+                expected, previous.edges[i], current.surfaces[j], current.edges[j]
+            )
+            if gap >= limits.landmark_gap:  # line 7
+                continue
+            current.slots[j] = previous.slots[i]  # lines 8 and 9
+            x, y = previous.surfaces[i, 2 * end], previous.surfaces[i, 2 * end + 1]
+            pairs[j, END], pairs[j, GAP], pairs[j, ANGLE] = end, gap, angle
+            pairs[j, DISTANCE] = np.sqrt(x * x + y * y)
+    recognized = 0
+    for j in range(current.size[0]):
+        recognized += current.slots[j] != NOT_RECOGNIZED
+    return recognized

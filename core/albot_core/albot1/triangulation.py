@@ -39,10 +39,11 @@ POINT, SIDE, LINE = 0, 1, 2
 recognised by its line; -1 where none."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _describe(surface: np.ndarray, row: np.ndarray) -> None:
     """Fill a row: x1, y1, x2, y2, length, heading, and the unit vector along the surface."""
-    row[:4] = surface
+    for i in range(4):
+        row[i] = surface[i]
     length = length_of(surface)
     row[4] = length
     row[5] = heading_of(surface)
@@ -50,21 +51,23 @@ def _describe(surface: np.ndarray, row: np.ndarray) -> None:
     row[7] = (surface[3] - surface[1]) / length
 
 
-@njit(cache=True)
-def _seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray]:
-    """The surfaces of the view long enough to be recognised: their places in it, and rows."""
+@njit(cache=True, error_model="numpy")
+def _seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The surfaces of the view long enough to be recognised: places in it, ends and rows."""
     which = np.empty(current.size[0], np.int64)
+    edges = np.empty((current.size[0], 2), np.int8)
     rows = np.empty((current.size[0], 8))
     kept = 0
     for k in range(current.size[0]):
         if length_of(current.surfaces[k]) >= limits.landmark_length:
             _describe(current.surfaces[k], rows[kept])
+            edges[kept, 0], edges[kept, 1] = current.edges[k, 0], current.edges[k, 1]
             which[kept] = k
             kept += 1
-    return which[:kept], rows[:kept]
+    return which[:kept], edges[:kept], rows[:kept]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _seen_before(
     previous: Sight, motion: np.ndarray, limits: Limits
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -77,12 +80,12 @@ def _seen_before(
         if length_of(previous.surfaces[i]) >= limits.landmark_length:
             seen_from(motion, previous.surfaces[i], expected)
             _describe(expected, rows[kept])
-            edges[kept] = previous.edges[i]
+            edges[kept, 0], edges[kept, 1] = previous.edges[i, 0], previous.edges[i, 1]
             kept += 1
     return edges[:kept], rows[:kept]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _remembered_nearby(
     memory: Memory, pose: np.ndarray, seen: np.ndarray, limits: Limits
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -97,8 +100,9 @@ def _remembered_nearby(
             north = pose[1] + shrink * (sin * x + cos * y)
             box[0], box[2] = min(box[0], east), max(box[2], east)
             box[1], box[3] = min(box[1], north), max(box[3], north)
-    box[:2] -= limits.landmark_gap
-    box[2:] += limits.landmark_gap
+    for axis in range(2):
+        box[axis] -= limits.landmark_gap
+        box[2 + axis] += limits.landmark_gap
     slots = surfaces_ending_in(memory, box)
     edges = np.empty((slots.shape[0], 2), np.int8)
     rows = np.empty((slots.shape[0], 8))
@@ -108,13 +112,13 @@ def _remembered_nearby(
         seen_from(pose, memory.surfaces[slot], expected)
         if length_of(expected) >= limits.landmark_length:
             _describe(expected, rows[kept])
-            edges[kept] = memory.edges[slot]
+            edges[kept, 0], edges[kept, 1] = memory.edges[slot, 0], memory.edges[slot, 1]
             slots[kept] = slot
             kept += 1
     return slots[:kept], edges[:kept], rows[:kept]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _beside(
     wall: np.ndarray, seen: np.ndarray, correction: np.ndarray, cos: float, sin: float
 ) -> float:
@@ -131,7 +135,7 @@ def _beside(
     return aside if overlap >= 0.3 * min(seen[4], wall[4]) else np.inf
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _vote_by_points(
     seen: np.ndarray,
     seen_edges: np.ndarray,
@@ -155,7 +159,32 @@ def _vote_by_points(
             own[b] = max(own[b], 1.0 - (dx * dx + dy * dy) / gap**2)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
+def _vote_by_line(
+    seen: np.ndarray,
+    wall: np.ndarray,
+    turns: np.ndarray,
+    aligned: float,
+    low: int,
+    high: int,
+    angle: float,
+    own: np.ndarray,
+) -> None:
+    """Vote for the turns low..high that lay a surface along a remembered one.
+
+    How far it runs beside is measured at the turn that aligns the two, `aligned` steps.
+    """
+    middle = min(max(int(np.round(aligned)), 0), turns.shape[0] - 1)
+    aside = _beside(wall, seen, np.zeros(3), turns[middle, 0], turns[middle, 1])
+    if aside >= LINE_GAP:
+        return
+    vote = LINE_VOTE * (1.0 - (aside / LINE_GAP) ** 2)
+    for b in range(low, high + 1):
+        turned = (b - aligned) * TURN_STEP / angle
+        own[b] = max(own[b], vote * (1.0 - turned * turned))
+
+
+@njit(cache=True, error_model="numpy")
 def likeliest_turn(
     seen: np.ndarray,
     seen_edges: np.ndarray,
@@ -165,46 +194,33 @@ def likeliest_turn(
 ) -> float:
     """The turn (rad) to add to the odometer's under which most surfaces agree.
 
-    Every surface seen votes for the turns that bring it onto a remembered one, a landmark
+    Every surface seen votes for the turns that bring it onto an expected one, a landmark
     by its points and a wall by its line, each the more the better it fits.
     """
     steps = int(np.round(limits.turn_search / TURN_STEP))
     bins = 2 * steps + 1
-    off = (np.arange(bins) - steps) * TURN_STEP
-    turns = np.stack((np.cos(off), np.sin(off)), axis=-1)
-    votes = -((off / limits.turn_cost) ** 2)
-    own, still = np.empty(bins), np.zeros(3)
+    turns, votes, own = np.empty((bins, 2)), np.empty(bins), np.empty(bins)
+    for b in range(bins):
+        off = (b - steps) * TURN_STEP
+        turns[b, 0], turns[b, 1] = np.cos(off), np.sin(off)
+        votes[b] = -((off / limits.turn_cost) ** 2)
+    angle, gap = limits.landmark_angle, limits.landmark_gap
     for k in range(seen.shape[0]):
         own[:] = 0.0
         for q in range(expected.shape[0]):
             aligned = wrap(expected[q, 5] - seen[k, 5]) / TURN_STEP + steps
-            low = max(int(np.ceil(aligned - limits.landmark_angle / TURN_STEP)), 0)
-            high = min(int(np.floor(aligned + limits.landmark_angle / TURN_STEP)), bins - 1)
-            if low > high:
-                continue
-            _vote_by_points(
-                seen[k],
-                seen_edges[k],
-                expected[q],
-                edges[q],
-                turns,
-                low,
-                high,
-                limits.landmark_gap,
-                own,
-            )
-            middle = min(max(int(np.round(aligned)), 0), bins - 1)
-            aside = _beside(expected[q], seen[k], still, turns[middle, 0], turns[middle, 1])
-            if aside < LINE_GAP:
-                vote = LINE_VOTE * (1.0 - (aside / LINE_GAP) ** 2)
-                for b in range(low, high + 1):
-                    turned = (b - aligned) * TURN_STEP / limits.landmark_angle
-                    own[b] = max(own[b], vote * (1.0 - turned * turned))
-        votes += own
-    return float(off[np.argmax(votes)])
+            low = max(int(np.ceil(aligned - angle / TURN_STEP)), 0)
+            high = min(int(np.floor(aligned + angle / TURN_STEP)), bins - 1)
+            if low <= high:
+                wall, ends = expected[q], edges[q]
+                _vote_by_points(seen[k], seen_edges[k], wall, ends, turns, low, high, gap, own)
+                _vote_by_line(seen[k], wall, turns, aligned, low, high, angle, own)
+        for b in range(bins):
+            votes[b] += own[b]
+    return float((np.argmax(votes) - steps) * TURN_STEP)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _match(
     seen: np.ndarray,
     seen_edges: np.ndarray,
@@ -218,7 +234,7 @@ def _match(
     cos, sin = np.cos(correction[2]), np.sin(correction[2])
     points = 0
     for k in range(seen.shape[0]):
-        matches[k] = -1
+        matches[k, POINT] = matches[k, LINE] = -1
         nearest_gap, nearest_line = limits.landmark_gap**2, LINE_GAP
         for q in range(expected.shape[0]):
             if abs(wrap(expected[q, 5] - seen[k, 5] - correction[2])) >= limits.landmark_angle:
@@ -242,7 +258,7 @@ def _match(
     return points
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _pull(
     normal: np.ndarray,
     slope: np.ndarray,
@@ -266,7 +282,7 @@ def _pull(
     slope[2] += weight * residual * turn
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _pull_point(
     match: np.ndarray,
     seen: np.ndarray,
@@ -288,7 +304,7 @@ def _pull_point(
     _pull(normal, slope, x, y, 0.0, 1.0, ey, weight)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _pull_line(
     seen: np.ndarray,
     wall: np.ndarray,
@@ -319,7 +335,7 @@ def _pull_line(
         _pull(normal, slope, x, y, -uy, ux, -off, weight)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _solve(normal: np.ndarray, slope: np.ndarray, step: np.ndarray) -> None:
     """Solve the symmetric 3 x 3 system (upper triangle given) by Cholesky's method."""
     a = np.sqrt(normal[0, 0])
@@ -335,7 +351,7 @@ def _solve(normal: np.ndarray, slope: np.ndarray, step: np.ndarray) -> None:
     step[0] = (u - b * step[1] - c * step[2]) / a
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _adjust(
     seen: np.ndarray,
     expected: np.ndarray,
@@ -358,10 +374,11 @@ def _adjust(
             if matches[k, LINE] >= 0:
                 _pull_line(seen[k], expected[matches[k, LINE]], correction, normal, slope)
         _solve(normal, slope, step)
-        correction += step
+        for i in range(3):
+            correction[i] += step[i]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def triangulate(
     memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
 ) -> int:
@@ -369,8 +386,7 @@ def triangulate(
 
     Sets `current.slots` for the landmarks recognised there and returns their number.
     """
-    which, seen = _seen_now(current, limits)
-    seen_edges = current.edges[which]
+    which, seen_edges, seen = _seen_now(current, limits)
     edges, expected = _seen_before(previous, motion, limits)
     turn = likeliest_turn(seen, seen_edges, expected, edges, limits)
     current.pose[2] = wrap(current.pose[2] + turn)
@@ -383,7 +399,8 @@ def triangulate(
         _adjust(seen, expected, matches, limits, correction)
     recognized = _match(seen, seen_edges, expected, edges, correction, limits, matches)
 
-    current.slots[: current.size[0]] = NOT_RECOGNIZED
+    for k in range(current.size[0]):
+        current.slots[k] = NOT_RECOGNIZED
     for k in range(seen.shape[0]):
         if matches[k, POINT] >= 0:
             current.slots[which[k]] = slots[matches[k, POINT]]

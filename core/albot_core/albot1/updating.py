@@ -21,7 +21,7 @@ SHORTEST = 0.10
 """What is left of a surface after a cut is forgotten below this length (m)."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def placed(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
     """Write into `out` the surface seen from `pose`, in the map's frame."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
@@ -31,7 +31,7 @@ def placed(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
         out[2 * end + 1] = pose[1] + sin * x + cos * y
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def view_polygon(laid: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """The view's boundary (corners, 2): the surfaces' ends in the order seen, and the eye.
 
@@ -42,13 +42,24 @@ def view_polygon(laid: np.ndarray, pose: np.ndarray) -> np.ndarray:
     count = laid.shape[0]
     polygon = np.empty((2 * count + 1, 2))
     for k in range(count):
-        polygon[2 * k] = laid[k, :2]
-        polygon[2 * k + 1] = laid[k, 2:]
-    polygon[2 * count] = pose[:2]
+        polygon[2 * k, 0], polygon[2 * k, 1] = laid[k, 0], laid[k, 1]
+        polygon[2 * k + 1, 0], polygon[2 * k + 1, 1] = laid[k, 2], laid[k, 3]
+    polygon[2 * count, 0], polygon[2 * count, 1] = pose[0], pose[1]
     return polygon
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
+def box_around(polygon: np.ndarray, margin: float) -> np.ndarray:
+    """The box (x_min, y_min, x_max, y_max) that leaves `margin` around the polygon."""
+    box = np.array((np.inf, np.inf, -np.inf, -np.inf))
+    for i in range(polygon.shape[0]):
+        for axis in range(2):
+            box[axis] = min(box[axis], polygon[i, axis] - margin)
+            box[2 + axis] = max(box[2 + axis], polygon[i, axis] + margin)
+    return box
+
+
+@njit(cache=True, error_model="numpy")
 def is_inside(polygon: np.ndarray, x: float, y: float) -> bool:
     """Whether a point is inside the polygon (even-odd rule)."""
     inside = False
@@ -63,7 +74,7 @@ def is_inside(polygon: np.ndarray, x: float, y: float) -> bool:
     return inside
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def square_distance(polygon: np.ndarray, x: float, y: float) -> float:
     """Square of the distance from a point to the polygon's boundary (m²)."""
     nearest = np.inf
@@ -82,7 +93,7 @@ def square_distance(polygon: np.ndarray, x: float, y: float) -> float:
     return nearest
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def is_covered(polygon: np.ndarray, box: np.ndarray, margin: float, x: float, y: float) -> bool:
     """Whether a point is inside the polygon or within `margin` of its boundary.
 
@@ -93,7 +104,7 @@ def is_covered(polygon: np.ndarray, box: np.ndarray, margin: float, x: float, y:
     return is_inside(polygon, x, y) or square_distance(polygon, x, y) <= margin * margin
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _counterpart(old: np.ndarray, laid: np.ndarray, taken: np.ndarray, limits: Limits) -> int:
     """The surface of the view that shows the same wall as the old one, or -1.
 
@@ -121,7 +132,7 @@ def _counterpart(old: np.ndarray, laid: np.ndarray, taken: np.ndarray, limits: L
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _extended(new: np.ndarray, old: np.ndarray, outer: int, out: np.ndarray) -> bool:
     """Write the new surface drawn out to the old one's outer end; false where it reaches it."""
     length = length_of(new)
@@ -135,7 +146,7 @@ def _extended(new: np.ndarray, old: np.ndarray, outer: int, out: np.ndarray) -> 
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _cut(
     old: np.ndarray,
     outer: int,
@@ -159,7 +170,7 @@ def _cut(
     out[2 * inner], out[2 * inner + 1] = ix + kept * run_x, iy + kept * run_y
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
     """Algorithm 3: lay the view, seen from `sight.pose`, over the map.
 
@@ -173,14 +184,7 @@ def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
     for k in range(count):
         placed(sight.pose, sight.surfaces[k], laid[k])
     polygon = view_polygon(laid, sight.pose)
-    box = np.array(
-        (
-            polygon[:, 0].min() - limits.margin,
-            polygon[:, 1].min() - limits.margin,
-            polygon[:, 0].max() + limits.margin,
-            polygon[:, 1].max() + limits.margin,
-        )
-    )
+    box = box_around(polygon, limits.margin)
     slots = np.full(count, NOT_RECOGNIZED)
     taken = np.zeros(count, np.bool_)
     changed, edges = np.empty(4), np.empty(2, np.int8)

@@ -9,7 +9,7 @@ NO_EDGE, OCCLUDING, CORNER = 0, 1, 2
 """What an end of a surface is: nothing stable, an occluding point, or a corner point."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def scan_points(
     ranges: np.ndarray,
     directions: np.ndarray,
@@ -32,7 +32,7 @@ def scan_points(
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _farthest_from_chord(points: np.ndarray, first: int, last: int) -> tuple[int, float]:
     """The point between `first` and `last` farthest from their chord, and its distance."""
     x0, y0 = points[first, 0], points[first, 1]
@@ -47,7 +47,7 @@ def _farthest_from_chord(points: np.ndarray, first: int, last: int) -> tuple[int
     return best, height / np.sqrt(square) if square > 0.0 else np.sqrt(height)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def segment_points(
     points: np.ndarray,
     count: int,
@@ -89,7 +89,7 @@ def segment_points(
     return found
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def fit_line(points: np.ndarray, first: int, last: int, line: np.ndarray) -> None:
     """Fit a line to points first..last by total least squares: line = x, y, dx, dy.
 
@@ -117,14 +117,14 @@ def fit_line(points: np.ndarray, first: int, last: int, line: np.ndarray) -> Non
     line[0], line[1], line[2], line[3] = mx, my, dx, dy
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _foot(line: np.ndarray, x: float, y: float) -> tuple[float, float]:
     """The point of the line nearest to (x, y)."""
     along = (x - line[0]) * line[2] + (y - line[1]) * line[3]
     return line[0] + along * line[2], line[1] + along * line[3]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _crossing(a: np.ndarray, b: np.ndarray, x: float, y: float) -> tuple[float, float]:
     """Where two lines cross; (x, y) itself where they are nearly parallel."""
     cross = a[2] * b[3] - a[3] * b[2]
@@ -134,7 +134,7 @@ def _crossing(a: np.ndarray, b: np.ndarray, x: float, y: float) -> tuple[float, 
     return a[0] + along * a[2], a[1] + along * a[3]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def form_surfaces(
     points: np.ndarray,
     spans: np.ndarray,
@@ -174,7 +174,7 @@ def form_surfaces(
             surfaces[k, 0], surfaces[k, 1] = x, y
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def mark_edges(
     surfaces: np.ndarray,
     clusters: np.ndarray,
@@ -205,7 +205,7 @@ def mark_edges(
             edges[k, 0] = OCCLUDING
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def extract_surfaces(
     ranges: np.ndarray,
     directions: np.ndarray,
@@ -235,7 +235,8 @@ def extract_surfaces(
         if count == surfaces.shape[0]:
             break
         if np.hypot(raw[k, 2] - raw[k, 0], raw[k, 3] - raw[k, 1]) >= shortest:
-            surfaces[count] = raw[k]
+            for i in range(4):
+                surfaces[count, i] = raw[k, i]
             clusters[count] = spans[k, 2]
             count += 1
     mark_edges(surfaces, clusters, count, mount_x, mount_y, edges)
