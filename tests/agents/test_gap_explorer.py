@@ -30,11 +30,11 @@ def _explore(world: str | World, steps: int, seed: int, **options: Any) -> dict[
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_it_covers_half_of_the_office_in_three_minutes(seed: int) -> None:
-    info = _explore("office-ring", 1800, seed)
-    assert info["coverage"] > 0.4
-    assert info["rooms_entered"] >= 3
-    assert info["contacts"] < 20
+def test_it_covers_a_quarter_of_the_office_in_two_minutes(seed: int) -> None:
+    info = _explore("office-ring", 1200, seed)
+    assert info["coverage"] > 0.25
+    assert info["rooms_entered"] >= 2
+    assert info["contacts"] < 10
 
 
 def test_it_covers_far_more_than_chance(two_rooms: World) -> None:

@@ -95,11 +95,9 @@ def test_steering_goes_to_what_is_ahead_and_turns_to_what_is_not() -> None:
 def test_steering_slows_before_a_wall_and_never_drives_into_it() -> None:
     speeds = [
         float(steer(_points(np.array(((x, -3, x, 3),), float)), np.array((9.0, 0.0)))[0])
-        for x in (6.0, 1.5, 0.5, 0.34)
+        for x in (6.0, 1.3, 0.5, 0.34)
     ]
-    assert speeds == sorted(speeds, reverse=True)
-    assert speeds[0] > speeds[1] > speeds[2]
-    assert speeds[-1] == 0
+    assert speeds[0] > speeds[1] > speeds[2] == speeds[3] == 0
 
 
 def test_steering_settings_that_are_none_are_refused() -> None:
