@@ -26,8 +26,9 @@ STANDSTILL = Wheels(0.0, 0.0)
 class RobotConfig:
     """Body and drive of the robot. The defaults are a Pioneer 3-DX that carries a laser.
 
-    Sizes, weight and top speeds are those of the Pioneer 3 Operations Manual
-    (MobileRobots Inc.); the laser adds its 4.5 kg.
+    The top speed is the one in Hossain's thesis (section 3.2); wheel base, mass and top turn
+    rate are nominal. Acceleration, grip, friction and cruising speeds are ours: grip is
+    enough for any curve at any speed, so that only a wall makes the wheels slip.
     """
 
     radius: float = ROBOT_RADIUS

@@ -15,8 +15,8 @@ from albot_core.perception.reading import LaserGeometry, LaserScan
 class LaserConfig:
     """The laser's beams and errors.
 
-    The LMS-200's data sheet (SICK AG, 2003) gives a statistical error of 5 mm (1 σ) and
-    a systematic one of ±15 mm for ranges up to 8 m; 1 cm of noise stands for both.
+    One centimetre of noise stands for all errors of a LMS-200's ranges; the rate of
+    drop-outs is ours.
     """
 
     geometry: LaserGeometry = field(default_factory=LaserGeometry)

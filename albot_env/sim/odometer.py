@@ -79,13 +79,13 @@ ODOMETERS: Mapping[str, OdometerConfig] = MappingProxyType(
 
 `pioneer`: a calibrated Pioneer on an office floor. After a square of 4 × 25 m it is 4.5 m
 off in the median (1.9 to 8 m in four of five runs), as the robot of Hossain's thesis was
-(4.6 m after about 100 m; experiment 3). The systematic part, wheels that differ by
-0.04 % and a base that is 0.5 % too wide, is of the size that UMBmark finds; the larger
-part is random: 1.3° of heading after a metre, 13° after 100 m.
+(4.6 m after about 100 m; experiment 3): the figures are chosen to give that. The
+systematic part, wheels that differ by 0.04 % and a base 0.5 % too wide, makes up less
+than half; the rest is random, 1.3° of heading after a metre, 13° after 100 m.
 
 `poor`: worn wheels of unequal pressure and a base out of calibration: 10 to 13 m off after
-the same square, by errors of percents in distance and turn such as the Stage
-simulator's default `odom_error` (0.03 0.03 0.00 0.05) has.
+the same square, by errors of some percent in distance and turn, the order of the
+Stage simulator's default `odom_error` (0.03 0.03 0.00 0.05).
 """
 
 
