@@ -30,8 +30,8 @@ def load_world(spec: str) -> World:
     if spec in names:
         return parse_world((_CATALOGUE / f"{spec}.yaml").read_text(encoding="utf-8"), source=spec)
     path = Path(spec)
-    if path.exists() or path.suffix or path.parent != Path():
+    if spec and (path.exists() or path.suffix or path.parent != Path()):
         return read_world(path)
     close = difflib.get_close_matches(spec, names, n=1)
     hint = f" (did you mean {close[0]}?)" if close else ""
-    raise InputError("world", f"a file or one of {', '.join(names)}", f"{spec}{hint}")
+    raise InputError("world", f"a file or one of {', '.join(names)}", f"{spec or 'nothing'}{hint}")

@@ -12,6 +12,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.parsers.expat import ErrorString
 
 import numpy as np
 import shapely
@@ -92,7 +93,7 @@ class _Plan:
             self._root = ElementTree.fromstring(read_bytes(path))
         except ElementTree.ParseError as error:
             line, _ = error.position
-            raise self._error("whole XML", str(error), f"line {line}") from None
+            raise self._error("whole XML", ErrorString(error.code), f"line {line}") from None
         except (LookupError, ValueError) as error:
             raise self._error("XML in a known encoding", str(error), "line 1") from None
         if self._root.tag != "building":

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from importlib import resources
+from pathlib import Path
 
 import jsonschema
 import numpy as np
@@ -202,3 +203,12 @@ def test_the_schema_is_one_and_says_in_words_what_it_expects():
                 yield from unexplained(value, f"{path}/{key}")
 
     assert list(unexplained(schema, "")) == []
+
+
+def test_the_example_in_the_documentation_is_a_valid_world():
+    page = (Path(__file__).parents[3] / "docs" / "worlds.md").read_text(encoding="utf-8")
+    example = page.split("```yaml\n")[1].split("```")[0]
+    world = parse_world(example, source="docs/worlds.md")
+    assert world.closed
+    assert [room.name for room in world.rooms] == ["lab", "office"]
+    assert all(key in page for key in ("heading_rad", "notes"))

@@ -1,0 +1,179 @@
+"""`albot worlds` from end to end, and what it answers to bad worlds."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from albot_cli.main import main
+from albot_maps import catalogue_names, load_world
+
+GOOD = """\
+albot-world: 1
+name: hut
+walls:
+  - [[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]
+starts:
+  - {at: [1, 1], heading: 0}
+"""
+PLAN = """\
+<building><scale><represented_distance><value>10</value><um>pixel</um></represented_distance>
+<real_distance><value>90</value><um>cm</um></real_distance></scale><floor><spaces>
+<space id="a"><labels><label>HALL</label></labels><bounding_polygon><point x="0" y="0"/>
+<point x="50" y="0"/><point x="50" y="50"/><point x="0" y="50"/></bounding_polygon></space>
+</spaces></floor></building>
+"""
+MAP = "image: {}\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n"
+MAP += "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
+
+
+@pytest.fixture
+def albot(monkeypatch, capsys, tmp_path):
+    """Run `albot worlds …` in an empty folder; exit status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["albot", "worlds", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        printed = capsys.readouterr()
+        return int(ended.value.code or 0), printed.out, printed.err
+
+    return run
+
+
+def test_list_shows_the_whole_catalogue(albot):
+    status, out, err = albot("list")
+    assert (status, err) == (0, "")
+    assert [line.split()[0] for line in out.splitlines()] == list(catalogue_names())
+    assert {"office-double", "office-ring", "square-loop"} <= set(catalogue_names())
+
+
+def test_list_as_json(albot):
+    _, out, _ = albot("list", "--json")
+    worlds = {world["name"]: world for world in json.loads(out)["worlds"]}
+    assert set(worlds) == set(catalogue_names())
+    assert worlds["office-double"]["exits"]["E8"] == ["P8", "P2"]
+    assert worlds["square-loop"]["tours_m"] == {"loop": 18.0}
+    assert all(world["closed"] for world in worlds.values())
+
+
+@pytest.mark.parametrize("flags", [(), ("--json",)])
+def test_show_draws_a_floor_plan(albot, flags):
+    status, out, err = albot("show", "office-ring", "--png", "plan/ring.png", *flags)
+    assert (status, err) == (0, "")
+    with Image.open("plan/ring.png") as picture:
+        pixels = np.asarray(picture.convert("RGB"))
+    assert min(pixels.shape[:2]) > 1000
+    assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 20
+    assert "P5" in out
+    if flags:
+        assert json.loads(out)["png"] == "plan/ring.png"
+    assert [path.name for path in Path("plan").iterdir()] == ["ring.png"]
+
+
+def test_check_says_what_a_world_holds(albot):
+    Path("hut.yaml").write_text(GOOD)
+    assert albot("check", "hut.yaml") == (
+        0,
+        "hut.yaml: a valid world, 4.0 x 3.0 m, 0 rooms, 0 exits, 4 walls\n",
+        "",
+    )
+    _, out, _ = albot("check", "hut.yaml", "--json")
+    assert json.loads(out)["valid"] is True
+
+
+def test_convert_writes_a_world_that_reads_the_same(albot):
+    Path("plan.xml").write_text(PLAN)
+    status, out, err = albot("convert", "plan.xml", "-o", "out/plan.yaml", "--json")
+    assert (status, err) == (0, "")
+    assert json.loads(out)["out"] == "out/plan.yaml"
+    original, converted = load_world("plan.xml"), load_world("out/plan.yaml")
+    assert np.array_equal(original.walls, converted.walls)
+    assert np.array_equal(original.starts, converted.starts)
+    assert converted.rooms[0].name == "HALL"
+
+
+def bad_files(folder: Path) -> None:
+    """One of every kind of bad world."""
+    texts = {
+        "point.yaml": GOOD.replace("[4, 3], [0, 3]", "[4, 3], [4, 3]"),
+        "nan.yaml": GOOD.replace("[4, 3]", "[.nan, 3]"),
+        "inside.yaml": GOOD + "boxes:\n  - [0.5, 0.5, 2, 2]\n",
+        "close.yaml": GOOD.replace("at: [1, 1]", "at: [0.1, 1]"),
+        "typo.yaml": GOOD.replace("walls:", "wall:"),
+        "list.yaml": "- 1\n- 2\n",
+        "torn.xml": PLAN[:200],
+        "nowhere.yaml": MAP.format("gone.pgm"),
+        "cut.yaml": MAP.format("cut.pgm"),
+        "cut.pgm": "P5\n40 40\n255\nabc",
+        "lone.pgm": "P5\n2 2\n255\nabcd",
+        "odd.txt": "hello",
+        "torn.yaml.gz": "no gzip",
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+    (folder / "latin.yaml").write_bytes("name: Büro".encode("latin-1"))
+    (folder / "folder.yaml").mkdir()
+
+
+@pytest.mark.parametrize("verb", ["check", "show", "convert"])
+@pytest.mark.parametrize(
+    ("world", "words"),
+    [
+        ("point.yaml", "point.yaml, line 4, walls[0][2]: expected a wall longer than 0"),
+        ("nan.yaml", "nan.yaml, line 4, walls[0][2]: expected finite numbers"),
+        ("inside.yaml", "inside.yaml, line 6, starts[0]: expected a start in free space"),
+        ("close.yaml", "close.yaml, line 6, starts[0]: expected free space of radius 0.25 m"),
+        ("typo.yaml", "typo.yaml, line 3, wall: expected one of the keys"),
+        ("list.yaml", "list.yaml, line 1: expected a YAML mapping"),
+        ("torn.xml", "torn.xml, line 3: expected whole XML, found unclosed token\n"),
+        ("nowhere.yaml", "nowhere.yaml, line 1, image: expected a picture that exists, found gone"),
+        ("cut.yaml", "cut.pgm: expected a whole PGM or PNG picture"),
+        ("lone.pgm", "lone.pgm: expected its map_server description lone.yaml beside it"),
+        ("odd.txt", "odd.txt: expected a world file"),
+        ("torn.yaml.gz", "torn.yaml.gz: expected whole gz data"),
+        ("latin.yaml", "latin.yaml, line 1: expected UTF-8 text, found the byte 0xfc"),
+        ("folder.yaml", "folder.yaml: expected a file, found a folder"),
+        ("gone.yaml", "gone.yaml: expected a file that exists, found none"),
+        ("ofice-ring", "found ofice-ring (did you mean office-ring?)"),
+        ("random:office:42", "expected a file or one of office-double"),
+        ("", "expected a file or one of office-double"),
+    ],
+)
+@pytest.mark.parametrize("flags", [(), ("--json",)])
+def test_a_bad_world_gets_one_line_and_leaves_nothing(albot, tmp_path, verb, world, words, flags):
+    bad_files(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    out = {"check": [], "show": ["--png", "out.png"], "convert": ["-o", "out.yaml"]}[verb]
+    status, printed, complaint = albot(verb, world, *out, *flags)
+    assert (status, printed) == (2, "")
+    assert complaint.startswith("albot: ")
+    assert complaint.count("\n") == 1
+    assert words in complaint
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("show", "square-loop", "--png", "out.jpg"), "--png: expected a name that ends in .png"),
+        (("convert", "square-loop", "-o", "out.json"), "--out: expected a name that ends in .yaml"),
+        (("convert", "square-loop", "-o", "hut/out.yaml"), "expected a file to write"),
+        (("show", "square-loop", "--png", "hut/out.png"), "expected a file to write"),
+        (("convert", "square-loop", "-o", "folder.yaml"), "expected a file to write, found a fol"),
+    ],
+)
+def test_a_place_that_cannot_be_written_gets_one_line(albot, arguments, words):
+    Path("hut").write_text("a file, not a folder")
+    Path("folder.yaml").mkdir()
+    status, printed, complaint = albot(*arguments)
+    assert (status, printed) == (2, "")
+    assert words in complaint
+    assert complaint.count("\n") == 1
+    assert {path.name for path in Path().iterdir()} == {"hut", "folder.yaml"}

@@ -1,0 +1,43 @@
+"""The floor plan shows what is there: floor, walls, what is shut off, and in scale."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from albot_maps import load_world
+from albot_maps.drawing import draw_world
+
+
+@pytest.fixture(scope="module")
+def colour_at():
+    """The colour (0 to 255) of the drawn office-ring at a point of the world (m)."""
+    figure = Figure(figsize=(9, 9))
+    canvas = FigureCanvasAgg(figure)
+    axes = figure.add_axes((0, 0, 1, 1))
+    draw_world(load_world("office-ring"), axes)
+    canvas.draw()
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3].astype(int)
+
+    def look(x: float, y: float) -> np.ndarray:
+        column, row = axes.transData.transform((x, y))
+        return pixels[len(pixels) - 1 - int(row), int(column)]
+
+    return look
+
+
+def test_walls_are_dark_floors_tinted_and_solids_grey(colour_at):
+    assert colour_at(0, 9).sum() < 300
+    assert np.ptp(colour_at(7, 11)) > 5
+    assert (colour_at(7, 11) > 215).all()
+    for inside_furniture_or_core in ((4.2, 7.0), (12, 15)):
+        assert np.ptp(colour_at(*inside_furniture_or_core)) <= 5
+        assert colour_at(*inside_furniture_or_core).mean() < 225
+
+
+def test_rooms_differ_and_the_start_is_marked(colour_at):
+    assert not np.array_equal(colour_at(7, 11), colour_at(1.3, 20))
+    red, green, _ = colour_at(11.2, 6.6)
+    assert red > green + 100
