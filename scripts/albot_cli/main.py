@@ -48,8 +48,13 @@ def albot() -> None:
 
 def main() -> None:
     """Run the command: exit status 0 done, 2 bad input, 1 our own fault."""
+    exit_status(albot)
+
+
+def exit_status(command: click.Command) -> None:
+    """Run a command and leave with its exit status; bad input is one line on stderr."""
     try:
-        status = albot.main(prog_name="albot", standalone_mode=False)
+        status = command.main(standalone_mode=False)
     except InputError as error:
         click.echo(f"albot: {error}", err=True)
         sys.exit(2)
