@@ -8,12 +8,12 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from albot_core.registry import make_mapper
 from jaxtyping import Float32, UInt8
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 from albot_core.perception.reading import Reading
+from albot_core.registry import make_mapper
 from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Recorder
 from albot_env.rendering.frame import Frame, position_error
 from albot_env.rendering.trace import Trace

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
 from albot_core.errors import InputError
 from albot_env.rendering.frame import Frame
+
+if TYPE_CHECKING:
+    import gymnasium
+
+    from albot_agents.agent import Agent
+    from albot_cli.stage import Stage
+    from albot_env.tasks.explore import ExploreEnv
 
 RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "odometer", "record")
 """Options that a recorded episode has already decided."""
@@ -104,17 +111,11 @@ def _run(
     # The environment draws from `seed` itself: the driver must not draw the same numbers.
     driver.reset(np.random.default_rng((seed, 1)))
     try:
-        observation, info = env.reset(seed=seed)
-        collisions, done, watched = 0, False, True
+        first, _ = env.reset(seed=seed)
         with open_stage(
             f"{agent} in {world}", total=steps, speed=speed, headless=headless
         ) as stage:
-            while watched and not done:
-                observation, _, ended, cut, info = env.step(driver.act(observation))
-                collisions += info["collided"]
-                done = ended or cut
-                watched = stage.step(info["time"], lambda: explorer.frame)
-            stage.end(explorer.frame)
+            driven, contacts, info = _drive(env, explorer, driver, first, stage)
         _save_picture(explorer.frame, png)
     finally:
         env.close()
@@ -123,7 +124,7 @@ def _run(
         "agent": agent,
         "mapper": mapper,
         "seed": seed,
-        "steps": round(info["time"] * 10),
+        "steps": driven,
         "path_m": info["path_length"],
         "updates": info["updates"],
         "surfaces": info["surfaces"],
@@ -132,8 +133,23 @@ def _run(
         "simulated_s": info["time"],
         "coverage": info["coverage"],
         "rooms_entered": info["rooms_entered"],
-        "steps_in_contact": collisions,
+        "steps_in_contact": contacts,
     }
+
+
+def _drive(
+    env: gymnasium.Env[Any, Any], explorer: ExploreEnv, driver: Agent, first: Any, stage: Stage
+) -> tuple[int, int, dict[str, Any]]:
+    """Drive to the end, or until nobody watches: steps, steps in contact, and the last info."""
+    observation, steps, contacts, over = first, 0, 0, False
+    while not over:
+        observation, _, terminated, truncated, info = env.step(driver.act(observation))
+        steps += 1
+        contacts += info["collided"]
+        watched = stage.step(info["time"], lambda: explorer.frame)
+        over = terminated or truncated or not watched
+    stage.end(explorer.frame)
+    return steps, contacts, info
 
 
 def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) -> dict[str, Any]:
