@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from functools import cache
 from importlib import resources
-from typing import Any
+from typing import Any, cast
 
 import jsonschema
 from jsonschema.exceptions import ValidationError, best_match
@@ -49,7 +49,7 @@ def _rank(error: ValidationError) -> tuple[int, bool]:
 def _explained(error: ValidationError) -> tuple[list[str | int], str, str]:
     """Path, what was expected there and what was found instead."""
     path = list(error.absolute_path)
-    schema: Mapping[str, Any] = error.schema  # type: ignore[assignment]
+    schema = cast("Mapping[str, Any]", error.schema)
     keys: dict[str, Any] = error.instance if isinstance(error.instance, dict) else {}
     if error.validator == "additionalProperties":
         known = list(schema["properties"])
