@@ -78,7 +78,8 @@ def map_step(
     step = progress[STEP]
     progress[STEP] += 1
     if step == 0:  # lines 5 to 8
-        current.pose[:] = 0.0
+        for i in range(3):
+            current.pose[i] = 0.0
         update_map(memory, current, limits)
         progress[UPDATED_AT] = step
         progress[UPDATES] += 1

@@ -103,17 +103,24 @@ def _unfile_end(memory: Memory, end: int) -> None:
 
 
 @njit(cache=True, error_model="numpy")
+def _write(memory: Memory, slot: int, surface: np.ndarray, edges: np.ndarray) -> None:
+    # Element by element: assigning rows takes numba seconds to compile.
+    for i in range(4):
+        memory.surfaces[slot, i] = surface[i]
+    for end in range(2):
+        memory.edges[slot, end] = edges[end]
+        _file_end(memory, 2 * slot + end)
+
+
+@njit(cache=True, error_model="numpy")
 def add_surface(memory: Memory, surface: np.ndarray, edges: np.ndarray) -> int:
     """Remember a surface under a new id; return its slot. There must be a free one."""
     memory.counts[FREE] -= 1
     slot = int(memory.free[memory.counts[FREE]])
-    memory.surfaces[slot] = surface
-    memory.edges[slot] = edges
+    _write(memory, slot, surface, edges)
     memory.ids[slot] = memory.counts[NEXT_ID]
     memory.counts[NEXT_ID] += 1
     memory.counts[ALIVE] += 1
-    _file_end(memory, 2 * slot)
-    _file_end(memory, 2 * slot + 1)
     return slot
 
 
@@ -122,7 +129,8 @@ def remove_surface(memory: Memory, slot: int) -> None:
     """Forget the surface in a slot."""
     _unfile_end(memory, 2 * slot)
     _unfile_end(memory, 2 * slot + 1)
-    memory.surfaces[slot] = np.nan
+    for i in range(4):
+        memory.surfaces[slot, i] = np.nan
     memory.ids[slot] = -1
     memory.free[memory.counts[FREE]] = slot
     memory.counts[FREE] += 1
@@ -134,17 +142,14 @@ def move_surface(memory: Memory, slot: int, surface: np.ndarray, edges: np.ndarr
     """Give the surface in a slot new ends; it keeps its id."""
     _unfile_end(memory, 2 * slot)
     _unfile_end(memory, 2 * slot + 1)
-    memory.surfaces[slot] = surface
-    memory.edges[slot] = edges
-    _file_end(memory, 2 * slot)
-    _file_end(memory, 2 * slot + 1)
+    _write(memory, slot, surface, edges)
 
 
 @njit(cache=True, error_model="numpy")
 def surfaces_ending_in(memory: Memory, box: np.ndarray) -> np.ndarray:
     """Slots of the surfaces with an end in the box (x_min, y_min, x_max, y_max), ascending."""
     surfaces, heads, links = memory.surfaces, memory.heads, memory.links
-    x_min, y_min, x_max, y_max = box
+    x_min, y_min, x_max, y_max = box[0], box[1], box[2], box[3]
     found = np.empty(min(256, 2 * memory.counts[ALIVE] + 1), np.int64)
     count = 0
     for column in range(cell_of(x_min), cell_of(x_max) + 1):
@@ -157,7 +162,10 @@ def surfaces_ending_in(memory: Memory, box: np.ndarray) -> np.ndarray:
                     x, y = surfaces[slot, 2 * side], surfaces[slot, 2 * side + 1]
                     if x_min <= x <= x_max and y_min <= y <= y_max:
                         if count == found.shape[0]:
-                            found = np.concatenate((found, np.empty_like(found)))
+                            larger = np.empty(2 * count, np.int64)
+                            for i in range(count):
+                                larger[i] = found[i]
+                            found = larger
                         found[count] = slot
                         count += 1
                 end = links[end, NEXT]

@@ -76,7 +76,8 @@ def recognize_landmarks(
     Fills `current.slots` and, for every recognised surface, its row of `pairs`; returns how
     many landmarks of the current view were recognised. The last match of a surface stands.
     """
-    current.slots[:] = NOT_RECOGNIZED
+    for j in range(current.size[0]):
+        current.slots[j] = NOT_RECOGNIZED
     expected = np.empty(4)
     for i in range(previous.size[0]):
         if previous.slots[i] == NOT_RECOGNIZED:

@@ -174,7 +174,7 @@ def _vote_by_line(
 
     How far it runs beside is measured at the turn that aligns the two, `aligned` steps.
     """
-    middle = min(max(int(np.round(aligned)), 0), turns.shape[0] - 1)
+    middle = min(max(int(aligned + 0.5), 0), turns.shape[0] - 1)
     aside = _beside(wall, seen, np.zeros(3), turns[middle, 0], turns[middle, 1])
     if aside >= LINE_GAP:
         return
@@ -197,7 +197,7 @@ def likeliest_turn(
     Every surface seen votes for the turns that bring it onto an expected one, a landmark
     by its points and a wall by its line, each the more the better it fits.
     """
-    steps = int(np.round(limits.turn_search / TURN_STEP))
+    steps = int(limits.turn_search / TURN_STEP + 0.5)
     bins = 2 * steps + 1
     turns, votes, own = np.empty((bins, 2)), np.empty(bins), np.empty(bins)
     for b in range(bins):
@@ -206,7 +206,8 @@ def likeliest_turn(
         votes[b] = -((off / limits.turn_cost) ** 2)
     angle, gap = limits.landmark_angle, limits.landmark_gap
     for k in range(seen.shape[0]):
-        own[:] = 0.0
+        for b in range(bins):
+            own[b] = 0.0
         for q in range(expected.shape[0]):
             aligned = wrap(expected[q, 5] - seen[k, 5]) / TURN_STEP + steps
             low = max(int(np.ceil(aligned - angle / TURN_STEP)), 0)
@@ -217,7 +218,11 @@ def likeliest_turn(
                 _vote_by_line(seen[k], wall, turns, aligned, low, high, angle, own)
         for b in range(bins):
             votes[b] += own[b]
-    return float((np.argmax(votes) - steps) * TURN_STEP)
+    best = 0
+    for b in range(bins):
+        if votes[b] > votes[best]:
+            best = b
+    return (best - steps) * TURN_STEP
 
 
 @njit(cache=True, error_model="numpy")

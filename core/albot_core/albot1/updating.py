@@ -138,7 +138,8 @@ def _extended(new: np.ndarray, old: np.ndarray, outer: int, out: np.ndarray) -> 
     length = length_of(new)
     ux, uy = (new[2] - new[0]) / length, (new[3] - new[1]) / length
     along = (old[2 * outer] - new[0]) * ux + (old[2 * outer + 1] - new[1]) * uy
-    out[:] = new
+    for i in range(4):
+        out[i] = new[i]
     if (outer == 0 and along >= 0.0) or (outer == 1 and along <= length):
         return False
     out[2 * outer] = new[0] + along * ux
@@ -166,7 +167,8 @@ def _cut(
             lost = middle
         else:
             kept = middle
-    out[:] = old
+    for i in range(4):
+        out[i] = old[i]
     out[2 * inner], out[2 * inner + 1] = ix + kept * run_x, iy + kept * run_y
 
 
@@ -185,7 +187,7 @@ def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
         placed(sight.pose, sight.surfaces[k], laid[k])
     polygon = view_polygon(laid, sight.pose)
     box = box_around(polygon, limits.margin)
-    slots = np.full(count, NOT_RECOGNIZED)
+    slots = np.empty(count, np.int64)
     taken = np.zeros(count, np.bool_)
     changed, edges = np.empty(4), np.empty(2, np.int8)
     for slot in surfaces_ending_in(memory, box):
@@ -199,14 +201,13 @@ def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
             k = _counterpart(old, laid, taken, limits)
             if k < 0:
                 _cut(old, outer, polygon, box, limits.margin, changed)
-                edges[:] = memory.edges[slot]
-                edges[1 - outer] = NO_EDGE
+                edges[outer], edges[1 - outer] = memory.edges[slot, outer], NO_EDGE
                 if length_of(changed) < SHORTEST:
                     remove_surface(memory, slot)
                 else:
                     move_surface(memory, slot, changed, edges)
                 continue
-            edges[:] = sight.edges[k]
+            edges[0], edges[1] = sight.edges[k, 0], sight.edges[k, 1]
             if _extended(laid[k], old, outer, changed):
                 edges[outer] = memory.edges[slot, outer]
                 # The end in view is no longer the end in the map.

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from albot_core.errors import InputError
-from albot_maps.formats.plan_xml import read_plan_xml
-from albot_maps.formats.ros_grid import read_ros_grid
 from albot_maps.formats.world_yaml import world_from_document
 from albot_maps.formats.yaml_document import read_yaml
 from albot_maps.world import World
@@ -26,7 +24,10 @@ def read_world(path: Path) -> World:
     kind = Path(path.stem).suffix if path.suffix in {".gz", ".xz"} else path.suffix
     if kind in _YAML:
         return _read_yaml_world(path)
+    # The readers of foreign formats are imported when they are needed: they are slow to load.
     if kind == ".xml":
+        from albot_maps.formats.plan_xml import read_plan_xml
+
         return read_plan_xml(path)
     if kind in _PICTURES:
         return _read_yaml_world(_description_of(path))
@@ -36,6 +37,8 @@ def read_world(path: Path) -> World:
 def _read_yaml_world(path: Path) -> World:
     document = read_yaml(path)
     if isinstance(document.data, dict) and "image" in document.data:
+        from albot_maps.formats.ros_grid import read_ros_grid
+
         return read_ros_grid(document, path)
     return world_from_document(document, source=str(path))
 
