@@ -222,7 +222,7 @@ def likeliest_turn(
     for b in range(bins):
         if votes[b] > votes[best]:
             best = b
-    return (best - steps) * TURN_STEP
+    return float((best - steps) * TURN_STEP)
 
 
 @njit(cache=True, error_model="numpy")
