@@ -6,7 +6,9 @@ import math
 from typing import Any
 
 from albot_cli.mapping_run import MappingRun, Score
+from albot_core.evaluation.crispness import laid_points, mean_map_entropy
 from albot_core.evaluation.relations import RelationError
+from albot_core.geometry.types import Poses
 from albot_core.logs.log import Log
 
 
@@ -27,8 +29,14 @@ def report(log: Log, run: MappingRun, mapped: Score, odometry: Score) -> dict[st
         "odometry_ate_rmse_m": odometry.trajectory.rmse if odometry.trajectory else None,
         "relations": _relations(mapped.relations),
         "odometry_relations": _relations(odometry.relations),
+        "map_entropy": _entropy(log, run.believed.poses),
+        "odometry_map_entropy": _entropy(log, log.odometry),
         "left_out": None if log.left_out is None else vars(log.left_out),
     }
+
+
+def _entropy(log: Log, poses: Poses) -> float | None:
+    return mean_map_entropy(laid_points([reading.laser for reading in log.readings], poses))
 
 
 def _relations(error: RelationError | None) -> dict[str, int | float] | None:
@@ -50,7 +58,7 @@ def as_table(figures: dict[str, Any]) -> str:
         f"{figures['mapper']}: {figures['surfaces']} surfaces after {figures['updates']} updates, "
         f"{figures['scans_per_second']:,.0f} scans/s",
     ]
-    rows = [*_trajectory_rows(figures), *_relation_rows(figures)]
+    rows = [*_trajectory_rows(figures), *_relation_rows(figures), *_entropy_rows(figures)]
     if rows:
         names = (figures["mapper"], "odometer")
         width = max(len(row[0]) for row in rows)
@@ -72,6 +80,13 @@ def _trajectory_rows(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
     if mine is None:
         return []
     return [("trajectory error, ATE rmse", f"{mine:.2f} m", f"{its:.2f} m")]
+
+
+def _entropy_rows(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
+    mine, its = figures["map_entropy"], figures["odometry_map_entropy"]
+    if mine is None or its is None:
+        return []
+    return [("map entropy, less is crisper", f"{mine:.2f}", f"{its:.2f}")]
 
 
 def _relation_rows(figures: dict[str, Any]) -> list[tuple[str, str, str]]:

@@ -40,6 +40,8 @@ KEYS = {
     "ate_rmse_m",
     "odometry_ate_rmse_m",
     "relations",
+    "map_entropy",
+    "odometry_map_entropy",
 }
 RELATION_KEYS = {
     "count",
@@ -166,9 +168,10 @@ def test_the_table_shows_the_odometer_beside_the_mapper(corridor, truth_file, ca
     result = call("map", corridor[0], "--mapper", "odometry", "--reference", truth_file)
     lines = result.stdout.splitlines()
     assert lines[0].startswith("corridor.log: 28 scans along 10.4 m")
-    header, row = lines[-2:]
+    header, error, entropy = lines[-3:]
     assert header.split() == ["odometry", "odometer"]
-    assert re.fullmatch(r"trajectory error, ATE rmse +(0\.1\d m) +\1", row)
+    assert re.fullmatch(r"trajectory error, ATE rmse +(0\.1\d m) +\1", error)
+    assert re.fullmatch(r"map entropy, less is crisper +(-\d\.\d\d) +\1", entropy)
 
 
 def test_the_files(corridor, truth_file, call, tmp_path):
@@ -365,4 +368,5 @@ def test_raw_logs_without_a_reference(name, scans, call, data, tmp_path):
     told = figures(call("map", data / "logs" / name, "--out", tmp_path / "out", "--json"))
     assert told["scans"] == scans
     assert told["ate_rmse_m"] is None
+    assert told["map_entropy"] < told["odometry_map_entropy"] - 0.1
     assert {path.name for path in (tmp_path / "out").iterdir()} == FILES
