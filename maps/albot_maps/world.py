@@ -162,6 +162,8 @@ class World:
             raise self._error(place, "a name of one printable line", repr(name))
 
     def _check_numbers(self, kind: str, rows: Sequence[np.ndarray] | np.ndarray) -> None:
+        if not len(rows) or (np.abs(np.concatenate(rows, axis=None)) <= LARGEST_COORDINATE).all():
+            return
         for index, row in enumerate(rows):
             bad = ~(np.abs(row) <= LARGEST_COORDINATE)
             if bad.any():
@@ -184,7 +186,7 @@ class World:
             if len(room.boundary) < 3:
                 expected = f"an outline of {room.name!r} of 3 corners or more"
                 raise self._error(f"rooms[{index}]", expected, str(len(room.boundary)))
-            outline = shapely.Polygon(room.boundary)
+        for index, (room, outline) in enumerate(zip(self.rooms, self._outlines, strict=True)):
             if not outline.is_valid:
                 expected = f"an outline of {room.name!r} that does not cross itself"
                 raise self._error(f"rooms[{index}]", expected, shapely.is_valid_reason(outline))
@@ -227,8 +229,19 @@ class World:
                     f"one at {clearance[index]:.3g} m",
                 )
 
-    def _check_reachability(self) -> None:
+    def _is_surely_reachable(self) -> bool:
+        """Whether a quick proof spares the exact and slow check."""
         if not self.rooms and len(self.starts) == 1:
+            return True
+        from albot_maps.flood import FloodFill  # compiled code is slow to load
+
+        fill = FloodFill(self.walls, ROBOT_RADIUS, self.starts[0, :2])
+        return all(fill.reaches(start[:2]) for start in self.starts) and all(
+            fill.enters(room.boundary) for room in self.rooms
+        )
+
+    def _check_reachability(self) -> None:
+        if self._is_surely_reachable():
             return
         region = self.free_space.region_at(self.starts[0, :2])
         for index, start in enumerate(self.starts[1:], 1):
