@@ -9,12 +9,13 @@ import numpy as np
 
 from albot_core.albot1.mapper import Albot1
 from albot_core.albot1.memory import STORED, add_surface, empty_memory
+from albot_core.geometry.poses import inverse, transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mapper import Mapper
 from albot_core.perception.reading import Reading
 from albot_core.registry import make_mapper
-from albot_env.experiments.guided_tour import guided_tour
-from albot_maps import World, load_world
+from albot_env.experiments.guided_tour import Journey, guided_tour
+from albot_maps import load_world
 
 _SIZES = (1_000, 100_000)
 _SPREAD = 50.0
@@ -42,38 +43,39 @@ def measure_mappers(
 def measure_growth(rounds: int = 5) -> list[dict[str, float | int | str]]:
     """Time `albot1` on the same tour with maps that remember ever more besides.
 
-    The floor's walls are remembered many times over, in copies that lie apart, the tour's
-    own among them.
+    The floor is remembered many times over, in copies that lie apart; the robot is in one.
     """
-    world = load_world("office-ring")
-    readings = tour_readings()
+    world, tour = load_world("office-ring"), _tour()
+    floor = transform_segments(inverse(tour.truth[0]), world.walls)
     rows: list[dict[str, float | int | str]] = []
     for size in _SIZES:
         mapper = Albot1.default()
-        mapper.update(readings[0])
-        known = knowing(mapper.state(), copies_of(world, size))
+        mapper.update(tour.readings[0])
+        known = knowing(mapper.state(), copies_of(floor, size))
         best = 0.0
         for _ in range(rounds):
             mapper.restore(known)
-            best = max(best, _timed(mapper, readings[1:]))
+            best = max(best, _timed(mapper, tour.readings[1:]))
         rows.append({"name": "albot1", "surfaces": size, "readings_per_second": best})
     return rows
 
 
 def tour_readings() -> list[Reading]:
     """What a robot senses when guided round `office-ring`, about 140 readings."""
+    return list(_tour().readings)
+
+
+def _tour() -> Journey:
     world = load_world("office-ring")
-    return list(guided_tour(world, world.tours["single-loop"], np.random.default_rng(0)).readings)
+    return guided_tour(world, world.tours["single-loop"], np.random.default_rng(0))
 
 
-def copies_of(world: World, count: int) -> Segments:
-    """The world's walls again and again in copies that lie apart, `count` of them."""
-    copies = -(-count // len(world.walls))
+def copies_of(floor: Segments, count: int) -> Segments:
+    """`count` walls: the floor's where it is, and again and again in copies that lie apart."""
+    copies = -(-count // len(floor))
     side = int(np.ceil(np.sqrt(copies)))
-    x, y, _ = world.starts[0]
-    offsets = [(i // side * _SPREAD - x, i % side * _SPREAD - y) for i in range(copies)]
-    walls = [world.walls + np.array([dx, dy, dx, dy]) for dx, dy in offsets]
-    return np.concatenate(walls)[:count]
+    offsets = [(i // side * _SPREAD, i % side * _SPREAD) for i in range(copies)]
+    return np.concatenate([floor + np.array([dx, dy, dx, dy]) for dx, dy in offsets])[:count]
 
 
 def knowing(state: dict[str, np.ndarray], surfaces: Segments) -> dict[str, np.ndarray]:
