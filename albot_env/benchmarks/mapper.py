@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_core.albot1.mapper import Albot1
 from albot_core.albot1.memory import STORED, add_surface, empty_memory
@@ -70,7 +71,7 @@ def _tour() -> Journey:
     return guided_tour(world, world.tours["single-loop"], np.random.default_rng(0))
 
 
-def copies_of(floor: Segments, count: int) -> Segments:
+def copies_of(floor: Segments, count: int) -> Float64[np.ndarray, "copies 4"]:
     """`count` walls: the floor's where it is, and again and again in copies that lie apart."""
     copies = -(-count // len(floor))
     side = int(np.ceil(np.sqrt(copies)))

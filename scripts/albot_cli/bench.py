@@ -87,7 +87,7 @@ def _as_text(figures: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _laser_line(row: dict[str, float]) -> str:
+def _laser_line(row: dict[str, float | int]) -> str:
     return (
         f"laser       {row['segments']:7,d} walls     {row['us_per_scan']:8.2f} µs/scan in a "
         f"batch, {row['us_per_scan_single']:.2f} alone; pymunk's query in a loop takes "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,15 @@ from click.testing import CliRunner
 from albot_cli.main import albot
 from albot_core.albot1.mapper import Albot1
 from albot_core.errors import InputError
+from albot_env.benchmarks import laser
 from albot_env.benchmarks.mapper import copies_of, knowing, measure_mappers, tour_readings
 from albot_maps import load_world
+
+
+@pytest.fixture(autouse=True)
+def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Spend little time on each case: what is measured is not what is tested."""
+    monkeypatch.setattr(laser, "measure_laser", partial(laser.measure_laser, 0.05))
 
 
 def bench(*args: str) -> dict[str, object]:
