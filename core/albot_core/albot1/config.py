@@ -19,6 +19,7 @@ class Limits(NamedTuple):
     landmark_gap: float
     fewest_landmarks: int
     margin: float
+    eye_in_boundary: bool
     remembered: bool
     turn_search: float
     turn_cost: float
@@ -47,6 +48,10 @@ class Albot1Config:
     """With fewer recognised landmarks the limiting point is reached (algorithm 4, line 12)."""
     margin: float = 0.40
     """What lies this near to the view's boundary counts as inside (m; algorithm 3, line 9)."""
+    eye_in_boundary: bool = False
+    """The robot's own place is a corner of the view's boundary. Off: as algorithm 3, line 7,
+    the surfaces' ends alone, so that where nothing stands at ±90° the ground between the
+    robot and its first and last surface counts as outside."""
     remembered: bool = False
     """Recognise what is remembered nearby, under the likeliest turn, and localise by all of it.
 
@@ -93,7 +98,7 @@ class Albot1Config:
         odometer's turn is doubted, because in real logs it is often off by more than the 5°
         that recognition allows; and all recognised surfaces together localise the robot.
         """
-        return cls(view=ViewConfig(fit_lines=True), remembered=True)
+        return cls(view=ViewConfig(fit_lines=True), eye_in_boundary=True, remembered=True)
 
     @property
     def limits(self) -> Limits:

@@ -32,12 +32,10 @@ def placed(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def view_polygon(laid: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """The view's boundary (corners, 2): the surfaces' ends in the order seen, and the eye.
+def view_polygon(laid: np.ndarray, pose: np.ndarray, eye: bool) -> np.ndarray:
+    """The view's boundary (corners, 2): the surfaces' ends in the order seen (Alg. 3, line 7).
 
-    Algorithm 3, line 7, joins the surfaces' ends alone. Here the robot's own place closes
-    the polygon: without it the ground between the robot and the first and last surface
-    would count as outside whenever nothing stands at +-90°.
+    With `eye` the robot's own place closes it.
     """
     count = laid.shape[0]
     polygon = np.empty((2 * count + 1, 2))
@@ -45,7 +43,8 @@ def view_polygon(laid: np.ndarray, pose: np.ndarray) -> np.ndarray:
         polygon[2 * k, 0], polygon[2 * k, 1] = laid[k, 0], laid[k, 1]
         polygon[2 * k + 1, 0], polygon[2 * k + 1, 1] = laid[k, 2], laid[k, 3]
     polygon[2 * count, 0], polygon[2 * count, 1] = pose[0], pose[1]
-    return polygon
+    # A view of nothing still has the place that it is seen from.
+    return polygon if eye or count == 0 else polygon[: 2 * count]
 
 
 @njit(cache=True, error_model="numpy")
@@ -185,7 +184,7 @@ def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
     laid = np.empty((count, 4))
     for k in range(count):
         placed(sight.pose, sight.surfaces[k], laid[k])
-    polygon = view_polygon(laid, sight.pose)
+    polygon = view_polygon(laid, sight.pose, limits.eye_in_boundary)
     box = box_around(polygon, limits.margin)
     slots = np.empty(count, np.int64)
     taken = np.zeros(count, np.bool_)

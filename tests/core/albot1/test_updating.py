@@ -77,6 +77,16 @@ def test_a_surface_partly_inside_is_extended_by_its_counterpart() -> None:
     assert sight.edges[2].tolist() == [CORNER, NO_EDGE]
 
 
+def test_the_robots_own_place_may_close_the_boundary() -> None:
+    # Only a wall ahead is seen; something remembered stands between it and the robot.
+    near, ahead = np.array([0.5, -0.2, 0.5, 0.2]), BOX[1:2]
+    for eye, left in ((False, 2), (True, 1)):
+        memory = empty_memory(32)
+        add_surface(memory, near, EDGES)
+        update_map(memory, view_of(ahead), LIMITS._replace(eye_in_boundary=eye))
+        assert (memory.ids >= 0).sum() == left
+
+
 def test_surfaces_that_are_no_landmarks_are_added_but_not_tracked() -> None:
     memory = empty_memory(32)
     sight = view_of(BOX)
