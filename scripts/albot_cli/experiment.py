@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from albot_cli.outputs import check_folder
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_env.experiments.registry import EXPERIMENTS, find_experiment
@@ -44,8 +45,8 @@ def run_experiment(name: str, seeds: int | None, out: Path | None, as_json: bool
     count = experiment.seeds if seeds is None else seeds
     if count < 1:
         raise InputError("--seeds", "at least 1", str(count))
-    if out is not None and out.exists() and not out.is_dir():
-        raise InputError("--out", "a folder", f"the file {out}")
+    if out is not None:
+        check_folder(out)
     with progress(experiment.id, count, "seeds") as tell:
         report = experiment.run(range(count), tell)
     files = report.write(out) if out else []

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
+from pathlib import Path
 
 import click
 
@@ -48,7 +50,11 @@ def albot() -> None:
 
 def main() -> None:
     """Run the command: exit status 0 done, 2 bad input, 1 our own fault."""
-    exit_status(albot)
+    with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
+        # A stream that the caller has closed (`>&-`) is None.
+        sys.stdout = sys.stdout or nowhere
+        sys.stderr = sys.stderr or nowhere
+        exit_status(albot)
 
 
 def exit_status(command: click.Command) -> None:
@@ -59,7 +65,9 @@ def exit_status(command: click.Command) -> None:
         click.echo(f"albot: {error}", err=True)
         sys.exit(2)
     except click.ClickException as error:
-        click.echo(f"albot: {error.format_message()}", err=True)
+        message = error.format_message()
+        # A group that is called without a subcommand shows its help.
+        click.echo(message if message.startswith("Usage:") else f"albot: {message}", err=True)
         sys.exit(2)
     except click.Abort:
         click.echo("albot: stopped", err=True)

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import click
 
-from albot_cli.map_files import check_folder, write_files
+from albot_cli.map_files import write_files
 from albot_cli.map_report import as_table, report
 from albot_cli.mapping_run import Score, run_mapper, score, warm_up
+from albot_cli.outputs import check_folder
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.evaluation.relations import read_relations

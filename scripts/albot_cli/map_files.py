@@ -7,7 +7,6 @@ import tempfile
 from pathlib import Path
 
 from albot_cli.mapping_run import MappingRun
-from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory, alignment
 from albot_core.geometry.poses import compose
 from albot_core.logs.geojson import write_geojson
@@ -18,31 +17,17 @@ from albot_core.mapfile import save_map
 TRAJECTORY, SURFACES, PICTURE, MAP = "trajectory.tum", "surfaces.geojson", "map.png", "map.albot"
 
 
-def check_folder(folder: Path) -> None:
-    """Raise InputError where no folder can be made or nothing be written into it.
-
-    Asked before the work, so that it is not done for nothing.
-    """
-    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not existing.is_dir():
-        raise InputError(folder, "a folder to write to", f"a file at {existing}")
-    try:
-        with tempfile.TemporaryFile(dir=existing):
-            pass
-    except OSError as error:
-        found = error.strerror or str(error)
-        raise InputError(folder, "a folder to write to", found) from None
-
-
 def write_files(
     folder: Path, title: str, run: MappingRun, reference: Trajectory | None
 ) -> dict[str, str]:
     """Write trajectory, surfaces, picture and map; return their paths by kind.
 
-    They are written to a folder beside, and moved over when all are whole.
+    They are written to a hidden folder, and moved over when all are whole.
     """
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    beside = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
+    # Inside the folder where there is one: what is around it may not be ours to write to.
+    around = folder if folder.exists() else folder.parent
+    around.mkdir(parents=True, exist_ok=True)
+    beside = Path(tempfile.mkdtemp(dir=around, prefix=f".{folder.name}."))
     try:
         write_tum(run.believed, beside / TRAJECTORY)
         write_geojson(run.mapper.surfaces, beside / SURFACES)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 from click.core import ParameterSource
 
+from albot_cli.outputs import check_file
 from albot_core.errors import InputError
 from albot_env.rendering.frame import Frame
 
@@ -69,14 +71,27 @@ def command(
 ) -> None:
     """Watch a robot explore and map, or play back the recorded EPISODE."""
     options["headless"] = options["headless"] or as_json
+    if isnan(options["speed"]):
+        raise InputError("--speed", "a number above 0", "nan")
     if episode is None:
-        summary = _run(png=png or Path("episode.png"), **options)
+        png = png or Path("episode.png")
+        _check_picture(png, options["record"])
+        summary = _run(png=png, **options)
     else:
+        if png is not None:
+            _check_picture(png, episode)
         for name in RUN_ONLY:
             if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
                 raise InputError(f"--{name}", "no such option when an episode is played back")
         summary = _play_back(episode, png, options["speed"], options["headless"])
     click.echo(json.dumps(summary) if as_json else _as_text(summary))
+
+
+def _check_picture(png: Path, episode: Path) -> None:
+    """Raise InputError where the picture cannot be written, or would take the episode's place."""
+    if png.resolve() == episode.resolve():
+        raise InputError("--png", "another file than the episode's", str(png))
+    check_file(png)
 
 
 def _run(

@@ -24,7 +24,7 @@ class Stage:
         progress: The progress line.
         total: Steps of the episode, if known.
         speed: How many times faster than the simulated time it is shown.
-        frame_rate: Frames shown in a second.
+        frame_rate: Frames shown in a second, at most.
     """
 
     def __init__(
@@ -59,8 +59,10 @@ class Stage:
         time.sleep(max(0.0, simulated / self._speed - elapsed))
         if time.monotonic() - self._shown < self._between:
             return True
+        watched = self._viewer.show(frame())
+        # From its end, so that a slow viewer never leaves the episode no time to run.
         self._shown = time.monotonic()
-        return self._viewer.show(frame())
+        return watched
 
     def end(self, frame: Frame) -> None:
         """Show the last frame."""

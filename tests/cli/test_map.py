@@ -234,6 +234,22 @@ def test_bad_input_is_named(corridor, truth_file, call, tmp_path):
     expect_error(call("map", path, "--out", truth_file / "out"), "a folder to write to")
 
 
+def test_a_folder_is_filled_and_nothing_around_it_touched(corridor, call, tmp_path, monkeypatch):
+    out = tmp_path / "around" / "out"
+    out.mkdir(parents=True)
+    around = []
+    draw = albot_cli.map_files.write_picture
+
+    def draw_and_look(*arguments: object, **named: Any) -> None:
+        around.extend(out.parent.iterdir())
+        draw(*arguments, **named)
+
+    monkeypatch.setattr(albot_cli.map_files, "write_picture", draw_and_look)
+    assert call("map", corridor[0], "--out", out).exit_code == 0
+    assert around == [out]
+    assert {path.name for path in out.iterdir()} == FILES
+
+
 def test_a_reference_of_another_log_is_named(corridor, call, tmp_path):
     path, truth = corridor
     other = tmp_path / "other.tum"

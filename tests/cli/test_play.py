@@ -127,6 +127,9 @@ def test_a_torn_episode_plays_its_beginning_and_says_so(play: Play, tmp_path: Pa
         (("--seed", "-1"), "seed"),
         (("--steps", "0"), "steps"),
         (("--speed", "0"), "speed"),
+        (("--speed", "nan"), "speed"),
+        ((*SHORT, "--png", "taken/a.png"), "taken"),
+        ((*SHORT, "--png", "./episode.mcap"), "another file than the episode's"),
         (("none.mcap",), "none.mcap"),
         ((*SHORT, "--record", "taken/a.mcap"), "taken"),
         (("--jsn",), "--json"),
@@ -143,6 +146,15 @@ def test_bad_input_is_one_line_and_exit_2(
     assert done.stderr.startswith("albot: ")
     assert found in done.stderr
     assert not list(tmp_path.glob("episode.*"))
+
+
+def test_a_picture_never_takes_the_place_of_the_episode(play: Play, tmp_path: Path) -> None:
+    assert play(*SHORT, "--json").returncode == 0
+    before = (tmp_path / "episode.mcap").read_bytes()
+    done = play("episode.mcap", "--png", str(tmp_path / "episode.mcap"))
+    assert done.returncode == 2
+    assert "another file than the episode's" in done.stderr
+    assert (tmp_path / "episode.mcap").read_bytes() == before
 
 
 def test_options_of_a_run_do_not_go_with_a_recorded_one(play: Play) -> None:

@@ -1,0 +1,52 @@
+"""The command itself: called alone, and with streams that are closed."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from albot_cli.main import main
+
+ALBOT = f'"{sys.executable}" -c "from albot_cli.main import main; main()"'
+SHORT = "--world square-loop --mapper odometry --steps 5"
+
+
+@pytest.mark.parametrize("words", [(), ("worlds",), ("experiment",)])
+def test_a_group_called_alone_shows_its_help(
+    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["albot", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    shown = capsys.readouterr()
+    assert ended.value.code == 2
+    assert shown.out == ""
+    assert shown.err.startswith("Usage: ")
+    assert "Commands:" in shown.err
+
+
+def test_an_unknown_subcommand_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["albot", "dance"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == "albot: No such command 'dance'.\n"
+
+
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_closed_streams_stop_no_work(closed: str, tmp_path: Path) -> None:
+    done = subprocess.run(
+        f"{ALBOT} play {SHORT} {closed}",
+        shell=True,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"episode.mcap", "episode.png"}
