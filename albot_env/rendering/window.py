@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 
 import pygame
@@ -14,25 +15,29 @@ from albot_env.rendering.scene import lay_out
 
 SIZE = (1200, 640)
 
+_UNSEEN = frozenset({"dummy", "offscreen"})
+"""SDL's video drivers that show nothing; it takes one of them where no other opens."""
+
+_LOGGER = logging.getLogger(__name__)
+
 
 class Window:
     """A window of its own, resizable; closing it, Escape or Q end the show.
+
+    Without a display it is drawn all the same, and nobody sees it: so do gymnasium's own
+    environments, whose checks open every render mode wherever they run.
 
     Args:
         title: What stands in the window's bar.
         rate: At most this many frames a second; the caller waits for the rest.
 
     Raises:
-        InputError: There is no display.
+        InputError: No window opens.
     """
 
     def __init__(self, title: str, rate: float = 30.0) -> None:
         if not display_found() and os.environ.get("SDL_VIDEODRIVER") is None:
-            raise InputError(
-                "window",
-                'a display (DISPLAY or WAYLAND_DISPLAY); without one use render_mode="rgb_array"',
-                "none",
-            )
+            _LOGGER.warning("no display (DISPLAY or WAYLAND_DISPLAY): nobody sees the window")
         try:
             pygame.display.init()
             self._screen = pygame.display.set_mode(SIZE, pygame.RESIZABLE)
@@ -42,6 +47,11 @@ class Window:
         self._clock = pygame.time.Clock()
         self._rate = rate
         self._open = True
+
+    @property
+    def seen(self) -> bool:
+        """Whether it stands on a screen; what the environment names as one may be long gone."""
+        return pygame.display.get_driver() not in _UNSEEN
 
     def show(self, frame: Frame) -> bool:
         """Show a frame; false once the window was closed."""

@@ -118,7 +118,12 @@ def _open_window(title: str) -> Viewer | None:
     from albot_env.rendering.window import Window
 
     try:
-        return Window(title, rate=60.0)
+        window = Window(title, rate=60.0)
     except InputError as error:
         click.echo(f"albot: {error}; showing it here instead", err=True)
         return None
+    if not window.seen:
+        window.close()
+        click.echo("albot: no window opens on the display; showing it here instead", err=True)
+        return None
+    return window

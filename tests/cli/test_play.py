@@ -188,13 +188,14 @@ def test_ctrl_c_leaves_a_readable_file(tmp_path: Path) -> None:
     assert not (tmp_path / "episode.png").exists()
 
 
-def test_in_a_terminal_the_map_is_drawn(tmp_path: Path) -> None:
+@pytest.mark.parametrize("display", [{}, {"DISPLAY": ":987"}])
+def test_in_a_terminal_the_map_is_drawn(display: dict[str, str], tmp_path: Path) -> None:
     main_end, other_end = pty.openpty()
     process = subprocess.Popen(
         [sys.executable, "-c", "from albot_cli.main import main; main()", "play", *SHORT,
          "--speed", "1000"],
         cwd=tmp_path,
-        env={**_environment(), "TERM": "xterm-256color", "LINES": "30"},
+        env={**_environment(), **display, "TERM": "xterm-256color", "LINES": "30"},
         stdin=other_end,
         stdout=other_end,
         stderr=other_end,
