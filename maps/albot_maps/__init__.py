@@ -1,4 +1,4 @@
-"""Worlds: floor plans, readers of foreign formats and a catalogue of hand-drawn buildings."""
+"""Worlds: floor plans, readers of foreign formats, a catalogue, and random buildings."""
 
 from albot_maps.formats.reader import read_world
 from albot_maps.load import catalogue_names, load_world

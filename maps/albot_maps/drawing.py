@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from shapely.plotting import patch_from_polygon
 
+from albot_core.errors import InputError
 from albot_core.files import replacing
 from albot_maps.freespace import FreeSpace
 from albot_maps.world import ROBOT_RADIUS, World
@@ -22,6 +24,11 @@ _EXIT, _START, _TOUR = "#0a8a5f", "#c8371f", "#3b6fb6"
 _TINTS = ("#e6f0fb", "#fdf1df", "#e5f5e9", "#f4e9f7", "#fdeae6", "#f2f1dc")
 _LONGER_SIDE = 11.0
 """The picture's longer side (inches)."""
+_PLAN_SIDE = 4.0
+"""Side of a plan on a sheet of many (inches)."""
+_MOST_ON_A_SHEET = 100
+_MOST_WITH_NAMES = 4
+"""On a sheet of more plans the names would cover each other."""
 _HAIR = 1e-3
 """Half the width (m) of a wall where the floor between walls is filled."""
 
@@ -37,16 +44,35 @@ def save_picture(world: World, path: Path, *, tours: Iterable[str] = ()) -> None
         figure.savefig(stream, format="png", dpi=120)
 
 
-def draw_world(world: World, axes: Axes, *, tours: Iterable[str] = ()) -> None:
+def save_sheet(worlds: Sequence[World], path: Path) -> None:
+    """Write the plans of many worlds, each under its source, to one PNG file.
+
+    Raises:
+        InputError: There are more of them than fit on a sheet.
+    """
+    if len(worlds) > _MOST_ON_A_SHEET:
+        raise InputError(path, f"at most {_MOST_ON_A_SHEET} worlds a sheet", str(len(worlds)))
+    columns = math.isqrt(len(worlds) - 1) + 1
+    rows = -(-len(worlds) // columns)
+    figure = Figure(figsize=(_PLAN_SIDE * columns, _PLAN_SIDE * rows), layout="tight")
+    for index, world in enumerate(worlds, 1):
+        axes = figure.add_subplot(rows, columns, index)
+        draw_world(world, axes, names=len(worlds) <= _MOST_WITH_NAMES)
+        axes.set_title(world.source, fontsize=8, color=_TEXT)
+    with replacing(path) as stream:
+        figure.savefig(stream, format="png", dpi=100)
+
+
+def draw_world(world: World, axes: Axes, *, tours: Iterable[str] = (), names: bool = True) -> None:
     """Draw floor, rooms, walls, exits, starts, a scale bar and the tours named.
 
     Grey is what walls shut off: the inside of furniture and of thick walls, closed rooms.
     """
-    _draw_floor(world, axes)
+    _draw_floor(world, axes, names)
     axes.add_collection(LineCollection(list(world.walls.reshape(-1, 2, 2)), colors=_WALL, lw=1.2))
     for name in tours:
         axes.plot(*world.tours[name].T, color=_TOUR, lw=1.2, alpha=0.7)
-    _draw_exits(world, axes)
+    _draw_exits(world, axes, names)
     for x, y, heading in world.starts:
         axes.add_patch(Circle((x, y), ROBOT_RADIUS, color=_START))
         nose = 2.5 * ROBOT_RADIUS * np.array([np.cos(heading), np.sin(heading)])
@@ -54,7 +80,7 @@ def draw_world(world: World, axes: Axes, *, tours: Iterable[str] = ()) -> None:
     _frame(world, axes)
 
 
-def _draw_floor(world: World, axes: Axes) -> None:
+def _draw_floor(world: World, axes: Axes, names: bool) -> None:
     """Shade what is shut off, and tint and name each room's part of the robot's floor."""
     space = FreeSpace(world.walls, _HAIR)
     floor = space.region_at(world.starts[0, :2])
@@ -72,16 +98,20 @@ def _draw_floor(world: World, axes: Axes) -> None:
         patches = [patch_from_polygon(polygon) for polygon in polygons]
         tint = _TINTS[index % len(_TINTS)]
         axes.add_collection(PatchCollection(patches, facecolor=tint, edgecolor="none"))
+        if not names:
+            continue
         widest = max(polygons, key=lambda polygon: float(polygon.area))
         x, y = shapely.maximum_inscribed_circle(widest.difference(starts), tolerance=0.1).coords[0]
         size = _text_size(world)
         axes.text(x, y, room.name, color=_TEXT, fontsize=size, ha="center", va="center")
 
 
-def _draw_exits(world: World, axes: Axes) -> None:
+def _draw_exits(world: World, axes: Axes, names: bool) -> None:
     for opening in world.exits:
         x1, y1, x2, y2 = opening.segment
         axes.plot([x1, x2], [y1, y2], color=_EXIT, lw=2.5)
+        if not names:
+            continue
         axes.annotate(
             opening.name,
             ((x1 + x2) / 2, (y1 + y2) / 2),

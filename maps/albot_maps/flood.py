@@ -6,9 +6,11 @@ still be open, and only the exact `FreeSpace` can tell.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import shapely
-from jaxtyping import Float64, Int, UInt8
+from jaxtyping import Float64
 
 from albot_core.geometry.types import Points, Segments
 from albot_maps.flood_kernel import REACHED, block, fill
@@ -73,32 +75,29 @@ class FloodFill:
 
     def enters(self, outline: Points) -> bool:
         """Whether the disc surely gets to stand wholly inside an outline (m)."""
-        low, high = outline.min(axis=0), outline.max(axis=0)
+        (left, bottom), (right, top) = outline.min(axis=0).tolist(), outline.max(axis=0).tolist()
         if _is_rectangle(outline):
-            low, high = low + self._radius + _ROUNDING, high - self._radius - _ROUNDING
-            return bool((self._within(low, high) == REACHED).any())
-        points = np.argwhere(self._within(low, high) == REACHED) + self._first_within(low)
+            inset = self._radius + _ROUNDING
+            columns = self._places(0, left + inset, right - inset)
+            rows = self._places(1, bottom + inset, top - inset)
+            return bool((self._state[columns, rows] == REACHED).any())
         inside = shapely.buffer(shapely.Polygon(outline), -self._radius)
+        columns, rows = self._places(0, left, right), self._places(1, bottom, top)
+        first = np.array([columns.start, rows.start])
+        points = np.argwhere(self._state[columns, rows] == REACHED) + first
         places = points * self._cell + self._corner
         return bool(shapely.contains_xy(inside, places).any())
-
-    def _first_within(self, low: Float64[np.ndarray, "2"]) -> Int[np.ndarray, "2"]:
-        """Column and row of the first lattice point not below `low` (m)."""
-        first: Int[np.ndarray, "2"] = np.ceil((low - self._corner) / self._cell).astype(int)
-        return np.maximum(first, 0)
-
-    def _within(
-        self, low: Float64[np.ndarray, "2"], high: Float64[np.ndarray, "2"]
-    ) -> UInt8[np.ndarray, "columns rows"]:
-        """The part of the lattice in a rectangle (m)."""
-        left, bottom = self._first_within(low)
-        right, top = np.maximum(np.floor((high - self._corner) / self._cell) + 1, 0).astype(int)
-        return self._state[left:right, bottom:top]
 
     def _nearest(self, point: Float64[np.ndarray, "2"]) -> tuple[int, int]:
         """Column and row of the lattice point nearest to a point (m)."""
         column, row = np.round((point - self._corner) / self._cell).astype(int)
         return int(column), int(row)
+
+    def _places(self, axis: int, low: float, high: float) -> slice:
+        """The lattice's columns (axis 0) or rows (axis 1) from `low` to `high` (m)."""
+        begin = float(self._corner[axis])
+        first = max(0, math.ceil((low - begin) / self._cell))
+        return slice(first, max(first, math.floor((high - begin) / self._cell) + 1))
 
 
 def _is_rectangle(outline: Points) -> bool:

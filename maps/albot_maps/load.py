@@ -9,6 +9,7 @@ from pathlib import Path
 from albot_core.errors import InputError
 from albot_maps.formats.reader import read_world
 from albot_maps.formats.world_yaml import parse_world
+from albot_maps.generators.spec import PREFIX, parse_spec
 from albot_maps.world import World
 
 _CATALOGUE = resources.files("albot_maps") / "catalogue"
@@ -21,11 +22,16 @@ def catalogue_names() -> tuple[str, ...]:
 
 
 def load_world(spec: str) -> World:
-    """The world that a spec names: one of the catalogue's, or a file's.
+    """The world that a spec names: one of the catalogue's, a file's, or a random one.
+
+    A random world's spec is `random:KIND:SEED`, followed where wanted by its parameters:
+    `random:office:42?rooms=12&clutter=0.3`.
 
     Raises:
-        InputError: There is no such world, or its file is wrong.
+        InputError: There is no such world, its file is wrong, or no such world can be made.
     """
+    if spec.startswith(PREFIX):
+        return parse_spec(spec).make()
     names = catalogue_names()
     if spec in names:
         return parse_world((_CATALOGUE / f"{spec}.yaml").read_text(encoding="utf-8"), source=spec)
@@ -34,4 +40,8 @@ def load_world(spec: str) -> World:
         return read_world(path)
     close = difflib.get_close_matches(spec, names, n=1)
     hint = f" (did you mean {close[0]}?)" if close else ""
-    raise InputError("world", f"a file or one of {', '.join(names)}", f"{spec or 'nothing'}{hint}")
+    raise InputError(
+        "world",
+        f"a file, {PREFIX}KIND:SEED or one of {', '.join(names)}",
+        f"{spec or 'nothing'}{hint}",
+    )

@@ -121,9 +121,13 @@ class World:
 
     @cached_property
     def _outlines(self) -> tuple[shapely.Polygon, ...]:
-        outlines = tuple(shapely.Polygon(room.boundary) for room in self.rooms)
+        if not self.rooms:
+            return ()
+        owners = np.repeat(np.arange(len(self.rooms)), [len(room.boundary) for room in self.rooms])
+        corners = np.concatenate([room.boundary for room in self.rooms])
+        outlines = shapely.polygons(shapely.linearrings(corners, indices=owners))
         shapely.prepare(outlines)
-        return outlines
+        return tuple(outlines)
 
     def _freeze(self) -> None:
         tours = {name: _read_only(waypoints) for name, waypoints in self.tours.items()}
@@ -186,10 +190,10 @@ class World:
             if len(room.boundary) < 3:
                 expected = f"an outline of {room.name!r} of 3 corners or more"
                 raise self._error(f"rooms[{index}]", expected, str(len(room.boundary)))
-        for index, (room, outline) in enumerate(zip(self.rooms, self._outlines, strict=True)):
-            if not outline.is_valid:
-                expected = f"an outline of {room.name!r} that does not cross itself"
-                raise self._error(f"rooms[{index}]", expected, shapely.is_valid_reason(outline))
+        for index in np.flatnonzero(~shapely.is_valid(self._outlines)).tolist():
+            expected = f"an outline of {self.rooms[index].name!r} that does not cross itself"
+            reason = shapely.is_valid_reason(self._outlines[index])
+            raise self._error(f"rooms[{index}]", expected, reason)
         names = {room.name for room in self.rooms}
         for index, opening in enumerate(self.exits):
             place = f"exits[{index}]"

@@ -14,7 +14,7 @@ from albot_core.errors import InputError
 from albot_core.logs.reader import read_log
 from albot_core.registry import mapper_names
 
-PARTS = ("laser", "mapper", "env", "startup")
+PARTS = ("laser", "mapper", "env", "generator", "startup")
 
 
 @click.command()
@@ -26,7 +26,7 @@ PARTS = ("laser", "mapper", "env", "startup")
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(parts: tuple[str, ...], log: Path | None, as_json: bool) -> None:
-    """Measure the laser, the mappers, the environments and the start, on one core."""
+    """Measure laser, mappers, environments, random worlds and the start, on one core."""
     for part in parts:
         if part not in PARTS:
             raise InputError("--part", f"one of {', '.join(PARTS)}", repr(part))
@@ -46,6 +46,7 @@ def _measures(log: Path | None) -> dict[str, Callable[[], Any]]:
     """How each part is measured. Imported here: the benchmarks need all of the simulator."""
     from albot_cli.startup import measure_startup
     from albot_env.benchmarks.environment import measure_environments
+    from albot_env.benchmarks.generator import measure_generators
     from albot_env.benchmarks.laser import measure_laser
     from albot_env.benchmarks.mapper import measure_growth, measure_mappers
 
@@ -54,6 +55,7 @@ def _measures(log: Path | None) -> dict[str, Callable[[], Any]]:
         "laser": measure_laser,
         "mapper": lambda: measure_mappers(mapper_names(), readings) + measure_growth(),
         "env": measure_environments,
+        "generator": measure_generators,
         "startup": measure_startup,
     }
 
@@ -77,6 +79,11 @@ def _as_text(figures: dict[str, Any]) -> str:
         f"environment {row['num_envs']:7,d} {row['mode']:9s} "
         f"{row['steps_per_second']:8,.0f} steps/s     {row['id']} with {row['mapper']}"
         for row in figures["env"]
+    ]
+    lines += [
+        f"generator   {row['walls']:7,.0f} walls     {row['worlds_per_second']:8,.0f} worlds/s    "
+        f"{row['kind']}"
+        for row in figures["generator"]
     ]
     if "startup" in figures:
         start = figures["startup"]

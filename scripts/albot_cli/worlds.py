@@ -1,4 +1,4 @@
-"""`albot worlds`: list, show, check and convert worlds."""
+"""`albot worlds`: list, show, check, convert and make worlds."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import click
 import numpy as np
 
+from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.files import write_text
 from albot_maps import World, catalogue_names, load_world
@@ -20,10 +21,11 @@ _WORLD = click.argument("spec", metavar="WORLD")
 
 @click.group()
 def command() -> None:
-    """List, show, check and convert worlds.
+    """List, show, check, convert and make worlds.
 
-    WORLD is a name that `albot worlds list` prints, or a file: our own YAML, a ROS map
-    (.yaml, .pgm, .png), or an XML floor plan; compressed (.gz, .xz) or not.
+    WORLD is a name that `albot worlds list` prints, a random world (random:KIND:SEED), or
+    a file: our own YAML, a ROS map (.yaml, .pgm, .png), or an XML floor plan; compressed
+    (.gz, .xz) or not.
     """
 
 
@@ -46,8 +48,7 @@ def list_worlds(as_json: bool) -> None:
 @_JSON
 def show(spec: str, png: Path | None, as_json: bool) -> None:
     """Say what WORLD holds, and draw it."""
-    if png is not None and png.suffix.lower() != ".png":
-        raise InputError("--png", "a name that ends in .png", str(png))
+    _check_png(png)
     world = load_world(spec)
     facts = summary(world)
     if png is not None:
@@ -84,6 +85,58 @@ def convert(spec: str, out: Path, as_json: bool) -> None:
     write_text(out, world_text(world))
     facts = {**summary(world), "out": str(out)}
     click.echo(json.dumps(facts) if as_json else f"{out}: {one_line(facts)}")
+
+
+@command.command()
+@click.argument("kind")
+@click.option("--count", type=click.IntRange(1), default=1, show_default=True, help="How many.")
+@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="The first's.")
+@click.option("--param", "params", multiple=True, metavar="KEY=VALUE", help="A parameter's value.")
+@click.option("--out", type=click.Path(path_type=Path), help="The folder to write YAML files to.")
+@click.option("--png", type=click.Path(path_type=Path), help="Draw all of them on one sheet.")
+@_JSON
+def make(
+    kind: str,
+    count: int,
+    seed: int,
+    params: tuple[str, ...],
+    out: Path | None,
+    png: Path | None,
+    as_json: bool,
+) -> None:
+    """Make random worlds of a KIND: apartment, hall, maze, office, ring or warehouse.
+
+    The seeds are counted up from --seed. docs/worlds.md lists each kind's parameters.
+    """
+    _check_png(png)
+    if out is None and png is None:
+        raise InputError("albot worlds make", "--out DIR, --png FILE or both", "neither")
+    query = "?" + "&".join(params) if params else ""
+    worlds = []
+    with progress("make", count, "worlds") as tell:
+        for done in range(count):
+            worlds.append(load_world(f"random:{kind}:{seed + done}{query}"))
+            if out is not None:
+                write_text(out / f"{worlds[-1].name}.yaml", world_text(worlds[-1]))
+            tell(done + 1)
+    if png is not None:
+        from albot_maps.drawing import save_sheet  # matplotlib is slow to load
+
+        save_sheet(worlds, png)
+    if as_json:
+        facts = [
+            {**summary(world), "file": str(out / f"{world.name}.yaml") if out else None}
+            for world in worlds
+        ]
+        click.echo(json.dumps({"worlds": facts, "png": str(png) if png else None}))
+        return
+    for world in worlds:
+        click.echo(f"{world.source}  {one_line(summary(world))}")
+
+
+def _check_png(png: Path | None) -> None:
+    if png is not None and png.suffix.lower() != ".png":
+        raise InputError("--png", "a name that ends in .png", str(png))
 
 
 def summary(world: World) -> dict[str, Any]:

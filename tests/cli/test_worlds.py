@@ -142,8 +142,11 @@ def bad_files(folder: Path) -> None:
         ("folder.yaml", "folder.yaml: expected a file, found a folder"),
         ("gone.yaml", "gone.yaml: expected a file that exists, found none"),
         ("ofice-ring", "found ofice-ring (did you mean office-ring?)"),
-        ("random:office:42", "expected a file or one of office-double"),
-        ("", "expected a file or one of office-double"),
+        ("random:ofice:42", "one of the kinds apartment, hall, maze, office, ring, warehouse, f"),
+        ("random:office", "random:office: expected the form random:KIND:SEED"),
+        ("random:office:4?room=9", "random:office: expected one of rooms, loops, width, depth, co"),
+        ("random:office:4?rooms=0", "random:office, rooms: expected a whole number from 2 to 200"),
+        ("", "expected a file, random:KIND:SEED or one of office-double"),
     ],
 )
 @pytest.mark.parametrize("flags", [(), ("--json",)])

@@ -1,0 +1,1 @@
+"""Random buildings: one kind a file, each from a seed and a dataclass of parameters."""

@@ -1,0 +1,197 @@
+"""Apartments: a rectangle cut into rooms, doors between neighbours, furniture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from albot_core.errors import InputError
+from albot_maps.generators.boxes import Box, Corner, Frame
+from albot_maps.generators.dice import Dice
+from albot_maps.generators.furniture import GAP, HOME, furnish
+from albot_maps.generators.parameters import Parameters, count, metres, share
+from albot_maps.generators.plan import WALL, Plan
+
+_LEAST_SIDE = 200
+"""The shortest side of a room (cm)."""
+_JAMB = 15
+"""A door's least distance (cm) from a corner."""
+_FLOOR_PER_PIECE = 22_000
+"""At full clutter one piece of furniture is wanted for so much floor (cm²)."""
+_TRIES = 60
+"""How many ways of cutting are tried before the rooms are said not to fit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ApartmentParameters(Parameters):
+    """An apartment."""
+
+    kind: ClassVar[str] = "apartment"
+
+    rooms: int = count(5, 1, 20)
+    """How many rooms there are."""
+    loops: int | None = count(None, 0, 20)
+    """How many doors more than are needed to reach every room; by default one for three rooms."""
+    width: float | None = metres(None, 3, 60)
+    """Inner width (m); by default as the rooms need."""
+    depth: float | None = metres(None, 3, 60)
+    """Inner depth (m); by default as the rooms need."""
+    door_width: float = metres(0.85, 0.75, 1.5)
+    """Width of the doors (m)."""
+    clutter: float = share(0.4)
+    """Furniture: 0 none, 1 one piece for every 2.2 m² or as much as leaves the ways free."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Doorway:
+    """Where two rooms could have a door."""
+
+    rooms: tuple[int, int]
+    wall: Box
+    """The wall that they share."""
+    along_x: bool
+
+
+def draw_apartment(parameters: ApartmentParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:
+    """An apartment and its start, which is in the room with the most doors.
+
+    Raises:
+        InputError: The rooms or the loops do not fit in.
+    """
+    door = round(100 * parameters.door_width)
+    boxes, doorways = _cut_rooms(parameters, dice, source, door)
+    names = _names(boxes, doorways)
+    plan = Plan()
+    for name, box in zip(names, boxes, strict=True):
+        plan.room(name, box)
+    openings: list[Box] = []
+    for doorway in doorways:
+        opening = _opening(dice, doorway, door)
+        first, second = doorway.rooms
+        plan.door(opening, (names[first], names[second]), along_x=doorway.along_x)
+        openings.append(opening)
+    start = boxes[names.index("living room")].middle
+    openings.append(Box(start[0], start[1], start[0], start[1]))
+    for box in boxes:
+        # Free are the floor before each door, and round the start, as the room sees them.
+        x, y = box.x1, box.y1
+        kept = [opening.grown(GAP) for opening in openings]
+        keep = [Box(near.x1 - x, near.y1 - y, near.x2 - x, near.y2 - y) for near in kept]
+        wanted = round(parameters.clutter * box.width * box.depth / _FLOOR_PER_PIECE)
+        furniture = furnish(dice, (box.width, box.depth), keep, wanted, HOME)
+        furniture.put(plan, Frame(box=box))
+    return plan, start
+
+
+def _cut_rooms(
+    parameters: ApartmentParameters, dice: Dice, source: str, door: int
+) -> tuple[list[Box], list[_Doorway]]:
+    """The rooms, and as many of their doorways as are wanted."""
+    loops = parameters.rooms // 3 if parameters.loops is None else parameters.loops
+    most, cut = 0, False
+    for _ in range(_TRIES):
+        boxes = _split(dice, _outline(parameters, dice), parameters.rooms)
+        if boxes is None:
+            continue
+        cut = True
+        ways = dice.shuffled(_doorways(boxes, door))
+        tree = _tree(ways, parameters.rooms)
+        rest = [way for way in ways if way not in tree]
+        if len(tree) < parameters.rooms - 1:
+            continue
+        most = max(most, len(rest))
+        if parameters.loops is None or len(rest) >= loops:
+            return boxes, [*tree, *rest[:loops]]
+    if not cut:
+        size = f"{parameters.width or 'any'} x {parameters.depth or 'any'} m"
+        expected = f"rooms that fit into {size}, each side {_LEAST_SIDE / 100:g} m or more"
+        raise InputError(source, expected, str(parameters.rooms), place="rooms")
+    expected = f"at most {most} for {parameters.rooms} rooms like these"
+    raise InputError(source, expected, str(loops), place="loops")
+
+
+def _outline(parameters: ApartmentParameters, dice: Dice) -> Box:
+    """The floor to cut: about 13 m² a room, and rather a square."""
+    area = parameters.rooms * dice.length(110, 160) * 1000
+    width = parameters.width and round(100 * parameters.width)
+    depth = parameters.depth and round(100 * parameters.depth)
+    if not width:
+        # The side of the square of that area, by whole numbers alone.
+        side = 300
+        while side * side < area:
+            side += 5
+        width = area // depth if depth else side * dice.whole(80, 125) // 100
+        width = max(300, width)
+    return Box(0, 0, width, depth or max(300, area // width))
+
+
+def _split(dice: Dice, box: Box, number: int) -> list[Box] | None:
+    """A floor cut into so many rooms by walls across; None where one would be too small."""
+    if number == 1:
+        return [box] if min(box.width, box.depth) >= _LEAST_SIDE else None
+    first = dice.whole(max(1, number // 3), number - max(1, number // 3))
+    across = box.width >= box.depth
+    room = (box.width if across else box.depth) - WALL
+    part = room * first * dice.whole(85, 115) // (100 * number)
+    if part < _LEAST_SIDE or room - part < _LEAST_SIDE:
+        return None
+    if across:
+        halves = box._replace(x2=box.x1 + part), box._replace(x1=box.x1 + part + WALL)
+    else:
+        halves = box._replace(y2=box.y1 + part), box._replace(y1=box.y1 + part + WALL)
+    left = _split(dice, halves[0], first)
+    right = _split(dice, halves[1], number - first)
+    return left + right if left and right else None
+
+
+def _doorways(boxes: Sequence[Box], door: int) -> list[_Doorway]:
+    """Every pair of rooms whose wall has room for a door."""
+    found = []
+    for i, one in enumerate(boxes):
+        for j, other in enumerate(boxes):
+            beside = Box(one.x2, max(one.y1, other.y1), other.x1, min(one.y2, other.y2))
+            above = Box(max(one.x1, other.x1), one.y2, min(one.x2, other.x2), other.y1)
+            if beside.width == WALL and beside.depth >= door + 2 * _JAMB:
+                found.append(_Doorway(rooms=(i, j), wall=beside, along_x=False))
+            if above.depth == WALL and above.width >= door + 2 * _JAMB:
+                found.append(_Doorway(rooms=(i, j), wall=above, along_x=True))
+    return found
+
+
+def _tree(ways: Sequence[_Doorway], number: int) -> list[_Doorway]:
+    """Doors that join all rooms without a loop, from the room with the most neighbours."""
+    neighbours = [sum(room in way.rooms for way in ways) for room in range(number)]
+    reached = [neighbours.index(max(neighbours))]
+    tree: list[_Doorway] = []
+    for room in reached:
+        for way in ways:
+            if room in way.rooms:
+                (other,) = set(way.rooms) - {room}
+                if other not in reached:
+                    reached.append(other)
+                    tree.append(way)
+    return tree
+
+
+def _opening(dice: Dice, doorway: _Doorway, door: int) -> Box:
+    wall = doorway.wall
+    if doorway.along_x:
+        left = wall.x1 + _JAMB + dice.length(0, wall.width - door - 2 * _JAMB)
+        return wall._replace(x1=left, x2=left + door)
+    low = wall.y1 + _JAMB + dice.length(0, wall.depth - door - 2 * _JAMB)
+    return wall._replace(y1=low, y2=low + door)
+
+
+def _names(boxes: Sequence[Box], doorways: Sequence[_Doorway]) -> list[str]:
+    """What each room is: where the doors meet one lives, and the smallest is the bath."""
+    doors = [sum(room in way.rooms for way in doorways) for room in range(len(boxes))]
+    floor = [box.width * box.depth for box in boxes]
+    living = max(range(len(boxes)), key=lambda room: (doors[room], floor[room]))
+    others = sorted((room for room in range(len(boxes)) if room != living), key=floor.__getitem__)
+    titles = ["bath", "kitchen", *(f"bedroom {number}" for number in range(1, len(boxes)))]
+    names = [""] * len(boxes)
+    names[living] = "living room"
+    for room, title in zip(others, titles, strict=False):
+        names[room] = title
+    return names

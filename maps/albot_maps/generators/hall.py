@@ -1,0 +1,119 @@
+"""Halls: one space wider than a sonar sees, with pillars, tables and screens in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from albot_core.errors import InputError
+from albot_maps.generators.boxes import Box, Corner, Frame
+from albot_maps.generators.dice import Dice
+from albot_maps.generators.furniture import GAP, HALL, Furniture, furnish
+from albot_maps.generators.parameters import Parameters, count, metres, share, switch
+from albot_maps.generators.plan import WALL, Plan
+
+_PORCH_WIDTH, _PORCH_DEPTH = 200, 150
+_FLOOR_PER_PIECE = 50_000
+"""At full clutter one piece is wanted for so much floor (cm²)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HallParameters(Parameters):
+    """A hall."""
+
+    kind: ClassVar[str] = "hall"
+
+    width: float = metres(24.0, 10, 100)
+    """Inner width (m)."""
+    depth: float = metres(18.0, 10, 100)
+    """Inner depth (m)."""
+    porches: int = count(3, 0, 8)
+    """How many porches 2 × 1.5 m there are beyond doors, shared out to both long sides."""
+    door_width: float = metres(1.2, 0.75, 1.8)
+    """Width of the doors to the porches (m)."""
+    pillars: float = metres(6.0, 0, 50)
+    """Distance of the pillars, which stand in rows 40 cm thick (m); 0: there are none."""
+    clutter: float = share(0.3)
+    """Things: 0 none, 1 one for every 5 m² or as many as leave the ways free."""
+    symmetry: bool = switch(False)
+    """Whether the right half mirrors the left one; porches, being few, do not."""
+
+
+def draw_hall(parameters: HallParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:
+    """A hall and its start, near its lower left corner.
+
+    Raises:
+        InputError: The pillars stand too close.
+    """
+    hall = Box(0, 0, round(100 * parameters.width), round(100 * parameters.depth))
+    plan = Plan()
+    plan.room("hall", hall)
+    keep = _add_porches(plan, parameters, dice, hall)
+    pillars = _pillars(parameters, source, hall)
+    for pillar in pillars:
+        plan.block(pillar)
+    start = Box(GAP, GAP, 2 * GAP, 2 * GAP)
+    keep += [start, *(pillar.grown(GAP) for pillar in pillars)]
+    # What is mirrored keeps half a way from the line in the middle.
+    width = hall.width // 2 if parameters.symmetry else hall.width
+    if parameters.symmetry:
+        keep = [
+            half
+            for box in keep
+            for half in (box, Box(hall.x2 - box.x2, box.y1, hall.x2 - box.x1, box.y2))
+        ]
+        keep.append(Box(width - GAP // 2 - 1, 0, width + 1, hall.y2))
+    wanted = round(parameters.clutter * width * hall.depth / _FLOOR_PER_PIECE)
+    furniture = furnish(dice, (width, hall.depth), keep, wanted, HALL)
+    furniture.put(plan, Frame(box=hall))
+    if parameters.symmetry:
+        _mirrored(furniture, hall.width).put(plan, Frame(box=hall))
+    return plan, start.middle
+
+
+def _add_porches(plan: Plan, parameters: HallParameters, dice: Dice, hall: Box) -> list[Box]:
+    """Carve the porches and their doors; what must stay free before the doors."""
+    door = round(100 * parameters.door_width)
+    keep: list[Box] = []
+    lower = parameters.porches // 2
+    for number, above in ((lower, False), (parameters.porches - lower, True)):
+        if not number:
+            continue
+        pitch = hall.width // number
+        for index in range(number):
+            left = index * pitch + dice.length(0, pitch - _PORCH_WIDTH - WALL)
+            y = hall.y2 + WALL if above else -WALL - _PORCH_DEPTH
+            porch = Box(left, y, left + _PORCH_WIDTH, y + _PORCH_DEPTH)
+            name = plan.room(f"porch {len(keep) + 1}", porch)
+            x = left + (_PORCH_WIDTH - door) // 2
+            wall = (hall.y2, hall.y2 + WALL) if above else (-WALL, 0)
+            plan.door(Box(x, wall[0], x + door, wall[1]), (name, "hall"), along_x=True)
+            before = (hall.y2 - GAP, hall.y2) if above else (0, GAP)
+            keep.append(Box(x, before[0], x + door, before[1]))
+    return keep
+
+
+def _pillars(parameters: HallParameters, source: str, hall: Box) -> list[Box]:
+    """Square pillars in rows, half as far from the walls as from each other, or further."""
+    pitch, half = round(100 * parameters.pillars), 20
+    if not pitch:
+        return []
+    if pitch < 300:
+        expected = "0, or at least 3 m"
+        raise InputError(source, expected, str(parameters.pillars), place="pillars")
+    columns, rows = hall.width // pitch, hall.depth // pitch
+    left = (hall.width - (columns - 1) * pitch) // 2
+    low = (hall.depth - (rows - 1) * pitch) // 2
+    middles = [
+        (left + column * pitch, low + row * pitch)
+        for column in range(columns)
+        for row in range(rows)
+    ]
+    return [Box(x - half, y - half, x + half, y + half) for x, y in middles]
+
+
+def _mirrored(furniture: Furniture, width: int) -> Furniture:
+    return Furniture(
+        [Box(width - box.x2, box.y1, width - box.x1, box.y2) for box in furniture.blocks],
+        [[(width - x, y) for x, y in outline] for outline in furniture.outlines],
+    )

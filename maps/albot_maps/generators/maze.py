@@ -1,0 +1,133 @@
+"""Mazes: square cells, a way between any two, and as many loops as wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+from albot_core.errors import InputError
+from albot_maps.generators.boxes import Box, Corner
+from albot_maps.generators.dice import Dice
+from albot_maps.generators.parameters import Parameters, count, metres, switch
+from albot_maps.generators.plan import WALL, Plan
+
+_Cell = tuple[int, int]
+"""Column and row."""
+_Gate = tuple[_Cell, _Cell]
+"""Two neighbours, the left or lower one first."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MazeParameters(Parameters):
+    """A maze."""
+
+    kind: ClassVar[str] = "maze"
+
+    columns: int = count(8, 2, 60)
+    """How many cells it is wide."""
+    rows: int = count(6, 2, 60)
+    """How many cells it is deep."""
+    passage_width: float = metres(1.2, 0.75, 5)
+    """Width of a passage (m)."""
+    loops: int = count(3, 0, 1000)
+    """How many openings more than are needed to reach every cell."""
+    symmetry: bool = switch(False)
+    """Whether the right half mirrors the left one; `columns` and `loops` are even then."""
+
+
+def draw_maze(parameters: MazeParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:
+    """A maze and its start, in a corner cell. Every cell is a room.
+
+    Raises:
+        InputError: There are not as many loops to close, or an odd maze is to be mirrored.
+    """
+    _check(parameters, source)
+    columns, rows = parameters.columns, parameters.rows
+    if parameters.symmetry:
+        half = _gates(dice, columns // 2, rows, parameters.loops // 2)
+        middle = dice.whole(0, rows - 1)
+        gates = [*half, ((columns // 2 - 1, middle), (columns // 2, middle))]
+        gates += [_mirrored(gate, columns) for gate in half]
+    else:
+        gates = _gates(dice, columns, rows, parameters.loops)
+    width = round(100 * parameters.passage_width)
+    plan = Plan()
+    for cell in _cells(columns, rows):
+        plan.room(_name(cell), _square(cell, width))
+    for one, other in sorted(gates):
+        first, second = _square(one, width), _square(other, width)
+        along_x = one[0] == other[0]
+        opening = (
+            Box(first.x1, first.y2, first.x2, second.y1)
+            if along_x
+            else Box(first.x2, first.y1, second.x1, first.y2)
+        )
+        plan.door(opening, (_name(one), _name(other)), along_x=along_x)
+    return plan, _square((0, 0), width).middle
+
+
+def _check(parameters: MazeParameters, source: str) -> None:
+    columns, rows = parameters.columns, parameters.rows
+    if parameters.symmetry:
+        for name, value in (("columns", columns), ("loops", parameters.loops)):
+            if value % 2:
+                raise InputError(source, "an even number with symmetry", str(value), place=name)
+        columns //= 2
+    # A grid's neighbours less the openings of a way to every cell.
+    most = (columns - 1) * (rows - 1) * (2 if parameters.symmetry else 1)
+    if parameters.loops > most:
+        expected = f"at most {most} in {parameters.columns} x {rows} cells"
+        raise InputError(source, expected, str(parameters.loops), place="loops")
+
+
+def _gates(dice: Dice, columns: int, rows: int, loops: int) -> list[_Gate]:
+    """The openings: a walk that turns back only where all around is visited, then loops."""
+    here = (dice.whole(0, columns - 1), dice.whole(0, rows - 1))
+    visited, way = {here}, [here]
+    gates: list[_Gate] = []
+    while way:
+        fresh = [cell for cell in _around(way[-1], columns, rows) if cell not in visited]
+        if not fresh:
+            way.pop()
+            continue
+        there = dice.pick(fresh)
+        gates.append(_gate(way[-1], there))
+        visited.add(there)
+        way.append(there)
+    opened = set(gates)
+    shut = [
+        (cell, other)
+        for cell in _cells(columns, rows)
+        for other in _around(cell, columns, rows)
+        if cell < other and (cell, other) not in opened
+    ]
+    return gates + dice.shuffled(shut)[:loops]
+
+
+def _cells(columns: int, rows: int) -> Iterator[_Cell]:
+    return ((column, row) for column in range(columns) for row in range(rows))
+
+
+def _around(cell: _Cell, columns: int, rows: int) -> list[_Cell]:
+    column, row = cell
+    beside = ((column + 1, row), (column - 1, row), (column, row + 1), (column, row - 1))
+    return [(c, r) for c, r in beside if 0 <= c < columns and 0 <= r < rows]
+
+
+def _gate(one: _Cell, other: _Cell) -> _Gate:
+    return (one, other) if one < other else (other, one)
+
+
+def _mirrored(gate: _Gate, columns: int) -> _Gate:
+    one, other = ((columns - 1 - column, row) for column, row in gate)
+    return _gate(one, other)
+
+
+def _square(cell: _Cell, width: int) -> Box:
+    left, low = cell[0] * (width + WALL), cell[1] * (width + WALL)
+    return Box(left, low, left + width, low + width)
+
+
+def _name(cell: _Cell) -> str:
+    return f"cell {cell[0] + 1}-{cell[1] + 1}"

@@ -1,0 +1,317 @@
+"""Offices: corridors that cross and close loops, rows of rooms along them, doors, desks."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import ClassVar
+
+from albot_core.errors import InputError
+from albot_maps.generators.boxes import Box, Corner, Frame, Side
+from albot_maps.generators.dice import Dice
+from albot_maps.generators.furniture import GAP, OFFICE, Furniture, furnish
+from albot_maps.generators.parameters import Parameters, count, metres, share, switch
+from albot_maps.generators.plan import WALL, Plan
+
+_LEAST_FRONT, _LEAST_DEPTH, _LEAST_BLOCK = 240, 260, 300
+_WIDEST_STRIP = 500
+"""The widest rooms that lie at a side of the building (cm)."""
+_FLOOR_PER_PIECE = 25_000
+"""At full clutter one piece of furniture is wanted for so much floor (cm²)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfficeParameters(Parameters):
+    """An office floor."""
+
+    kind: ClassVar[str] = "office"
+
+    rooms: int = count(20, 2, 200)
+    """How many rooms there are, corridors not counted."""
+    loops: int | None = count(None, 0, 12)
+    """How many loops the corridors close; by default 0 to 3, as the rooms allow."""
+    width: float | None = metres(None, 8, 200)
+    """Inner width of the building (m); by default as the rooms need."""
+    depth: float | None = metres(None, 8, 200)
+    """Inner depth of the building (m); by default as the rooms need."""
+    corridor_width: float = metres(1.8, 1.2, 5)
+    """Width of the corridors (m)."""
+    door_width: float = metres(0.9, 0.75, 1.5)
+    """Width of the doors (m)."""
+    connections: float = share(0.1)
+    """Share of the walls between neighbours in a row that have a door."""
+    clutter: float = share(0.3)
+    """Furniture: 0 none, 1 one piece for every 2.5 m² or as much as leaves the ways free."""
+    symmetry: bool = switch(False)
+    """Whether the rooms along a corridor are all alike, mirrored on its other side."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """Rooms side by side along a corridor."""
+
+    box: Box
+    side: Side
+    corridor: str
+
+    @property
+    def frame(self) -> Frame:
+        return Frame(box=self.box, side=self.side)
+
+
+def draw_office(parameters: OfficeParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:
+    """An office floor and its start.
+
+    Raises:
+        InputError: The rooms or the loops do not fit in.
+    """
+    return _Office(parameters, dice, source).draw()
+
+
+class _Office:
+    def __init__(self, parameters: OfficeParameters, dice: Dice, source: str) -> None:
+        self._asked = parameters
+        self._dice = dice
+        self._source = source
+        self._plan = Plan()
+        self._corridor = round(100 * parameters.corridor_width)
+        self._door = round(100 * parameters.door_width)
+        self._names = Counter[str]()
+        self._layouts: dict[tuple[int, int], tuple[int, Furniture]] = {}
+
+    def draw(self) -> tuple[Plan, Corner]:
+        """Lay the corridors, cut the rows into rooms, and furnish them."""
+        across, upward = self._corridors()
+        rows, start = self._lay(across, upward)
+        for row, number in zip(rows, self._shared_out(rows), strict=True):
+            self._fill(row, number)
+        return self._plan, start
+
+    def _error(self, place: str, expected: str, found: object) -> InputError:
+        return InputError(self._source, expected, str(found), place=place)
+
+    def _corridors(self) -> tuple[int, int]:
+        """How many corridors run across and how many upward: they close the loops asked for."""
+        loops, rooms = self._asked.loops, self._asked.rooms
+        wanted = range(4) if loops is None else (loops,)
+        all_ways = [
+            (across, upward)
+            for across in range(1, 14)
+            for upward in range(14)
+            if (across - 1) * (max(upward, 1) - 1) in wanted and (across == 1) == (upward == 0)
+        ]
+        ways = [way for way in all_ways if _rows(*way) <= rooms]
+        if not ways:
+            least = min(_rows(*way) for way in all_ways)
+            raise self._error("rooms", f"at least {least} for {loops} loops", rooms)
+        depths = {way: self._least_depth(way[0]) for way in ways}
+        ways = self._fitting("depth", self._asked.depth, depths)
+        widths = {way: self._least_width(way[1]) for way in ways}
+        ways = self._fitting("width", self._asked.width, widths)
+        # Rows of two to eight rooms, where that can be had.
+        liked = [way for way in ways if 2 * _rows(*way) <= rooms <= 8 * _rows(*way)]
+        return self._dice.pick(liked or ways[-1:])
+
+    def _fitting(
+        self, place: str, asked: float | None, sizes: dict[tuple[int, int], int]
+    ) -> list[tuple[int, int]]:
+        """The ways to lay corridors that need no more than the size asked for (m)."""
+        if asked is None:
+            return list(sizes)
+        fitting = [way for way, size in sizes.items() if size <= round(100 * asked)]
+        if not fitting:
+            least = min(sizes.values()) / 100
+            raise self._error(place, f"at least {least:.2f} for these corridors", asked)
+        return fitting
+
+    def _least_depth(self, across: int) -> int:
+        """The smallest depth of a floor with so many corridors across (cm)."""
+        rooms = 2 * across * _LEAST_DEPTH
+        return rooms + across * self._corridor + (3 * across - 1) * WALL
+
+    def _least_width(self, upward: int) -> int:
+        """The smallest width of a floor with so many corridors upward (cm)."""
+        if upward <= 1:
+            return (1 + upward) * _LEAST_BLOCK + upward * (self._corridor + 2 * WALL)
+        strips = 2 * _WIDEST_STRIP
+        return strips + upward * (self._corridor + 2 * WALL) + (upward - 1) * _LEAST_BLOCK
+
+    def _lay(self, across: int, upward: int) -> tuple[list[_Row], Corner]:
+        """Carve the corridors; the rows of rooms beside them, and a start in the first."""
+        strips = [self._dice.length(350, _WIDEST_STRIP) for _ in range(2 if upward > 1 else 0)]
+        depths = self._depths(across)
+        block_depths = [sum(depths[i : i + 2]) + WALL for i in range(1, 2 * across - 1, 2)]
+        blocks = self._blocks(upward, strips, block_depths)
+        # From left to right: strip, corridor, block, corridor, …, strip, walls between.
+        columns = _columns(strips, blocks, self._corridor, upward)
+        rows: list[_Row] = []
+        y, right = 0, columns[-1][1]
+        below: str | None = None
+        halls: list[Box] = []
+        for level in range(across):
+            low = Box(0, y, right, y + depths[2 * level])
+            hall = Box(0, low.y2 + WALL, right, low.y2 + WALL + self._corridor)
+            name = self._plan.room(f"corridor {level + 1}", hall)
+            if below is None:
+                rows.append(_Row(box=low, side=Side.SOUTH, corridor=name))
+            else:
+                rows += self._between(halls[-1], below, hall, name, columns, upward, low.y1)
+            halls.append(hall)
+            below = name
+            y = hall.y2 + WALL + depths[2 * level + 1] + WALL
+        top = Box(0, halls[-1].y2 + WALL, right, y - WALL)
+        rows.append(_Row(box=top, side=Side.NORTH, corridor=str(below)))
+        return rows, (right // 2, halls[0].middle[1])
+
+    def _between(
+        self,
+        lower: Box,
+        below: str,
+        upper: Box,
+        above: str,
+        columns: list[tuple[int, int, str]],
+        upward: int,
+        cut: int,
+    ) -> list[_Row]:
+        """Carve what joins two corridors; the rows between, cut in two at a height."""
+        rows: list[_Row] = []
+        names: dict[int, str] = {}
+        for index, (left, right, what) in enumerate(columns):
+            if what == "corridor":
+                self._names["link"] += 1
+                names[index] = self._plan.room(
+                    f"link {self._names['link']}", Box(left, lower.y2, right, upper.y1)
+                )
+                for y, other in ((lower.y2, below), (upper.y1, above)):
+                    self._plan.mouth(Box(left, y, right, y), (names[index], other))
+        bottom, top = lower.y2 + WALL, upper.y1 - WALL
+        for index, (left, right, what) in enumerate(columns):
+            if what == "strip":
+                west = index == 0
+                corridor = names[1 if west else len(columns) - 2]
+                box = Box(left, bottom, right, top)
+                side = Side.WEST if west else Side.EAST
+                rows.append(_Row(box=box, side=side, corridor=corridor))
+            elif what == "block":
+                first, second = Box(left, bottom, right, cut - WALL), Box(left, cut, right, top)
+                rows.append(_Row(box=first, side=Side.NORTH, corridor=below))
+                rows.append(_Row(box=second, side=Side.SOUTH, corridor=above))
+        return rows
+
+    def _depths(self, across: int) -> list[int]:
+        """How deep each row of rooms is, from the lowest up."""
+        number = 2 * across
+        if self._asked.depth is None and self._asked.symmetry:
+            return [self._dice.length(380, 600)] * number
+        if self._asked.depth is None:
+            return [self._dice.length(380, 600) for _ in range(number)]
+        fixed = self._least_depth(across) - number * _LEAST_DEPTH
+        spare = round(100 * self._asked.depth) - fixed
+        return self._dice.parts(spare, number, _LEAST_DEPTH, even=self._asked.symmetry)
+
+    def _blocks(self, upward: int, strips: list[int], block_depths: list[int]) -> list[int]:
+        """How wide each block between two upward corridors is, from the left."""
+        number = 2 if upward == 1 else max(1, upward - 1)
+        fixed = sum(strips) + upward * (self._corridor + 2 * WALL)
+        if self._asked.width is not None:
+            spare = round(100 * self._asked.width) - fixed
+        else:
+            # So wide that a room's front is about four metres.
+            fronts = self._asked.rooms * self._dice.length(340, 460)
+            fronts -= 2 * sum(block_depths) if upward > 1 else 0
+            spare = (fronts - 2 * fixed) // (2 + 2 * len(block_depths))
+            spare = max(spare, 2 * number * _LEAST_BLOCK)
+        return self._dice.parts(spare, number, _LEAST_BLOCK, even=self._asked.symmetry)
+
+    def _shared_out(self, rows: list[_Row]) -> list[int]:
+        """How many rooms each row has: at least one, and more the longer it is."""
+        fronts = [row.frame.width + WALL for row in rows]
+        room_for = [front // (_LEAST_FRONT + WALL) for front in fronts]
+        if sum(room_for) < self._asked.rooms:
+            expected = f"at most {sum(room_for)} on this floor"
+            raise self._error("rooms", expected, self._asked.rooms)
+        numbers = [1] * len(rows)
+        for _ in range(self._asked.rooms - len(rows)):
+            open_rows = [index for index in range(len(rows)) if numbers[index] < room_for[index]]
+            numbers[max(open_rows, key=lambda index: fronts[index] / (numbers[index] + 1))] += 1
+        return numbers
+
+    def _fill(self, row: _Row, number: int) -> None:
+        """Cut a row into rooms and give each its door and its furniture."""
+        frame = row.frame
+        spare = frame.width - (number - 1) * WALL
+        # Rooms that are to be alike leave a few centimetres to the wall at the row's end.
+        fronts = (
+            [spare // number] * number
+            if self._asked.symmetry
+            else self._dice.parts(spare, number, _LEAST_FRONT)
+        )
+        u, joined, last = 0, False, ""
+        for index, front in enumerate(fronts):
+            box = frame.placed(Box(u, 0, u + front, frame.depth))
+            name = self._plan.room(self._named(front * frame.depth), box)
+            if joined:
+                middle = frame.depth // 2
+                low, high = middle - self._door // 2, middle + self._door - self._door // 2
+                opening = frame.placed(Box(u - WALL, low, u, high))
+                along_x = row.side in (Side.EAST, Side.WEST)
+                self._plan.door(opening, (last, name), along_x=along_x)
+            onward = index + 1 < number and self._dice.chance(self._asked.connections)
+            offset = self._furnish(Frame(box=box, side=row.side), joined, onward)
+            opening = frame.placed(Box(u + offset, -WALL, u + offset + self._door, 0))
+            along_x = row.side in (Side.NORTH, Side.SOUTH)
+            self._plan.door(opening, (name, row.corridor), along_x=along_x)
+            u, joined, last = u + front + WALL, onward, name
+
+    def _furnish(self, frame: Frame, joined: bool, onward: bool) -> int:
+        """Furnish a room; where along its front the door begins."""
+        key = (frame.width, frame.depth)
+        alike = self._asked.symmetry
+        if not (alike and key in self._layouts):
+            offset = self._dice.length(20, frame.width - self._door - 20)
+            keep = [Box(offset, 0, offset + self._door, GAP)]
+            middle = (frame.depth - self._door) // 2
+            keep += [
+                Box(left, middle, left + GAP, middle + self._door)
+                for left, opened in ((0, joined), (frame.width - GAP, onward))
+                if opened or alike
+            ]
+            pieces = self._asked.clutter * frame.width * frame.depth / _FLOOR_PER_PIECE
+            wanted = int(pieces + self._dice.whole(0, 99) / 100)
+            furniture = furnish(self._dice, (frame.width, frame.depth), keep, wanted, OFFICE)
+            self._layouts[key] = (offset, furniture)
+        offset, furniture = self._layouts[key]
+        furniture.put(self._plan, frame)
+        return offset
+
+    def _named(self, floor: int) -> str:
+        """A name for a room of so much floor (cm²)."""
+        what = "meeting" if floor > 280_000 else "store" if floor < 90_000 else "office"
+        self._names[what] += 1
+        return f"{what} {self._names[what]}"
+
+
+def _rows(across: int, upward: int) -> int:
+    """How many rows of rooms there are."""
+    blocks = 2 if upward == 1 else max(0, upward - 1)
+    strips = 2 if upward > 1 else 0
+    return 2 + (across - 1) * (2 * blocks + strips)
+
+
+def _columns(
+    strips: list[int], blocks: list[int], corridor: int, upward: int
+) -> list[tuple[int, int, str]]:
+    """Left, right and what it is, of all that lies side by side between two corridors."""
+    widths = [(width, "block") for width in blocks]
+    if upward == 1:
+        widths.insert(1, (corridor, "corridor"))
+    elif upward > 1:
+        widths = [(strips[0], "strip"), (corridor, "corridor")]
+        for width in blocks:
+            widths += [(width, "block"), (corridor, "corridor")]
+        widths.append((strips[1], "strip"))
+    columns, x = [], 0
+    for width, what in widths:
+        columns.append((x, x + width, what))
+        x += width + WALL
+    return columns

@@ -1,0 +1,98 @@
+"""What a generator can be told: fields with a range, checked when they are set."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from albot_core.errors import InputError
+
+Number = int | float
+"""A limit as it is written."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Range:
+    """What one parameter may be."""
+
+    type: type[bool] | type[int] | type[float]
+    """What it is given as."""
+    least: Number = 0
+    """The smallest value."""
+    most: Number = 1
+    """The largest value."""
+    unit: str = ""
+    """The unit of a length; empty for a count or a share."""
+
+    def allows(self, value: object) -> bool:
+        """Whether a value is of the type and within the range."""
+        if self.type is bool or isinstance(value, bool):
+            return self.type is bool and isinstance(value, bool)
+        if not isinstance(value, int if self.type is int else Number):
+            return False
+        return self.least <= value <= self.most
+
+    def __str__(self) -> str:
+        if self.type is bool:
+            return "true or false"
+        what = "a whole number" if self.type is int else "a number"
+        unit = f" ({self.unit})" if self.unit else ""
+        return f"{what} from {self.least:g} to {self.most:g}{unit}"
+
+
+def metres(default: float | None, least: Number, most: Number) -> Any:
+    """A field for a length (m); by default what suits the rest where `default` is None."""
+    return _field(default, Range(type=float, least=least, most=most, unit="m"))
+
+
+def share(default: float) -> Any:
+    """A field for a number from 0 to 1."""
+    return _field(default, Range(type=float))
+
+
+def number(default: float, least: Number, most: Number) -> Any:
+    """A field for a number without a unit."""
+    return _field(default, Range(type=float, least=least, most=most))
+
+
+def count(default: int | None, least: int, most: int) -> Any:
+    """A field for a whole number; by default what suits the rest where `default` is None."""
+    return _field(default, Range(type=int, least=least, most=most))
+
+
+def switch(default: bool) -> Any:
+    """A field for yes or no."""
+    return _field(default, Range(type=bool))
+
+
+def _field(default: object, allowed: Range) -> Any:
+    return dataclasses.field(default=default, metadata={"range": allowed})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameters:
+    """The parameters of one kind of world.
+
+    Raises:
+        InputError: A value is of the wrong type or out of its range.
+    """
+
+    kind: ClassVar[str]
+    """The kind's name in a world spec."""
+
+    def __post_init__(self) -> None:
+        for name, allowed in self.ranges().items():
+            value = getattr(self, name)
+            if not allowed.allows(value) and not (value is None and self.defaults()[name] is None):
+                raise InputError(f"random:{self.kind}", str(allowed), str(value), place=name)
+
+    @classmethod
+    def ranges(cls) -> dict[str, Range]:
+        """What each parameter may be, by its name."""
+        return {item.name: item.metadata["range"] for item in dataclasses.fields(cls)}
+
+    @classmethod
+    def defaults(cls) -> dict[str, Any]:
+        """What each parameter is where nothing is said; None: what suits the rest."""
+        return {item.name: item.default for item in dataclasses.fields(cls)}

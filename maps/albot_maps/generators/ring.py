@@ -1,0 +1,88 @@
+"""Rings: corridors that close loops of a chosen length, side by side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import ClassVar
+
+from albot_core.errors import InputError
+from albot_maps.generators.boxes import Box, Corner, Frame, Side
+from albot_maps.generators.dice import Dice
+from albot_maps.generators.furniture import GAP, PASSAGE, furnish
+from albot_maps.generators.parameters import Parameters, count, metres, number, share
+from albot_maps.generators.plan import Plan
+
+_LEAST_BLOCK = 100
+"""The shortest side of what a loop runs round (cm)."""
+_LENGTH_PER_PIECE = 200
+"""At full clutter one piece is wanted for so much corridor (cm)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RingParameters(Parameters):
+    """Loops of corridors."""
+
+    kind: ClassVar[str] = "ring"
+
+    loops: int = count(1, 1, 10)
+    """How many loops there are; neighbours share a corridor."""
+    length: float = metres(40.0, 8, 1000)
+    """Once round the first loop, along the middle of its corridors (m)."""
+    growth: float = number(1.0, 1, 3)
+    """How many times as long each loop is as the one before."""
+    corridor_width: float = metres(2.0, 1, 5)
+    """Width of the corridors (m)."""
+    clutter: float = share(0.2)
+    """Cupboards along the walls: 0 none, 1 one for every 2 m of corridor, where they fit."""
+
+
+def draw_ring(parameters: RingParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:
+    """The loops, and a start in the first.
+
+    Raises:
+        InputError: A loop is too short for its corridors.
+    """
+    corridor = round(100 * parameters.corridor_width)
+    halves = _half_lengths(parameters)
+    least = corridor + _LEAST_BLOCK
+    if halves[0] < 2 * least:
+        expected = f"at least {4 * least / 100:g} with corridors of {corridor / 100:g} m"
+        raise InputError(source, expected, str(parameters.length), place="length")
+    # All loops are as deep as each other; a third to a half of the first one's half.
+    depth = max(least, min(halves[0] * dice.whole(33, 55) // 100, halves[0] - least))
+    plan = Plan()
+    rungs = [0]
+    for half in halves:
+        rungs.append(rungs[-1] + half - depth)
+    names = []
+    for index, x in enumerate(rungs):
+        box = Box(x, 0, x + corridor, depth + corridor)
+        names.append(plan.room(f"cross {index + 1}", box))
+        between = Frame(box=Box(x, corridor, x + corridor, depth), side=Side.EAST)
+        _furnish(plan, between, parameters.clutter, dice)
+    for index, (left, right) in enumerate(pairwise(rungs)):
+        for low, side in ((0, "south"), (depth, "north")):
+            box = Box(left + corridor, low, right, low + corridor)
+            name = plan.room(f"{side} {index + 1}", box)
+            for x, rung in ((box.x1, names[index]), (box.x2, names[index + 1])):
+                plan.mouth(Box(x, box.y1, x, box.y2), (name, rung))
+            _furnish(plan, Frame(box=box), parameters.clutter, dice)
+    return plan, (corridor // 2, corridor // 2)
+
+
+def _half_lengths(parameters: RingParameters) -> list[int]:
+    """Half the way round each loop (cm)."""
+    half, halves = parameters.length * 50, []
+    for _ in range(parameters.loops):
+        halves.append(round(half))
+        half *= parameters.growth
+    return halves
+
+
+def _furnish(plan: Plan, passage: Frame, clutter: float, dice: Dice) -> None:
+    """Put cupboards along a stretch of corridor, none near its open ends."""
+    size = (passage.width, passage.depth)
+    ends = [Box(0, 0, GAP, size[1]), Box(size[0] - GAP, 0, size[0], size[1])]
+    wanted = round(clutter * size[0] / _LENGTH_PER_PIECE)
+    furnish(dice, size, ends, wanted, PASSAGE).put(plan, passage)

@@ -1,0 +1,132 @@
+"""Random worlds by their spec: `random:office:42?rooms=12&clutter=0.3`."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_maps.generators.dice import Dice
+from albot_maps.generators.parameters import Parameters
+from albot_maps.world import World
+
+KINDS = ("apartment", "hall", "maze", "office", "ring", "warehouse")
+"""The kinds of random worlds."""
+
+PREFIX = "random:"
+"""How the spec of a random world begins."""
+
+_FORM = "random:KIND:SEED?KEY=VALUE&…"
+_LARGEST_SEED = 2**64 - 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomSpec:
+    """A random world asked for."""
+
+    kind: str
+    """One of `KINDS`."""
+    seed: int
+    """From 0 to 2⁶⁴ − 1."""
+    parameters: Parameters
+    """What was asked for, and the rest by default."""
+
+    def __str__(self) -> str:
+        """The spec that gives this world, with what differs from the defaults."""
+        defaults = self.parameters.defaults()
+        asked = "&".join(
+            f"{name}={_text(value)}"
+            for name, default in defaults.items()
+            if (value := getattr(self.parameters, name)) != default
+        )
+        return f"{PREFIX}{self.kind}:{self.seed}{'?' if asked else ''}{asked}"
+
+    def make(self) -> World:
+        """The world: the same for the same spec on every machine.
+
+        Raises:
+            InputError: What was asked for does not fit in.
+        """
+        draw = getattr(_module(self.kind), f"draw_{self.kind}")
+        dice = Dice(np.random.Generator(np.random.PCG64(self.seed)))
+        plan, start = draw(self.parameters, dice, str(self))
+        world: World = plan.world(f"{self.kind}-{self.seed}", str(self), start)
+        return world
+
+
+def parse_spec(text: str) -> RandomSpec:
+    """What the spec of a random world asks for.
+
+    Raises:
+        InputError: It is not of the form, the kind or a parameter is unknown, or a value
+            is out of its range.
+    """
+    body, _, query = text.removeprefix(PREFIX).partition("?")
+    kind, colon, seed = body.partition(":")
+    known = parameters_of(kind)
+    if not colon:
+        raise InputError(text, f"the form {_FORM}", "no seed")
+    whole = seed.isascii() and seed.isdecimal() and len(seed) <= len(str(_LARGEST_SEED))
+    if not whole or int(seed) > _LARGEST_SEED:
+        raise InputError(text, f"a whole number from 0 to {_LARGEST_SEED}", seed, place="seed")
+    values: dict[str, str] = {}
+    for item in query.split("&") if query else ():
+        name, equals, value = item.partition("=")
+        if not equals:
+            raise InputError(text, f"the form {_FORM}", repr(item))
+        if name in values:
+            raise InputError(text, "each parameter once", f"{name} twice", place=name)
+        values[name] = value
+    return RandomSpec(kind=kind, seed=int(seed), parameters=read_parameters(known, values))
+
+
+def parameters_of(kind: str) -> type[Parameters]:
+    """The dataclass of a kind's parameters.
+
+    Raises:
+        InputError: There is no such kind.
+    """
+    if kind not in KINDS:
+        found = f"{kind or 'nothing'}{_hint(kind, KINDS)}"
+        raise InputError("random world", f"one of the kinds {', '.join(KINDS)}", found)
+    known: type[Parameters] = getattr(_module(kind), f"{kind.capitalize()}Parameters")
+    return known
+
+
+def read_parameters(known: type[Parameters], values: Mapping[str, str]) -> Parameters:
+    """Parameters from text.
+
+    Raises:
+        InputError: One is unknown, or its value is not what it may be.
+    """
+    ranges = known.ranges()
+    read: dict[str, Any] = {}
+    for name, value in values.items():
+        if name not in ranges:
+            found = f"{name or 'nothing'}{_hint(name, tuple(ranges))}"
+            raise InputError(f"{PREFIX}{known.kind}", f"one of {', '.join(ranges)}", found)
+        try:
+            kind = ranges[name].type
+            read[name] = {"true": True, "false": False}[value] if kind is bool else kind(value)
+        except (KeyError, ValueError):
+            source, expected = f"{PREFIX}{known.kind}", str(ranges[name])
+            raise InputError(source, expected, value or "nothing", place=name) from None
+    return known(**read)
+
+
+def _module(kind: str) -> Any:
+    return importlib.import_module(f"albot_maps.generators.{kind}")
+
+
+def _hint(name: str, known: tuple[str, ...]) -> str:
+    close = difflib.get_close_matches(name, known, n=1)
+    return f" (did you mean {close[0]}?)" if close else ""
+
+
+def _text(value: object) -> str:
+    return str(value).lower() if isinstance(value, bool) else str(value)

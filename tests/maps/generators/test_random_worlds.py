@@ -1,0 +1,279 @@
+"""Every random world is valid, connected, labelled, closed, and the same everywhere."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from albot_core.errors import InputError
+from albot_maps import ROBOT_RADIUS, World, load_world
+from albot_maps.freespace import FreeSpace, wall_lines
+from albot_maps.generators.parameters import Range
+from albot_maps.generators.spec import KINDS, RandomSpec, parameters_of, parse_spec
+
+SEEDS = st.integers(0, 2**64 - 1)
+LARGEST = {"rooms": 40, "columns": 12, "rows": 12, "aisles": 8, "bays": 8, "cross_aisles": 3}
+"""Counts that the search does not go beyond, for the sake of its time."""
+DIGESTS = {
+    "apartment": "dca0228731990917",
+    "hall": "f3be5ada704f5a9e",
+    "maze": "cf600170e6a4765a",
+    "office": "b9aad2e6b8b0d9ef",
+    "ring": "b806b8e5c7d3df66",
+    "warehouse": "f5c6a497f87b2ca2",
+}
+
+
+def digest(world: World) -> str:
+    """A fingerprint of all that a world holds."""
+    fingerprint = hashlib.sha256()
+    for array in (world.walls, world.starts, *(room.boundary for room in world.rooms)):
+        fingerprint.update(array.astype("<f8").tobytes())
+    for opening in world.exits:
+        fingerprint.update(opening.segment.astype("<f8").tobytes())
+    names = [room.name for room in world.rooms]
+    names += [f"{opening.name} {opening.rooms}" for opening in world.exits]
+    fingerprint.update("\n".join(names).encode())
+    return fingerprint.hexdigest()[:16]
+
+
+def values(allowed: Range, name: str) -> st.SearchStrategy[Any]:
+    if allowed.type is bool:
+        return st.booleans()
+    if allowed.type is int:
+        return st.integers(int(allowed.least), min(int(allowed.most), LARGEST.get(name, 10)))
+    most = min(allowed.most, 60)
+    return st.floats(float(allowed.least), float(most)).map(lambda value: round(value, 2))
+
+
+@st.composite
+def asked(draw: st.DrawFn) -> RandomSpec:
+    """Any kind, any seed, any parameters within their ranges, not all of them possible."""
+    known = parameters_of(draw(st.sampled_from(KINDS)))
+    ranges = known.ranges()
+    chosen = draw(st.lists(st.sampled_from(sorted(ranges)), unique=True, max_size=4))
+    given_values = {name: draw(values(ranges[name], name)) for name in chosen}
+    return RandomSpec(kind=known.kind, seed=draw(SEEDS), parameters=known(**given_values))
+
+
+def check(world: World) -> None:
+    """All that a random world promises, by the exact free space and not by the quick proof."""
+    assert world.closed
+    space = FreeSpace(world.walls, ROBOT_RADIUS)
+    region = space.region_at(world.starts[0, :2])
+    outlines = [shapely.Polygon(room.boundary) for room in world.rooms]
+    assert all(space.enters(region, outline) for outline in outlines)
+    assert world.room_at(*world.starts[0, :2]) is not None
+    check_exits(world)
+
+
+def check_exits(world: World) -> None:
+    """Exits are open, lie on the edges of their two rooms, and join all rooms."""
+    walls = wall_lines(world.walls)
+    outlines = {room.name: shapely.Polygon(room.boundary) for room in world.rooms}
+    joined = {world.rooms[0].name}
+    for opening in world.exits:
+        line = shapely.LineString(opening.segment.reshape(2, 2))
+        assert line.length > 2 * ROBOT_RADIUS
+        assert line.interpolate(0.5, normalized=True).distance(walls) >= ROBOT_RADIUS
+        assert all(outlines[name].distance(line) < 0.1 for name in opening.rooms)
+    for _ in world.rooms:
+        for opening in world.exits:
+            if joined.intersection(opening.rooms):
+                joined.update(opening.rooms)
+    assert joined == set(outlines)
+    tree = shapely.STRtree(list(outlines.values()))
+    first, second = tree.query(list(outlines.values()), predicate="overlaps")
+    assert not len(first), "no two rooms overlap"
+    assert len(second) == 0
+
+
+@settings(max_examples=150, deadline=None)
+@given(asked())
+def test_what_is_made_keeps_its_promises_and_what_is_not_says_why(spec):
+    try:
+        world = spec.make()
+    except InputError as error:
+        assert error.source == str(spec)
+        assert error.place in spec.parameters.ranges()
+        assert error.expected
+        assert error.found
+        return
+    check(world)
+    assert world.source == str(spec)
+    assert digest(load_world(str(spec))) == digest(world)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_forty_of_each_kind_are_whole(kind):
+    digests = set()
+    for seed in range(40):
+        world = load_world(f"random:{kind}:{seed}")
+        check_exits(world)
+        assert world.closed
+        assert world.name == f"{kind}-{seed}"
+        digests.add(digest(world))
+    assert len(digests) == 40
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_same_on_every_machine(kind):
+    assert digest(load_world(f"random:{kind}:42")) == DIGESTS[kind]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@settings(max_examples=15, deadline=None)
+@given(seed=SEEDS)
+def test_no_wall_crosses_or_doubles_another(kind, seed):
+    """The drawing is clean: total length equals the length of the walls' union."""
+    world = load_world(f"random:{kind}:{seed}")
+    lines = wall_lines(world.walls)
+    assert shapely.union_all(lines).length == pytest.approx(lines.length)
+
+
+@settings(max_examples=20, deadline=None)
+@given(SEEDS, st.integers(8, 40), st.integers(0, 2))
+def test_an_office_has_the_rooms_and_loops_asked_for(seed, rooms, loops):
+    world = load_world(f"random:office:{seed}?rooms={rooms}&loops={loops}&connections=0")
+    halls = [room.name for room in world.rooms if room.name.startswith(("corridor", "link"))]
+    assert len(world.rooms) - len(halls) == rooms
+    assert len(world.exits) - (len(world.rooms) - 1) == loops
+
+
+@settings(max_examples=20, deadline=None)
+@given(SEEDS, st.integers(1, 12), st.integers(0, 3))
+def test_an_apartment_has_the_rooms_and_loops_asked_for(seed, rooms, loops):
+    spec = f"random:apartment:{seed}?rooms={rooms}&loops={loops}"
+    try:
+        world = load_world(spec)
+    except InputError as error:
+        assert error.place == "loops"
+        assert rooms < 6
+        return
+    assert len(world.rooms) == rooms
+    assert len(world.exits) - (rooms - 1) == loops
+
+
+@settings(max_examples=20, deadline=None)
+@given(SEEDS, st.floats(20, 200), st.integers(1, 4), st.floats(1, 2))
+def test_a_rings_loops_have_the_length_asked_for(seed, length, loops, growth):
+    world = load_world(
+        f"random:ring:{seed}?length={length}&loops={loops}&growth={growth}&corridor_width=1.5"
+    )
+    middle = {room.name: room.boundary.mean(axis=0) for room in world.rooms}
+    for index in range(1, loops + 1):
+        width = middle[f"cross {index + 1}"][0] - middle[f"cross {index}"][0]
+        depth = middle[f"north {index}"][1] - middle[f"south {index}"][1]
+        assert 2 * (width + depth) == pytest.approx(length * growth ** (index - 1), abs=0.02)
+    assert len(world.exits) == 4 * loops
+
+
+@pytest.mark.parametrize("loops", [0, 4, 20])
+def test_a_maze_has_the_loops_asked_for(loops):
+    for mirrored in ("true", "false"):
+        world = load_world(f"random:maze:3?loops={loops}&symmetry={mirrored}")
+        assert len(world.exits) - (len(world.rooms) - 1) == loops
+
+
+def mirrored(world: World) -> set[tuple[float, ...]]:
+    """Ends of the walls, seen in a mirror that stands at the middle of the building."""
+    x_min, _, x_max, _ = world.bounds
+    points = world.walls.reshape(-1, 2).copy()
+    points[:, 0] = x_min + x_max - points[:, 0]
+    return {tuple(point) for point in np.round(points, 6).tolist()}
+
+
+@pytest.mark.parametrize(
+    ("spec", "same"),
+    [
+        ("random:maze:1?symmetry=true&loops=2", True),
+        ("random:maze:1", False),
+        ("random:hall:1?symmetry=true&porches=0", True),
+        ("random:hall:1?porches=0", False),
+        ("random:warehouse:1?empty=0&clutter=0", True),
+        ("random:warehouse:1", False),
+    ],
+)
+def test_symmetry(spec, same):
+    world = load_world(spec)
+    ends = {tuple(point) for point in np.round(world.walls.reshape(-1, 2), 6).tolist()}
+    assert (mirrored(world) == ends) is same
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rooms_alike_in_a_symmetric_office(seed):
+    plain, alike = (
+        {
+            tuple(np.ptp(room.boundary, axis=0).round(1).tolist())
+            for room in load_world(f"random:office:{seed}?loops=1&rooms=20&symmetry={flag}").rooms
+        }
+        for flag in ("false", "true")
+    )
+    assert len(alike) < 0.7 * len(plain)
+
+
+@pytest.mark.parametrize("kind", sorted(set(KINDS) - {"maze"}))
+def test_clutter_is_more_walls(kind):
+    empty, full = (
+        np.mean(
+            [len(load_world(f"random:{kind}:{seed}?clutter={clutter}").walls) for seed in range(8)]
+        )
+        for clutter in (0, 1)
+    )
+    assert full > empty
+
+
+def test_seeds_to_the_limit():
+    assert load_world(f"random:ring:{2**64 - 1}").name == f"ring-{2**64 - 1}"
+
+
+def test_the_spec_of_a_world_says_what_differs_from_the_defaults():
+    spec = parse_spec("random:office:7?rooms=20&clutter=0.25&symmetry=true")
+    assert str(spec) == "random:office:7?clutter=0.25&symmetry=true"
+    assert parse_spec(str(spec)) == spec
+
+
+@pytest.mark.parametrize(
+    ("spec", "words"),
+    [
+        ("random:", "one of the kinds apartment, hall"),
+        ("random:ofice:1", "found ofice (did you mean office?)"),
+        ("random:office", "expected the form random:KIND:SEED?KEY=VALUE&…, found no seed"),
+        ("random:office:", "seed: expected a whole number from 0"),
+        ("random:office:-1", "seed: expected a whole number from 0"),
+        ("random:office:1.5", "found 1.5"),
+        ("random:office:²", "found ²"),
+        (f"random:office:{2**64}", f"found {2**64}"),
+        ("random:office:1?room=12", "found room (did you mean rooms?)"),
+        ("random:office:1?rooms", "found 'rooms'"),
+        ("random:office:1?rooms=5&rooms=5", "rooms: expected each parameter once"),
+        ("random:office:1?rooms=", "rooms: expected a whole number from 2 to 200, found nothing"),
+        ("random:office:1?rooms=5.5", "rooms: expected a whole number from 2 to 200, found 5.5"),
+        ("random:office:1?rooms=1", "rooms: expected a whole number from 2 to 200, found 1"),
+        ("random:office:1?clutter=nan", "clutter: expected a number from 0 to 1, found nan"),
+        ("random:office:1?clutter=1.01", "clutter: expected a number from 0 to 1, found 1.01"),
+        ("random:office:1?door_width=inf", "a number from 0.75 to 1.5 (m), found inf"),
+        ("random:office:1?symmetry=yes", "symmetry: expected true or false, found yes"),
+        ("random:office:1?rooms=5&loops=3", "rooms: expected at least 10 for 3 loops, found 5"),
+        ("random:office:1?width=12&depth=12&rooms=90", "rooms: expected at most"),
+        ("random:office:1?loops=1&width=9", "width: expected at least"),
+        ("random:office:1?loops=1&depth=9", "depth: expected at least"),
+        ("random:apartment:1?rooms=12&width=5&depth=5", "rooms: expected rooms that fit into 5.0"),
+        ("random:apartment:1?rooms=3&loops=9", "loops: expected at most 1 for 3 rooms"),
+        ("random:maze:1?columns=3&symmetry=true", "columns: expected an even number"),
+        ("random:maze:1?columns=4&rows=4&loops=10", "loops: expected at most 9 in 4 x 4 cells"),
+        ("random:hall:1?pillars=1", "pillars: expected 0, or at least 3 m"),
+        ("random:ring:1?length=9", "length: expected at least 12 with corridors of 2 m"),
+    ],
+)
+def test_what_cannot_be_is_said_in_one_line(spec, words):
+    with pytest.raises(InputError) as caught:
+        load_world(spec)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
