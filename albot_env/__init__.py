@@ -8,5 +8,6 @@ import gymnasium
 gymnasium.register(
     id="Albot/Explore-v0",
     entry_point="albot_env.tasks.explore:ExploreEnv",
+    vector_entry_point="albot_env.vector.explore:ExploreVectorEnv",
     max_episode_steps=6000,
 )

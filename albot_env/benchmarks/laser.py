@@ -11,6 +11,7 @@ import pymunk
 
 from albot_core.geometry.types import Poses, Segments
 from albot_core.perception.reading import LaserGeometry
+from albot_env.sim.drive import PIONEER_3DX
 from albot_env.sim.rays import RayCaster
 from albot_env.sim.space import Floor
 
@@ -75,7 +76,7 @@ def _measure(segments: int, seconds: float) -> dict[str, int | float]:
     started = time.perf_counter()
     rays = RayCaster(walls, geometry)
     index = time.perf_counter() - started
-    floor = Floor(walls)
+    floor = Floor(walls, PIONEER_3DX, robots=0)
 
     batch = _best(lambda: rays.scan_batch(poses), seconds) / _POSES
     single = _best(lambda: [rays.scan(pose) for pose in poses[:200]], seconds) / 200

@@ -6,7 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+from jaxtyping import Float64
+
 from albot_core.errors import InputError
+from albot_env.sim.drive_kernels import aim, ramped, wheels_for
 from albot_maps.world import ROBOT_RADIUS
 
 GRAVITY = 9.81
@@ -77,10 +81,16 @@ class RobotConfig:
         Speed and turn rate are clipped to the robot's; where a wheel would still be too
         fast both slow down together, so that the robot keeps to its curve.
         """
-        speed = _clip(speed, self.max_speed)
-        half = _clip(turn_rate, self.max_turn_rate) * self.wheel_base / 2
-        excess = max(1.0, (abs(speed) + abs(half)) / self.max_speed)
-        return Wheels((speed - half) / excess, (speed + half) / excess)
+        limits = self.max_speed, self.max_turn_rate, self.wheel_base
+        return Wheels(*wheels_for(float(speed), float(turn_rate), *limits))
+
+    def targets_for(
+        self, commands: Float64[np.ndarray, "robots 2"]
+    ) -> Float64[np.ndarray, "robots 2"]:
+        """The wheel speeds left, right for many (v, ω) commands, each as by `wheels_for`."""
+        targets = np.empty_like(commands)
+        aim(commands, self.max_speed, self.max_turn_rate, self.wheel_base, targets)
+        return targets
 
     def limited(self, wheels: Wheels) -> Wheels:
         """Wheel speeds clipped to what the motors reach and to the greatest turn rate."""
@@ -94,13 +104,7 @@ class RobotConfig:
 
         Both wheels change in proportion, so that a turn on the spot stays one.
         """
-        left, right = target.left - wheels.left, target.right - wheels.right
-        change = max(abs(left), abs(right))
-        possible = self.acceleration * duration
-        if change <= possible:
-            return target
-        share = possible / change
-        return Wheels(wheels.left + share * left, wheels.right + share * right)
+        return Wheels(*ramped(*wheels, *target, self.acceleration * duration))
 
     def motion_of(self, wheels: Wheels) -> tuple[float, float]:
         """Speed (m/s) and turn rate (rad/s) of a robot whose wheels do not slip."""

@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from jaxtyping import Float64
+from scipy.special import ndtri
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Ranges
-from albot_core.perception.reading import LaserGeometry, LaserScan
+from albot_core.perception.reading import LaserGeometry
+from albot_env.sim.sensing_kernels import NORMALS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,25 +34,21 @@ class LaserConfig:
         if not 0 <= self.dropout <= 1:
             raise InputError("LaserConfig.dropout", "within [0, 1]", str(self.dropout))
 
+    @property
+    def dropout_threshold(self) -> int:
+        """The drop-out's probability as a share of 2^32, as the compiled laser takes it."""
+        return round(self.dropout * 2**32)
+
 
 LMS_200 = LaserConfig()
 """The papers' laser."""
 
 
-class Laser:
-    """Makes the scan that the laser reports out of the true ranges."""
+def normal_table(deviation: float) -> Float64[np.ndarray, "numbers"]:
+    """Numbers that, each as likely as the others, are normal with this standard deviation.
 
-    def __init__(self, config: LaserConfig) -> None:
-        self.config = config
-
-    def sense(self, true_ranges: Ranges, rng: np.random.Generator) -> LaserScan:
-        """The scan reported where the walls are at `true_ranges` (m, infinite for none).
-
-        It draws as many random numbers whatever the ranges are.
-        """
-        config = self.config
-        ranges = true_ranges + config.range_noise * rng.standard_normal(len(true_ranges))
-        np.maximum(ranges, 0.0, out=ranges)
-        missing = rng.random(len(ranges)) < config.dropout
-        ranges[missing | (ranges >= config.geometry.max_range)] = np.inf
-        return LaserScan(ranges=ranges, geometry=config.geometry)
+    The middles of as many parts of the normal distribution, all equally likely; scaled, for
+    the middles of the outermost leave a little of the variance out.
+    """
+    quantiles = ndtri((np.arange(NORMALS) + 0.5) / NORMALS)
+    return np.asarray(deviation * quantiles / quantiles.std())

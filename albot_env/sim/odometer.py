@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose
-from albot_env.sim.drive import Wheels
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,6 +50,19 @@ class OdometerConfig:
             if name in ("scale_error", "wheel_difference", "wheel_base_error") and value <= -1:
                 raise InputError(f"OdometerConfig.{name}", "above -1", str(value))
 
+    def constants(self, wheel_base: float) -> Float64[np.ndarray, "7"]:
+        """What the compiled odometer computes with, for wheels so far apart (m).
+
+        Measured over true distance of the left and of the right wheel, wheels of diameter
+        ratio 1 + wheel_difference and given mean diameter; the believed wheel base (m);
+        the heading's bias; the three noises.
+        """
+        mean, ratio = 1 + self.scale_error, 1 + self.wheel_difference
+        left, right = (1 + ratio) / 2 / mean, (1 + ratio) / (2 * ratio) / mean
+        base = wheel_base / (1 + self.wheel_base_error)
+        noises = self.distance_noise, self.drift_noise, self.turn_noise
+        return np.array((left, right, base, self.heading_bias, *noises))
+
 
 ODOMETERS: Mapping[str, OdometerConfig] = MappingProxyType(
     {
@@ -87,64 +99,3 @@ than half; the rest is random, 1.3° of heading after a metre, 13° after 100 m.
 the same square, by errors of some percent in distance and turn, the order of the
 Stage simulator's default `odom_error` (0.03 0.03 0.00 0.05).
 """
-
-
-class Odometer:
-    """Adds up what the wheel encoders count, as the robot's controller does.
-
-    It is rolled with the true motion of the wheels. What the body makes of that it
-    cannot know: wheels that slip at a wall count metres all the same.
-    """
-
-    def __init__(self, config: OdometerConfig, wheel_base: float) -> None:
-        self.config = config
-        mean = 1 + config.scale_error
-        # Wheels of diameter ratio q = 1 + wheel_difference and given mean diameter.
-        self._left_factor = (2 + config.wheel_difference) / 2 / mean
-        self._right_factor = (
-            (2 + config.wheel_difference) / (2 + 2 * config.wheel_difference) / mean
-        )
-        self._base = wheel_base / (1 + config.wheel_base_error)
-        self.clear()
-
-    def clear(self) -> None:
-        """Begin to measure a new motion here."""
-        self._x = self._y = self._heading = 0.0
-        self._distance = self._turning = 0.0
-
-    def roll(self, wheels: Wheels, duration: float) -> None:
-        """Add what the wheels roll at these speeds (m/s) for a physics step (s)."""
-        if not (wheels.left or wheels.right):
-            return
-        left = wheels.left * duration * self._left_factor
-        right = wheels.right * duration * self._right_factor
-        turn = (right - left) / self._base + self.config.heading_bias * duration
-        distance = (left + right) / 2
-        half = turn / 2
-        chord = distance * math.sin(half) / half if half else distance
-        self._x += chord * math.cos(self._heading + half)
-        self._y += chord * math.sin(self._heading + half)
-        self._heading += turn
-        self._distance += abs(distance)
-        self._turning += abs(turn)
-
-    def read(self, rng: np.random.Generator) -> Pose:
-        """The motion measured since the last reading, in the robot's frame then; begins anew."""
-        config = self.config
-        noise_along, noise_heading = rng.standard_normal(2)
-        along = config.distance_noise * math.sqrt(self._distance) * noise_along
-        heading = noise_heading * math.sqrt(
-            config.drift_noise**2 * self._distance + config.turn_noise**2 * self._turning
-        )
-        # The heading's error grew on the way: half of it bends the way itself.
-        cos, sin = math.cos(heading / 2), math.sin(heading / 2)
-        x, y = self._x, self._y
-        reach = math.hypot(x, y)
-        if reach:
-            x, y = x + along * x / reach, y + along * y / reach
-        turned = self._heading + heading
-        motion = np.array(
-            (cos * x - sin * y, sin * x + cos * y, (turned + math.pi) % (2 * math.pi) - math.pi)
-        )
-        self.clear()
-        return motion

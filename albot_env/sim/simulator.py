@@ -9,16 +9,19 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_core.perception.reading import Reading
+from albot_core.perception.reading import LaserScan, Reading
 from albot_env.sim.drive import PIONEER_3DX, STANDSTILL, RobotConfig, Wheels
-from albot_env.sim.laser import LMS_200, Laser, LaserConfig
-from albot_env.sim.odometer import ODOMETERS, Odometer, OdometerConfig
-from albot_env.sim.rays import RayCaster
-from albot_env.sim.space import PHYSICS_STEP, Floor, Robot
+from albot_env.sim.drive_kernels import chord
+from albot_env.sim.fleet import Fleet, draw_key
+from albot_env.sim.laser import LMS_200, LaserConfig
+from albot_env.sim.odometer import ODOMETERS, OdometerConfig
+from albot_env.sim.space import PHYSICS_STEP
 from albot_maps.world import World
 
 SUBSTEPS = 5
 """Physics steps in a control step of 0.1 s."""
+CONTROL_STEP = SUBSTEPS * PHYSICS_STEP
+"""Duration of a control step (s)."""
 LONGEST_MANOEUVRE = 1000.0
 """Greatest distance (m) of a start-stop move, and angle (rad) of a turn."""
 
@@ -49,21 +52,15 @@ class Simulator:
         laser: LaserConfig = LMS_200,
         odometer: OdometerConfig = ODOMETERS["pioneer"],
     ) -> None:
-        self._world = world
-        self._floor = Floor(world.walls)
-        self._robot = Robot(self._floor, robot)
-        self._laser = Laser(laser)
-        self._odometer = Odometer(odometer, robot.wheel_base)
-        self._rays = RayCaster(world.walls, laser.geometry)
-        self._rng: np.random.Generator | None = None
+        self._fleet = Fleet((world,), robot=robot, laser=laser, odometer=odometer)
+        self._started = False
         self._start = np.zeros(3)
         self._ticks = 0
-        self._collided = False
 
     @property
     def world(self) -> World:
         """The world that the robot is in."""
-        return self._world
+        return self._fleet.worlds[0]
 
     @property
     def start(self) -> Pose:
@@ -73,12 +70,16 @@ class Simulator:
     @property
     def pose(self) -> Pose:
         """Where the robot truly is, in the world frame."""
-        return self._robot.pose
+        pose: Pose = self._fleet.poses[0].copy()
+        return pose
 
     @property
     def velocity(self) -> tuple[float, float]:
         """True speed along the heading (m/s) and turn rate (rad/s)."""
-        return self._robot.motion
+        _, _, heading, vx, vy, turn_rate = self._fleet.states[0].tolist()
+        direction, shortening = chord(heading, turn_rate * PHYSICS_STEP)
+        along = vx * math.cos(direction) + vy * math.sin(direction)
+        return along / shortening, turn_rate
 
     @property
     def time(self) -> float:
@@ -88,13 +89,13 @@ class Simulator:
     @property
     def collided(self) -> bool:
         """Whether a wall pushed the robot back during the last step, move or turn."""
-        return self._collided
+        return bool(self._fleet.collided[0])
 
     def reset(self, rng: np.random.Generator, start: Pose | None = None) -> Reading:
         """Put the robot at rest at `start` and begin anew.
 
         Args:
-            rng: Source of all randomness until the next reset.
+            rng: One number is drawn from it, which decides all noise until the next reset.
             start: Pose in the world frame; by default the first start of the world.
 
         Returns:
@@ -103,14 +104,12 @@ class Simulator:
         Raises:
             InputError: The start is not finite, or the robot would touch a wall there.
         """
-        pose = self._world.starts[0] if start is None else np.asarray(start, dtype=np.float64)
-        self._check_start(pose)
-        self._rng = rng
+        pose = self.world.starts[0] if start is None else np.asarray(start, dtype=np.float64)
+        self._fleet.check_start(0, pose)
+        self._fleet.place(0, pose, draw_key(rng))
+        self._started = True
         self._start = pose.copy()
-        self._robot.place(pose)
-        self._odometer.clear()
         self._ticks = 0
-        self._collided = False
         return self._read()
 
     def step(self, speed: float, turn_rate: float) -> Reading:
@@ -125,7 +124,7 @@ class Simulator:
             InputError: A command is not finite, or there was no reset.
         """
         _check_finite("step", speed=speed, turn_rate=turn_rate)
-        return self._control(self._robot.config.wheels_for(speed, turn_rate))
+        return self._control(self._fleet.robot.wheels_for(speed, turn_rate))
 
     def step_wheels(self, left: float, right: float) -> Reading:
         """Drive for one control step of 0.1 s with wheel speeds (m/s), limited as in `step`.
@@ -134,7 +133,7 @@ class Simulator:
             InputError: A command is not finite, or there was no reset.
         """
         _check_finite("step_wheels", left=left, right=right)
-        return self._control(self._robot.config.limited(Wheels(left, right)))
+        return self._control(self._fleet.robot.limited(Wheels(left, right)))
 
     def move(self, distance: float) -> Reading:
         """Start, go straight on for `distance` (m, backwards if negative) and stop.
@@ -149,7 +148,7 @@ class Simulator:
             InputError: The distance is not within ±1000 m, or there was no reset.
         """
         _check_manoeuvre("move", "distance", distance)
-        config = self._robot.config
+        config = self._fleet.robot
         direction = math.copysign(1.0, distance)
         speeds = _start_stop(abs(distance), config.cruise_speed, config.acceleration)
         return self._manoeuvre(Wheels(direction * v, direction * v) for v in speeds)
@@ -164,7 +163,7 @@ class Simulator:
             InputError: The angle is not within ±1000 rad, or there was no reset.
         """
         _check_manoeuvre("turn", "angle", angle)
-        config = self._robot.config
+        config = self._fleet.robot
         direction = math.copysign(1.0, angle)
         arm = config.wheel_base / 2
         speeds = _start_stop(abs(angle) * arm, config.cruise_turn_rate * arm, config.acceleration)
@@ -173,20 +172,18 @@ class Simulator:
     def _control(self, target: Wheels) -> Reading:
         """One control step towards the wheel speeds `target`."""
         self._check_reset()
-        robot = self._robot
-        self._collided = False
-        for _ in range(SUBSTEPS):
-            self._advance(robot.config.ramped(robot.wheels, target, PHYSICS_STEP))
+        self._fleet.clear_contacts()
+        self._advance(target, SUBSTEPS)
         return self._read()
 
     def _manoeuvre(self, commands: Iterator[Wheels]) -> Reading:
         """Drive through wheel speeds from standstill to standstill, or until held up."""
         self._check_reset()
-        self._collided = False
+        self._fleet.clear_contacts()
         self._brake()
         held_up = 0
         for wheels in commands:
-            self._advance(wheels)
+            self._advance(wheels, 1, at_once=True)
             held_up = held_up + 1 if self._held_up() else 0
             if held_up == _PATIENCE:
                 break
@@ -195,49 +192,32 @@ class Simulator:
 
     def _brake(self) -> None:
         """Ramp the wheels down until they stand."""
-        robot = self._robot
-        while robot.wheels != STANDSTILL:
-            self._advance(robot.config.ramped(robot.wheels, STANDSTILL, PHYSICS_STEP))
+        while self._fleet.wheels.any():
+            self._advance(STANDSTILL, 1)
 
-    def _advance(self, wheels: Wheels) -> None:
-        """One physics step, after which the wheels turn at `wheels`."""
-        robot = self._robot
-        self._odometer.roll(robot.wheels, PHYSICS_STEP)
-        robot.drive(wheels)
-        self._floor.step()
-        self._collided |= robot.pushed
-        self._ticks += 1
+    def _advance(self, wheels: Wheels, steps: int, *, at_once: bool = False) -> None:
+        """Some physics steps in which the wheels approach these speeds."""
+        self._fleet.drive(np.array((wheels,)), steps, at_once=at_once)
+        self._ticks += steps
 
     def _held_up(self) -> bool:
         """Whether a wall keeps the body from making a fair part of the wheels' way."""
-        robot = self._robot
-        rolled = robot.config.motion_of(robot.wheels)[0]
-        return robot.pushed and abs(robot.motion[0]) < _PROGRESS * abs(rolled)
+        fleet = self._fleet
+        rolled = fleet.robot.motion_of(Wheels(*fleet.wheels[0].tolist()))[0]
+        return bool(fleet.pushed[0]) and abs(self.velocity[0]) < _PROGRESS * abs(rolled)
 
     def _read(self) -> Reading:
-        rng = self._check_reset()
+        self._fleet.sense()
+        geometry = self._fleet.laser.geometry
         return Reading(
             stamp=self.time,
-            motion=self._odometer.read(rng),
-            laser=self._laser.sense(self._rays.scan(self.pose), rng),
+            motion=self._fleet.motions[0].copy(),
+            laser=LaserScan(ranges=self._fleet.ranges[0].copy(), geometry=geometry),
         )
 
-    def _check_reset(self) -> np.random.Generator:
-        if self._rng is None:
+    def _check_reset(self) -> None:
+        if not self._started:
             raise InputError("Simulator", "a reset before anything else")
-        return self._rng
-
-    def _check_start(self, pose: Pose) -> None:
-        if not np.isfinite(pose).all():
-            raise InputError("start", "a finite pose", str(pose.tolist()))
-        radius = self._robot.config.radius
-        room = self._floor.clearance(pose, radius)
-        if room < radius:
-            raise InputError(
-                "start",
-                f"a pose {radius:g} m clear of the walls of {self._world.name}",
-                f"{pose.tolist()}, {room:.3f} m from one",
-            )
 
 
 def _start_stop(distance: float, top_speed: float, acceleration: float) -> Iterator[float]:

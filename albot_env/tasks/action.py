@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from jaxtyping import Float64
 
 from albot_core.errors import InputError
+
+_EXPECTED = "2 numbers in [-1, 1] (speed, turn rate)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +33,8 @@ class ActionConfig:
         """The space of actions: speed, turn rate."""
         return spaces.Box(-1, 1, (2,), np.float32)
 
-    def command(self, action: Any, environment: str) -> tuple[float, float]:
-        """Speed (m/s) and turn rate (rad/s) that an action asks for.
+    def command(self, action: Any, environment: str) -> Float64[np.ndarray, "1 2"]:
+        """Speed (m/s) and turn rate (rad/s) that an action asks for, in a batch of one.
 
         Args:
             action: Two numbers in [-1, 1].
@@ -41,13 +44,35 @@ class ActionConfig:
             InputError: The action has another shape, is not finite or out of range. It is
                 never clipped in silence: an agent that asks for more is told.
         """
-        expected = "2 numbers in [-1, 1] (speed, turn rate)"
-        try:
-            numbers = np.asarray(action, np.float64)
-        except (TypeError, ValueError):
-            raise InputError(environment, expected, repr(action), place="action") from None
-        if numbers.shape != (2,):
-            raise InputError(environment, expected, f"shape {numbers.shape}", place="action")
+        numbers = _numbers(action, (2,), environment)
         if not (np.abs(numbers) <= 1).all():
-            raise InputError(environment, expected, str(numbers.tolist()), place="action")
-        return self.speed * float(numbers[0]), self.turn_rate * float(numbers[1])
+            raise InputError(environment, _EXPECTED, str(numbers.tolist()), place="action")
+        return numbers.reshape(1, 2) * (self.speed, self.turn_rate)
+
+    def commands(
+        self, actions: Any, count: int, environment: str
+    ) -> Float64[np.ndarray, "environments 2"]:
+        """Speeds (m/s) and turn rates (rad/s) that the actions of a batch ask for.
+
+        Raises:
+            InputError: As for `command`; it names the first environment that is wrong.
+        """
+        numbers = _numbers(actions, (count, 2), environment)
+        right = (np.abs(numbers) <= 1).all(axis=1)
+        if not right.all():
+            wrong = int(np.argmin(right))
+            found = str(numbers[wrong].tolist())
+            raise InputError(environment, _EXPECTED, found, place=f"action of environment {wrong}")
+        return numbers * (self.speed, self.turn_rate)
+
+
+def _numbers(action: Any, shape: tuple[int, ...], environment: str) -> np.ndarray:
+    """An action as numbers of the shape wanted."""
+    expected = _EXPECTED if len(shape) == 1 else f"{_EXPECTED} for each of {shape[0]}"
+    try:
+        numbers = np.asarray(action, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(environment, expected, repr(action), place="action") from None
+    if numbers.shape != shape:
+        raise InputError(environment, expected, f"shape {numbers.shape}", place="action")
+    return numbers

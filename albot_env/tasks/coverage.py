@@ -57,6 +57,17 @@ class Coverage:
         self._cells = 0
 
     @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of cells."""
+        side = len(self._grid)
+        return side, side
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """The middle of the square x, y (m)."""
+        return self._centre
+
+    @property
     def area(self) -> float:
         """Ground covered (m²)."""
         return self._cells * self._config.cell**2
@@ -74,9 +85,9 @@ class Coverage:
             self._config.cell,
             self._centre,
             pose,
-            geometry.mount,
+            geometry.mount[:2],
             scan.ranges,
-            geometry.first_bearing,
+            geometry.directions,
             geometry.spacing,
             self._config.radius,
         )
@@ -89,7 +100,7 @@ class Coverage:
         Row 0 lies farthest ahead, column 0 farthest to the left.
         """
         side = self._config.patch_cells
-        patch = np.empty((1, side, side), np.float32)
+        patch = np.empty(side * side, np.float32)
         config = self._config
-        cut_patch(self._grid, config.cell, self._centre, pose, config.patch_cell, patch[0])
-        return patch
+        cut_patch(self._grid, config.cell, self._centre, pose, config.patch_cell, side, patch)
+        return patch.reshape(1, side, side)

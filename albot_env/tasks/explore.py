@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -11,19 +10,15 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Segments
-from albot_core.perception.reading import Reading
-from albot_core.registry import make_mapper
+from albot_core.geometry.types import Pose, Segments
 from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Recorder
-from albot_env.rendering.frame import Frame, position_error
+from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
 from albot_env.rendering.viewer import NullViewer, Viewer
 from albot_env.tasks.action import ActionConfig
-from albot_env.tasks.ground import map_coverage, reachable_area, world_coverage
-from albot_env.tasks.journey import Journey
+from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.observation import ObservationConfig, Parts
 from albot_env.tasks.reward import ExploreWeights
-from albot_env.tasks.rooms import RoomLog
 from albot_env.tasks.start import choose_start
 from albot_maps import World, load_world
 
@@ -81,7 +76,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
 
     Args:
         world: A world spec, or a world.
-        mapper: Name of the mapper inside.
+        mapper: Name of the mapper inside, or `none`: the robot only adds up its odometer.
         odometer: Name of the odometer's preset: `ideal`, `pioneer` or `poor`.
         observation: `flat` or `dict`.
         render_mode: `human`, `rgb_array` or None.
@@ -109,18 +104,15 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         self.render_mode = render_mode
         self._viewer = _open_viewer(render_mode)
         self._world = load_world(world) if isinstance(world, str) else world
-        self._journey = Journey(self._world, make_mapper(mapper), odometer)
         self._config = config
-        self._flat = observation == "flat"
+        self._odometer = odometer
         scaling = config.observations
+        self._robot = Expedition((self._world,), mapper, odometer, scaling, config.weights)
+        self._mapper_name = mapper
+        self._flat = observation == "flat"
         self.action_space = config.actions.space
         self.observation_space = scaling.flat_space if self._flat else scaling.dict_space
-
-        self._covered = world_coverage(self._world, scaling.coverage)
-        self._believed = map_coverage(self._world, scaling.coverage)
-        self._reachable = reachable_area(self._world)
-        self._rooms = RoomLog(self._world.rooms)
-        self._surfaces: Segments = np.empty((0, 4))
+        self._updates = -1
         self._trace: Trace | None = None
         self.recorder: Recorder = NullRecorder()
         """Takes the episodes down from the next reset on."""
@@ -135,16 +127,16 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         """
         super().reset(seed=seed)
         start = choose_start(self._world, self.np_random, options or {}, ENVIRONMENT)
-        for tally in (self._covered, self._believed, self._rooms):
-            tally.clear()
-        reading = self._journey.begin(self.np_random, start)
-        header = self._header(reading, seed)
-        moment = self._look(reading, None)
+        self._robot.begin(0, start, self.np_random)
+        self._robot.look()
+        self._updates = -1
+        header = self._header(start, seed)
+        moment = self._moment(None)
         self._trace = Trace(header, moment)
         self.recorder.begin(header)
         self.recorder.add(moment)
         self._show()
-        return self._observe(reading), self._info(moment)
+        return self._observe(), self._info(moment)
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s.
@@ -154,13 +146,13 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         """
         if self._trace is None:
             raise gymnasium.error.ResetNeeded(f"{ENVIRONMENT}: reset before the first step")
-        speed, turn_rate = self._config.actions.command(action, ENVIRONMENT)
-        reading = self._journey.drive(speed, turn_rate)
-        moment = self._look(reading, np.array(action, np.float64))
+        self._robot.drive(self._config.actions.command(action, ENVIRONMENT))
+        self._robot.look()
+        moment = self._moment(np.array(action, np.float64))
         self._trace.add(moment)
         self.recorder.add(moment)
         self._show()
-        return self._observe(reading), moment.reward, False, False, self._info(moment)
+        return self._observe(), moment.reward, False, False, self._info(moment)
 
     @property
     def frame(self) -> Frame:
@@ -183,69 +175,62 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         self._viewer.close()
         self.recorder.close()
 
-    def _look(self, reading: Reading, action: np.ndarray | None) -> Moment:
-        """See how things stand after a reading, and what the step was worth."""
-        journey, mapper = self._journey, self._journey.mapper
-        pose, belief = journey.simulator.pose, mapper.pose.copy()
-        self._believed.add(belief, reading.laser)
-        new_ground = self._covered.add(pose, reading.laser)
-        room, new_room = self._rooms.enter(pose)
-        collided = journey.simulator.collided
-        terms = self._config.weights.terms(
-            new_ground=new_ground, new_room=new_room, collided=collided, elapsed=journey.elapsed
-        )
-        if action is None:  # After a reset nothing has been earned yet.
-            terms = dict.fromkeys(terms, 0.0)
-        changed = journey.updated or action is None
-        if changed:
-            self._surfaces = mapper.surfaces.copy()
+    def _moment(self, action: np.ndarray | None) -> Moment:
+        """How things stand after a reading."""
+        robot = self._robot
+        updates = int(robot.updates[0])
+        changed, self._updates = updates != self._updates, updates
         return Moment(
             action=action,
-            reward=math.fsum(terms.values()),
-            terms=terms,
-            reading=reading,
-            pose=pose,
-            collided=collided,
-            room=room,
-            path_length=journey.path_length,
-            belief=belief,
-            home=mapper.home.copy(),
-            updates=mapper.updates,
-            surfaces=self._surfaces if changed else None,
+            reward=float(robot.rewards[0]),
+            terms={name: float(term[0]) for name, term in robot.terms.items()},
+            reading=robot.reading(0),
+            pose=robot.poses[0].copy(),
+            collided=bool(robot.collided[0]),
+            room=robot.room(0),
+            path_length=float(robot.path_lengths[0]),
+            belief=robot.beliefs[0].copy(),
+            home=robot.homes[0].copy(),
+            updates=updates,
+            surfaces=self._surfaces() if changed else None,
         )
 
-    def _observe(self, reading: Reading) -> Observation:
-        scaling = self._config.observations
-        parts = scaling.observe(reading, self._journey.mapper, self._believed)
-        return scaling.flatten(parts) if self._flat else parts
+    def _surfaces(self) -> Segments:
+        """The surfaces that the mapper remembers."""
+        mappers = self._robot.mappers
+        return mappers[0].surfaces.copy() if mappers else np.empty((0, 4))
+
+    def _observe(self) -> Observation:
+        row = self._robot.observations[0].copy()
+        return row if self._flat else self._config.observations.split(row)
 
     def _info(self, moment: Moment) -> dict[str, Any]:
-        start = self._journey.simulator.start
+        robot = self._robot
         return {
             "reward_terms": dict(moment.terms),
             "pose": moment.pose.copy(),
             "belief": moment.belief.copy(),
-            "position_error": position_error(start, moment.pose, moment.belief),
+            "position_error": float(robot.position_errors[0]),
             "room": moment.room,
-            "rooms_entered": self._rooms.entered,
-            "coverage": min(1.0, self._covered.area / self._reachable),
+            "rooms_entered": int(robot.rooms_entered[0]),
+            "coverage": float(robot.coverages[0]),
             "collided": moment.collided,
             "path_length": moment.path_length,
             "time": moment.reading.stamp,
             "updates": moment.updates,
-            "surfaces": len(self._surfaces),
+            "surfaces": int(robot.surfaces[0]),
         }
 
-    def _header(self, reading: Reading, seed: int | None) -> EpisodeHeader:
+    def _header(self, start: Pose, seed: int | None) -> EpisodeHeader:
         return EpisodeHeader(
             environment=ENVIRONMENT,
             world=self._world.name,
             walls=self._world.walls,
-            start=self._journey.simulator.start,
-            mapper=self._journey.mapper.name,
-            odometer=self._journey.odometer,
+            start=start.copy(),
+            mapper=self._mapper_name,
+            odometer=self._odometer,
             seed=seed,
-            laser=reading.laser.geometry,
+            laser=self._robot.geometry,
         )
 
     def _show(self) -> None:

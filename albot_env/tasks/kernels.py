@@ -1,80 +1,89 @@
-"""Compiled loops of the tasks: sweeping ground, cutting egocentric patches, finding rooms."""
+"""Compiled loops of the tasks: sweeping ground, cutting patches, finding rooms, observing."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def sweep(
     grid: np.ndarray,
     cell: float,
     centre: tuple[float, float],
     pose: np.ndarray,
-    mount: tuple[float, float, float],
+    mount: tuple[float, float],
     ranges: np.ndarray,
-    first_bearing: float,
+    directions: np.ndarray,
     spacing: float,
     radius: float,
 ) -> int:
     """Mark the cells in view within `radius` of the laser; return how many were new.
 
     `grid` is a square about `centre`, rows along y; cells outside it are left out. The
-    laser is mounted at `mount` on a robot at `pose`. Beams are thinned to what the cells
-    need at the radius.
+    laser is mounted at `mount` on a robot at `pose`; `directions` (beams, 2) are its beams
+    in the robot's frame. Beams are thinned to what the cells need at the radius, and every
+    second of them begins half way to it: nearer, its neighbours are dense enough.
     """
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    eye_x = pose[0] + cos * mount[0] - sin * mount[1] - centre[0]
-    eye_y = pose[1] + sin * mount[0] + cos * mount[1] - centre[1]
-    heading = pose[2] + mount[2] + first_bearing
-    size = grid.shape[0]
-    half = size // 2
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    half = grid.shape[0] // 2
+    eye_x = (pose[0] + cos * mount[0] - sin * mount[1] - centre[0]) / cell + half
+    eye_y = (pose[1] + sin * mount[0] + cos * mount[1] - centre[1]) / cell + half
     stride = max(1, int(0.5 * cell / (spacing * radius)))
+    size = np.float64(grid.shape[0])
     new = 0
+    skip = False
     for k in range(0, ranges.shape[0], stride):
-        angle = heading + k * spacing
-        dx, dy = np.cos(angle), np.sin(angle)
         reach = min(ranges[k], radius)
         steps = int(2.0 * reach / cell) + 1
-        for j in range(steps):
-            along = reach * (j + 0.5) / steps
-            column = int(np.floor((eye_x + along * dx) / cell)) + half
-            row = int(np.floor((eye_y + along * dy) / cell)) + half
-            if 0 <= row < size and 0 <= column < size and grid[row, column] == 0:
+        along = reach / (steps * cell)
+        dx = (cos * directions[k, 0] - sin * directions[k, 1]) * along
+        dy = (sin * directions[k, 0] + cos * directions[k, 1]) * along
+        first = min(int(radius / cell), steps) if skip else 0
+        skip = not skip
+        for j in range(first, steps):
+            x, y = eye_x + (j + 0.5) * dx, eye_y + (j + 0.5) * dy
+            if 0.0 <= x < size and 0.0 <= y < size:
+                column, row = int(x), int(y)
+                new += 1 - grid[row, column]
                 grid[row, column] = 1
-                new += 1
     return new
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cut_patch(
     grid: np.ndarray,
     cell: float,
     centre: tuple[float, float],
     pose: np.ndarray,
     patch_cell: float,
+    width: int,
     patch: np.ndarray,
 ) -> None:
-    """Fill `patch` with the cells around a pose: 1 covered, -1 not.
+    """Fill `patch`, row by row of `width` cells, with the cells around a pose: 1 covered, -1 not.
 
     Row 0 lies farthest ahead of the robot, column 0 farthest to its left.
     """
-    size = grid.shape[0]
-    half = size // 2
-    width = patch.shape[0]
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    size = np.float64(grid.shape[0])
+    half = grid.shape[0] // 2
+    cos, sin = math.cos(pose[2]) * patch_cell / cell, math.sin(pose[2]) * patch_cell / cell
+    middle_x = (pose[0] - centre[0]) / cell + half
+    middle_y = (pose[1] - centre[1]) / cell + half
     for row in range(width):
-        forward = ((width - 1) / 2 - row) * patch_cell
+        forward = (width - 1) / 2 - row
+        ahead_x, ahead_y = middle_x + cos * forward, middle_y + sin * forward
         for column in range(width):
-            left = ((width - 1) / 2 - column) * patch_cell
-            x = int(np.floor((pose[0] - centre[0] + cos * forward - sin * left) / cell)) + half
-            y = int(np.floor((pose[1] - centre[1] + sin * forward + cos * left) / cell)) + half
-            inside = 0 <= x < size and 0 <= y < size
-            patch[row, column] = 1.0 if inside and grid[y, x] else -1.0
+            left = (width - 1) / 2 - column
+            x, y = ahead_x - sin * left, ahead_y + cos * left
+            covered = False
+            if 0.0 <= x < size and 0.0 <= y < size:
+                covered = grid[int(y), int(x)] != 0
+            patch[row * width + column] = 1.0 if covered else -1.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def find_room(x: float, y: float, corners: np.ndarray, ends: np.ndarray) -> int:
     """The index of the first room whose outline holds the point, -1 where none does.
 
@@ -87,8 +96,8 @@ def find_room(x: float, y: float, corners: np.ndarray, ends: np.ndarray) -> int:
         inside = False
         last = ends[room] - 1
         for k in range(start, ends[room]):
-            x1, y1 = corners[last]
-            x2, y2 = corners[k]
+            x1, y1 = corners[last, 0], corners[last, 1]
+            x2, y2 = corners[k, 0], corners[k, 1]
             if (y1 > y) != (y2 > y) and x < x1 + (y - y1) / (y2 - y1) * (x2 - x1):
                 inside = not inside
             last = k
@@ -96,3 +105,72 @@ def find_room(x: float, y: float, corners: np.ndarray, ends: np.ndarray) -> int:
             return room
         start = ends[room]
     return -1
+
+
+@njit(cache=True, error_model="numpy")
+def log_scale(length: float, knee: float, longest: float) -> float:
+    """A length as a number from -1 at 0 to 1 at `longest` and beyond, finest where short."""
+    share = math.log1p(min(length, longest) / knee) / math.log1p(longest / knee)
+    return min(2.0 * share - 1.0, 1.0)
+
+
+@njit(cache=True, error_model="numpy")
+def scale_ranges(ranges: np.ndarray, knee: float, longest: float, scaled: np.ndarray) -> None:
+    """Fill the first of `scaled` with ranges (m): 1 at 0, -1 at `longest` and beyond."""
+    for k in range(ranges.shape[0]):
+        scaled[k] = -log_scale(ranges[k], knee, longest)
+
+
+@njit(cache=True, error_model="numpy")
+def observe_motions(
+    motion: np.ndarray,
+    heading: float,
+    home: np.ndarray,
+    scales: tuple[float, float, float, float],
+    row: np.ndarray,
+) -> None:
+    """Fill `row` (8,) with the parts motion, heading and home of an observation.
+
+    `scales` are the step's length and turn and the knee and range of home's distance.
+    """
+    step_length, step_turn, knee, longest = scales
+    for i in range(3):
+        share = motion[i] / (step_length if i < 2 else step_turn)
+        row[i] = min(max(share, -1.0), 1.0)
+    row[3], row[4] = math.cos(heading), math.sin(heading)
+    distance = math.hypot(home[0], home[1])
+    row[5], row[6] = 1.0, 0.0
+    if distance > 0.0:
+        row[5] = min(max(home[0] / distance, -1.0), 1.0)
+        row[6] = min(max(home[1] / distance, -1.0), 1.0)
+    row[7] = log_scale(distance, knee, longest)
+
+
+@njit(cache=True, error_model="numpy")
+def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray, homes: np.ndarray) -> None:
+    """Add the motions measured to beliefs x, y, heading (n, 3), and find home from there."""
+    for i in rows:
+        belief, motion, home = beliefs[i], motions[i], homes[i]
+        cos, sin = math.cos(belief[2]), math.sin(belief[2])
+        belief[0] += cos * motion[0] - sin * motion[1]
+        belief[1] += sin * motion[0] + cos * motion[1]
+        belief[2] = (belief[2] + motion[2] + math.pi) % (2 * math.pi) - math.pi
+        cos, sin = math.cos(belief[2]), math.sin(belief[2])
+        home[0] = -cos * belief[0] - sin * belief[1]
+        home[1] = sin * belief[0] - cos * belief[1]
+        home[2] = (math.pi - belief[2]) % (2 * math.pi) - math.pi
+
+
+@njit(cache=True, error_model="numpy")
+def find_errors(
+    starts: np.ndarray, poses: np.ndarray, beliefs: np.ndarray, errors: np.ndarray
+) -> None:
+    """Fill `errors` with the distances from true positions to believed ones.
+
+    A belief is in the frame of the pose in `starts`.
+    """
+    for i in range(errors.shape[0]):
+        cos, sin = math.cos(starts[i, 2]), math.sin(starts[i, 2])
+        x = starts[i, 0] + cos * beliefs[i, 0] - sin * beliefs[i, 1]
+        y = starts[i, 1] + sin * beliefs[i, 0] + cos * beliefs[i, 1]
+        errors[i] = math.hypot(x - poses[i, 0], y - poses[i, 1])

@@ -14,10 +14,11 @@ from gymnasium import spaces
 from jaxtyping import Float, Float32, Float64
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose
 from albot_core.mapper import Mapper
-from albot_core.perception.reading import Reading
+from albot_core.perception.reading import LaserGeometry, Reading
 from albot_env.tasks.coverage import Coverage, CoverageConfig
+from albot_env.tasks.kernels import observe_motions, scale_ranges
+from albot_env.tasks.survey_kernel import Scales
 
 Parts = dict[str, Float32[np.ndarray, "..."]]
 """An observation by part: `laser`, `motion`, `heading`, `home`, `coverage`."""
@@ -90,24 +91,46 @@ class ObservationConfig:
         in the map; `home` the direction of home in the robot's frame as cosine and sine,
         and its distance, -1 at home; `coverage` the patch of `Coverage.patch`.
         """
-        heading = mapper.pose[2]
+        row = np.empty(8, np.float32)
+        observe_motions(
+            reading.motion,
+            mapper.pose[2],
+            mapper.home,
+            (self.step_length, self.step_turn, self.home_knee, self.home_range),
+            row,
+        )
         return {
             "laser": self.observe_ranges(reading.laser.ranges),
-            "motion": _clip(reading.motion / (self.step_length, self.step_length, self.step_turn)),
-            "heading": _clip(np.array((np.cos(heading), np.sin(heading)))),
-            "home": self._home(mapper.home),
+            "motion": row[:3].copy(),
+            "heading": row[3:5].copy(),
+            "home": row[5:].copy(),
             "coverage": coverage.patch(mapper.pose),
         }
 
     def observe_ranges(self, ranges: Float[np.ndarray, "beams"]) -> Float32[np.ndarray, "beams"]:
         """Ranges (m) as the `laser` part shows them: 1 at 0, -1 at `laser_range` and beyond."""
-        return -_log_scale(ranges, self.laser_knee, self.laser_range)
+        scaled = np.empty(len(ranges), np.float32)
+        scale_ranges(np.asarray(ranges, np.float64), self.laser_knee, self.laser_range, scaled)
+        return scaled
 
-    def _home(self, home: Pose) -> Float32[np.ndarray, "3"]:
-        distance = np.hypot(home[0], home[1])
-        bearing = np.arctan2(home[1], home[0])
-        scaled = _log_scale(np.array((distance,)), self.home_knee, self.home_range)[0]
-        return _clip(np.array((np.cos(bearing), np.sin(bearing), scaled)))
+    def scales(self, laser: LaserGeometry) -> Scales:
+        """What the compiled survey goes by, for robots with this laser."""
+        coverage = self.coverage
+        return Scales(
+            cell=coverage.cell,
+            radius=coverage.radius,
+            patch_cell=coverage.patch_cell,
+            patch_cells=coverage.patch_cells,
+            laser_knee=self.laser_knee,
+            laser_range=self.laser_range,
+            step_length=self.step_length,
+            step_turn=self.step_turn,
+            home_knee=self.home_knee,
+            home_range=self.home_range,
+            mount_x=laser.mount[0],
+            mount_y=laser.mount[1],
+            spacing=laser.spacing,
+        )
 
     def flatten(self, parts: Parts) -> Float32[np.ndarray, "length"]:
         """All parts in one row, in the order of `shapes`."""
@@ -119,12 +142,21 @@ class ObservationConfig:
         Raises:
             InputError: The observation has another length.
         """
+        rows = self.split_rows(flat[np.newaxis])
+        return {name: part[0] for name, part in rows.items()}
+
+    def split_rows(self, rows: Float[np.ndarray, "observations length"]) -> Parts:
+        """The parts of many flat observations, each part of all of them in one array.
+
+        Raises:
+            InputError: The observations have another length.
+        """
         sizes = [int(np.prod(shape)) for shape in self.shapes.values()]
-        if flat.shape != (sum(sizes),):
-            raise InputError("observation", f"shape ({sum(sizes)},)", str(flat.shape))
-        pieces = np.split(flat, np.cumsum(sizes)[:-1])
+        if rows.shape[1] != sum(sizes):
+            raise InputError("observation", f"shape ({sum(sizes)},)", str(rows.shape[1:]))
+        pieces = np.split(rows, np.cumsum(sizes)[:-1], axis=1)
         return {
-            name: piece.reshape(shape)
+            name: piece.reshape(len(rows), *shape)
             for (name, shape), piece in zip(self.shapes.items(), pieces, strict=True)
         }
 
@@ -138,21 +170,9 @@ class ObservationConfig:
         return float(_inverse_log_scale(distances, self.home_knee, self.home_range)[0])
 
 
-def _clip(values: Float[np.ndarray, "*n"]) -> Float32[np.ndarray, "*n"]:
-    return np.asarray(np.clip(values, -1, 1), np.float32)
-
-
-def _log_scale(
-    lengths: Float[np.ndarray, "n"], knee: float, longest: float
-) -> Float32[np.ndarray, "n"]:
-    """Lengths as numbers from -1 at 0 to 1 at `longest`, finest where short."""
-    share = np.log1p(np.clip(lengths, 0, longest) / knee) / np.log1p(longest / knee)
-    return _clip(2 * share - 1)
-
-
 def _inverse_log_scale(
     scaled: Float[np.ndarray, "n"], knee: float, longest: float
 ) -> Float64[np.ndarray, "n"]:
-    """The lengths that `_log_scale` made these numbers of."""
+    """The lengths that `log_scale` made these numbers of."""
     share = (np.asarray(scaled, np.float64) + 1) / 2
     return np.asarray(knee * np.expm1(share * np.log1p(longest / knee)))

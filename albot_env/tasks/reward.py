@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Bool, Float64
 
 from albot_core.errors import InputError
 
@@ -28,9 +29,14 @@ class ExploreWeights:
                 raise InputError(f"ExploreWeights.{name}", "a finite number", str(value))
 
     def terms(
-        self, *, new_ground: float, new_room: bool, collided: bool, elapsed: float
-    ) -> dict[str, float]:
-        """The weighted terms of one step.
+        self,
+        *,
+        new_ground: Float64[np.ndarray, "robots"],
+        new_room: Bool[np.ndarray, "robots"],
+        collided: Bool[np.ndarray, "robots"],
+        elapsed: float,
+    ) -> dict[str, Float64[np.ndarray, "robots"]]:
+        """The weighted terms of one step, for each robot.
 
         Args:
             new_ground: Ground covered for the first time (m²).
@@ -40,7 +46,7 @@ class ExploreWeights:
         """
         return {
             "coverage": self.coverage * new_ground,
-            "room": self.room if new_room else 0.0,
-            "collision": self.collision if collided else 0.0,
-            "time": self.time * elapsed,
+            "room": np.where(new_room, self.room, 0.0),
+            "collision": np.where(collided, self.collision, 0.0),
+            "time": np.full(len(new_ground), self.time * elapsed),
         }

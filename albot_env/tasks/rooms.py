@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float64, Int64
 
 from albot_core.geometry.types import Pose
 from albot_env.tasks.kernels import find_room
 from albot_maps.world import Room
+
+
+def outlines_of(
+    rooms: tuple[Room, ...],
+) -> tuple[Float64[np.ndarray, "corners 2"], Int64[np.ndarray, "rooms"]]:
+    """The corners of all rooms' outlines one after another, and where each room's end."""
+    outlines = [np.asarray(room.boundary, np.float64) for room in rooms]
+    ends = np.cumsum([len(outline) for outline in outlines], dtype=np.int64)
+    return np.concatenate([np.empty((0, 2)), *outlines]), ends
 
 
 class RoomLog:
@@ -18,9 +28,7 @@ class RoomLog:
 
     def __init__(self, rooms: tuple[Room, ...]) -> None:
         self._names = tuple(room.name for room in rooms)
-        outlines = [np.asarray(room.boundary, np.float64) for room in rooms]
-        self._corners = np.concatenate([np.empty((0, 2)), *outlines])
-        self._ends = np.cumsum([len(outline) for outline in outlines], dtype=np.int64)
+        self._corners, self._ends = outlines_of(rooms)
         self._entered: set[int] = set()
 
     @property

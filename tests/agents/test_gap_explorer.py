@@ -29,7 +29,7 @@ def _explore(world: str | World, steps: int, seed: int, **options: Any) -> dict[
     return {**info, "contacts": contacts}
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [2, 3])
 def test_it_covers_a_quarter_of_the_office_in_two_minutes(seed: int) -> None:
     info = _explore("office-ring", 1200, seed)
     assert info["coverage"] > 0.25

@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.errors import InputError
-from albot_env.sim import PIONEER_3DX, RobotConfig
+from albot_env.sim import LMS_200, ODOMETERS, PIONEER_3DX, RobotConfig
 from albot_env.sim.drive import STANDSTILL, Wheels
-from albot_env.sim.space import PHYSICS_STEP, Floor, Robot
+from albot_env.sim.fleet import CROWD, Fleet
+from albot_env.sim.space import PHYSICS_STEP
 from albot_maps.world import World
 
 any_number = st.floats(allow_nan=False, allow_infinity=False)
@@ -71,36 +72,61 @@ def test_impossible_robots_are_refused(field: str, value: float) -> None:
         RobotConfig(**{field: value})
 
 
-def drives(floor: Floor, starts: np.ndarray, commands: np.ndarray) -> list[np.ndarray]:
+def fleet_in(world: World, starts: np.ndarray) -> Fleet:
+    """Robots in a world, each placed at its start."""
+    fleet = Fleet(
+        [world] * len(starts), robot=PIONEER_3DX, laser=LMS_200, odometer=ODOMETERS["pioneer"]
+    )
+    for row, start in enumerate(starts):
+        fleet.place(row, start, row)
+    return fleet
+
+
+def drives(world: World, starts: np.ndarray, commands: np.ndarray) -> np.ndarray:
     """The poses of robots on one floor, step by step, each with commands of its own."""
-    robots = [Robot(floor, PIONEER_3DX) for _ in starts]
-    for robot, start in zip(robots, starts, strict=True):
-        robot.place(start)
-    ways: list[list[np.ndarray]] = [[] for _ in robots]
+    fleet = fleet_in(world, starts)
+    ways = []
     for row in commands:
+        targets = np.array([PIONEER_3DX.wheels_for(*command) for command in row.tolist()])
         for _ in range(10):
-            for robot, command in zip(robots, row.tolist(), strict=True):
-                target = PIONEER_3DX.wheels_for(*command)
-                robot.drive(PIONEER_3DX.ramped(robot.wheels, target, PHYSICS_STEP))
-            floor.step()
-            for way, robot in zip(ways, robots, strict=True):
-                way.append(np.array([*robot.pose, robot.pushed]))
-    return [np.array(way) for way in ways]
+            fleet.drive(targets, 1)
+            ways.append(np.column_stack((fleet.poses, fleet.pushed)))
+    return np.stack(ways, axis=1)
 
 
 def test_robots_that_share_a_floor_get_the_same_bits_as_alone(box: World) -> None:
     rng = np.random.default_rng(2)
-    count = 6
+    count = CROWD + 4  # on two floors
     starts = np.column_stack((rng.uniform(0.3, 2.0, (count, 2)), rng.uniform(-3, 3, count)))
     commands = rng.uniform((-0.5, -2.0), (1.5, 2.0), (60, count, 2))
-    together = drives(Floor(box.walls), starts, commands)
+    together = drives(box, starts, commands)
     assert sum(way[:, 3].sum() for way in together) > 100
     for k in range(count):
-        alone = drives(Floor(box.walls), starts[k : k + 1], commands[:, k : k + 1])
+        alone = drives(box, starts[k : k + 1], commands[:, k : k + 1])
         np.testing.assert_array_equal(together[k], alone[0])
 
 
+def test_a_robot_placed_anew_leaves_the_others_and_its_own_future_as_they_were(box: World) -> None:
+    rng = np.random.default_rng(4)
+    starts = np.column_stack((rng.uniform(0.3, 2.0, (5, 2)), rng.uniform(-3, 3, 5)))
+    commands = rng.uniform((-0.5, -2.0), (1.5, 2.0), (40, 5, 2))
+    undisturbed = drives(box, starts, commands)
+    fleet = fleet_in(box, starts)
+    for step, row in enumerate(commands):
+        targets = np.array([PIONEER_3DX.wheels_for(*command) for command in row.tolist()])
+        if step in (7, 23):
+            fleet.place(1, starts[1], 9)
+        if step >= 23:
+            targets[1] = PIONEER_3DX.wheels_for(*commands[step - 23, 1].tolist())
+        fleet.drive(targets, 10)
+        others = [0, 2, 3, 4]
+        last = 10 * step + 9
+        np.testing.assert_array_equal(fleet.poses[others], undisturbed[others, last, :3])
+        if step >= 23:
+            np.testing.assert_array_equal(fleet.poses[1], undisturbed[1, last - 230, :3])
+
+
 def test_a_robot_that_stands_stays(box: World) -> None:
-    way = drives(Floor(box.walls), box.starts, np.zeros((20, 1, 2)))[0]
+    way = drives(box, box.starts, np.zeros((20, 1, 2)))[0]
     np.testing.assert_array_equal(way[:, :3], np.repeat(box.starts, 200, axis=0))
     assert STANDSTILL == (0.0, 0.0)

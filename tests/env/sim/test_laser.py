@@ -4,25 +4,44 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 from albot_core.errors import InputError
 from albot_core.perception.reading import LaserGeometry
 from albot_env.benchmarks.laser import measure_laser
 from albot_env.sim import LaserConfig
-from albot_env.sim.laser import Laser
+from albot_env.sim.laser import normal_table
+from albot_env.sim.sensing_kernels import disturb
 
 GEOMETRY = LaserGeometry(beams=20_000, spacing=1e-4, max_range=30.0)
 
 
-def sensed(true_range: float, **errors: float) -> np.ndarray:
-    laser = Laser(LaserConfig(geometry=GEOMETRY, **errors))
-    return laser.sense(np.full(20_000, true_range), np.random.default_rng(1)).ranges
+def sensed(true_range: float, place: int = 0, **errors: float) -> np.ndarray:
+    config = LaserConfig(geometry=GEOMETRY, **errors)
+    ranges = np.empty(20_000)
+    disturb(
+        np.full(20_000, true_range),
+        np.uint64(1),
+        place,
+        normal_table(config.range_noise),
+        config.dropout_threshold,
+        GEOMETRY.max_range,
+        ranges,
+    )
+    return ranges
 
 
 def test_ranges_scatter_by_the_noise_about_the_truth() -> None:
     ranges = sensed(5.0, range_noise=0.01, dropout=0.0)
     assert ranges.mean() == pytest.approx(5.0, abs=5e-4)
     assert ranges.std() == pytest.approx(0.01, rel=0.05)
+
+
+def test_the_errors_are_normal_and_no_two_readings_share_them() -> None:
+    one, other = (sensed(5.0, k * 20_000, range_noise=0.01, dropout=0.0) for k in range(2))
+    assert kstest((one - 5.0) / 0.01, "norm").pvalue > 0.01
+    assert abs(np.corrcoef(one, other)[0, 1]) < 0.03
+    assert abs(np.corrcoef(one[1:], one[:-1])[0, 1]) < 0.03
 
 
 def test_beams_drop_out_at_the_rate_asked_for() -> None:

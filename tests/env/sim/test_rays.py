@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.perception.reading import LaserGeometry
 from albot_env.benchmarks.laser import floor_plan
-from albot_env.sim import RayCaster
+from albot_env.sim import PIONEER_3DX, RayCaster
 from albot_env.sim.space import Floor
 from albot_maps.world import World
 
@@ -41,7 +41,7 @@ def disagreements(walls: np.ndarray, geometry: LaserGeometry, poses: np.ndarray)
     All of these must lie where a millionth of a radian decides: at a wall's end, at the
     end of the reach, or along a wall.
     """
-    floor = Floor(walls)
+    floor = Floor(walls, PIONEER_3DX, robots=0)
     scans = RayCaster(walls, geometry).scan_batch(poses)
     count = 0
     for scan, pose in zip(scans, poses, strict=True):

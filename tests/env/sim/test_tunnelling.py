@@ -12,16 +12,18 @@ import pytest
 
 from albot_core.geometry.types import Points, Segments
 from albot_env.benchmarks.laser import floor_plan
-from albot_env.sim import PIONEER_3DX
+from albot_env.sim import LMS_200, ODOMETERS, PIONEER_3DX
 from albot_env.sim.drive import Wheels
+from albot_env.sim.fleet import Fleet
 from albot_env.sim.simulator import SUBSTEPS
-from albot_env.sim.space import PHYSICS_STEP, Floor, Robot
+from albot_env.sim.space import Floor
+from albot_maps.world import World
 
 STEPS = 1_000_000 if os.environ.get("ALBOT_LONG_DRIVE") else 20_000
 ROBOTS = 50
 
 
-def free_places(floor: Floor, side: float, rng: np.random.Generator) -> list[np.ndarray]:
+def free_places(floor: Floor, side: float, rng: np.random.Generator) -> np.ndarray:
     """Poses with room for a robot inside the plan's outer walls."""
     places: list[np.ndarray] = []
     while len(places) < ROBOTS:
@@ -29,7 +31,7 @@ def free_places(floor: Floor, side: float, rng: np.random.Generator) -> list[np.
         pose = np.array([x, y, rng.uniform(-3, 3)])
         if floor.clearance(pose, 1.0) > PIONEER_3DX.radius:
             places.append(pose)
-    return places
+    return np.array(places)
 
 
 def any_command(rng: np.random.Generator) -> Wheels:
@@ -65,22 +67,20 @@ def test_no_robot_gets_through_a_wall(segments: int) -> None:
     rng = np.random.default_rng(segments)
     walls = floor_plan(segments, rng)
     side = walls.max()
-    floor = Floor(walls)
-    robots = [Robot(floor, PIONEER_3DX) for _ in range(ROBOTS)]
-    for robot, place in zip(robots, free_places(floor, side, rng), strict=True):
-        robot.place(place)
-    commands = [any_command(rng) for _ in robots]
-    before = np.array([robot.pose[:2] for robot in robots])
+    places = free_places(Floor(walls, PIONEER_3DX, robots=0), side, rng)
+    world = World(name="plan", walls=walls, starts=places[:1])
+    fleet = Fleet([world] * ROBOTS, robot=PIONEER_3DX, laser=LMS_200, odometer=ODOMETERS["ideal"])
+    for row, place in enumerate(places):
+        fleet.place(row, place, row)
+    commands = [any_command(rng) for _ in range(ROBOTS)]
+    before = fleet.poses[:, :2].copy()
     bumps = 0
     for _ in range(STEPS // ROBOTS // 2):
         for k in np.flatnonzero(rng.random(ROBOTS) < 0.05):
             commands[k] = any_command(rng)
-        for _ in range(SUBSTEPS):
-            for robot, command in zip(robots, commands, strict=True):
-                robot.drive(PIONEER_3DX.ramped(robot.wheels, command, PHYSICS_STEP))
-            floor.step()
-        bumps += sum(robot.pushed for robot in robots)
-        after = np.array([robot.pose[:2] for robot in robots])
+        fleet.drive(np.array(commands), SUBSTEPS)
+        bumps += int(fleet.pushed.sum())
+        after = fleet.poses[:, :2].copy()
         assert not crosses(walls, before, after).any()
         assert (after > 0).all()
         assert (after < side).all()

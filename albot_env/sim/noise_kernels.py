@@ -1,0 +1,35 @@
+"""Compiled random numbers: a stream that is a function of a key and of a place in it.
+
+SplitMix64 (Steele, Lea and Flood, Fast splittable pseudorandom number generators, OOPSLA
+2014) adds a constant to its state and scrambles the sum, so its n-th number can be had
+without the ones before. Nothing is kept but the key and a count, and a robot draws the same
+bits alone and among a thousand others.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_STEP = np.uint64(0x9E3779B97F4A7C15)
+_FIRST = np.uint64(0xBF58476D1CE4E5B9)
+_SECOND = np.uint64(0x94D049BB133111EB)
+
+
+@njit(cache=True, error_model="numpy")
+def draw(key: np.uint64, place: int) -> np.uint64:
+    """The 64 random bits at a place (uint64) of the stream with this key (uint64)."""
+    bits = key + _STEP * np.uint64(place)
+    bits = (bits ^ (bits >> np.uint64(30))) * _FIRST
+    bits = (bits ^ (bits >> np.uint64(27))) * _SECOND
+    return bits ^ (bits >> np.uint64(31))
+
+
+@njit(cache=True, error_model="numpy")
+def draw_normals(key: np.uint64, place: int) -> tuple[float, float]:
+    """Two independent normal numbers, from two places on (Box and Muller's transform)."""
+    first = np.float64(draw(key, place) >> np.uint64(11)) * 2.0**-53
+    second = np.float64(draw(key, place + 1) >> np.uint64(11)) * 2.0**-53
+    radius = np.sqrt(-2.0 * np.log(1.0 - first))
+    angle = 2.0 * np.pi * second
+    return radius * np.cos(angle), radius * np.sin(angle)

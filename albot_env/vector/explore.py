@@ -1,0 +1,264 @@
+"""Many `Albot/Explore-v0` stepped together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from jaxtyping import Bool, Float32, Float64, Int64
+
+from albot_core.errors import InputError
+from albot_env.tasks.expedition import Expedition
+from albot_env.tasks.explore import ENVIRONMENT, METADATA, ExploreConfig
+from albot_env.tasks.start import choose_start
+from albot_maps import World, load_world
+
+Observations = Float32[np.ndarray, "environments length"] | dict[str, Float32[np.ndarray, "..."]]
+Steps = tuple[
+    Observations,
+    Float64[np.ndarray, "environments"],
+    Bool[np.ndarray, "environments"],
+    Bool[np.ndarray, "environments"],
+    dict[str, Any],
+]
+
+
+class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
+    """Robots that explore, each as in an `ExploreEnv` of its own.
+
+    What environment i gives, from the reset with its seed on, is to the last bit what
+    `gymnasium.make` with the same settings gives. Spaces, rewards, and infos are those of
+    `ExploreEnv`, batched as gymnasium batches them. Robots in one and the same world share
+    physics, index of walls and maps of the ground.
+
+    Args:
+        num_envs: How many environments.
+        world: A world spec or a world for all, or one for each.
+        mapper: Name of the mapper inside each, or `none`.
+        odometer: Name of the odometer's preset.
+        observation: `flat` or `dict`.
+        config: What actions ask for, how observations are scaled, what is rewarded.
+        max_episode_steps: Steps after which an episode is truncated; None for never.
+        autoreset_mode: `NextStep`: the step after an episode's last one resets, whatever the
+            action. `SameStep`: the last step itself resets; the info then holds
+            `final_obs` and `final_info`. `Disabled`: who steps must call
+            `reset(options={"reset_mask": finished})` before.
+
+    Raises:
+        InputError: As for `ExploreEnv`; or there are not as many worlds as environments.
+    """
+
+    metadata = METADATA
+
+    def __init__(
+        self,
+        num_envs: int,
+        world: str | World | Sequence[str | World] = "office-ring",
+        *,
+        mapper: str = "albot1",
+        odometer: str = "pioneer",
+        observation: str = "flat",
+        config: ExploreConfig | None = None,
+        max_episode_steps: int | None = None,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+    ) -> None:
+        if num_envs < 1:
+            raise InputError(ENVIRONMENT, "at least 1", str(num_envs), place="num_envs")
+        if observation not in ("flat", "dict"):
+            raise InputError(ENVIRONMENT, "flat or dict", str(observation), place="observation")
+        self.num_envs = num_envs
+        self._mode = _mode(autoreset_mode)
+        self.metadata = {**METADATA, "autoreset_mode": self._mode}
+        self._worlds = _worlds(world, num_envs)
+        self._config = config = config or ExploreConfig()
+        self._flat = observation == "flat"
+        self._limit = max_episode_steps
+        scaling = config.observations
+        self._robots = Expedition(self._worlds, mapper, odometer, scaling, config.weights)
+        self.single_action_space = config.actions.space
+        self.single_observation_space = scaling.flat_space if self._flat else scaling.dict_space
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._generators: list[np.random.Generator | None] = [None] * num_envs
+        self._over: Bool[np.ndarray, "environments"] = np.zeros(num_envs, np.bool_)
+        self._begun: Bool[np.ndarray, "environments"] = np.zeros(num_envs, np.bool_)
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Let all robots set out anew, or with the option `reset_mask` those it says.
+
+        Args:
+            seed: One for environment 0, then counting up; or one for each.
+            options: `reset_mask`, (environments,) of bool; the others as for `ExploreEnv`.
+
+        Raises:
+            InputError: An option is unknown, or a mask, a start or the seeds are none.
+        """
+        settings = dict(options or {})
+        mask = _mask(settings.pop("reset_mask", None), self.num_envs)
+        rows = np.flatnonzero(mask)
+        for row, its_seed in zip(rows.tolist(), _seeds(seed, self.num_envs, rows), strict=True):
+            if its_seed is not None or self._generators[row] is None:
+                self._generators[row], _ = seeding.np_random(its_seed)
+            self._begin(row, settings)
+        self._over[rows] = False
+        self._robots.look(None if mask.all() else rows)
+        return self._observe(), self._infos(mask)
+
+    def step(self, actions: Any) -> Steps:
+        """Drive for 0.1 s.
+
+        Raises:
+            InputError: An action is not two numbers in [-1, 1].
+            ResetNeeded: An environment has not been reset, or is over in `Disabled` mode.
+        """
+        resetting = self._check_begun()
+        commands = self._config.actions.commands(actions, self.num_envs, ENVIRONMENT)
+        robots = self._robots
+        robots.drive(commands)
+        for row in np.flatnonzero(resetting).tolist():
+            self._begin(row, {})
+        robots.look()
+        rewards = robots.rewards
+        truncated = np.zeros(self.num_envs, np.bool_)
+        if self._limit is not None:
+            truncated = robots.steps >= self._limit
+        self._over = truncated.copy()
+        if self._mode is AutoresetMode.SAME_STEP and truncated.any():
+            infos = self._start_over(truncated)
+        else:
+            infos = self._infos(np.ones(self.num_envs, np.bool_))
+        terminated = np.zeros(self.num_envs, np.bool_)
+        return self._observe(), rewards, terminated, truncated, infos
+
+    def _check_begun(self) -> Bool[np.ndarray, "environments"]:
+        """Which environments this step resets."""
+        if not self._begun.all():
+            raise gymnasium.error.ResetNeeded(f"{ENVIRONMENT}: reset before the first step")
+        if self._mode is AutoresetMode.DISABLED and self._over.any():
+            over = int(np.argmax(self._over))
+            raise gymnasium.error.ResetNeeded(
+                f"{ENVIRONMENT}: environment {over} is over, reset it before the next step"
+            )
+        return self._over & (self._mode is AutoresetMode.NEXT_STEP)
+
+    def _begin(self, row: int, options: dict[str, Any]) -> None:
+        generator = self._generators[row]
+        assert generator is not None
+        name = f"{ENVIRONMENT}, environment {row}"
+        start = choose_start(self._worlds[row], generator, options, name)
+        self._robots.begin(row, start, generator)
+        self._begun[row] = True
+
+    def _start_over(self, over: Bool[np.ndarray, "environments"]) -> dict[str, Any]:
+        """Reset the environments that are over; the infos hold what they ended with."""
+        final_obs = np.full(self.num_envs, None, object)
+        for row in np.flatnonzero(over).tolist():
+            final_obs[row] = self._observation(row)
+        final = self._infos(over)
+        rows = np.flatnonzero(over)
+        for row in rows.tolist():
+            self._begin(row, {})
+        self._robots.look(rows)
+        self._over[:] = False
+        infos = self._infos(np.ones(self.num_envs, np.bool_))
+        infos |= {"final_obs": final_obs, "_final_obs": over.copy()}
+        return infos | {"final_info": final, "_final_info": over.copy()}
+
+    def _observation(self, row: int) -> Any:
+        """One environment's observation."""
+        flat = self._robots.observations[row].copy()
+        return flat if self._flat else self._config.observations.split(flat)
+
+    def _observe(self) -> Observations:
+        rows = self._robots.observations.copy()
+        return rows if self._flat else self._config.observations.split_rows(rows)
+
+    def _infos(self, mask: Bool[np.ndarray, "environments"]) -> dict[str, Any]:
+        """The infos as gymnasium batches them: zero and `_key` False where there is none."""
+        robots = self._robots
+        rooms = np.full(self.num_envs, None, object)
+        for row in np.flatnonzero(mask).tolist():
+            rooms[row] = robots.room(row)
+        values = {
+            "pose": robots.poses,
+            "belief": robots.beliefs,
+            "position_error": robots.position_errors,
+            "rooms_entered": robots.rooms_entered,
+            "coverage": robots.coverages,
+            "collided": robots.collided,
+            "path_length": robots.path_lengths,
+            "time": robots.times,
+            "updates": robots.updates,
+            "surfaces": robots.surfaces,
+        }
+        infos = {"reward_terms": _masked(robots.terms, mask), "_reward_terms": mask.copy()}
+        return infos | _masked(values, mask) | {"room": rooms, "_room": mask.copy()}
+
+
+def _masked(
+    values: dict[str, np.ndarray], mask: Bool[np.ndarray, "environments"]
+) -> dict[str, Any]:
+    """Copies of the values where the mask says so, zeros elsewhere; and the mask beside each."""
+    infos: dict[str, Any] = {}
+    everything = bool(mask.all())
+    for key, value in values.items():
+        copy = value.copy()
+        if not everything:
+            copy[~mask] = 0
+        infos[key], infos[f"_{key}"] = copy, mask.copy()
+    return infos
+
+
+def _mode(mode: str | AutoresetMode) -> AutoresetMode:
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        names = ", ".join(m.value for m in AutoresetMode)
+        raise InputError(
+            ENVIRONMENT, f"one of {names}", str(mode), place="autoreset_mode"
+        ) from None
+
+
+def _worlds(world: str | World | Sequence[str | World], count: int) -> list[World]:
+    """The world of each environment; one spec is one world."""
+    specs = [world] * count if isinstance(world, str | World) else list(world)
+    if len(specs) != count:
+        raise InputError(ENVIRONMENT, f"{count} worlds", str(len(specs)), place="world")
+    loaded = {spec: load_world(spec) for spec in specs if isinstance(spec, str)}
+    return [loaded[spec] if isinstance(spec, str) else spec for spec in specs]
+
+
+def _mask(mask: Any, count: int) -> Bool[np.ndarray, "environments"]:
+    if mask is None:
+        return np.ones(count, np.bool_)
+    expected = f"an array of {count} bool, one of them true"
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (count,):
+        raise InputError(ENVIRONMENT, expected, repr(mask), place="options.reset_mask")
+    if not mask.any():
+        raise InputError(ENVIRONMENT, expected, "none true", place="options.reset_mask")
+    return mask
+
+
+def _seeds(
+    seed: int | Sequence[int | None] | None, count: int, rows: Int64[np.ndarray, "some"]
+) -> list[int | None]:
+    """The seeds of some environments out of `count`."""
+    if seed is None:
+        seeds: list[int | None] = [None] * count
+    elif isinstance(seed, int | np.integer):
+        seeds = [int(seed) + k for k in range(count)]
+    else:
+        seeds = list(seed)
+    if len(seeds) != count:
+        raise InputError(ENVIRONMENT, f"{count} seeds", str(len(seeds)), place="seed")
+    return [seeds[row] for row in rows.tolist()]

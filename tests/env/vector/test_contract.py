@@ -1,0 +1,185 @@
+"""What every vectorised environment promises: bit for bit what single ones give."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
+
+import albot_env
+from albot_core.errors import InputError
+
+assert albot_env.__doc__  # Importing it registers the environments.
+IDS = sorted(
+    name
+    for name, spec in gymnasium.registry.items()
+    if name.startswith("Albot/") and spec.vector_entry_point
+)
+MODES = list(AutoresetMode)
+COUNT = 3
+
+
+def _vector(environment: str, count: int = COUNT, **options: Any) -> VectorEnv[Any, Any, Any]:
+    settings = {"world": "square-loop", "mapper": "none", "max_episode_steps": 7, **options}
+    return gymnasium.make_vec(environment, num_envs=count, **settings)
+
+
+def _singles(environment: str, mode: AutoresetMode, **options: Any) -> SyncVectorEnv[Any, Any]:
+    """The same by gymnasium's loop over single environments."""
+    settings = {"world": "square-loop", "mapper": "none", "max_episode_steps": 7, **options}
+    worlds = settings.pop("world")
+    worlds = [worlds] * COUNT if isinstance(worlds, str) else worlds
+    return SyncVectorEnv(
+        [lambda w=world: gymnasium.make(environment, world=w, **settings) for world in worlds],
+        autoreset_mode=mode,
+    )
+
+
+def assert_same(one: Any, other: Any, place: str = "") -> None:
+    """Both are the same to the last bit, types included."""
+    if isinstance(other, dict):
+        assert one.keys() == other.keys(), place
+        for key in other:
+            assert_same(one[key], other[key], f"{place}/{key}")
+    elif isinstance(other, tuple | list):
+        assert len(one) == len(other), place
+        for k, (a, b) in enumerate(zip(one, other, strict=True)):
+            assert_same(a, b, f"{place}/{k}")
+    elif isinstance(other, np.ndarray) and other.dtype == object:
+        assert_same(one.tolist(), other.tolist(), place)
+    elif isinstance(other, np.ndarray):
+        assert (one.dtype, one.shape) == (other.dtype, other.shape), place
+        assert one.tobytes() == other.tobytes(), (place, one, other)
+    else:
+        assert one == other, place
+
+
+def _drive(env: VectorEnv[Any, Any, Any], steps: int, seed: Any = 5) -> list[Any]:
+    """All that an environment gives in a drive by chance; resets what is over where need be."""
+    rng = np.random.default_rng(1)
+    seen: list[Any] = [env.reset(seed=seed)]
+    for _ in range(steps):
+        seen.append(env.step(rng.uniform(-1, 1, env.action_space.shape).astype(np.float32)))
+        over = seen[-1][2] | seen[-1][3]
+        if env.metadata["autoreset_mode"] is AutoresetMode.DISABLED and over.any():
+            seen.append(env.reset(options={"reset_mask": over}))
+    return seen
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("form", ["flat", "dict"])
+@pytest.mark.parametrize("mapper", ["none", "odometry", "albot1"])
+def test_a_batch_gives_what_single_environments_give(
+    environment: str, mode: AutoresetMode, form: str, mapper: str
+) -> None:
+    options = {"mapper": mapper, "observation": form}
+    batch = _drive(_vector(environment, autoreset_mode=mode, **options), 16)
+    assert_same(batch, _drive(_singles(environment, mode, **options), 16))
+
+
+@pytest.mark.parametrize("environment", IDS)
+def test_it_does_so_for_long_with_contacts_resets_and_worlds_of_their_own(
+    environment: str,
+) -> None:
+    options = {"world": ["square-loop", "office-ring", "square-loop"], "max_episode_steps": 400}
+    batch = _drive(_vector(environment, **options), 1000, seed=[3, 1, 4])
+    single = _drive(_singles(environment, AutoresetMode.NEXT_STEP, **options), 1000, [3, 1, 4])
+    assert_same(batch, single)
+
+
+@pytest.mark.parametrize("environment", IDS)
+def test_an_environment_does_not_depend_on_the_others(environment: str) -> None:
+    """In a crowd that overlaps all along, each drives as it does alone."""
+    count = 40
+    crowd = _vector(environment, count, max_episode_steps=30)
+    pair = _vector(environment, 2, max_episode_steps=30)
+    rng = np.random.default_rng(2)
+    crowd.reset(seed=0)
+    pair.reset(seed=[7, 39])
+    for _ in range(80):
+        actions = rng.uniform(-1, 1, (count, 2))
+        many, few = crowd.step(actions), pair.step(actions[[7, 39]])
+        assert_same([part[[7, 39]] for part in many[:4]], list(few[:4]))
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("form", ["flat", "dict"])
+def test_observations_are_inside_and_their_own(environment: str, form: str) -> None:
+    env = _vector(environment, observation=form)
+    seen = [step[0] for step in _drive(env, 20)]
+    assert all(observation in env.observation_space for observation in seen)
+    for before, after in pairwise(seen):
+        old = before.values() if form == "dict" else [before]
+        new = after.values() if form == "dict" else [after]
+        assert not any(np.shares_memory(a, b) for a, b in zip(old, new, strict=True))
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize(
+    ("actions", "message"),
+    [
+        (np.zeros((2, 2)), r"action: .* for each of 3, found shape \(2, 2\)"),
+        (np.array([[0, 0], [0, np.nan], [2, 0]]), r"action of environment 1: .*nan"),
+        (np.array([[0, 0], [0, 0], [2, 0]]), r"action of environment 2: .*\[2.0, 0.0\]"),
+        ("fast", "action: .*fast"),
+    ],
+)
+def test_actions_that_are_none_are_refused(environment: str, actions: Any, message: str) -> None:
+    env = _vector(environment)
+    env.reset(seed=1)
+    with pytest.raises(InputError, match=message):
+        env.step(actions)
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"world": ["office-ring"]}, "world: expected 3 worlds, found 1"),
+        ({"autoreset_mode": "Sometimes"}, "autoreset_mode: expected one of NextStep"),
+        ({"mapper": "albot2"}, "albot2"),
+        ({"odometer": "perfect"}, "perfect"),
+        ({"observation": "image"}, "image"),
+    ],
+)
+def test_settings_that_are_none_are_refused(
+    environment: str, options: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        _vector(environment, **options)
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        ({"seed": [1, 2]}, "seed: expected 3 seeds, found 2"),
+        ({"options": {"reset_mask": [True]}}, "reset_mask: expected an array of 3 bool"),
+        ({"options": {"reset_mask": np.zeros(3, bool)}}, "reset_mask: .* found none true"),
+        ({"options": {"place": 1}}, "environment 0, options: .* found place"),
+        ({"options": {"start": 99}}, "environment 0, options.start"),
+    ],
+)
+def test_resets_that_are_none_are_refused(
+    environment: str, call: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        _vector(environment).reset(**call)
+
+
+@pytest.mark.parametrize("environment", IDS)
+def test_stepping_what_has_not_begun_or_is_over_is_an_error(environment: str) -> None:
+    env = _vector(environment, autoreset_mode="Disabled", max_episode_steps=1)
+    still = np.zeros((COUNT, 2))
+    with pytest.raises(gymnasium.error.ResetNeeded, match="before the first step"):
+        env.step(still)
+    env.reset(seed=1, options={"start": 0})
+    env.step(still)
+    env.reset(options={"reset_mask": np.array([True, False, True])})
+    with pytest.raises(gymnasium.error.ResetNeeded, match="environment 1 is over"):
+        env.step(still)
