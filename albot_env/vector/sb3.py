@@ -1,0 +1,134 @@
+"""Batched environments for stable-baselines3, which takes no gymnasium vector environment.
+
+Needs the extra `train`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
+
+from albot_core.errors import InputError
+
+_SOURCE = "stable-baselines3"
+
+
+def make_sb3(environment: str, num_envs: int, **settings: Any) -> BatchedVecEnv:
+    """Many environments in one, for stable-baselines3's learners.
+
+    Args:
+        environment: Id, such as `Albot/Explore-v0`.
+        num_envs: How many.
+        settings: As for `gymnasium.make_vec`.
+
+    Raises:
+        InputError: As for the environment.
+    """
+    settings = {"autoreset_mode": AutoresetMode.SAME_STEP, **settings}
+    return BatchedVecEnv(gymnasium.make_vec(environment, num_envs=num_envs, **settings))
+
+
+class BatchedVecEnv(VecEnv):
+    """A batch in stable-baselines3's form.
+
+    The infos of most steps are empty. That of an episode's last step holds
+    `terminal_observation`, `TimeLimit.truncated`, the numbers and names of the final info
+    and, where the task knows of success, `is_success`.
+
+    Args:
+        batch: The batch; it must reset in the same step, as stable-baselines3 expects.
+
+    Raises:
+        InputError: The batch resets in another way.
+    """
+
+    def __init__(self, batch: VectorEnv[Any, Any, np.ndarray]) -> None:
+        mode = batch.metadata.get("autoreset_mode")
+        if mode is not AutoresetMode.SAME_STEP:
+            raise InputError(_SOURCE, "autoreset_mode SameStep", str(mode))
+        self._batch: Any = batch
+        self._actions: np.ndarray | None = None
+        super().__init__(batch.num_envs, batch.single_observation_space, batch.single_action_space)
+
+    def reset(self) -> VecEnvObs:
+        """Reset all, with the seeds of `seed` and the options of `set_options`.
+
+        Raises:
+            InputError: The options differ between environments.
+        """
+        if any(options != self._options[0] for options in self._options):
+            raise InputError(_SOURCE, "the same options for all", str(self._options))
+        observations: VecEnvObs
+        observations, _ = self._batch.reset(seed=list(self._seeds), options=self._options[0])
+        self._reset_seeds()
+        self._reset_options()
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        return observations
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Keep the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Take the step."""
+        assert self._actions is not None, "step_async comes before step_wait"
+        observations, rewards, ended, truncated, batched = self._batch.step(self._actions)
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        over = ended | truncated
+        for k in np.flatnonzero(over).tolist():
+            infos[k] = _single(batched["final_info"], k)
+            infos[k]["terminal_observation"] = batched["final_obs"][k]
+            infos[k]["TimeLimit.truncated"] = bool(truncated[k] and not ended[k])
+        return observations, rewards.astype(np.float32), over, infos
+
+    def close(self) -> None:
+        """Close the batch."""
+        self._batch.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """The batch's attribute, once for each environment asked for."""
+        return [getattr(self._batch, attr_name)] * len(self._chosen(indices))
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Refused: the environments of a batch have no attributes of their own.
+
+        Raises:
+            AttributeError: Always.
+        """
+        raise AttributeError(f"{attr_name} cannot be set in single environments of a batch")
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **_: Any
+    ) -> list[Any]:
+        """Refused: the environments of a batch have no methods of their own.
+
+        Raises:
+            AttributeError: Always.
+        """
+        raise AttributeError(f"{method_name} cannot be called in single environments of a batch")
+
+    def env_is_wrapped(
+        self,
+        wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]],
+        indices: VecEnvIndices = None,
+    ) -> list[bool]:
+        """False for all: the environments of a batch are not wrapped."""
+        return [False] * len(self._chosen(indices))
+
+    def _chosen(self, indices: VecEnvIndices) -> Sequence[int]:
+        return list(self._get_indices(indices))
+
+
+def _single(batched: dict[str, Any], index: int) -> dict[str, Any]:
+    """The info of one environment out of a batch's."""
+    return {
+        key: _single(value, index) if isinstance(value, dict) else value[index]
+        for key, value in batched.items()
+        if not key.startswith("_")
+    }

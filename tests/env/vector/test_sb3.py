@@ -1,0 +1,64 @@
+"""The batch in stable-baselines3's form: what its learners rely on, and that they learn with it."""
+
+from __future__ import annotations
+
+import gymnasium
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecMonitor
+
+from albot_core.errors import InputError
+from albot_env.vector.sb3 import BatchedVecEnv, make_sb3
+
+ENVIRONMENT = "Albot/Explore-v0"
+SETTINGS = {"world": "square-loop", "mapper": "none", "max_episode_steps": 6}
+
+
+def test_an_episode_s_end_tells_how_it_ended_and_what_was_seen_last() -> None:
+    env = make_sb3(ENVIRONMENT, 2, **SETTINGS)
+    single = gymnasium.make(ENVIRONMENT, **SETTINGS)
+    env.seed(8)
+    first = env.reset()
+    seen, _ = single.reset(seed=9)
+    np.testing.assert_array_equal(first[1], seen)
+    for step in range(1, 7):
+        observations, rewards, dones, infos = env.step(np.full((2, 2), 0.3, np.float32))
+        seen, reward, _, _, info = single.step(np.full(2, 0.3, np.float32))
+        assert rewards[1] == np.float32(reward)
+        assert dones.tolist() == [step == 6] * 2
+        if step < 6:
+            np.testing.assert_array_equal(observations[1], seen)
+            assert infos == [{}, {}]
+    assert infos[1]["TimeLimit.truncated"] is True
+    np.testing.assert_array_equal(infos[1]["terminal_observation"], seen)
+    assert infos[1]["coverage"] == info["coverage"]
+    assert infos[1]["reward_terms"] == info["reward_terms"]
+    after, _ = single.reset()
+    np.testing.assert_array_equal(observations[1], after)
+
+
+@pytest.mark.parametrize(("form", "policy"), [("flat", "MlpPolicy"), ("dict", "MultiInputPolicy")])
+def test_ppo_learns_with_it(form: str, policy: str) -> None:
+    env = VecMonitor(make_sb3(ENVIRONMENT, 4, observation=form, **SETTINGS))
+    model = PPO(policy, env, n_steps=16, batch_size=32, n_epochs=2, seed=0, device="cpu")
+    before = [weights.detach().clone() for weights in model.policy.parameters()]
+    model.learn(128)
+    assert len(model.ep_info_buffer) == 4 * (32 // 6)
+    assert all(episode["l"] == 6 for episode in model.ep_info_buffer)
+    after = model.policy.parameters()
+    assert any(not old.equal(new) for old, new in zip(before, after, strict=True))
+
+
+def test_a_batch_that_resets_in_another_way_is_refused() -> None:
+    batch = gymnasium.make_vec(ENVIRONMENT, num_envs=2, **SETTINGS)
+    with pytest.raises(InputError, match="expected autoreset_mode SameStep"):
+        BatchedVecEnv(batch)
+    env = make_sb3(ENVIRONMENT, 2, **SETTINGS)
+    with pytest.raises(AttributeError, match="batch"):
+        env.env_method("step")
+    with pytest.raises(AttributeError, match="batch"):
+        env.set_attr("world", 1)
+    env.set_options([{"start": 0}, {"start": 1}])
+    with pytest.raises(InputError, match="the same options for all"):
+        env.reset()
