@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,7 +30,7 @@ RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "odometer", "record")
 @click.command()
 @click.argument("episode", required=False, type=click.Path(path_type=Path))
 @click.option("--world", default="office-ring", show_default=True, help="World: a name or a file.")
-@click.option("--mapper", default="albot1", show_default=True, help="Mapping system.")
+@click.option("--mapper", default="albot1", show_default=True, help="See `albot mappers`.")
 @click.option("--agent", default="gap-explorer", show_default=True, help="Who drives.")
 @click.option("--odometer", default="pioneer", show_default=True, help="ideal, pioneer or poor.")
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(min=0))
@@ -127,9 +129,11 @@ def _run(
     driver.reset(np.random.default_rng((seed, 1)))
     try:
         first, _ = env.reset(seed=seed)
-        with open_stage(
-            f"{agent} in {world}", total=steps, speed=speed, headless=headless
-        ) as stage:
+        title = f"{agent} in {world}"
+        with (
+            _told_what_is_left(record),
+            open_stage(title, total=steps, speed=speed, headless=headless) as stage,
+        ):
             driven, contacts, info = _drive(env, explorer, driver, first, stage)
         _save_picture(explorer.frame, png)
     finally:
@@ -150,6 +154,16 @@ def _run(
         "rooms_entered": info["rooms_entered"],
         "steps_in_contact": contacts,
     }
+
+
+@contextmanager
+def _told_what_is_left(record: Path) -> Iterator[None]:
+    """Say, where Ctrl-C ends the episode, that what was driven is not lost."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        click.echo(f"albot: {record} holds the episode up to here", err=True)
+        raise
 
 
 def _drive(

@@ -179,9 +179,11 @@ def test_ctrl_c_leaves_a_readable_file(tmp_path: Path) -> None:
     ):
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    out, _ = process.communicate(timeout=60)
+    out, told = process.communicate(timeout=60)
     assert process.returncode == 130
     assert out == b""
+    assert b"albot: episode.mcap holds the episode up to here\n" in told
+    assert told.endswith(b"albot: stopped\n")
     reader = EpisodeReader(episode)
     assert len(list(reader.moments())) > 20
     assert not reader.torn
