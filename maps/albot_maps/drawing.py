@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from shapely.plotting import patch_from_polygon
 
-from albot_core.errors import InputError
 from albot_core.files import replacing
 from albot_maps.freespace import FreeSpace
 from albot_maps.world import ROBOT_RADIUS, World
@@ -26,7 +25,6 @@ _LONGER_SIDE = 11.0
 """The picture's longer side (inches)."""
 _PLAN_SIDE = 4.0
 """Side of a plan on a sheet of many (inches)."""
-_MOST_ON_A_SHEET = 100
 _MOST_WITH_NAMES = 4
 """On a sheet of more plans the names would cover each other."""
 _HAIR = 1e-3
@@ -45,13 +43,7 @@ def save_picture(world: World, path: Path, *, tours: Iterable[str] = ()) -> None
 
 
 def save_sheet(worlds: Sequence[World], path: Path) -> None:
-    """Write the plans of many worlds, each under its source, to one PNG file.
-
-    Raises:
-        InputError: There are more of them than fit on a sheet.
-    """
-    if len(worlds) > _MOST_ON_A_SHEET:
-        raise InputError(path, f"at most {_MOST_ON_A_SHEET} worlds a sheet", str(len(worlds)))
+    """Write the plans of many worlds, each under its source, to one PNG file."""
     columns = math.isqrt(len(worlds) - 1) + 1
     rows = -(-len(worlds) // columns)
     figure = Figure(figsize=(_PLAN_SIDE * columns, _PLAN_SIDE * rows), layout="tight")

@@ -55,7 +55,11 @@ class FreeSpace:
 
     def is_enclosed(self, point: Float64[np.ndarray, "2"]) -> bool:
         """Whether the walls keep the disc from leaving the building from `point` (m)."""
-        return not self.region_at(point).intersects(self._frame.exterior)
+        return self.encloses(self.region_at(point))
+
+    def encloses(self, region: shapely.Polygon) -> bool:
+        """Whether walls bar the way from one of the regions out of the building."""
+        return not region.intersects(self._frame.exterior)
 
     def enters(self, region: shapely.Polygon, outline: shapely.Polygon) -> bool:
         """Whether the disc, moving about in `region`, can stand wholly inside `outline`."""

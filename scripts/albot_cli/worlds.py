@@ -16,6 +16,7 @@ from albot_maps import World, catalogue_names, load_world
 from albot_maps.formats.world_text import world_text
 
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object, no more.")
+_MOST_ON_A_SHEET = 100
 _WORLD = click.argument("spec", metavar="WORLD")
 
 
@@ -111,14 +112,17 @@ def make(
     _check_png(png)
     if out is None and png is None:
         raise InputError("albot worlds make", "--out DIR, --png FILE or both", "neither")
+    if png is not None and count > _MOST_ON_A_SHEET:
+        raise InputError("--png", f"at most {_MOST_ON_A_SHEET} worlds on one sheet", str(count))
     query = "?" + "&".join(params) if params else ""
     worlds = []
     with progress("make", count, "worlds") as tell:
         for done in range(count):
             worlds.append(load_world(f"random:{kind}:{seed + done}{query}"))
-            if out is not None:
-                write_text(out / f"{worlds[-1].name}.yaml", world_text(worlds[-1]))
             tell(done + 1)
+    if out is not None:
+        for world in worlds:
+            write_text(out / f"{world.name}.yaml", world_text(world))
     if png is not None:
         from albot_maps.drawing import save_sheet  # matplotlib is slow to load
 

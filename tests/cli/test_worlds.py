@@ -180,3 +180,63 @@ def test_a_place_that_cannot_be_written_gets_one_line(albot, arguments, words):
     assert words in complaint
     assert complaint.count("\n") == 1
     assert {path.name for path in Path().iterdir()} == {"hut", "folder.yaml"}
+
+
+def test_make_writes_worlds_that_read_the_same(albot):
+    arguments = ("make", "office", "--count", "3", "--seed", "5", "--param", "rooms=8")
+    status, out, err = albot(*arguments, "--param", "clutter=0", "--out", "made/here", "--json")
+    assert (status, err) == (0, "")
+    made = json.loads(out)["worlds"]
+    assert [each["name"] for each in made] == ["office-5", "office-6", "office-7"]
+    for each in made:
+        written, again = load_world(each["file"]), load_world(each["source"])
+        assert each["source"].endswith("?rooms=8&clutter=0.0")
+        assert np.array_equal(written.walls, again.walls)
+        assert [room.name for room in written.rooms] == each["rooms"]
+        assert sum(not name.startswith(("corridor", "link")) for name in each["rooms"]) == 8
+
+
+def test_make_draws_a_contact_sheet(albot):
+    status, out, err = albot("make", "maze", "--count", "5", "--png", "sheet.png")
+    assert (status, err) == (0, "")
+    assert out.splitlines()[-1].startswith("random:maze:4  ")
+    with Image.open("sheet.png") as picture:
+        pixels = np.asarray(picture.convert("RGB")).astype(int)
+    # Five plans in three columns and two rows; the sixth place stays white.
+    height, width = pixels.shape[0] // 2, pixels.shape[1] // 3
+    drawn = [
+        (
+            pixels[row * height : (row + 1) * height, column * width : (column + 1) * width] < 90
+        ).any()
+        for row in range(2)
+        for column in range(3)
+    ]
+    assert drawn == [True] * 5 + [False]
+    assert [path.name for path in Path().iterdir()] == ["sheet.png"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("office",), "expected --out DIR, --png FILE or both, found neither"),
+        (("ofice", "--out", "o"), "found ofice (did you mean office?)"),
+        (("office", "--out", "o", "--param", "room=3"), "found room (did you mean rooms?)"),
+        (("office", "--out", "o", "--param", "rooms"), "found 'rooms'"),
+        (("office", "--png", "o.jpg"), "--png: expected a name that ends in .png"),
+        (
+            ("maze", "--png", "o.png", "--count", "101"),
+            "--png: expected at most 100 worlds on one",
+        ),
+        (
+            ("office", "--out", "o", "--param", "width=9", "--param", "loops=2"),
+            "width: expected at",
+        ),
+    ],
+)
+@pytest.mark.parametrize("flags", [(), ("--json",)])
+def test_make_says_in_one_line_what_cannot_be_made(albot, arguments, words, flags):
+    status, printed, complaint = albot("make", *arguments, *flags)
+    assert (status, printed) == (2, "")
+    assert complaint.count("\n") == 1
+    assert words in complaint
+    assert not list(Path().iterdir())

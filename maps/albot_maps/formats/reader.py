@@ -14,7 +14,10 @@ _PICTURES = {".pgm", ".png"}
 
 
 def read_world(path: Path) -> World:
-    """The world in a file: our own YAML, a ROS map (its YAML or its picture), a plan's XML.
+    """The world in a file: our own YAML or a foreign format, told by the file's ending.
+
+    Foreign are a ROS map (its YAML or its picture), a plan's XML, a HouseExpo house (JSON)
+    and a Stage world.
 
     Any of them may be compressed (`.gz`, `.xz`).
 
@@ -29,9 +32,19 @@ def read_world(path: Path) -> World:
         from albot_maps.formats.plan_xml import read_plan_xml
 
         return read_plan_xml(path)
+    if kind == ".json":
+        from albot_maps.formats.house_json import read_house_json
+
+        return read_house_json(path)
+    if kind == ".world":
+        from albot_maps.formats.stage_world import read_stage_world
+
+        return read_stage_world(path)
     if kind in _PICTURES:
         return _read_yaml_world(_description_of(path))
-    raise InputError(path, "a world file: .yaml, .xml, .pgm or .png", kind or "no suffix")
+    raise InputError(
+        path, "a world file: .yaml, .xml, .json, .world, .pgm or .png", kind or "no suffix"
+    )
 
 
 def _read_yaml_world(path: Path) -> World:

@@ -128,13 +128,13 @@ def _start(occupied: Cells, free: Cells, description: _Description) -> Float64[n
 
 def _read_cells(description: _Description) -> tuple[Cells, Cells]:
     """Which cells are occupied and which are free; the rest were never seen."""
-    shade = _read_shades(description.picture) / 255
+    shade = read_shades(description.picture) / 255
     darkness = shade if description.negate else 1 - shade
     upward = darkness[::-1]
     return upward > description.occupied_above, upward < description.free_below
 
 
-def _read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
+def read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
     """The picture's brightness, 0 to 255; that of a coloured one is its channels' mean."""
     content = read_bytes(path)
     try:

@@ -15,6 +15,8 @@ from albot_maps.generators.plan import Plan
 
 _LEAST_BLOCK = 100
 """The shortest side of what a loop runs round (cm)."""
+_LARGEST = 500_000
+"""The widest that all loops together may be (cm)."""
 _LENGTH_PER_PIECE = 200
 """At full clutter one piece is wanted for so much corridor (cm)."""
 
@@ -41,7 +43,7 @@ def draw_ring(parameters: RingParameters, dice: Dice, source: str) -> tuple[Plan
     """The loops, and a start in the first.
 
     Raises:
-        InputError: A loop is too short for its corridors.
+        InputError: A loop is too short for its corridors, or all are too long.
     """
     corridor = round(100 * parameters.corridor_width)
     halves = _half_lengths(parameters)
@@ -51,10 +53,13 @@ def draw_ring(parameters: RingParameters, dice: Dice, source: str) -> tuple[Plan
         raise InputError(source, expected, str(parameters.length), place="length")
     # All loops are as deep as each other; a third to a half of the first one's half.
     depth = max(least, min(halves[0] * dice.whole(33, 55) // 100, halves[0] - least))
-    plan = Plan()
     rungs = [0]
     for half in halves:
         rungs.append(rungs[-1] + half - depth)
+    if rungs[-1] > _LARGEST:
+        found = f"{rungs[-1] / 100:.0f} m"
+        raise InputError(source, f"loops at most {_LARGEST // 100} m wide", found, place="growth")
+    plan = Plan()
     names = []
     for index, x in enumerate(rungs):
         box = Box(x, 0, x + corridor, depth + corridor)

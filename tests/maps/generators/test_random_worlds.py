@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -269,6 +270,7 @@ def test_the_spec_of_a_world_says_what_differs_from_the_defaults():
         ("random:maze:1?columns=3&symmetry=true", "columns: expected an even number"),
         ("random:maze:1?columns=4&rows=4&loops=10", "loops: expected at most 9 in 4 x 4 cells"),
         ("random:hall:1?pillars=1", "pillars: expected 0, or at least 3 m"),
+        ("random:ring:1?growth=3&loops=10", "growth: expected loops at most 5000 m wide"),
         ("random:ring:1?length=9", "length: expected at least 12 with corridors of 2 m"),
     ],
 )
@@ -277,3 +279,28 @@ def test_what_cannot_be_is_said_in_one_line(spec, words):
         load_world(spec)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_the_documentation_lists_every_parameter():
+    text = (Path(__file__).parents[3] / "docs" / "worlds.md").read_text(encoding="utf-8")
+    for kind in KINDS:
+        known = parameters_of(kind)
+        section = text.split(f"### `random:{kind}`")[1].split("\n#")[0]
+        rows = [line.split(" | ") for line in section.splitlines() if line.startswith("| `")]
+        listed = {row[0].strip("| `"): (row[1], row[2]) for row in rows}
+        assert listed.keys() == known.ranges().keys()
+        for name, allowed in known.ranges().items():
+            default = known.defaults()[name]
+            assert listed[name] == (shown(default), shown_range(allowed))
+
+
+def shown(default: object) -> str:
+    if isinstance(default, bool):
+        return str(default).lower()
+    return "" if default is None else f"{default:g}"
+
+
+def shown_range(allowed: Range) -> str:
+    if allowed.type is bool:
+        return "true, false"
+    return f"{allowed.least:g}–{allowed.most:g} {allowed.unit}".rstrip()

@@ -1,0 +1,164 @@
+"""Reading Stage's `.world` files: floor plans as bitmaps, boxes and blocks.
+
+As Stage does, a model's shape is stretched to its `size`, whatever its own units, and then
+turned and put where its `pose` says.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import transform_segments
+from albot_core.geometry.types import Segments
+from albot_maps.formats.ros_grid import read_shades, trace_cells
+from albot_maps.formats.stage_text import Model, StageText, Value
+from albot_maps.freespace import FreeSpace
+from albot_maps.world import ROBOT_RADIUS, World
+
+_SOLID_TYPES = {"model", "floorplan"}
+"""What stands in the way; Stage's other types are robots and their parts."""
+_DARK = 128
+"""A pixel darker than this is solid."""
+_SQUARE = np.array([[0.0, 0, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 0, 0]])
+_DEEPEST = 50
+"""How many definitions may build on each other."""
+
+
+def read_stage_world(path: Path) -> World:
+    """The world in a Stage file.
+
+    Files it includes that are not there are passed over, and so are models of types that
+    they would define, robots and sensors; notes say so. The start is the middle of the
+    widest place inside.
+
+    Raises:
+        InputError: The file or its bitmap cannot be read, or nothing in it is solid.
+    """
+    text = StageText()
+    text.read(path)
+    walls, left_out = [], Counter[str]()
+    notes = [f"not there: {name}" for name in dict.fromkeys(text.missing)]
+    for model in text.models:
+        solid = _Solid(model, text)
+        if solid.stands_in_the_way:
+            walls.append(solid.walls())
+            notes += solid.notes
+        else:
+            left_out[model.type] += 1
+    if not walls:
+        raise InputError(path, "a floorplan or a model that is solid", "none")
+    if left_out:
+        listed = ", ".join(f"{count} {kind}" for kind, count in left_out.items())
+        notes.append(f"left out, for they are not known or not solid: {listed}")
+    everything = np.concatenate(walls)
+    return World(
+        name=path.stem,
+        walls=everything,
+        starts=_start(everything, path),
+        notes=tuple(notes),
+        source=str(path),
+    )
+
+
+def _start(walls: Segments, path: Path) -> np.ndarray:
+    """The middle of the widest place of the largest stretch that walls enclose, if any."""
+    space = FreeSpace(walls, ROBOT_RADIUS)
+    closed = [region for region in space.regions if space.encloses(region)]
+    if not closed:
+        raise InputError(path, f"walls round a robot of radius {ROBOT_RADIUS} m", "none")
+    widest = max(closed, key=lambda region: float(region.area))
+    x, y = shapely.maximum_inscribed_circle(widest, tolerance=0.05).coords[0]
+    return np.array([[round(x, 2), round(y, 2), 0.0]])
+
+
+class _Solid:
+    """A model with all that the definitions of its type say."""
+
+    def __init__(self, model: Model, text: StageText) -> None:
+        self._model = model
+        self._values: dict[str, Value] = dict(model.values)
+        self._blocks = [part for part in model.parts if part.type == "block"]
+        self.notes: list[str] = []
+        kind = model.type
+        for _ in range(_DEEPEST):
+            definition = text.defined.get(kind)
+            if definition is None:
+                break
+            self._values = definition.values | self._values
+            self._blocks += [part for part in definition.parts if part.type == "block"]
+            kind = definition.type
+        self._kind = kind
+
+    @property
+    def stands_in_the_way(self) -> bool:
+        """Whether it is of a type known to be solid."""
+        return self._kind in _SOLID_TYPES and self._values.get("obstacle_return", 1.0) != 0
+
+    def walls(self) -> Segments:
+        """Its outline in the world (m)."""
+        shape = self._shape()
+        corners = shape.reshape(-1, 2)
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        if (high <= low).any():
+            raise self._error("a shape with an area", "a line")
+        size = self._numbers("size", (2, 3), [1.0, 1.0])[:2]
+        if (size <= 0).any():
+            raise self._error("a size larger than 0", str(size.tolist()))
+        pose = self._numbers("pose", (3, 4), [0.0, 0.0, 0.0])
+        stretched = ((corners - (low + high) / 2) * size / (high - low)).reshape(-1, 4)
+        turned = np.array([pose[0], pose[1], np.deg2rad(pose[-1])])
+        return transform_segments(turned, stretched)
+
+    def _shape(self) -> Segments:
+        """Its outline in units of its own."""
+        if "bitmap" in self._values:
+            return self._bitmap(str(self._values["bitmap"]))
+        if not self._blocks:
+            return _SQUARE
+        outlines = [self._outline(block) for block in self._blocks]
+        return np.concatenate(
+            [np.concatenate((points, np.roll(points, -1, axis=0)), axis=1) for points in outlines]
+        )
+
+    def _bitmap(self, name: str) -> Segments:
+        """The dark pixels, traced; with a `boundary` the picture's edge too."""
+        folder = self._model.path.parent
+        picture = folder / name
+        beside = folder / Path(name).name
+        if not picture.is_file() and beside.is_file():
+            self.notes.append(f"{name} is not there; {beside.name} beside the file was taken")
+            picture = beside
+        dark = read_shades(picture)[::-1] < _DARK
+        if not dark.any():
+            raise InputError(picture, "at least one dark pixel", "none")
+        edge = _SQUARE * np.array([dark.shape[::-1] * 2])
+        bounded = self._values.get("boundary", 0.0) == 1
+        return np.concatenate((trace_cells(dark), edge)) if bounded else trace_cells(dark)
+
+    def _outline(self, block: Model) -> np.ndarray:
+        points = [value for key, value in block.values.items() if key.startswith("point[")]
+        rows = [row for row in points if isinstance(row, list) and len(row) == 2]
+        if len(rows) != len(points) or len(rows) < 3 or not _all_numbers(rows):
+            raise InputError(
+                block.path, "3 points or more of 2 numbers each", place=f"line {block.line}"
+            )
+        return np.array(rows, dtype=np.float64)
+
+    def _numbers(self, key: str, lengths: tuple[int, ...], otherwise: list[float]) -> np.ndarray:
+        row = self._values.get(key, list(otherwise))
+        if not isinstance(row, list) or len(row) not in lengths or not _all_numbers([row]):
+            expected = f"{key} with {' or '.join(map(str, lengths))} numbers"
+            raise self._error(expected, str(row))
+        return np.array(row, dtype=np.float64)
+
+    def _error(self, expected: str, found: str) -> InputError:
+        return InputError(self._model.path, expected, found, place=f"line {self._model.line}")
+
+
+def _all_numbers(rows: list[list[str | float]]) -> bool:
+    return all(isinstance(item, float) and np.isfinite(item) for row in rows for item in row)

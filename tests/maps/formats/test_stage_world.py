@@ -1,0 +1,137 @@
+"""Stage worlds: bitmaps and boxes in their place, and what is passed over or refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from PIL import Image
+
+from albot_core.errors import InputError
+from albot_maps import load_world
+from albot_maps.freespace import wall_lines
+
+MAP_INC = """
+define floorplan model ( color "gray30" boundary 1 gui_nose 0 obstacle_return 1 )
+define crate model ( size [1 0.5 0.5] )
+define robot position ( size [0.4 0.4 0.2] ranger ( pose [0 0 0 0] ) )
+"""
+WORLD = """
+# a world
+include "map.inc"
+include "gone.inc"
+resolution 0.02  # metres
+window ( size [ 600 400 ] center [-7.01 5.96] )
+floorplan ( name "plan" bitmap "bitmaps/room.png" size [8 4 1] pose [1 2 0 0] )
+crate ( pose [1 2 0 90] )
+robot ( pose [0 0 0 0] name "r0" )
+chair ( pose [0 0 0 0] )
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A room 80 x 40 pixels with walls 2 pixels thick, 10 pixels from the picture's edge."""
+    pixels = np.full((60, 100), 255, dtype=np.uint8)
+    pixels[10:50, 10:90] = 0
+    pixels[12:48, 12:88] = 200
+    (tmp_path / "bitmaps").mkdir()
+    Image.fromarray(pixels).save(tmp_path / "bitmaps" / "room.png")
+    (tmp_path / "map.inc").write_text(MAP_INC)
+    (tmp_path / "a.world").write_text(WORLD)
+    return tmp_path
+
+
+def read(folder, text=None):
+    if text is not None:
+        (folder / "a.world").write_text(text)
+    return load_world(str(folder / "a.world"))
+
+
+def test_a_bitmap_with_a_boundary_is_stretched_by_its_edge(folder):
+    world = read(folder)
+    assert world.bounds == pytest.approx((-3, 0, 5, 4))
+    # The room's inner side lies 12 of 100 pixels from the left of 8 m.
+    inner = wall_lines(world.walls)
+    assert inner.distance(shapely.Point(-3 + 8 * 12 / 100, 2)) < 0.01
+    assert world.closed
+
+
+def test_a_bitmap_without_a_boundary_is_stretched_by_its_dark_pixels(folder):
+    world = read(folder, WORLD.replace('include "map.inc"', ""))
+    assert world.bounds == pytest.approx((-3, 0, 5, 4))
+    assert wall_lines(world.walls).distance(shapely.Point(-3 + 8 * 2 / 80, 2)) < 0.01
+
+
+def test_a_box_is_turned_and_what_is_unknown_is_noted(folder):
+    world = read(folder)
+    corners = {tuple(point) for point in world.walls[-4:, :2].round(6).tolist()}
+    assert corners == {(0.75, 1.5), (1.25, 1.5), (1.25, 2.5), (0.75, 2.5)}
+    assert world.notes == (
+        "not there: gone.inc",
+        "left out, for they are not known or not solid: 1 window, 1 robot, 1 chair",
+    )
+    x, y, heading = world.starts[0]
+    assert -3 < x < 5
+    assert 0 < y < 4
+    assert heading == 0
+
+
+def test_blocks_and_old_poses(folder):
+    block = "block( points 3 point[0] [0 0] point[1] [2 0] point[2] [0 2] z [0 1] )"
+    text = f"model ( size [4 4] pose [0 0 45] {block} )"
+    world = read(folder, text)
+    assert len(world.walls) == 3
+    lengths = np.hypot(*(world.walls[:, 2:] - world.walls[:, :2]).T)
+    assert sorted(lengths) == pytest.approx([4, 4, 4 * 2**0.5])
+    assert world.walls[0, :2] == pytest.approx([0, -(8**0.5)])
+
+
+def test_the_bitmap_may_lie_beside_the_file(folder):
+    (folder / "bitmaps" / "room.png").rename(folder / "room.png")
+    world = read(folder)
+    assert any("room.png beside the file was taken" in note for note in world.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "a.world: expected a floorplan or a model that is solid, found none"),
+        ("window ( )", "a floorplan or a model that is solid"),
+        ("model ( obstacle_return 0 )", "a floorplan or a model that is solid"),
+        ("floorplan (", "its end: expected a ) for the ( of line 1"),
+        ("size [1 2", "its end: expected ]"),
+        ("size", "its end: expected a value"),
+        ("size )", "line 1: expected a value, found ')'"),
+        ("\n; 3", "line 2: expected Stage's syntax, found ';'"),
+        ("3", "line 1: expected a model or a property, found '3'"),
+        ("define a b 3", "line 1: expected (, found '3'"),
+        ("include 3", "line 1: expected the name of a file"),
+        ("model ( size [1 a] )", "line 1: expected size with 2 or 3 numbers"),
+        ("model ( size [-1 1] )", "line 1: expected a size larger than 0"),
+        ("model ( pose [1 2] )", "line 1: expected pose with 3 or 4 numbers"),
+        ('floorplan ( bitmap "no.png" )', "no.png: expected a file that exists, found none"),
+        ('floorplan ( bitmap "a.world" )', "a.world: expected a whole PGM or PNG picture"),
+        ("model ( block ( points 1 point[0] [0 0] ) )", "line 1: expected 3 points or more"),
+        ("model ( size [0.3 0.3] )", "expected walls round a robot"),
+        ("model (" * 60, "expected models nested 50 deep at most"),
+        ('include "a.world"', "expected files included 50 deep at most"),
+    ],
+)
+def test_what_is_wrong_is_named(folder, text, words):
+    with pytest.raises(InputError) as caught:
+        read(folder, text)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_definitions_that_build_on_each_other_come_to_an_end(folder):
+    with pytest.raises(InputError, match="solid"):
+        read(folder, "define a b ( )\ndefine b a ( )\na ( )")
+
+
+def test_the_robotics_lab_is_as_large_as_its_file_says(data):
+    world = load_world(str(data / "grids" / "uoa_robotics_lab.world"))
+    x_min, y_min, x_max, y_max = world.bounds
+    assert (x_max - x_min, y_max - y_min) == pytest.approx((6.27, 15.7))
+    assert world.closed
