@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import Float32, UInt64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
@@ -53,14 +53,15 @@ class Coverage:
         half = int(np.ceil(extent / config.cell))
         self._config = config
         self._centre = centre
-        self._grid: UInt8[np.ndarray, "side side"] = np.zeros((2 * half, 2 * half), np.uint8)
+        words = -(-2 * half // 64)
+        self._grid: UInt64[np.ndarray, "side words"] = np.zeros((2 * half, words), np.uint64)
         self._cells = 0
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns of cells."""
-        side = len(self._grid)
-        return side, side
+        """Rows of cells, and words in a row (see `kernels`)."""
+        rows, words = self._grid.shape
+        return rows, words
 
     @property
     def centre(self) -> tuple[float, float]:

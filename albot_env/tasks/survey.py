@@ -36,8 +36,8 @@ class Survey:
         count = len(rows)
         truth = world_coverage(world, config.coverage)
         belief = map_coverage(world, config.coverage)
-        self._covered = Ground(np.zeros((count, *truth.shape), np.uint8), truth.centre)
-        self._believed = Ground(np.zeros((count, *belief.shape), np.uint8), belief.centre)
+        self._covered = Ground(np.zeros((count, *truth.shape), np.uint64), truth.centre)
+        self._believed = Ground(np.zeros((count, *belief.shape), np.uint64), belief.centre)
         corners, ends = outlines_of(world.rooms)
         self._rooms = Rooms(corners, ends, np.zeros((count, len(ends)), np.bool_))
 

@@ -14,7 +14,7 @@ class Ground(NamedTuple):
     """The grids of ground of all robots in one world."""
 
     grids: np.ndarray
-    """(robots, side, side) uint8: 1 where covered."""
+    """(robots, side, words) uint64: a bit for each cell, set where covered."""
     centre: tuple[float, float]
     """The middle of the grids x, y (m)."""
 
