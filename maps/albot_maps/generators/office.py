@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import dataclass
 from typing import ClassVar
 
 from albot_core.errors import InputError
-from albot_maps.generators.boxes import Box, Corner, Frame, Side
+from albot_maps.generators.boxes import Box, Corner, Side
 from albot_maps.generators.dice import Dice
-from albot_maps.generators.furniture import GAP, OFFICE, Furniture, furnish
+from albot_maps.generators.office_rooms import RoomRows, Row
 from albot_maps.generators.parameters import Parameters, count, metres, share, switch
 from albot_maps.generators.plan import WALL, Plan
 
-_LEAST_FRONT, _LEAST_DEPTH, _LEAST_BLOCK = 240, 260, 300
+_LEAST_DEPTH, _LEAST_BLOCK = 260, 300
+"""How deep a row of rooms, and how wide a block between two corridors, must be (cm)."""
 _WIDEST_STRIP = 500
 """The widest rooms that lie at a side of the building (cm)."""
-_FLOOR_PER_PIECE = 25_000
-"""At full clutter one piece of furniture is wanted for so much floor (cm²)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,19 +44,6 @@ class OfficeParameters(Parameters):
     """Whether the rooms along a corridor are all alike, mirrored on its other side."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Row:
-    """Rooms side by side along a corridor."""
-
-    box: Box
-    side: Side
-    corridor: str
-
-    @property
-    def frame(self) -> Frame:
-        return Frame(box=self.box, side=self.side)
-
-
 def draw_office(parameters: OfficeParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:
     """An office floor and its start.
 
@@ -75,16 +60,21 @@ class _Office:
         self._source = source
         self._plan = Plan()
         self._corridor = round(100 * parameters.corridor_width)
-        self._door = round(100 * parameters.door_width)
-        self._names = Counter[str]()
-        self._layouts: dict[tuple[int, int], tuple[int, Furniture]] = {}
+        self._links = 0
 
     def draw(self) -> tuple[Plan, Corner]:
         """Lay the corridors, cut the rows into rooms, and furnish them."""
         across, upward = self._corridors()
         rows, start = self._lay(across, upward)
-        for row, number in zip(rows, self._shared_out(rows), strict=True):
-            self._fill(row, number)
+        filler = RoomRows(
+            self._plan,
+            self._dice,
+            door=round(100 * self._asked.door_width),
+            connections=self._asked.connections,
+            clutter=self._asked.clutter,
+            alike=self._asked.symmetry,
+        )
+        filler.fill(rows, self._asked.rooms, self._source)
         return self._plan, start
 
     def _error(self, place: str, expected: str, found: object) -> InputError:
@@ -136,7 +126,7 @@ class _Office:
         strips = 2 * _WIDEST_STRIP
         return strips + upward * (self._corridor + 2 * WALL) + (upward - 1) * _LEAST_BLOCK
 
-    def _lay(self, across: int, upward: int) -> tuple[list[_Row], Corner]:
+    def _lay(self, across: int, upward: int) -> tuple[list[Row], Corner]:
         """Carve the corridors; the rows of rooms beside them, and a start in the first."""
         strips = [self._dice.length(350, _WIDEST_STRIP) for _ in range(2 if upward > 1 else 0)]
         depths = self._depths(across)
@@ -144,7 +134,7 @@ class _Office:
         blocks = self._blocks(upward, strips, block_depths)
         # From left to right: strip, corridor, block, corridor, …, strip, walls between.
         columns = _columns(strips, blocks, self._corridor, upward)
-        rows: list[_Row] = []
+        rows: list[Row] = []
         y, right = 0, columns[-1][1]
         below: str | None = None
         halls: list[Box] = []
@@ -153,14 +143,14 @@ class _Office:
             hall = Box(0, low.y2 + WALL, right, low.y2 + WALL + self._corridor)
             name = self._plan.room(f"corridor {level + 1}", hall)
             if below is None:
-                rows.append(_Row(box=low, side=Side.SOUTH, corridor=name))
+                rows.append(Row(box=low, side=Side.SOUTH, corridor=name))
             else:
                 rows += self._between(halls[-1], below, hall, name, columns, upward, low.y1)
             halls.append(hall)
             below = name
             y = hall.y2 + WALL + depths[2 * level + 1] + WALL
         top = Box(0, halls[-1].y2 + WALL, right, y - WALL)
-        rows.append(_Row(box=top, side=Side.NORTH, corridor=str(below)))
+        rows.append(Row(box=top, side=Side.NORTH, corridor=str(below)))
         return rows, (right // 2, halls[0].middle[1])
 
     def _between(
@@ -172,15 +162,15 @@ class _Office:
         columns: list[tuple[int, int, str]],
         upward: int,
         cut: int,
-    ) -> list[_Row]:
+    ) -> list[Row]:
         """Carve what joins two corridors; the rows between, cut in two at a height."""
-        rows: list[_Row] = []
+        rows: list[Row] = []
         names: dict[int, str] = {}
         for index, (left, right, what) in enumerate(columns):
             if what == "corridor":
-                self._names["link"] += 1
+                self._links += 1
                 names[index] = self._plan.room(
-                    f"link {self._names['link']}", Box(left, lower.y2, right, upper.y1)
+                    f"link {self._links}", Box(left, lower.y2, right, upper.y1)
                 )
                 for y, other in ((lower.y2, below), (upper.y1, above)):
                     self._plan.mouth(Box(left, y, right, y), (names[index], other))
@@ -191,11 +181,11 @@ class _Office:
                 corridor = names[1 if west else len(columns) - 2]
                 box = Box(left, bottom, right, top)
                 side = Side.WEST if west else Side.EAST
-                rows.append(_Row(box=box, side=side, corridor=corridor))
+                rows.append(Row(box=box, side=side, corridor=corridor))
             elif what == "block":
                 first, second = Box(left, bottom, right, cut - WALL), Box(left, cut, right, top)
-                rows.append(_Row(box=first, side=Side.NORTH, corridor=below))
-                rows.append(_Row(box=second, side=Side.SOUTH, corridor=above))
+                rows.append(Row(box=first, side=Side.NORTH, corridor=below))
+                rows.append(Row(box=second, side=Side.SOUTH, corridor=above))
         return rows
 
     def _depths(self, across: int) -> list[int]:
@@ -222,73 +212,6 @@ class _Office:
             spare = (fronts - 2 * fixed) // (2 + 2 * len(block_depths))
             spare = max(spare, 2 * number * _LEAST_BLOCK)
         return self._dice.parts(spare, number, _LEAST_BLOCK, even=self._asked.symmetry)
-
-    def _shared_out(self, rows: list[_Row]) -> list[int]:
-        """How many rooms each row has: at least one, and more the longer it is."""
-        fronts = [row.frame.width + WALL for row in rows]
-        room_for = [front // (_LEAST_FRONT + WALL) for front in fronts]
-        if sum(room_for) < self._asked.rooms:
-            expected = f"at most {sum(room_for)} on this floor"
-            raise self._error("rooms", expected, self._asked.rooms)
-        numbers = [1] * len(rows)
-        for _ in range(self._asked.rooms - len(rows)):
-            open_rows = [index for index in range(len(rows)) if numbers[index] < room_for[index]]
-            numbers[max(open_rows, key=lambda index: fronts[index] / (numbers[index] + 1))] += 1
-        return numbers
-
-    def _fill(self, row: _Row, number: int) -> None:
-        """Cut a row into rooms and give each its door and its furniture."""
-        frame = row.frame
-        spare = frame.width - (number - 1) * WALL
-        # Rooms that are to be alike leave a few centimetres to the wall at the row's end.
-        fronts = (
-            [spare // number] * number
-            if self._asked.symmetry
-            else self._dice.parts(spare, number, _LEAST_FRONT)
-        )
-        u, joined, last = 0, False, ""
-        for index, front in enumerate(fronts):
-            box = frame.placed(Box(u, 0, u + front, frame.depth))
-            name = self._plan.room(self._named(front * frame.depth), box)
-            if joined:
-                middle = frame.depth // 2
-                low, high = middle - self._door // 2, middle + self._door - self._door // 2
-                opening = frame.placed(Box(u - WALL, low, u, high))
-                along_x = row.side in (Side.EAST, Side.WEST)
-                self._plan.door(opening, (last, name), along_x=along_x)
-            onward = index + 1 < number and self._dice.chance(self._asked.connections)
-            offset = self._furnish(Frame(box=box, side=row.side), joined, onward)
-            opening = frame.placed(Box(u + offset, -WALL, u + offset + self._door, 0))
-            along_x = row.side in (Side.NORTH, Side.SOUTH)
-            self._plan.door(opening, (name, row.corridor), along_x=along_x)
-            u, joined, last = u + front + WALL, onward, name
-
-    def _furnish(self, frame: Frame, joined: bool, onward: bool) -> int:
-        """Furnish a room; where along its front the door begins."""
-        key = (frame.width, frame.depth)
-        alike = self._asked.symmetry
-        if not (alike and key in self._layouts):
-            offset = self._dice.length(20, frame.width - self._door - 20)
-            keep = [Box(offset, 0, offset + self._door, GAP)]
-            middle = (frame.depth - self._door) // 2
-            keep += [
-                Box(left, middle, left + GAP, middle + self._door)
-                for left, opened in ((0, joined), (frame.width - GAP, onward))
-                if opened or alike
-            ]
-            pieces = self._asked.clutter * frame.width * frame.depth / _FLOOR_PER_PIECE
-            wanted = int(pieces + self._dice.whole(0, 99) / 100)
-            furniture = furnish(self._dice, (frame.width, frame.depth), keep, wanted, OFFICE)
-            self._layouts[key] = (offset, furniture)
-        offset, furniture = self._layouts[key]
-        furniture.put(self._plan, frame)
-        return offset
-
-    def _named(self, floor: int) -> str:
-        """A name for a room of so much floor (cm²)."""
-        what = "meeting" if floor > 280_000 else "store" if floor < 90_000 else "office"
-        self._names[what] += 1
-        return f"{what} {self._names[what]}"
 
 
 def _rows(across: int, upward: int) -> int:
