@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -62,7 +63,7 @@ def read(text: LogText, keep_going: bool) -> Recording:
     sweeps = [record for record in records if isinstance(record, Sweep)]
     if not sweeps:
         raise error or InputError(text.source, "a FLASER or ROBOTLASER1 line", "none")
-    odometry, reference, mount = _poses(records, sweeps)
+    odometry, reference, mount = _poses(records, sweeps, text.source)
     return Recording(
         geometry=messages.geometry(mount),
         scans=[
@@ -75,12 +76,12 @@ def read(text: LogText, keep_going: bool) -> Recording:
 
 
 def _poses(
-    records: Sequence[Odometer | Sweep], sweeps: Sequence[Sweep]
+    records: Sequence[Odometer | Sweep], sweeps: Sequence[Sweep], source: Path
 ) -> tuple[Poses, Poses | None, tuple[float, float, float]]:
     """The odometer's poses, the reference where there is one, and the laser's mount."""
     robot = np.stack([sweep.robot for sweep in sweeps])
     laser = np.stack([sweep.laser for sweep in sweeps])
-    raw = raw_odometry(records)
+    raw = raw_odometry(records, source)
     if raw is not None:
         return raw, robot, _AT_CENTRE
     mount = steady_mount(robot, laser)

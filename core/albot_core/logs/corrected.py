@@ -11,9 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Poses, Ranges
 
@@ -45,22 +47,39 @@ class _Neighbours:
     after: Odometer | Sweep | None
 
 
-def raw_odometry(records: Sequence[Odometer | Sweep]) -> Poses | None:
+def raw_odometry(records: Sequence[Odometer | Sweep], source: Path) -> Poses | None:
     """The odometer's pose at every scan of a corrected log, beginning at the first's pose.
 
-    None where the log is not corrected: where an `ODOM` line lacks beside a scan, or does
-    not say what it would, or the odometer is nowhere apart from the scans' poses.
+    None where the log is not corrected: where most scans lack an `ODOM` line beside them
+    that says what it would, or the odometer is nowhere apart from the scans' poses.
+
+    Raises:
+        InputError: Most scans are corrected ones and some is not: its lines were torn
+            apart, and its raw motion with them. Its pose is the truth and no odometry.
     """
     scans = list(_with_neighbours(records))
     arrivals = [_arrival(scan, first=k == 0) for k, scan in enumerate(scans)]
+    fitting = [
+        (arrival, scan.sweep.robot)
+        for arrival, scan in zip(arrivals, scans, strict=True)
+        if arrival is not None
+    ]
+    apart = sum(not np.array_equal(arrival, robot) for arrival, robot in fitting)
+    if not apart or 2 * len(fitting) <= len(scans):
+        return None
     poses = [scans[0].sweep.robot]
-    apart = False
-    for scan, next_scan, arrival in zip(scans[:-1], scans[1:], arrivals[1:], strict=True):
+    for number, arrival in enumerate(arrivals):
         if arrival is None:
-            return None
-        apart |= not np.array_equal(arrival, next_scan.sweep.robot)
-        poses.append(compose(poses[-1], relative(scan.sweep.robot, arrival)))
-    return np.stack(poses) if apart and arrivals[0] is not None else None
+            raise InputError(
+                source,
+                "the ODOM lines of a corrected log before and after the scan",
+                "other lines",
+                place=f"scan {number + 1}, stamp {scans[number].sweep.stamp:.6f}",
+            )
+        if number:
+            before = scans[number - 1].sweep.robot
+            poses.append(compose(poses[-1], relative(before, arrival)))
+    return np.stack(poses)
 
 
 def _arrival(scan: _Neighbours, *, first: bool) -> Pose | None:

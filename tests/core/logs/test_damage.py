@@ -303,3 +303,12 @@ def test_an_archive_cut_at_any_byte(kind, share, suffix, keep_going, tmp_path, l
 @given(content=st.binary(max_size=300), keep_going=st.booleans())
 def test_junk_is_refused(content, keep_going, tmp_path):
     assert _read(tmp_path / "junk.log", content, keep_going) is None
+
+
+def test_a_scan_torn_from_its_odometer_lines_is_not_taken_for_odometry(write, log_text) -> None:
+    lines = log_text("corrected").split("\n")
+    scans = [n for n, line in enumerate(lines) if line.startswith("FLASER")]
+    torn = scans[len(scans) // 2]
+    lines.insert(torn - 4, lines.pop(torn))
+    with pytest.raises(InputError, match=r"scan \d+, stamp .* the ODOM lines of a corrected log"):
+        read_log(write("\n".join(lines)))
