@@ -28,13 +28,16 @@ def measure_environments(rounds: int = 3) -> list[dict[str, float | int | str]]:
     Returns:
         For each `id`, `mode` (single or vector), `num_envs`, `mapper` and
         `steps_per_second` of all environments together, on one core (the best of `rounds`
-        runs, compiled); of batches also `memory_mib`, by how much the process
-        grew (where the system tells; else 0).
+        runs, compiled); of the heaviest batch of 256 also `memory_mib`, by how much the
+        process grew (where the system tells; else 0).
     """
+    # First the batch whose memory counts: later ones use what it has given back.
+    before = _resident_mib()
+    heavy = _measure_batch(_BATCHES[0], "albot1", _SMALL, rounds)
+    heavy["memory_mib"] = _resident_mib() - before
     rows = [_measure_single(mapper, rounds) for mapper in ("none", "odometry", "albot1")]
     rows += [_measure_batch(count, "none", _LARGE, rounds) for count in _BATCHES]
-    rows.append(_measure_batch(_BATCHES[0], "albot1", _SMALL, rounds))
-    return rows
+    return [*rows, heavy]
 
 
 def _measure_single(mapper: str, rounds: int) -> dict[str, float | int | str]:
@@ -49,14 +52,12 @@ def _measure_single(mapper: str, rounds: int) -> dict[str, float | int | str]:
 def _measure_batch(
     count: int, mapper: str, steps: int, rounds: int
 ) -> dict[str, float | int | str]:
-    before = _resident_mib()
     env = gymnasium.make_vec(_ENVIRONMENT, num_envs=count, world=_WORLD, mapper=mapper)
     rng = np.random.default_rng(0)
     actions = list(rng.uniform(-1, 1, (steps // count, count, 2)).astype(np.float32))
     rate = _rate(lambda seed: env.reset(seed=seed), env.step, actions, rounds) * count
-    grown = _resident_mib() - before
     env.close()
-    return {**_row("vector", count, mapper, rate), "memory_mib": grown}
+    return _row("vector", count, mapper, rate)
 
 
 def _row(mode: str, count: int, mapper: str, rate: float) -> dict[str, float | int | str]:

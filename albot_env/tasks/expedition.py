@@ -81,6 +81,7 @@ class Expedition:
             observations=np.zeros((count, observations.flat_space.shape[0]), np.float32),
         )
         self._cell_area = observations.coverage.cell**2
+        self._everyone: Int64[np.ndarray, "robots"] = np.arange(count)
         self._surveys: list[Survey] = []
         self._survey_of: dict[int, Survey] = {}
         self._reachable: Float64[np.ndarray, "robots"] = np.ones(count)
@@ -141,7 +142,7 @@ class Expedition:
 
     def look(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Let all robots, or some, sense, map, look around and reckon what the step was worth."""
-        chosen = np.arange(len(self.worlds)) if rows is None else rows
+        chosen = self._everyone if rows is None else rows
         self._fleet.sense(rows)
         if self.mappers:
             for row in chosen.tolist():

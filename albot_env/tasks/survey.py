@@ -31,6 +31,7 @@ class Survey:
         laser: LaserGeometry,
     ) -> None:
         self.rows = rows
+        self._slots = np.arange(len(rows))
         self._directions = laser.directions
         self._scales = config.scales(laser)
         count = len(rows)
@@ -56,10 +57,12 @@ class Survey:
         self, rows: Int64[np.ndarray, "some"] | None, senses: Senses, findings: Findings
     ) -> None:
         """Note what all robots here, or those of them among `rows`, find out by a reading."""
-        here = self.rows if rows is None else np.intersect1d(self.rows, rows)
+        here, slots = self.rows, self._slots
+        if rows is not None:
+            here, _, slots = np.intersect1d(rows, here, return_indices=True)
         survey(
             here,
-            np.searchsorted(self.rows, here),
+            slots,
             self._directions,
             self._covered,
             self._believed,
