@@ -20,7 +20,7 @@ _MARGIN = 1e-6
 """How deep (m) in the shadow an end must lie: more than rounding can move it."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def list_visible(
     walls: np.ndarray,
     neighbours: np.ndarray,
@@ -73,7 +73,7 @@ def list_visible(
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _distance(wall: np.ndarray, x: float, y: float) -> float:
     """Distance from (x, y) to a wall."""
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
@@ -82,13 +82,13 @@ def _distance(wall: np.ndarray, x: float, y: float) -> float:
     return math.hypot(wall[0] + along * ex - x, wall[1] + along * ey - y)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _hidden(wall: np.ndarray, screens: np.ndarray) -> bool:
     """Whether all of the wall lies in one screen's shadow."""
     for s in range(len(screens)):
         hidden = True
         for h in range(3):
-            nx, ny, offset = screens[s, h]
+            nx, ny, offset = screens[s, h, 0], screens[s, h, 1], screens[s, h, 2]
             first = nx * wall[0] + ny * wall[1] - offset
             second = nx * wall[2] + ny * wall[3] - offset
             hidden = hidden and first > _MARGIN and second > _MARGIN
@@ -97,7 +97,7 @@ def _hidden(wall: np.ndarray, screens: np.ndarray) -> bool:
     return False
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _shadow(
     walls: np.ndarray,
     neighbours: np.ndarray,
@@ -111,7 +111,7 @@ def _shadow(
 
     False where the cell about (x, y) does not lie on one side of the wall: no shadow.
     """
-    sx, sy, ex, ey = walls[wall]
+    sx, sy, ex, ey = walls[wall, 0], walls[wall, 1], walls[wall, 2], walls[wall, 3]
     left = 0
     if _left_of(sx, sy, ex, ey, x, y) > 0.0:
         sx, sy, ex, ey = ex, ey, sx, sy
@@ -131,7 +131,7 @@ def _shadow(
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _follow(
     walls: np.ndarray,
     neighbours: np.ndarray,
@@ -168,7 +168,7 @@ def _follow(
     return px, py
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _tangent(
     px: float, py: float, side: float, x: float, y: float, half: float, plane: np.ndarray
 ) -> None:
@@ -181,13 +181,13 @@ def _tangent(
     _half_plane(-side * dx, -side * dy, px, py, plane)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _corner(x: float, y: float, half: float, k: int) -> tuple[float, float]:
     """Corner k of a cell about (x, y)."""
     return x + half * (2 * (k % 2) - 1), y + half * (2 * (k // 2) - 1)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _half_plane(dx: float, dy: float, x: float, y: float, plane: np.ndarray) -> None:
     """What lies left of the line through (x, y) in direction (dx, dy), as n · p > offset."""
     length = math.hypot(dx, dy)
@@ -195,7 +195,7 @@ def _half_plane(dx: float, dy: float, x: float, y: float, plane: np.ndarray) -> 
     plane[2] = plane[0] * x + plane[1] * y
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _left_of(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
     """Positive where p is left of the way from a to b."""
     return (bx - ax) * (py - ay) - (by - ay) * (px - ax)

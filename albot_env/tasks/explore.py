@@ -84,7 +84,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
 
     Raises:
         InputError: There is no such world, mapper, odometer, observation or render mode;
-            or `human` without a display.
+            or `human` where no window opens.
     """
 
     metadata = METADATA

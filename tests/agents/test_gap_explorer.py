@@ -6,7 +6,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-import pytest
 
 import albot_env
 from albot_agents.registry import make_agent
@@ -29,12 +28,11 @@ def _explore(world: str | World, steps: int, seed: int, **options: Any) -> dict[
     return {**info, "contacts": contacts}
 
 
-@pytest.mark.parametrize("seed", [2, 3])
-def test_it_covers_a_quarter_of_the_office_in_two_minutes(seed: int) -> None:
-    info = _explore("office-ring", 1200, seed)
-    assert info["coverage"] > 0.25
-    assert info["rooms_entered"] >= 2
-    assert info["contacts"] < 10
+def test_it_covers_a_quarter_of_the_office_in_two_minutes() -> None:
+    journeys = [_explore("office-ring", 1200, seed) for seed in (1, 2, 3)]
+    assert np.median([info["coverage"] for info in journeys]) > 0.25
+    assert all(info["rooms_entered"] >= 2 for info in journeys)
+    assert all(info["contacts"] < 10 for info in journeys)
 
 
 def test_it_covers_far_more_than_chance(two_rooms: World) -> None:

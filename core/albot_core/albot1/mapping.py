@@ -77,21 +77,20 @@ def map_step(
     find_landmarks(current, limits)  # line 4
     step = progress[STEP]
     progress[STEP] += 1
+    recognized = 0
     if step == 0:  # lines 5 to 8
         for i in range(3):
             current.pose[i] = 0.0
-        update_map(memory, current, limits)
-        progress[UPDATED_AT] = step
-        progress[UPDATES] += 1
-        return
-    recognized = _recognize_and_localize(memory, previous, current, motion, limits)  # line 11
-    if recognized < limits.fewest_landmarks and progress[UPDATED_AT] < step - 1:
-        update_map(memory, previous, limits)  # lines 19 to 22
-        progress[UPDATED_AT] = step - 1
-        progress[UPDATES] += 1
-        recognized = _recognize_and_localize(memory, previous, current, motion, limits)
-    if recognized == 0:
-        progress[LOST] += 1
+    else:
+        while True:
+            recognized = _recognize_and_localize(memory, previous, current, motion, limits)
+            if recognized >= limits.fewest_landmarks or progress[UPDATED_AT] >= step - 1:
+                break
+            update_map(memory, previous, limits)  # lines 19 to 23: back to line 11
+            progress[UPDATED_AT] = step - 1
+            progress[UPDATES] += 1
+        if recognized == 0:
+            progress[LOST] += 1
     if recognized < limits.fewest_landmarks:  # lines 13 to 17
         update_map(memory, current, limits)
         progress[UPDATED_AT] = step

@@ -20,7 +20,7 @@ from albot_maps import load_world
 @pytest.fixture(scope="module")
 def journey() -> Journey:
     world = load_world(e3.WORLD)
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(3)
     return guided_tour(world, world.tours[e3.TOUR], rng, steps=e3.STEPS)
 
 
@@ -56,7 +56,7 @@ def test_the_map_bears_what_the_odometer_does_not(journey: Journey) -> None:
     albot1 = e3.map_journey("albot1", disturbed, corner)
     assert odometry.error > 10
     assert albot1.error < 2
-    assert albot1.on_the_way < 0.5
+    assert albot1.on_the_way < odometry.on_the_way / 10
     # Integration of the motions is what the odometry mapper does.
     pose = np.zeros(3)
     for reading in disturbed.readings[1:]:
