@@ -7,6 +7,7 @@ theory of perceptual mapping (2011). One file a step of its algorithm 4:
 - `localization`: where the robot is in its map (algorithm 2),
 - `updating`: laying a view over the map (algorithm 3),
 - `mapping`: one step of the whole (algorithm 4),
+- `turning`, `outlook`, `triangulation`: what `albot1` does in place of algorithms 1 and 2,
 - `memory`: the perceptual map itself, `config`: every threshold,
 - `mapper`: the mapper that users hold.
 """

@@ -1,11 +1,11 @@
 """Recognising what is remembered nearby and localising by all of it at once.
 
 This is ours, in place of algorithms 1 and 2. The thesis follows landmarks from view to view
-under the odometer's turn; where that turn is wrong by more than 5° nothing is recognised.
-Here the robot asks its map instead: of all turns near the odometer's, under which do most
-remembered surfaces stand where surfaces are seen now? Then all of them together, landmarks
-by their occluding and corner points and plain walls by their lines, say where it is. Only
-what is remembered around the robot takes part and nothing remembered is corrected by it.
+under the odometer's turn, and one of them localises the robot. Here the turn is first looked
+for (`turning`). Then all that the map holds nearby and that is seen again says together
+where the robot is, landmarks by their occluding and corner points and plain walls by their
+lines. Only what is remembered around the robot takes part, and nothing remembered is
+corrected by it.
 """
 
 from __future__ import annotations
@@ -14,17 +14,13 @@ import numpy as np
 from numba import njit
 
 from albot_core.albot1.config import Limits
-from albot_core.albot1.memory import Memory, surfaces_ending_in
-from albot_core.albot1.recognition import heading_of, length_of, seen_from, wrap
+from albot_core.albot1.memory import Memory
+from albot_core.albot1.outlook import beside, remembered_nearby, seen_before, seen_now
+from albot_core.albot1.recognition import wrap
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
+from albot_core.albot1.turning import LINE_GAP, likeliest_turn
 from albot_core.perception.surfaces import NO_EDGE
 
-TURN_STEP = np.radians(1.0)
-"""Turns are tried this far apart (rad)."""
-LINE_GAP = 0.30
-"""A wall is taken for the remembered one when it runs no farther than this beside it (m)."""
-LINE_VOTE = 0.5
-"""How much a wall that lies where it is remembered counts beside a landmark."""
 POINT_NOISE, POINT_NOISE_GROWTH = 0.05, 0.02
 """Standard deviation of an occluding or corner point (m), and its growth with range (m/m)."""
 LINE_NOISE = 0.03
@@ -37,192 +33,6 @@ ROUNDS, ITERATIONS = 3, 2
 POINT, SIDE, LINE = 0, 1, 2
 """Columns of `matches`: the row of `expected` recognised by an end, which end, and the row
 recognised by its line; -1 where none."""
-
-
-@njit(cache=True, error_model="numpy")
-def _describe(surface: np.ndarray, row: np.ndarray) -> None:
-    """Fill a row: x1, y1, x2, y2, length, heading, and the unit vector along the surface."""
-    for i in range(4):
-        row[i] = surface[i]
-    length = length_of(surface)
-    row[4] = length
-    row[5] = heading_of(surface)
-    row[6] = (surface[2] - surface[0]) / length
-    row[7] = (surface[3] - surface[1]) / length
-
-
-@njit(cache=True, error_model="numpy")
-def _seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The surfaces of the view long enough to be recognised: places in it, ends and rows."""
-    which = np.empty(current.size[0], np.int64)
-    edges = np.empty((current.size[0], 2), np.int8)
-    rows = np.empty((current.size[0], 8))
-    kept = 0
-    for k in range(current.size[0]):
-        if length_of(current.surfaces[k]) >= limits.landmark_length:
-            _describe(current.surfaces[k], rows[kept])
-            edges[kept, 0], edges[kept, 1] = current.edges[k, 0], current.edges[k, 1]
-            which[kept] = k
-            kept += 1
-    return which[:kept], edges[:kept], rows[:kept]
-
-
-@njit(cache=True, error_model="numpy")
-def _seen_before(
-    previous: Sight, motion: np.ndarray, limits: Limits
-) -> tuple[np.ndarray, np.ndarray]:
-    """The last view's surfaces as the odometer expects them in this one: ends and rows."""
-    edges = np.empty((previous.size[0], 2), np.int8)
-    rows = np.empty((previous.size[0], 8))
-    expected = np.empty(4)
-    kept = 0
-    for i in range(previous.size[0]):
-        if length_of(previous.surfaces[i]) >= limits.landmark_length:
-            seen_from(motion, previous.surfaces[i], expected)
-            _describe(expected, rows[kept])
-            edges[kept, 0], edges[kept, 1] = previous.edges[i, 0], previous.edges[i, 1]
-            kept += 1
-    return edges[:kept], rows[:kept]
-
-
-@njit(cache=True, error_model="numpy")
-def _remembered_nearby(
-    memory: Memory, pose: np.ndarray, seen: np.ndarray, limits: Limits
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What the map holds where the view is expected to lie: slots, ends and rows."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    box = np.array((pose[0], pose[1], pose[0], pose[1]))
-    for k in range(seen.shape[0]):
-        for end in range(2):
-            x, y = seen[k, 2 * end], seen[k, 2 * end + 1]
-            shrink = min(1.0, limits.reach / max(np.hypot(x, y), 1e-9))
-            east = pose[0] + shrink * (cos * x - sin * y)
-            north = pose[1] + shrink * (sin * x + cos * y)
-            box[0], box[2] = min(box[0], east), max(box[2], east)
-            box[1], box[3] = min(box[1], north), max(box[3], north)
-    for axis in range(2):
-        box[axis] -= limits.landmark_gap
-        box[2 + axis] += limits.landmark_gap
-    slots = surfaces_ending_in(memory, box)
-    edges = np.empty((slots.shape[0], 2), np.int8)
-    rows = np.empty((slots.shape[0], 8))
-    expected = np.empty(4)
-    kept = 0
-    for slot in slots:
-        seen_from(pose, memory.surfaces[slot], expected)
-        if length_of(expected) >= limits.landmark_length:
-            _describe(expected, rows[kept])
-            edges[kept, 0], edges[kept, 1] = memory.edges[slot, 0], memory.edges[slot, 1]
-            slots[kept] = slot
-            kept += 1
-    return slots[:kept], edges[:kept], rows[:kept]
-
-
-@njit(cache=True, error_model="numpy")
-def _beside(
-    wall: np.ndarray, seen: np.ndarray, correction: np.ndarray, cos: float, sin: float
-) -> float:
-    """How far the corrected surface runs beside the wall (m); infinity without overlap."""
-    ux, uy = wall[6], wall[7]
-    dx = correction[0] + cos * seen[0] - sin * seen[1] - wall[0]
-    dy = correction[1] + sin * seen[0] + cos * seen[1] - wall[1]
-    first, aside = ux * dx + uy * dy, ux * dy - uy * dx
-    dx = correction[0] + cos * seen[2] - sin * seen[3] - wall[0]
-    dy = correction[1] + sin * seen[2] + cos * seen[3] - wall[1]
-    last = ux * dx + uy * dy
-    aside = 0.5 * abs(aside + ux * dy - uy * dx)
-    overlap = min(last, wall[4]) - max(first, 0.0)
-    return aside if overlap >= 0.3 * min(seen[4], wall[4]) else np.inf
-
-
-@njit(cache=True, error_model="numpy")
-def _vote_by_points(
-    seen: np.ndarray,
-    seen_edges: np.ndarray,
-    wall: np.ndarray,
-    wall_edges: np.ndarray,
-    turns: np.ndarray,
-    low: int,
-    high: int,
-    gap: float,
-    own: np.ndarray,
-) -> None:
-    """Vote for the turns low..high that bring a landmark's points onto a remembered one's."""
-    for end in range(2):
-        if seen_edges[end] == NO_EDGE or wall_edges[end] == NO_EDGE:
-            continue
-        x, y = seen[2 * end], seen[2 * end + 1]
-        ex, ey = wall[2 * end], wall[2 * end + 1]
-        for b in range(low, high + 1):
-            cos, sin = turns[b, 0], turns[b, 1]
-            dx, dy = cos * x - sin * y - ex, sin * x + cos * y - ey
-            own[b] = max(own[b], 1.0 - (dx * dx + dy * dy) / gap**2)
-
-
-@njit(cache=True, error_model="numpy")
-def _vote_by_line(
-    seen: np.ndarray,
-    wall: np.ndarray,
-    turns: np.ndarray,
-    aligned: float,
-    low: int,
-    high: int,
-    angle: float,
-    own: np.ndarray,
-) -> None:
-    """Vote for the turns low..high that lay a surface along a remembered one.
-
-    How far it runs beside is measured at the turn that aligns the two, `aligned` steps.
-    """
-    middle = min(max(int(aligned + 0.5), 0), turns.shape[0] - 1)
-    aside = _beside(wall, seen, np.zeros(3), turns[middle, 0], turns[middle, 1])
-    if aside >= LINE_GAP:
-        return
-    vote = LINE_VOTE * (1.0 - (aside / LINE_GAP) ** 2)
-    for b in range(low, high + 1):
-        turned = (b - aligned) * TURN_STEP / angle
-        own[b] = max(own[b], vote * (1.0 - turned * turned))
-
-
-@njit(cache=True, error_model="numpy")
-def likeliest_turn(
-    seen: np.ndarray,
-    seen_edges: np.ndarray,
-    expected: np.ndarray,
-    edges: np.ndarray,
-    limits: Limits,
-) -> float:
-    """The turn (rad) to add to the odometer's under which most surfaces agree.
-
-    Every surface seen votes for the turns that bring it onto an expected one, a landmark
-    by its points and a wall by its line, each the more the better it fits.
-    """
-    steps = int(limits.turn_search / TURN_STEP + 0.5)
-    bins = 2 * steps + 1
-    turns, votes, own = np.empty((bins, 2)), np.empty(bins), np.empty(bins)
-    for b in range(bins):
-        off = (b - steps) * TURN_STEP
-        turns[b, 0], turns[b, 1] = np.cos(off), np.sin(off)
-        votes[b] = -((off / limits.turn_cost) ** 2)
-    angle, gap = limits.landmark_angle, limits.landmark_gap
-    for k in range(seen.shape[0]):
-        for b in range(bins):
-            own[b] = 0.0
-        for q in range(expected.shape[0]):
-            aligned = wrap(expected[q, 5] - seen[k, 5]) / TURN_STEP + steps
-            low = max(int(np.ceil(aligned - angle / TURN_STEP)), 0)
-            high = min(int(np.floor(aligned + angle / TURN_STEP)), bins - 1)
-            if low <= high:
-                wall, ends = expected[q], edges[q]
-                _vote_by_points(seen[k], seen_edges[k], wall, ends, turns, low, high, gap, own)
-                _vote_by_line(seen[k], wall, turns, aligned, low, high, angle, own)
-        for b in range(bins):
-            votes[b] += own[b]
-    best = 0
-    for b in range(bins):
-        if votes[b] > votes[best]:
-            best = b
-    return float((best - steps) * TURN_STEP)
 
 
 @njit(cache=True, error_model="numpy")
@@ -254,7 +64,7 @@ def _match(
                 if gap < nearest_gap:
                     nearest_gap = gap
                     matches[k, POINT], matches[k, SIDE] = q, end
-            aside = _beside(expected[q], seen[k], correction, cos, sin)
+            aside = beside(expected[q], seen[k], correction, cos, sin)
             if aside < nearest_line:
                 nearest_line = aside
                 matches[k, LINE] = q
@@ -391,12 +201,12 @@ def triangulate(
 
     Sets `current.slots` for the landmarks recognised there and returns their number.
     """
-    which, seen_edges, seen = _seen_now(current, limits)
-    edges, expected = _seen_before(previous, motion, limits)
+    which, seen_edges, seen = seen_now(current, limits)
+    edges, expected = seen_before(previous, motion, limits)
     turn = likeliest_turn(seen, seen_edges, expected, edges, limits)
     current.pose[2] = wrap(current.pose[2] + turn)
 
-    slots, edges, expected = _remembered_nearby(memory, current.pose, seen, limits)
+    slots, edges, expected = remembered_nearby(memory, current.pose, seen, limits)
     correction = np.zeros(3)
     matches = np.empty((seen.shape[0], 3), np.int64)
     for _ in range(ROUNDS):
