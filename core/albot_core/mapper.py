@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
+from jaxtyping import Float64, Int64
 
 from albot_core.geometry.types import Pose, Segments
-from albot_core.perception.reading import Reading
+from albot_core.perception.reading import Reading, Readings
 
 
 @runtime_checkable
@@ -55,3 +56,68 @@ class Mapper(Protocol):
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Become the mapper that returned `state`; the run continues as if never stopped."""
+
+
+class MapperBatch(Protocol):
+    """Mappers of one kind, one a robot, that take in the readings of many at once.
+
+    What the mapper of a row does is to the last bit what a single one does. Rows do not
+    touch each other: threads may update disjoint rows at the same time.
+    """
+
+    @property
+    def poses(self) -> Float64[np.ndarray, "robots 3"]:
+        """Where each robot believes to be, in its map's frame. Written over by updates."""
+
+    @property
+    def updates(self) -> Int64[np.ndarray, "robots"]:
+        """How often each has added a view to its map since its reset."""
+
+    @property
+    def surface_counts(self) -> Int64[np.ndarray, "robots"]:
+        """How many surfaces each remembers."""
+
+    def reset(self, row: int) -> None:
+        """Let one forget everything."""
+
+    def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
+        """Let some take in their readings, which stand in the same rows."""
+
+    def surfaces(self, row: int) -> Segments:
+        """The surfaces that one remembers, in its map's frame (a copy)."""
+
+
+class LoopedMappers:
+    """A batch of mappers that know nothing of batches: one after the other.
+
+    Args:
+        mappers: The mappers, one a robot.
+    """
+
+    def __init__(self, mappers: Sequence[Mapper]) -> None:
+        self._mappers = tuple(mappers)
+        self.poses = np.zeros((len(self._mappers), 3))
+        self.updates = np.zeros(len(self._mappers), np.int64)
+        self.surface_counts = np.zeros(len(self._mappers), np.int64)
+
+    def reset(self, row: int) -> None:
+        """Let one forget everything."""
+        self._mappers[row].reset()
+        self._note(row)
+
+    def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
+        """Let some take in their readings, which stand in the same rows."""
+        for row in rows.tolist():
+            if self._mappers[row].update(readings[row]):
+                self._note(row)
+            self.poses[row] = self._mappers[row].pose
+
+    def surfaces(self, row: int) -> Segments:
+        """The surfaces that one remembers, in its map's frame."""
+        return self._mappers[row].surfaces.copy()
+
+    def _note(self, row: int) -> None:
+        mapper = self._mappers[row]
+        self.poses[row] = mapper.pose
+        self.updates[row] = mapper.updates
+        self.surface_counts[row] = len(mapper.surfaces)

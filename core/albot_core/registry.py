@@ -7,7 +7,7 @@ import importlib
 from dataclasses import dataclass
 
 from albot_core.errors import InputError
-from albot_core.mapper import Mapper
+from albot_core.mapper import LoopedMappers, Mapper, MapperBatch
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,3 +80,12 @@ def make_mapper(name: str) -> Mapper:
     mapper = made()
     assert isinstance(mapper, Mapper)
     return mapper
+
+
+def make_mappers(name: str, count: int) -> MapperBatch:
+    """Make fresh mappers of one kind for many robots.
+
+    Raises:
+        InputError: As for `make_mapper`.
+    """
+    return LoopedMappers([make_mapper(name) for _ in range(count)])

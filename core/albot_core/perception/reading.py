@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Ranges
@@ -77,6 +77,54 @@ class LaserScan:
         return np.asarray(np.asarray(self.geometry.mount[:2]) + reach)
 
 
+@dataclass(frozen=True, kw_only=True)
+class SonarGeometry:
+    """Where the sonars of a ring point. The default is the front ring of a Pioneer 3-DX."""
+
+    bearings: tuple[float, ...] = tuple(np.radians((-90, -50, -30, -10, 10, 30, 50, 90)).tolist())
+    """Bearing of every sonar from the robot's heading (rad), counter-clockwise."""
+    cone: float = np.pi / 6
+    """Full angle of the cone in which a sonar hears echoes (rad)."""
+    min_range: float = 0.1
+    """Nearer echoes are reported as this (m)."""
+    max_range: float = 4.0
+    """Distance (m) at and beyond which a range means that nothing came back."""
+    ring: float = 0.2
+    """Distance of every sonar from the robot's middle, along its bearing (m)."""
+
+    def __post_init__(self) -> None:
+        if not self.bearings or not np.isfinite(self.bearings).all():
+            expected = "one finite bearing (rad) or more"
+            raise InputError("SonarGeometry.bearings", expected, str(self.bearings))
+        if not 0 < self.cone < np.pi:
+            raise InputError("SonarGeometry.cone", "within (0, pi)", str(self.cone))
+        if not 0 <= self.min_range < self.max_range < np.inf:
+            found = f"{self.min_range:g} and {self.max_range:g}"
+            raise InputError("SonarGeometry.max_range", "lengths above min_range", found)
+        if not 0 <= self.ring < np.inf:
+            raise InputError("SonarGeometry.ring", "at least 0", str(self.ring))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SonarScan:
+    """One echo of every sonar."""
+
+    ranges: Ranges
+    """Distance to the nearest echo from every sonar (m); infinity where nothing came back."""
+    geometry: SonarGeometry
+    """Where the sonars point."""
+
+    def __post_init__(self) -> None:
+        count = len(self.geometry.bearings)
+        if self.ranges.shape != (count,):
+            expected = f"{count} ranges as the geometry says"
+            raise InputError("SonarScan.ranges", expected, str(self.ranges.shape))
+        if not (self.ranges >= 0).all():
+            sonar = int(np.argmin(self.ranges >= 0))
+            found = f"{self.ranges[sonar]} at sonar {sonar}"
+            raise InputError("SonarScan.ranges", "distances or infinity", found)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
     """What the robot senses at a step. It never holds the truth."""
@@ -87,7 +135,46 @@ class Reading:
     """Odometry: the robot's pose now, in its own frame at the previous reading."""
     laser: LaserScan
     """The laser's sweep at this step."""
+    sonar: SonarScan | None = None
+    """The sonars' echoes at this step; None on a robot without sonars."""
+    scene: int | None = None
+    """Number of the visual scene that is seen; None where none is, or without a camera."""
 
     def __post_init__(self) -> None:
         if self.motion.shape != (3,) or not np.isfinite(self.motion).all():
             raise InputError("Reading.motion", "three finite numbers", str(self.motion))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Readings:
+    """What many robots sense at a step, in arrays: readings by the row of the robot."""
+
+    stamps: Float64[np.ndarray, "robots"]
+    """Times (s), as `Reading.stamp`."""
+    motions: Float64[np.ndarray, "robots 3"]
+    """Odometry, as `Reading.motion`."""
+    laser: LaserGeometry
+    """Where the beams of all lasers point."""
+    ranges: Float64[np.ndarray, "robots beams"]
+    """The lasers' ranges (m), as `LaserScan.ranges`."""
+    sonar: SonarGeometry | None = None
+    """Where the sonars of all robots point; None on robots without."""
+    echoes: Float64[np.ndarray, "robots sonars"] | None = None
+    """The sonars' ranges (m), as `SonarScan.ranges`; None on robots without."""
+    scenes: Int64[np.ndarray, "robots"] | None = None
+    """The visual scenes, -1 where none is seen; None on robots without a camera."""
+
+    def __getitem__(self, row: int) -> Reading:
+        """A copy of what one robot senses."""
+        sonar, scene = None, None
+        if self.sonar is not None and self.echoes is not None:
+            sonar = SonarScan(ranges=self.echoes[row].copy(), geometry=self.sonar)
+        if self.scenes is not None and self.scenes[row] >= 0:
+            scene = int(self.scenes[row])
+        return Reading(
+            stamp=float(self.stamps[row]),
+            motion=self.motions[row].copy(),
+            laser=LaserScan(ranges=self.ranges[row].copy(), geometry=self.laser),
+            sonar=sonar,
+            scene=scene,
+        )
