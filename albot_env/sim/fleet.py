@@ -20,6 +20,7 @@ from albot_env.sim.drive import RobotConfig
 from albot_env.sim.engine import Bridge
 from albot_env.sim.laser import LaserConfig, normal_table
 from albot_env.sim.odometer import OdometerConfig
+from albot_env.sim.odometer_kernels import COUNTS
 from albot_env.sim.rays import RayCaster
 from albot_env.sim.sensing_kernels import sense
 from albot_env.sim.space import PHYSICS_STEP, Floor
@@ -68,7 +69,7 @@ class Fleet:
         self._robots = Robots(
             targets=np.zeros((count, 2)),
             wheels=np.zeros((count, 2)),
-            counts=np.zeros((count, 5)),
+            counts=np.zeros((count, COUNTS)),
             states=np.zeros((count, 6)),
             poses=np.zeros((count, 3)),
             touched=np.zeros((count, 2), np.bool_),

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from albot_env.sim.noise_kernels import draw
-from albot_env.sim.odometer_kernels import read
+from albot_env.sim.odometer_kernels import ODOMETER_DRAWS, read
 
 NORMALS = 4096
 """Length of the table of normal numbers: as many as 12 bits can choose from."""
@@ -56,10 +56,11 @@ def sense(
 
     Of the other arrays each robot has its row; `readings` counts them.
     """
-    draws = 2 + true_ranges.shape[1]
+    draws = ODOMETER_DRAWS + true_ranges.shape[1]
     for k in range(rows.shape[0]):
         i = rows[k]
         place = readings[i] * draws
         read(counts[i], errors, keys[i], place, motions[i])
-        disturb(true_ranges[k], keys[i], place + 2, normals, dropout, max_range, ranges[i])
+        beams = place + ODOMETER_DRAWS
+        disturb(true_ranges[k], keys[i], beams, normals, dropout, max_range, ranges[i])
         readings[i] += 1
