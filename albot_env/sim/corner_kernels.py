@@ -17,8 +17,10 @@ import math
 import numpy as np
 from numba import njit
 
-from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY, HAIR
+from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY
 
+_BEYOND = 1.0 + 1e-9
+"""A wall is between when the point is this much farther, so not one that touches it."""
 _TOUCH = 1e-6
 """A wall that passes a point no farther than this (m) touches it."""
 
@@ -104,6 +106,6 @@ def _hidden(seen: np.ndarray, count: int, x: float, y: float) -> bool:
         area = seen[AREA, j]
         if ax * y < ay * x or by * x < bx * y or area == 0.0:
             continue
-        if ((by - ay) * x + (ax - bx) * y) * (1.0 - HAIR) > area:
+        if ((by - ay) * x + (ax - bx) * y) > area * _BEYOND:
             return True
     return False

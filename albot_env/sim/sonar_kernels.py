@@ -25,7 +25,19 @@ from numba import njit
 
 from albot_env.sim.corner_kernels import corner_echo
 from albot_env.sim.noise_kernels import draw
-from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY, HAIR, Ear, bounded, gather, look
+from albot_env.sim.surface_kernels import (
+    AREA,
+    AX,
+    AY,
+    BX,
+    BY,
+    HAIR,
+    NEARER,
+    Ear,
+    bounded,
+    gather,
+    look,
+)
 
 SONAR_DRAWS = 1
 """Places in the robot's stream that each sonar takes at a reading."""
@@ -263,8 +275,7 @@ def _emerge(
             ax, ay, bx, by = seen[AX, j], seen[AY, j], seen[BX, j], seen[BY, j]
             if j == wall or ax * probe < ay or by < bx * probe or seen[AREA, j] == 0.0:
                 continue
-            # Nearer by more than rounding: a wall that stands there twice is seen.
-            share = seen[AREA, j] * (1.0 + HAIR)
+            share = seen[AREA, j] * NEARER
             cx, cy = (by - ay) * area - nx * share, (ax - bx) * area - ny * share
             if cx + cy * probe > 0.0:
                 ahead = min(_leave(ax, -ay, side), _leave(-bx, by, side))

@@ -17,8 +17,10 @@ both turned as the world is."""
 
 AX, AY, BX, BY, AREA = range(5)
 """Rows of `seen`."""
-HAIR = 1e-9
+HAIR = 1e-7
 """A gap narrower than this, as a difference of tangents, lets no sound through."""
+NEARER = 1.0 + 1e-12
+"""A wall hides another where that is this much farther: more than by rounding."""
 
 
 @njit(cache=True, error_model="numpy")
