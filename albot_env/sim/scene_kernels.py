@@ -56,7 +56,7 @@ def look(x: float, y: float, heading: float, scenes: Scenes, key: np.uint64, pla
     if np.int64(bits & np.uint64(0xFFFFFFFF)) < scenes.missed:
         return -1
     if np.int64(bits >> np.uint64(32)) < scenes.false:
-        return np.int64((draw(key, place + 1) >> np.uint64(11)) % np.uint64(scenes.scenes))
+        return int(np.int64(draw(key, place + 1) >> np.uint64(11)) % scenes.scenes)
     along, across = draw_normals(key, place + 2)
     turn, _ = draw_normals(key, place + 4)
     x, y = x + scenes.position_noise * along, y + scenes.position_noise * across
