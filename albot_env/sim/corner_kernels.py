@@ -53,9 +53,10 @@ def corner_echo(
             bound = min(best, farthest)
             if x <= 0.0 or abs(y) > slope * x or x * x + y * y >= bound * bound:
                 continue
+            if _hidden(seen, count, x, y):
+                continue
             distance = math.sqrt(x * x + y * y)
-            reach = _reach_of(_opening(seen, count, x, y), limit, reaches)
-            if distance < reach and not _hidden(seen, count, x, y):
+            if distance < _reach_of(_opening(seen, count, j, x, y), limit, reaches):
                 best, best_tangent = distance, y / x
     return best, best_tangent
 
@@ -69,10 +70,11 @@ def _reach_of(opening: float, limit: float, reaches: tuple[float, float]) -> flo
 
 
 @njit(cache=True, error_model="numpy")
-def _opening(seen: np.ndarray, count: int, x: float, y: float) -> float:
-    """Angle (rad), on the sonar's side, between the walls that touch the point (x, y).
+def _opening(seen: np.ndarray, count: int, wall: int, x: float, y: float) -> float:
+    """Angle (rad), on the sonar's side, between the walls that touch a wall's end (x, y).
 
-    A full turn at the end of a single wall.
+    A full turn at the end of a single wall; 0 where a wall before it ends there too, with
+    which the point was looked at.
     """
     left = right = 2 * math.pi  # from the line to the sonar to the next wall on either side
     for j in range(count):
@@ -81,6 +83,8 @@ def _opening(seen: np.ndarray, count: int, x: float, y: float) -> float:
             continue
         for end in range(2):
             px, py = (ax, ay) if end == 0 else (bx, by)
+            if j < wall and px == 0.0 and py == 0.0:
+                return 0.0
             if px * px + py * py > _TOUCH * _TOUCH:
                 # Counter-clockwise from the direction to the sonar, (-x, -y).
                 turn = math.atan2(y * px - x * py, -x * px - y * py) % (2 * math.pi)

@@ -12,7 +12,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.perception.reading import SonarGeometry
 from albot_env.sim.laser import normal_table
-from albot_env.sim.sonar_kernels import Sonars
+from albot_env.sim.sonar_arrays import Sonars
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.perception.reading import SonarGeometry
+from albot_env.sim.near_kernels import near_cell
 from albot_env.sim.sonar import SONARS, SonarConfig
-from albot_env.sim.sonar_kernels import listen, near_cell
+from albot_env.sim.sonar_kernels import listen
 
 CONE = math.pi / 6
 NOTHING = np.empty((0, 4))
