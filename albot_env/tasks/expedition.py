@@ -61,6 +61,8 @@ class Expedition:
         self._crew = Crew(threads)
         self.geometry = sensors.laser.geometry
         """Where the lasers' beams point."""
+        self.sonar = None if sensors.sonar is None else sensors.sonar.geometry
+        """Where the sonars point; None without."""
         self._fleet = Fleet(robots, robot=PIONEER_3DX, sensors=sensors, crew=self._crew)
         self._survey = Survey(robots, observations, self.geometry)
         self._standing = new_standing(robots)

@@ -262,6 +262,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             odometer=self._odometer,
             seed=seed,
             laser=self._robot.geometry,
+            sonar=self._robot.sonar,
         )
 
     def _show(self) -> None:

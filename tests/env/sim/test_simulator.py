@@ -209,5 +209,6 @@ def test_it_wants_a_reset_first(box: World) -> None:
 
 def test_the_laser_sits_where_its_mount_says(box: World) -> None:
     geometry = type(LMS_200.geometry)(mount=(0.1, 0.0, math.pi))
-    sim = Simulator(box, laser=LaserConfig(geometry=geometry, range_noise=0.0, dropout=0.0))
+    exact = LaserConfig(geometry=geometry, range_noise=0.0, dropout=0.0)
+    sim = Simulator(box, sensors=Sensors(laser=exact))
     assert sim.reset(np.random.default_rng(0)).laser.ranges[90] == pytest.approx(5.1)
