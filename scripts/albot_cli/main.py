@@ -17,6 +17,7 @@ SUBCOMMANDS = {
     "map": "Run a mapper over a real robot's log.",
     "mappers": "List the mapping systems.",
     "play": "Watch a robot explore and map, or play an episode back.",
+    "stress": "Drive agents through many worlds and check every step.",
     "worlds": "List, show, check and convert worlds.",
 }
 

@@ -111,8 +111,8 @@ def _run(
 ) -> dict[str, Any]:
     """Run an episode; its summary."""
     import gymnasium
-    import numpy as np
 
+    from albot_agents.episode import begin_episode
     from albot_agents.registry import make_agent
     from albot_cli.stage import open_stage
     from albot_env.recording.writer import EpisodeWriter
@@ -125,10 +125,8 @@ def _run(
     explorer = env.unwrapped
     assert isinstance(explorer, ExploreEnv)
     explorer.recorder = EpisodeWriter(record, agent=agent)
-    # The environment draws from `seed` itself: the driver must not draw the same numbers.
-    driver.reset(np.random.default_rng((seed, 1)))
     try:
-        first, _ = env.reset(seed=seed)
+        first, _ = begin_episode(env, driver, seed)
         title = f"{agent} in {world}"
         with (
             _told_what_is_left(record),
