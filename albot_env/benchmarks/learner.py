@@ -9,6 +9,8 @@ import importlib.util
 import time
 from typing import Any
 
+from gymnasium import spaces
+
 from albot_env.benchmarks.environment import ENVIRONMENT, WORLD
 
 BATCH, EPOCHS = 4096, 4
@@ -26,11 +28,12 @@ def measure_learner(num_envs: int = 1024, steps: int = 16, rollouts: int = 3) ->
         rollouts: Rollouts that are timed, after one that is not.
 
     Returns:
-        `learner` (its name), `num_envs`, `batch`, `epochs`, `steps`, and `runs`: for each
+        `learner` (its name), `num_envs`, `batch`, `epochs`, `steps`, `observation` (how
+        many numbers one has: the learner's time goes by it), and `runs`: for each
         environment `id` (`free` for the one that costs nothing: the same spaces, always
-        the same answer), `mapper`, `samples_per_second` and `environment_share`, the
-        share of the time in which the environment stepped. Where the learner is not
-        installed: `missing`, which says what is.
+        the same answer), `mapper`, `samples_per_second` and `environment_share`, the share
+        of the time in which the environment stepped. Where the learner is not installed:
+        `missing`, which says what is.
     """
     missing = [
         name for name in ("torch", "stable_baselines3") if importlib.util.find_spec(name) is None
@@ -42,9 +45,10 @@ def measure_learner(num_envs: int = 1024, steps: int = 16, rollouts: int = 3) ->
     from albot_maps import load_world
 
     world = load_world(WORLD)
-    runs = []
+    runs, length = [], 0
     for name, mapper in (("free", None), (ENVIRONMENT, "none"), (ENVIRONMENT, "albot1")):
         batch = make_sb3(ENVIRONMENT, num_envs, world=world, mapper=mapper or "none")
+        length = spaces.flatdim(batch.observation_space)
         timed = TimedBatch(batch if mapper else FreeBatch(batch))
         runs.append({"id": name, "mapper": mapper, **_measure(timed, steps, rollouts)})
         timed.close()
@@ -54,6 +58,7 @@ def measure_learner(num_envs: int = 1024, steps: int = 16, rollouts: int = 3) ->
         "batch": BATCH,
         "epochs": EPOCHS,
         "steps": steps,
+        "observation": length,
         "runs": runs,
     }
 

@@ -31,7 +31,7 @@ RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "odometer", "record")
 @click.argument("episode", required=False, type=click.Path(path_type=Path))
 @click.option("--world", default="office-ring", show_default=True, help="World: a name or a file.")
 @click.option("--mapper", default="albot1", show_default=True, help="See `albot mappers`.")
-@click.option("--agent", default="gap-explorer", show_default=True, help="Who drives.")
+@click.option("--agent", default="gap-explorer", show_default=True, help="gap-explorer or random.")
 @click.option("--odometer", default="pioneer", show_default=True, help="ideal, pioneer or poor.")
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(min=0))
 @click.option(

@@ -43,7 +43,9 @@ _STOPPED = 130
     type=click.IntRange(0),
     help="The first seed, of worlds and episodes.",
 )
-@click.option("--agent", "agents", multiple=True, help="See `albot play --help`.  [default: all]")
+@click.option(
+    "--agent", "agents", multiple=True, help="gap-explorer or random; repeatable.  [default: all]"
+)
 @click.option("--mapper", default="none", show_default=True, help="See `albot mappers`; or none.")
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")

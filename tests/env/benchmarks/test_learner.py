@@ -10,6 +10,7 @@ import pytest
 from albot_env.benchmarks import learner
 from albot_env.benchmarks.learner import measure_learner
 from albot_env.benchmarks.timed_batch import FreeBatch, TimedBatch
+from albot_env.tasks.observation import ObservationConfig
 from albot_env.vector.sb3 import make_sb3
 
 
@@ -22,6 +23,7 @@ def test_every_run_is_timed(monkeypatch: pytest.MonkeyPatch) -> None:
     assert all(run["samples_per_second"] > 0 for run in figures["runs"])
     assert all(0 < run["environment_share"] < 1 for run in figures["runs"])
     assert (figures["num_envs"], figures["batch"], figures["epochs"]) == (4, 4096, 4)
+    assert figures["observation"] == ObservationConfig().flat_space.shape[0]
 
 
 def test_without_the_learner_the_part_says_what_is_missing(
