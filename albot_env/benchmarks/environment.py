@@ -21,6 +21,9 @@ ENVIRONMENT = "Albot/Explore-v0"
 WORLD = "random:office:3?rooms=10"
 """An office floor of 200 walls."""
 
+_ENDLESS = 10**9
+_HOLD = 10
+
 Row = dict[str, float | int | str | None]
 
 
@@ -61,7 +64,7 @@ CASES = (
 
 
 def measure_environments(cases: Sequence[Case] = CASES, rounds: int = 3) -> list[Row]:
-    """Time random actions in `Albot/Explore-v0`, alone and in batches, on one core.
+    """Time robots that wander about in `Albot/Explore-v0`, alone and in batches, on one core.
 
     In the same rounds: the same robot and laser as a loop over pymunk's queries, and, where
     it is installed, ir-sim's laser alone.
@@ -74,15 +77,7 @@ def measure_environments(cases: Sequence[Case] = CASES, rounds: int = 3) -> list
         the process grew (where the system tells; else 0).
     """
     world = load_world(WORLD)
-    laps: dict[str, Lap] = {}
-    memory: dict[str, float] = {}
-    # The case whose memory counts comes first: later ones use what others have given back.
-    for case in sorted(cases, key=lambda case: case != HEAVIEST):
-        before = _resident_mib()
-        laps[case.name] = make_lap(case, world)
-        laps[case.name]()
-        if case == HEAVIEST:
-            memory[case.name] = _resident_mib() - before
+    laps, memory = _laps(cases, world)
     rivals = _rivals(world)
     rates = best_rates({**laps, **rivals}, rounds)
     rows = [
@@ -97,44 +92,61 @@ def measure_environments(cases: Sequence[Case] = CASES, rounds: int = 3) -> list
     return rows
 
 
+def _laps(cases: Sequence[Case], world: World) -> tuple[dict[str, Lap], dict[str, float]]:
+    """Turns of the cases by name, and of the heaviest how much memory it takes (MiB)."""
+    laps: dict[str, Lap] = {}
+    memory: dict[str, float] = {}
+    # The heaviest comes first: those after it use what others have given back.
+    for case in sorted(cases, key=lambda case: case != HEAVIEST):
+        before = _resident_mib()
+        laps[case.name] = make_lap(case, world)
+        if case == HEAVIEST:
+            laps[case.name]()
+            memory[case.name] = _resident_mib() - before
+    return laps, memory
+
+
 _NAIVE, _IRSIM = "pymunk in a Python loop", "ir-sim, its laser alone"
 
 
 def _rivals(world: World) -> dict[str, Lap]:
     """What ours is held against."""
     naive = NaiveEnv(world, LaserGeometry())
-    actions = list(_actions(100, 2))
-    rivals = {_NAIVE: _lap(naive.reset, naive.step, actions, 1)}
+    actions = _actions(100, 2)
+    rivals = {_NAIVE: _lap(naive.step, actions, 1)}
     if irsim_found():
         scan = irsim_laser(world, LaserGeometry())
-        rivals[_IRSIM] = _lap(lambda: None, lambda _: scan(), actions[:30], 1)
+        rivals[_IRSIM] = _lap(lambda _: scan(), actions[:30], 1)
     return rivals
 
 
 def make_lap(case: Case, world: World) -> Lap:
-    """A turn of a case: an environment's steps with the same random actions every time."""
-    if case.mode == "single":
-        env: Any = gymnasium.make(ENVIRONMENT, world=world, mapper=case.mapper)
-        actions = _actions(case.steps, 2)
-    else:
-        env = make_batch(case, world)
-        actions = _actions(max(1, case.steps // case.num_envs), case.num_envs, 2)
-    return _lap(lambda: env.reset(seed=0), env.step, list(actions), case.num_envs)
+    """A turn of a case: random actions, from where the turn before has led."""
+    count = case.num_envs
+    env = make_single(case, world) if case.mode == "single" else make_batch(case, world)
+    shape = (case.steps, 2) if case.mode == "single" else (max(1, case.steps // count), count, 2)
+    env.reset(seed=0)
+    return _lap(env.step, _actions(*shape), count)
+
+
+def make_single(case: Case, world: World) -> Any:
+    """One environment, without an end."""
+    return gymnasium.make(ENVIRONMENT, world=world, mapper=case.mapper, max_episode_steps=_ENDLESS)
 
 
 def make_batch(case: Case, world: World) -> Any:
-    """A batch of environments that uses one core."""
-    return gymnasium.make_vec(ENVIRONMENT, num_envs=case.num_envs, world=world, mapper=case.mapper)
+    """A batch of environments without an end that uses one core."""
+    return gymnasium.make_vec(
+        ENVIRONMENT,
+        num_envs=case.num_envs,
+        world=world,
+        mapper=case.mapper,
+        max_episode_steps=_ENDLESS,
+    )
 
 
-def _lap(
-    reset: Callable[[], Any],
-    step: Callable[[np.ndarray], Any],
-    actions: Sequence[np.ndarray],
-    environments: int,
-) -> Lap:
+def _lap(step: Callable[[np.ndarray], Any], actions: np.ndarray, environments: int) -> Lap:
     def lap() -> int:
-        reset()
         for action in actions:
             step(action)
         return environments * len(actions)
@@ -142,8 +154,10 @@ def _lap(
     return lap
 
 
-def _actions(*shape: int) -> np.ndarray:
-    return np.random.default_rng(0).uniform(-1, 1, shape).astype(np.float32)
+def _actions(steps: int, *shape: int) -> np.ndarray:
+    """Random actions, each kept for a second: robots that tremble on the spot map nothing."""
+    drawn = np.random.default_rng(0).uniform(-1, 1, (-(-steps // _HOLD), *shape))
+    return np.repeat(drawn, _HOLD, axis=0)[:steps].astype(np.float32)
 
 
 def _row(name: str, mode: str, count: int, mapper: str | None, rate: float) -> Row:

@@ -8,7 +8,6 @@ import numpy as np
 import pymunk
 from jaxtyping import Float32
 
-from albot_core.geometry.types import Pose
 from albot_core.perception.reading import LaserGeometry
 from albot_maps import World
 from albot_maps.world import ROBOT_RADIUS
@@ -33,7 +32,6 @@ class NaiveEnv:
     def __init__(self, world: World, geometry: LaserGeometry) -> None:
         self._geometry = geometry
         self._bearings = geometry.bearings.tolist()
-        self._start: Pose = world.starts[0]
         self._rng = np.random.default_rng(0)
         self._space = pymunk.Space()
         # By default pymunk parts what overlaps so late that robots drive through walls.
@@ -47,13 +45,8 @@ class NaiveEnv:
         disc = pymunk.Circle(self._body, ROBOT_RADIUS)
         disc.filter = _ROBOT
         self._space.add(self._body, disc)
-        self.reset()
-
-    def reset(self) -> None:
-        """Put the robot at rest at the world's first start."""
-        x, y, heading = self._start.tolist()
+        x, y, heading = world.starts[0].tolist()
         self._body.position, self._body.angle = (x, y), heading
-        self._body.velocity, self._body.angular_velocity = (0.0, 0.0), 0.0
 
     def step(self, action: Float32[np.ndarray, "2"]) -> Float32[np.ndarray, "beams"]:
         """Drive for 0.1 s at a speed and a turn rate of 1 m/s and 2 rad/s at most; the scan."""
