@@ -66,7 +66,8 @@ def test_environments_processes_and_learner_have_their_keys_and_lines() -> None:
     figures = bench(*words)
     rows = figures["env"]
     assert isinstance(rows, list)
-    keys = {"id", "mode", "num_envs", "mapper", "steps_per_second", "segments", "ratio"}
+    keys = {"id", "mode", "num_envs", "mapper", "steps_per_second", "steps_per_cpu_second"}
+    keys |= {"segments", "ratio"}
     assert all(keys <= row.keys() for row in rows)
     assert figures["processes"]["scaling"] > 0  # type: ignore[index]
     assert len(figures["learner"]["runs"]) == 3  # type: ignore[index]
