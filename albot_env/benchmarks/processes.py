@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import time
+import signal
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 
 from albot_env.benchmarks.environment import ENVIRONMENT, WORLD, Case, make_lap
+from albot_env.benchmarks.rates import Rate, rate_of
 from albot_maps import load_world
 
 _CASE = Case(mapper="none", num_envs=256, steps=4096)
@@ -25,7 +26,9 @@ def measure_processes(
 
     Returns:
         `id`, `num_envs`, `mapper`, `processes`; `single` and `together`, steps a second of
-        one process alone and of all at once in sum; `scaling`, their ratio.
+        one process alone and of all at once in sum; `scaling`, their ratio, and
+        `scaling_cpu`, the same by the time that processors worked: what it would be where
+        every process has a core of its own.
     """
     context = get_context("spawn")
     links: list[Connection] = []
@@ -40,10 +43,10 @@ def measure_processes(
     try:
         for link in links:
             link.recv()  # It has compiled.
-        alone = together = 0.0
+        alone = together = Rate()
         for _ in range(rounds):
-            alone = max(alone, _turn(links[:1], seconds))
-            together = max(together, _turn(links, seconds))
+            alone = alone.better(_turn(links[:1], seconds))
+            together = together.better(_turn(links, seconds))
     finally:
         for worker in workers:
             worker.kill()
@@ -53,26 +56,24 @@ def measure_processes(
         "num_envs": case.num_envs,
         "mapper": case.mapper,
         "processes": processes,
-        "single": alone,
-        "together": together,
-        "scaling": together / alone,
+        "single": alone.by_clock,
+        "together": together.by_clock,
+        "scaling": together.by_clock / alone.by_clock,
+        "scaling_cpu": together.by_processor / alone.by_processor,
     }
 
 
-def _turn(links: list[Connection], seconds: float) -> float:
-    """Steps a second of these processes at once, in sum."""
+def _turn(links: list[Connection], seconds: float) -> Rate:
+    """The rates of these processes at once, in sum."""
     for link in links:
         link.send(seconds)
-    return float(sum(link.recv() for link in links))
+    return sum((link.recv() for link in links), Rate())
 
 
 def _work(link: Connection, case: Case) -> None:
     """Step the batch for as long as is asked for; tell the rate."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Who started this process ends it.
     lap = make_lap(case, load_world(WORLD))
     link.send(lap())
     while True:
-        seconds = link.recv()
-        began, steps = time.perf_counter(), 0
-        while time.perf_counter() - began < seconds:
-            steps += lap()
-        link.send(steps / (time.perf_counter() - began))
+        link.send(rate_of(lap, link.recv()))

@@ -27,6 +27,13 @@ class Rate:
             by_processor=max(self.by_processor, other.by_processor),
         )
 
+    def __add__(self, other: Rate) -> Rate:
+        """The rates of two processes at once, in sum."""
+        return Rate(
+            by_clock=self.by_clock + other.by_clock,
+            by_processor=self.by_processor + other.by_processor,
+        )
+
 
 def best_rates(laps: Mapping[str, Lap], rounds: int) -> dict[str, Rate]:
     """The rates of each, the best of several rounds in which each has its turn.
@@ -38,13 +45,16 @@ def best_rates(laps: Mapping[str, Lap], rounds: int) -> dict[str, Rate]:
     rates = dict.fromkeys(laps, Rate())
     for _ in range(rounds):
         for name, lap in laps.items():
-            rates[name] = rates[name].better(_timed(lap))
+            rates[name] = rates[name].better(rate_of(lap))
     return rates
 
 
-def _timed(lap: Lap) -> Rate:
+def rate_of(lap: Lap, seconds: float = 0.0) -> Rate:
+    """The rate of one turn, or of as many as begin within some seconds."""
     clock, processor = time.perf_counter(), time.process_time()
-    steps = lap()
+    end, steps = clock + seconds, lap()
+    while time.perf_counter() < end:
+        steps += lap()
     clock, processor = time.perf_counter() - clock, time.process_time() - processor
     # The processor's clock may tick too slowly for a turn; then the other's must do.
     return Rate(by_clock=steps / clock, by_processor=steps / (processor or clock))

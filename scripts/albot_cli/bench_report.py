@@ -56,7 +56,8 @@ def _processes(row: Figures) -> Iterator[str]:
     if row:
         yield (
             f"processes   {row['processes']:7,d} at once   {row['together']:8,.0f} steps/s in "
-            f"sum, {row['scaling']:.2f} times one alone: {row['num_envs']} {row['id']} each"
+            f"sum, {row['scaling']:.2f} times one alone ({row['scaling_cpu']:.2f} on cores of "
+            f"their own): {row['num_envs']} {row['id']} each"
         )
 
 

@@ -14,3 +14,4 @@ def test_one_and_two_processes_are_timed() -> None:
     single, together = float(figures["single"]), float(figures["together"])
     assert single > 0
     assert figures["scaling"] == pytest.approx(together / single)
+    assert float(figures["scaling_cpu"]) > 0
