@@ -10,17 +10,18 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Pose
 from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Recorder
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
 from albot_env.rendering.viewer import NullViewer, Viewer
+from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import ActionConfig
 from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.observation import ObservationConfig, Parts
 from albot_env.tasks.reward import ExploreWeights
-from albot_env.tasks.start import choose_start
-from albot_maps import World, load_world
+from albot_env.tasks.start import choose_start, choose_world
+from albot_maps import World, WorldSet, load_worlds
 
 ENVIRONMENT = "Albot/Explore-v0"
 METADATA: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
@@ -62,20 +63,22 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
     Starting state:
         At rest at one of the world's starts, drawn at random;
         `reset(options={"start": k})` sets out from the k-th, `{"start": (x, y, heading)}`
-        from a pose.
+        from a pose. With several worlds (`random:office:0..99`) each reset draws one;
+        `{"world": k}` asks for the k-th.
 
     Episode end:
         Never by itself; truncated after `max_episode_steps` (6000, ten minutes), which
         `gymnasium.make` takes.
 
     Info:
-        The truth, for evaluation: `pose` and `belief` (m, rad; the belief in the map's
-        frame, which lies at the true start), `position_error` (m), `room` (empty between
-        rooms), `rooms_entered`, `coverage` (share of the reachable ground), `collided`,
-        `path_length` (m), `time` (s), `updates`, `surfaces`, `reward_terms`.
+        The truth, for evaluation: `world` (its name), `pose` and `belief` (m, rad; the
+        belief in the map's frame, which lies at the true start), `position_error` (m),
+        `room` (empty between rooms), `rooms_entered`, `coverage` (share of the reachable
+        ground), `collided`, `path_length` (m), `time` (s), `updates`, `surfaces`,
+        `reward_terms`.
 
     Args:
-        world: A world spec, or a world.
+        world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
         mapper: Name of the mapper inside, or `none`: the robot only adds up its odometer.
         odometer: Name of the odometer's preset: `ideal`, `pioneer` or `poor`.
         observation: `flat` or `dict`.
@@ -91,7 +94,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
 
     def __init__(
         self,
-        world: str | World = "office-ring",
+        world: str | World | WorldSet = "office-ring",
         *,
         mapper: str = "albot1",
         odometer: str = "pioneer",
@@ -103,16 +106,17 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             raise InputError(ENVIRONMENT, "flat or dict", str(observation), place="observation")
         self.render_mode = render_mode
         self._viewer = _open_viewer(render_mode)
-        self._world = load_world(world) if isinstance(world, str) else world
+        self._worlds = load_worlds(world)
         self._config = config
         self._odometer = odometer
         scaling = config.observations
-        self._robot = Expedition((self._world,), mapper, odometer, scaling, config.weights)
+        self._robot = Expedition(1, mapper, odometer, scaling, config.weights)
         self._mapper_name = mapper
         self._flat = observation == "flat"
         self.action_space = config.actions.space
         self.observation_space = scaling.flat_space if self._flat else scaling.dict_space
         self._updates = -1
+        self._begun = False
         self._trace: Trace | None = None
         self.recorder: Recorder = NullRecorder()
         """Takes the episodes down from the next reset on."""
@@ -126,17 +130,21 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             InputError: An option is unknown, or the start is none.
         """
         super().reset(seed=seed)
-        start = choose_start(self._world, self.np_random, options or {}, ENVIRONMENT)
-        self._robot.begin(0, start, self.np_random)
+        world = choose_world(self._worlds, self.np_random, options or {}, ENVIRONMENT)
+        start = choose_start(world, self.np_random, options or {}, ENVIRONMENT)
+        self._robot.begin(0, world, start, self.np_random)
+        self._robot.turn_page()
         self._robot.look()
         self._updates = -1
-        header = self._header(start, seed)
-        moment = self._moment(None)
-        self._trace = Trace(header, moment)
-        self.recorder.begin(header)
-        self.recorder.add(moment)
-        self._show()
-        return self._observe(), self._info(moment)
+        self._begun = True
+        self._trace = None
+        if self._followed:
+            header, moment = self._header(start, seed), self._moment(None)
+            self._trace = Trace(header, moment)
+            self.recorder.begin(header)
+            self.recorder.add(moment)
+            self._show()
+        return self._observe(), self._info()
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s.
@@ -144,21 +152,30 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         Raises:
             InputError: The action is not two numbers in [-1, 1].
         """
-        if self._trace is None:
+        if not self._begun:
             raise gymnasium.error.ResetNeeded(f"{ENVIRONMENT}: reset before the first step")
-        self._robot.drive(self._config.actions.command(action, ENVIRONMENT))
-        self._robot.look()
-        moment = self._moment(np.array(action, np.float64))
-        self._trace.add(moment)
-        self.recorder.add(moment)
-        self._show()
-        return self._observe(), moment.reward, False, False, self._info(moment)
+        robot = self._robot
+        robot.drive(self._config.actions.command(action, ENVIRONMENT))
+        robot.look()
+        if self._trace is not None:
+            moment = self._moment(np.array(action, np.float64))
+            self._trace.add(moment)
+            self.recorder.add(moment)
+            self._show()
+        return self._observe(), float(robot.rewards[0]), False, False, self._info()
 
     @property
     def frame(self) -> Frame:
-        """The present moment to be drawn. It holds the truth: for people, not for agents."""
+        """The present moment to be drawn. It holds the truth: for people, not for agents.
+
+        Raises:
+            ResetNeeded: There was no reset since the environment has a render mode or a
+                recorder, without which nobody follows the robot.
+        """
         if self._trace is None:
-            raise gymnasium.error.ResetNeeded(f"{ENVIRONMENT}: reset before the first frame")
+            raise gymnasium.error.ResetNeeded(
+                f"{ENVIRONMENT}: reset with a render mode or a recorder before the first frame"
+            )
         return self._trace.frame
 
     def render(self) -> UInt8[np.ndarray, "h w 3"] | None:
@@ -175,6 +192,11 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         self._viewer.close()
         self.recorder.close()
 
+    @property
+    def _followed(self) -> bool:
+        """Whether somebody wants to know how each step went."""
+        return self.render_mode is not None or not isinstance(self.recorder, NullRecorder)
+
     def _moment(self, action: np.ndarray | None) -> Moment:
         """How things stand after a reading."""
         robot = self._robot
@@ -184,7 +206,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             action=action,
             reward=float(robot.rewards[0]),
             terms={name: float(term[0]) for name, term in robot.terms.items()},
-            reading=robot.reading(0),
+            reading=robot.readings[0],
             pose=robot.poses[0].copy(),
             collided=bool(robot.collided[0]),
             room=robot.room(0),
@@ -192,40 +214,37 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             belief=robot.beliefs[0].copy(),
             home=robot.homes[0].copy(),
             updates=updates,
-            surfaces=self._surfaces() if changed else None,
+            surfaces=robot.surfaces(0) if changed else None,
         )
 
-    def _surfaces(self) -> Segments:
-        """The surfaces that the mapper remembers."""
-        mappers = self._robot.mappers
-        return mappers[0].surfaces.copy() if mappers else np.empty((0, 4))
-
     def _observe(self) -> Observation:
-        row = self._robot.observations[0].copy()
+        row = self._robot.observations[0]
         return row if self._flat else self._config.observations.split(row)
 
-    def _info(self, moment: Moment) -> dict[str, Any]:
+    def _info(self) -> dict[str, Any]:
         robot = self._robot
         return {
-            "reward_terms": dict(moment.terms),
-            "pose": moment.pose.copy(),
-            "belief": moment.belief.copy(),
+            "reward_terms": {name: float(term[0]) for name, term in robot.terms.items()},
+            "world": robot.world(0).name,
+            "pose": robot.poses[0].copy(),
+            "belief": robot.beliefs[0].copy(),
             "position_error": float(robot.position_errors[0]),
-            "room": moment.room,
+            "room": robot.room(0),
             "rooms_entered": int(robot.rooms_entered[0]),
             "coverage": float(robot.coverages[0]),
-            "collided": moment.collided,
-            "path_length": moment.path_length,
-            "time": moment.reading.stamp,
-            "updates": moment.updates,
-            "surfaces": int(robot.surfaces[0]),
+            "collided": bool(robot.collided[0]),
+            "path_length": float(robot.path_lengths[0]),
+            "time": float(robot.steps[0] * CONTROL_STEP),
+            "updates": int(robot.updates[0]),
+            "surfaces": int(robot.surface_counts[0]),
         }
 
     def _header(self, start: Pose, seed: int | None) -> EpisodeHeader:
+        world = self._robot.world(0)
         return EpisodeHeader(
             environment=ENVIRONMENT,
-            world=self._world.name,
-            walls=self._world.walls,
+            world=world.name,
+            walls=world.walls,
             start=start.copy(),
             mapper=self._mapper_name,
             odometer=self._odometer,
