@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.albot1.mapper import Albot1
-from albot_core.albot1.memory import STORED, add_surface, empty_memory
+from albot_core.albot1.memory import add_surface, empty_memory, stored_memory
 from albot_core.geometry.poses import inverse, transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mapper import Mapper
@@ -83,10 +83,10 @@ def knowing(state: dict[str, np.ndarray], surfaces: Segments) -> dict[str, np.nd
     """The state of a mapper that also remembers `surfaces`."""
     memory = empty_memory(len(state["memory.ids"]) + len(surfaces))
     stable = np.full(2, 2, np.int8)
-    living = state["memory.ids"] >= 0
-    for surface in (*state["memory.surfaces"][living], *surfaces):
+    alive = state["memory.ids"] >= 0
+    for surface in (*state["memory.surfaces"][alive], *surfaces):
         add_surface(memory, surface, stable)
-    return state | {f"memory.{field}": getattr(memory, field) for field in STORED}
+    return state | {f"memory.{name}": array for name, array in stored_memory(memory).items()}
 
 
 def _rate(mapper: Mapper, readings: Sequence[Reading], rounds: int) -> float:

@@ -58,6 +58,7 @@ class Mapper(Protocol):
         """Become the mapper that returned `state`; the run continues as if never stopped."""
 
 
+@runtime_checkable
 class MapperBatch(Protocol):
     """Mappers of one kind, one a robot, that take in the readings of many at once.
 

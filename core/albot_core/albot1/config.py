@@ -14,6 +14,8 @@ from albot_core.perception.view import ViewConfig
 class Limits(NamedTuple):
     """The thresholds as the compiled steps take them (m, rad)."""
 
+    view_spacing: float
+    view_turn: float
     landmark_length: float
     landmark_angle: float
     landmark_gap: float
@@ -37,6 +39,14 @@ class Albot1Config:
 
     view: ViewConfig = field(default_factory=ViewConfig)
     """Thresholds of view construction (section 3.1.3)."""
+    view_spacing: float = 0.0
+    """A reading is a view only from this far from the last view's place on (m)…"""
+    view_turn: float = 0.0
+    """…or from this large a turn since on (rad); one nearer than both only moves the robot.
+
+    At 0 every reading is a view: a log's were taken as far apart as its robot stopped, or,
+    guided in continuous motion, every 10 cm or 1°, or 1 m or 10° (section 3.1.2).
+    """
     landmark_length: float = 0.40
     """Shorter surfaces are no landmarks (m; section 3.1.4)."""
     landmark_angle: float = np.radians(5.0)
@@ -82,7 +92,7 @@ class Albot1Config:
         ):
             if not 0 < getattr(self, name) < np.inf:
                 raise InputError(f"Albot1Config.{name}", "above 0", str(getattr(self, name)))
-        for name in ("margin", "turn_search"):
+        for name in ("view_spacing", "view_turn", "margin", "turn_search"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise InputError(f"Albot1Config.{name}", "0 or above", str(getattr(self, name)))
         if self.fewest_landmarks < 1:

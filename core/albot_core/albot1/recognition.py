@@ -39,6 +39,16 @@ def wrap(angle: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def moved(pose: np.ndarray, motion: np.ndarray, out: np.ndarray) -> None:
+    """Write into `out`, which may be `motion`, where a motion leads from a pose."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    x, y = motion[0], motion[1]
+    out[0] = pose[0] + cos * x - sin * y
+    out[1] = pose[1] + sin * x + cos * y
+    out[2] = wrap(pose[2] + motion[2])
+
+
+@njit(cache=True, error_model="numpy")
 def seen_from(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
     """Write into `out` the surface as seen from a pose (equations 3.1 to 3.4).
 

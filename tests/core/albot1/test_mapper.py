@@ -138,7 +138,7 @@ def test_the_state_shares_no_memory() -> None:
 def test_a_contradictory_state_is_refused_and_nothing_is_lost() -> None:
     run(mapper := Albot1.default(), readings(walk(10)))
     state, before = mapper.state(), mapper.surfaces
-    state["current.slots"][0] = 10**9
+    state["view.slots"][0] = 10**9
     with pytest.raises(InputError, match="slots"):
         mapper.restore(state)
     assert np.array_equal(mapper.surfaces, before)
