@@ -46,7 +46,7 @@ class Robots(NamedTuple):
     """(n,) int64: how many surfaces it remembers."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _desk(room: int) -> Sight:
     """A view to work on, which every robot of a call uses in turn."""
     return Sight(
@@ -59,7 +59,7 @@ def _desk(room: int) -> Sight:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def find_landmarks(current: Sight, limits: Limits) -> None:
     """Section 3.1.4: long surfaces with an occluding or corner point are landmarks."""
     for k in range(current.size[0]):
@@ -68,7 +68,7 @@ def find_landmarks(current: Sight, limits: Limits) -> None:
         )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _look(ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight) -> None:
     """Construct the view from a scan (algorithm 4, lines 3 and 4)."""
     current.size[0] = extract_surfaces(
@@ -85,14 +85,14 @@ def _look(ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight) -> Non
     find_landmarks(current, limits)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _is_near(motion: np.ndarray, limits: Limits) -> bool:
     """Whether the last view was taken so near that the robot does not look again."""
     square = motion[0] * motion[0] + motion[1] * motion[1]
     return bool(square < limits.view_spacing**2 and abs(motion[2]) < limits.view_turn)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _follow(
     robots: Robots,
     row: int,

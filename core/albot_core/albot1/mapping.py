@@ -18,7 +18,7 @@ STEP, UPDATED_AT, UPDATES, LOST = 0, 1, 2, 3
 ustep), views laid into the map, and views without any recognised landmark."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _recognize_and_localize(
     memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
 ) -> int:
@@ -34,7 +34,7 @@ def _recognize_and_localize(
     return int(recognized)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def map_step(
     memory: Memory,
     previous: Sight,

@@ -60,7 +60,7 @@ def _integers(address: int, count: int) -> np.ndarray:
     return carray(pointer(address), (count,), np.int64)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def memory_at(places: np.ndarray) -> Memory:
     """The memory whose arrays' addresses stand in a row of the table."""
     capacity, at = places[CAPACITY], _MEMORY
@@ -75,7 +75,7 @@ def memory_at(places: np.ndarray) -> Memory:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def sight_at(places: np.ndarray) -> Sight:
     """The view whose arrays' addresses stand in a row of the table."""
     room, at = places[ROOM], _SIGHT
