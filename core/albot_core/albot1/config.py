@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_core.errors import InputError
 from albot_core.perception.view import ViewConfig
+
+TURN_STEP = math.radians(1.0)
+"""Turns are tried this far apart (rad)."""
 
 
 class Limits(NamedTuple):
@@ -23,11 +28,11 @@ class Limits(NamedTuple):
     margin: float
     eye_in_boundary: bool
     remembered: bool
-    turn_search: float
-    turn_cost: float
     reach: float
     motion_error: float
     turn_error: float
+    turns: np.ndarray
+    """(turns, 3) float64: the turns tried, as cosine, sine, and votes that each must make up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,3 +119,16 @@ class Albot1Config:
     def limits(self) -> Limits:
         """The thresholds as the compiled steps take them."""
         return Limits(*(getattr(self, name) for name in Limits._fields))
+
+    @property
+    def turns(self) -> Float64[np.ndarray, "turns 3"]:
+        """The turns tried, as `Limits` holds them."""
+        steps = int(self.turn_search / TURN_STEP + 0.5)
+        turns = [TURN_STEP * step for step in range(-steps, steps + 1)]
+        shares = [turn / self.turn_cost for turn in turns]
+        return np.array(
+            [
+                (math.cos(turn), math.sin(turn), share * share)
+                for turn, share in zip(turns, shares, strict=True)
+            ]
+        )
