@@ -44,8 +44,8 @@ def measure_mappers(
     for name in names:
         mapper = make_mapper(name)
         rate = _rate(mapper, readings, rounds)
-        alone = {"name": name, "surfaces": len(mapper.surfaces), "readings_per_second": rate}
-        rows.append({**alone, **_batch_rates(name, readings, rounds)})
+        alone = {"surfaces": len(mapper.surfaces), "readings_per_second": rate}
+        rows.append({"name": name} | alone | _batch_rates(name, readings, rounds))
     return rows
 
 
