@@ -92,7 +92,7 @@ class Fleet:
         self._floors = Floors(robots, robot)
         self._bridges = [Bridge(CROWD) for _ in range(self._crew.size)]
         self._opaque = index_for(laser.geometry)
-        self._solid = WallIndex(self._devices.sonars.horizon, (0.0, 0.0), occlusion=False)
+        self._solid = WallIndex(self._devices.sonars.horizon, (0.0, 0.0), occlusion=True)
         self._buildings = Register(robots, self._take_in, self._forget)
 
     @property
