@@ -21,7 +21,7 @@ from albot_env.recording.reader import EpisodeReader
 from albot_env.stress.limits import Limits
 from albot_env.tasks import explore
 from albot_env.tasks.explore import ExploreEnv
-from albot_maps import World, load_world
+from albot_maps import World, load_world, load_worlds
 from albot_maps.generators.spec import KINDS
 
 SOUND = Episode(world="square-loop", agent="random", mapper="none", seed=3, steps=30)
@@ -128,7 +128,7 @@ def lacking(spec: str) -> World:
 def test_a_wall_that_is_not_there_is_seen_through_and_play_shows_the_same(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    monkeypatch.setattr(explore, "load_world", lacking)
+    monkeypatch.setattr(explore, "load_worlds", lambda spec: load_worlds(lacking(spec)))
     monkeypatch.chdir(tmp_path)
     [violation, *_] = run().violations
     seen = re.search(r"beam (\d+) sees (\S+) m, through a wall at (\S+) m", violation.what)
