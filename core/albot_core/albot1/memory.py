@@ -185,7 +185,7 @@ def _sort(values: np.ndarray, count: int) -> None:
         gap //= 2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def room_left(memory: Memory) -> int:
     """How many more surfaces there is room for."""
     counts = memory.counts

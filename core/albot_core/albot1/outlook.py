@@ -28,7 +28,7 @@ def describe(surface: np.ndarray, row: np.ndarray) -> None:
     row[7] = (surface[3] - surface[1]) / length
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The surfaces of the view long enough to be recognised: places in it, ends and rows."""
     which = np.empty(current.size[0], np.int64)
@@ -46,7 +46,7 @@ def seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray, np
     return which[:kept], edges[:kept], rows[:kept]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def seen_before(
     previous: Sight, motion: np.ndarray, limits: Limits
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -147,7 +147,7 @@ def _pull_line(
         _pull(normal, slope, x, y, -uy, ux, -off, weight)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _solve(normal: np.ndarray, slope: np.ndarray, step: np.ndarray) -> None:
     """Solve the symmetric 3 x 3 system (upper triangle given) by Cholesky's method."""
     a = np.sqrt(normal[0, 0])
