@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
 
 from albot_env.sim.noise_kernels import draw, draw_share
 from albot_env.sim.plane_kernels import gap_to_ray, gap_to_sector
-from albot_env.sim.thing_arrays import Boxes, Doors, Stage
+from albot_env.sim.thing_arrays import Stage
 
 _GAP = 0.05
 """How far (m) from what is in its way a leaf stops, at least."""
@@ -23,146 +24,106 @@ def swing(stage: Stage, i: int, robot: np.ndarray, radius: float, duration: floa
 
     `robot` (6,) is its state: x, y, heading, velocity x, y, turn rate.
     """
-    doors = stage.doors
-    for d in range(doors.at[i], doors.at[i + 1]):
-        heading, opening = doors.leaves[d, 0], doors.leaves[d, 2]
-        rest = heading + opening * doors.wanted[d] - doors.angles[d]
-        doors.rates[d] = 0.0
+    for d in range(stage.robots[i].doors, stage.robots[i].doors_end):
+        door = stage.doors[d]
+        rest = door.heading + door.opening * door.wanted - door.angle
+        door.rate = 0.0
         if abs(rest) <= _THERE:
-            doors.waits[d] -= duration
-            if doors.waits[d] <= 0.0:
-                doors.wanted[d] = 1 - doors.wanted[d]
-                doors.waits[d] = _stay(doors, d)
+            door.wait -= duration
+            if door.wait <= 0.0:
+                door.wanted = 1 - door.wanted
+                _draw_stay(door)
             continue
-        most = doors.leaves[d, 3] * duration
+        most = door.turn_rate * duration
         turn = min(max(rest, -most), most)
-        if not _is_barred(stage, i, d, turn, robot, radius, duration):
-            doors.rates[d] = turn / duration
+        if not _is_barred(stage, i, door, turn, robot, radius, duration):
+            door.rate = turn / duration
 
 
 @njit(cache=True, error_model="numpy")
 def begin_doors(
-    stage: Stage, i: int, key: np.uint64, first: int, x: float, y: float, radius: float
+    stage: Stage, i: int, key: np.uint64, place: int, robot: np.ndarray, radius: float
 ) -> None:
-    """Shut or open the doors of robot i, which stands at x, y, by chance.
+    """Shut or open the doors of robot i by chance.
 
-    One on which somebody stands is where it is not drawn to be. `first` is the place of the
+    One in whose way somebody stands is where it is not drawn to be. `place` is that of the
     first door's key in the stream.
     """
-    doors = stage.doors
-    for d in range(doors.at[i], doors.at[i + 1]):
-        doors.keys[d] = draw(key, first + d - doors.at[i])
-        doors.draws[d] = 0
-        doors.wanted[d] = 1 if draw_share(doors.keys[d], 0) < 0.5 else 0
-        doors.draws[d] = 1
-        for _ in range(2):
-            heading, opening = doors.leaves[d, 0], doors.leaves[d, 2]
-            doors.angles[d] = heading + opening * doors.wanted[d]
-            if not _is_occupied(stage, i, d, x, y, radius):
-                break
-            doors.wanted[d] = 1 - doors.wanted[d]
-        # It has been so for some of its time.
-        doors.waits[d] = _stay(doors, d) * draw_share(doors.keys[d], 1)
-        doors.rates[d] = 0.0
+    for d in range(stage.robots[i].doors, stage.robots[i].doors_end):
+        door = stage.doors[d]
+        door.key = draw(key, place + d - stage.robots[i].doors)
+        door.rate = 0.0
+        door.wanted = 1 if draw_share(door.key, 0) < 0.5 else 0
+        door.angle = door.heading + door.opening * door.wanted
+        if _is_barred(stage, i, door, 0.0, robot, radius, 0.0):
+            door.wanted = 1 - door.wanted
+            door.angle = door.heading + door.opening * door.wanted
+        door.draws = 2
+        _draw_stay(door)
+        # It has been so for some of that time.
+        door.wait *= draw_share(door.key, 1)
 
 
 @njit(cache=True, error_model="numpy")
-def _stay(doors: Doors, d: int) -> float:
-    """Draw how long a door stays as it is wanted now (s)."""
-    least, most = doors.stays[d, doors.wanted[d], 0], doors.stays[d, doors.wanted[d], 1]
-    doors.draws[d] += 1
-    stay: float = least + (most - least) * draw_share(doors.keys[d], doors.draws[d])
-    return stay
+def _draw_stay(door: Any) -> None:
+    """Draw how long a door stays as it is wanted now."""
+    least = door.least_open if door.wanted else door.least_shut
+    most = door.most_open if door.wanted else door.most_shut
+    door.wait = least + (most - least) * draw_share(door.key, door.draws)
+    door.draws += 1
 
 
 @njit(cache=True, error_model="numpy")
 def _is_barred(
     stage: Stage,
     i: int,
-    d: int,
+    door: Any,
     turn: float,
     robot: np.ndarray,
     radius: float,
     duration: float,
 ) -> bool:
     """Whether a door would come too near to something if it turned so far (rad)."""
-    doors, boxes, walkers = stage.doors, stage.boxes, stage.walkers
-    reach = radius + _GAP + math.hypot(robot[3], robot[4]) * duration
-    if _comes_near(doors, d, turn, robot[0], robot[1], reach):
-        return True
-    for w in range(walkers.at[i], walkers.at[i + 1]):
-        x, y, vx, vy = walkers.states[w]
-        reach = walkers.radii[w] + _GAP + math.hypot(vx, vy) * duration
-        if _comes_near(doors, d, turn, x, y, reach):
-            return True
-    for b in range(boxes.at[i], boxes.at[i + 1]):
-        for k in range(discs_of(boxes, b)):
-            x, y, reach = disc_of(boxes, b, k)
-            if _comes_near(doors, d, turn, x, y, reach + _GAP):
-                return True
-    return False
+    own = stage.robots[i]
+    reach = radius + math.hypot(robot[3], robot[4]) * duration
+    barred = _comes_near(door, turn, robot[0], robot[1], reach)
+    for w in range(own.walkers, own.walkers_end):
+        walker = stage.walkers[w]
+        reach = walker.radius + math.hypot(walker.vx, walker.vy) * duration
+        barred = barred or _comes_near(door, turn, walker.x, walker.y, reach)
+    for b in range(own.boxes, own.boxes_end):
+        # Discs in a row cover a box.
+        box = stage.boxes[b]
+        long, short = box.half_length, box.half_width
+        heading = box.heading
+        if short > long:
+            long, short, heading = short, long, heading + math.pi / 2
+        discs = math.ceil(long / short)
+        cos, sin, each = math.cos(heading), math.sin(heading), long / discs
+        along = each - long
+        while along < long:
+            x, y = box.x + along * cos, box.y + along * sin
+            barred = barred or _comes_near(door, turn, x, y, math.hypot(each, short))
+            along += 2 * each
+    return barred
 
 
 @njit(cache=True, error_model="numpy")
-def _comes_near(doors: Doors, d: int, turn: float, x: float, y: float, reach: float) -> bool:
-    """Whether a leaf that turns comes within reach (m) of a point, and nearer than it is."""
-    x, y = x - doors.hinges[d, 0], y - doors.hinges[d, 1]
-    angle, width = doors.angles[d], doors.leaves[d, 1]
-    gap = gap_to_sector(x, y, angle, turn, width)
-    if gap >= reach:
+def _comes_near(door: Any, turn: float, x: float, y: float, reach: float) -> bool:
+    """Whether a leaf that turns comes too near to a disc, and nearer than it is."""
+    x, y = x - door.hinge_x, y - door.hinge_y
+    gap = gap_to_sector(x, y, door.angle, turn, door.width)
+    if gap >= reach + _GAP:
         return False
-    return min(gap, gap_to_ray(x, y, angle + turn, width)) < gap_to_ray(x, y, angle, width)
+    return turn == 0.0 or gap < gap_to_ray(x, y, door.angle, door.width)
 
 
 @njit(cache=True, error_model="numpy")
-def _is_occupied(stage: Stage, i: int, d: int, x: float, y: float, radius: float) -> bool:
-    """Whether a leaf touches the robot, somebody or a box where it is."""
-    doors, boxes, walkers = stage.doors, stage.boxes, stage.walkers
-    if _touches(doors, d, x, y, radius):
-        return True
-    for w in range(walkers.at[i], walkers.at[i + 1]):
-        if _touches(doors, d, walkers.states[w, 0], walkers.states[w, 1], walkers.radii[w]):
-            return True
-    for b in range(boxes.at[i], boxes.at[i + 1]):
-        for k in range(discs_of(boxes, b)):
-            x, y, reach = disc_of(boxes, b, k)
-            if _touches(doors, d, x, y, reach):
-                return True
-    return False
-
-
-@njit(cache=True, error_model="numpy")
-def _touches(doors: Doors, d: int, x: float, y: float, reach: float) -> bool:
-    x, y = x - doors.hinges[d, 0], y - doors.hinges[d, 1]
-    return gap_to_ray(x, y, doors.angles[d], doors.leaves[d, 1]) < reach
-
-
-@njit(cache=True, error_model="numpy")
-def gap_to_sweeps(doors: Doors, i: int, x: float, y: float) -> float:
+def gap_to_sweeps(stage: Stage, i: int, x: float, y: float) -> float:
     """Distance (m) of a point from all that the doors of robot i ever pass."""
     gap = np.inf
-    for d in range(doors.at[i], doors.at[i + 1]):
-        heading, width, opening = doors.leaves[d, 0], doors.leaves[d, 1], doors.leaves[d, 2]
-        from_x, from_y = x - doors.hinges[d, 0], y - doors.hinges[d, 1]
-        gap = min(gap, gap_to_sector(from_x, from_y, heading, opening, width))
+    for d in range(stage.robots[i].doors, stage.robots[i].doors_end):
+        door = stage.doors[d]
+        from_x, from_y = x - door.hinge_x, y - door.hinge_y
+        gap = min(gap, gap_to_sector(from_x, from_y, door.heading, door.opening, door.width))
     return gap
-
-
-@njit(cache=True, error_model="numpy")
-def discs_of(boxes: Boxes, b: int) -> int:
-    """How many discs in a row cover a box well."""
-    long, short = max(boxes.halves[b]), min(boxes.halves[b])
-    return int(math.ceil(long / short))  # noqa: RUF046 (in numba it is a float)
-
-
-@njit(cache=True, error_model="numpy")
-def disc_of(boxes: Boxes, b: int, k: int) -> tuple[float, float, float]:
-    """Middle x, y and radius (m) of one of the discs that cover a box."""
-    x, y, heading = boxes.poses[b]
-    long, short = max(boxes.halves[b]), min(boxes.halves[b])
-    if boxes.halves[b, 1] > boxes.halves[b, 0]:
-        heading += math.pi / 2
-    each = long / discs_of(boxes, b)
-    along = (2 * k + 1) * each - long
-    radius = math.hypot(each, short)
-    return x + along * math.cos(heading), y + along * math.sin(heading), radius

@@ -31,13 +31,11 @@ def door_parts(door: Door, angle: float) -> tuple[pymunk.Body, Parts]:
     return body, [body, leaf]
 
 
-def box_parts(
-    box: Box, pose: tuple[float, float, float], ground: pymunk.Body
-) -> tuple[pymunk.Body, Parts]:
-    """A box at x, y, heading, with two joints that are its friction on the ground."""
+def box_parts(box: Box, ground: pymunk.Body) -> tuple[pymunk.Body, Parts]:
+    """A box where it begins, with two joints that are its friction on the ground."""
     size = box.length, box.width
     body = pymunk.Body(box.mass, pymunk.moment_for_box(box.mass, size))
-    body.position, body.angle = pose[:2], pose[2]
+    body.position, body.angle = box.at, box.heading
     shape = pymunk.Poly.create_box(body, size)
     shape.friction = _FRICTION
     drag = pymunk.PivotJoint(ground, body, (0.0, 0.0), (0.0, 0.0))

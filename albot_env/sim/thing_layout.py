@@ -6,12 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import pymunk
-from jaxtyping import Int64
 
 from albot_core.geometry.types import Segments
 from albot_env.sim.engine import address
 from albot_env.sim.space import Floor
-from albot_env.sim.thing_arrays import Boxes, Doors, Stage, Walkers
+from albot_env.sim.thing_arrays import BOX, DOOR, ROBOT, WALKER, Stage
 from albot_env.sim.thing_kernels import SIDES
 from albot_maps.movables import Box, Door, Movables, Walker
 from albot_maps.world import World
@@ -20,32 +19,34 @@ from albot_maps.world import World
 def lay_out(
     worlds: Sequence[World], floors: Sequence[Floor], shelves: Sequence[pymunk.Space]
 ) -> Stage:
-    """The arrays of the things of some worlds, one for each robot, on floors of their own.
+    """The tables of the things of some worlds, one for each robot, on floors of their own.
 
     `shelves` are the spaces of the walkers' legs.
     """
-    all_movables = [world.movables for world in worlds]
-    walls, walls_at = _walls(worlds)
-    segments_at = _fences([_outlines(movables) for movables in all_movables])
-    spaces = [
-        (address(floor.space._space), address(shelf._space))
-        for floor, shelf in zip(floors, shelves, strict=True)
-    ]
+    moving = [world.movables for world in worlds]
+    robots = np.zeros(len(worlds), ROBOT)
+    _number(robots, "doors", [len(movables.doors) for movables in moving])
+    _number(robots, "boxes", [len(movables.boxes) for movables in moving])
+    _number(robots, "walkers", [len(movables.walkers) for movables in moving])
+    _number(robots, "segments", [_outlines(movables) for movables in moving])
+    robots["space"] = [address(floor.space._space) for floor in floors]
+    robots["shelf"] = [address(shelf._space) for shelf in shelves]
+    walkers = [walker for movables in moving for walker in movables.walkers]
     return Stage(
-        doors=_doors(all_movables),
-        boxes=_boxes(all_movables),
-        walkers=_walkers(all_movables),
-        walls=walls,
-        walls_at=walls_at,
-        spaces=np.array(spaces, np.int64),
-        segments=np.zeros((segments_at[-1], 4)),
-        segments_at=segments_at,
+        robots=robots,
+        doors=_doors([door for movables in moving for door in movables.doors]),
+        boxes=_boxes([box for movables in moving for box in movables.boxes]),
+        walkers=_walkers(walkers),
+        waypoints=np.array([point for w in walkers for point in w.route], float).reshape(-1, 2),
+        walls=_walls(worlds, robots),
+        segments=np.zeros((robots["segments_end"][-1], 4)),
     )
 
 
-def _fences(counts: Sequence[int]) -> Int64[np.ndarray, "fences"]:
-    """Where runs of so many rows begin, and after the last where it ends."""
-    return np.cumsum([0, *counts], dtype=np.int64)
+def _number(robots: np.ndarray, kind: str, counts: Sequence[int]) -> None:
+    """Note which rows are each robot's where it has so many of a kind."""
+    fences = np.cumsum([0, *counts])
+    robots[kind], robots[f"{kind}_end"] = fences[:-1], fences[1:]
 
 
 def _outlines(movables: Movables) -> int:
@@ -53,66 +54,43 @@ def _outlines(movables: Movables) -> int:
     return len(movables.doors) + 4 * len(movables.boxes) + SIDES * len(movables.walkers)
 
 
-def _walls(worlds: Sequence[World]) -> tuple[Segments, Int64[np.ndarray, "robots 2"]]:
-    """The walls of all worlds in which something moves, each once, and each robot's."""
-    different = list({id(world): world for world in worlds if world.movables}.values())
-    fences = _fences([len(world.walls) for world in different])
-    place = {id(world): k for k, world in enumerate(different)}
-    walls_at = np.zeros((len(worlds), 2), np.int64)
-    for row, world in enumerate(worlds):
-        if id(world) in place:
-            walls_at[row] = fences[place[id(world)]], fences[place[id(world)] + 1]
-    return np.concatenate([np.empty((0, 4)), *(world.walls for world in different)]), walls_at
+def _walls(worlds: Sequence[World], robots: np.ndarray) -> Segments:
+    """The walls of all worlds in which something moves, each once; note each robot's."""
+    walls: list[Segments] = [np.empty((0, 4))]
+    rows: dict[int, tuple[int, int]] = {}
+    for world, robot in zip(worlds, robots, strict=True):
+        if world.movables and id(world) not in rows:
+            before = sum(map(len, walls))
+            rows[id(world)] = before, before + len(world.walls)
+            walls.append(world.walls)
+        robot["walls"], robot["walls_end"] = rows.get(id(world), (0, 0))
+    return np.concatenate(walls)
 
 
-def _doors(all_movables: Sequence[Movables]) -> Doors:
-    doors: list[Door] = [door for movables in all_movables for door in movables.doors]
-    count = len(doors)
-    leaves = [(door.heading, door.width, door.opening, door.turn_rate) for door in doors]
-    return Doors(
-        at=_fences([len(movables.doors) for movables in all_movables]),
-        rows=np.zeros(count, np.int64),
-        hinges=np.array([door.hinge for door in doors], np.float64).reshape(-1, 2),
-        leaves=np.array(leaves, np.float64).reshape(-1, 4),
-        stays=np.array([(door.shut_for, door.open_for) for door in doors], np.float64).reshape(
-            -1, 2, 2
-        ),
-        angles=np.zeros(count),
-        rates=np.zeros(count),
-        wanted=np.zeros(count, np.int64),
-        waits=np.zeros(count),
-        keys=np.zeros(count, np.uint64),
-        draws=np.zeros(count, np.int64),
-    )
+def _doors(doors: Sequence[Door]) -> np.ndarray:
+    table = np.zeros(len(doors), DOOR)
+    for record, door in zip(table, doors, strict=True):
+        record["hinge_x"], record["hinge_y"] = door.hinge
+        record["least_shut"], record["most_shut"] = door.shut_for
+        record["least_open"], record["most_open"] = door.open_for
+        for name in ("heading", "width", "opening", "turn_rate"):
+            record[name] = getattr(door, name)
+    return table
 
 
-def _boxes(all_movables: Sequence[Movables]) -> Boxes:
-    boxes: list[Box] = [box for movables in all_movables for box in movables.boxes]
-    beginnings = np.array([(*box.at, box.heading) for box in boxes], np.float64).reshape(-1, 3)
-    return Boxes(
-        at=_fences([len(movables.boxes) for movables in all_movables]),
-        rows=np.zeros(len(boxes), np.int64),
-        halves=np.array([(box.length / 2, box.width / 2) for box in boxes]).reshape(-1, 2),
-        beginnings=beginnings,
-        poses=beginnings.copy(),
-    )
+def _boxes(boxes: Sequence[Box]) -> np.ndarray:
+    table = np.zeros(len(boxes), BOX)
+    for record, box in zip(table, boxes, strict=True):
+        record["half_length"], record["half_width"] = box.length / 2, box.width / 2
+    return table
 
 
-def _walkers(all_movables: Sequence[Movables]) -> Walkers:
-    walkers: list[Walker] = [walker for movables in all_movables for walker in movables.walkers]
-    count = len(walkers)
-    points = [point for walker in walkers for point in walker.route]
-    return Walkers(
-        at=_fences([len(movables.walkers) for movables in all_movables]),
-        rows=np.zeros(count, np.int64),
-        radii=np.array([walker.radius for walker in walkers], np.float64),
-        paces=np.array([walker.speed for walker in walkers], np.float64).reshape(-1, 2),
-        route_at=_fences([len(walker.route) for walker in walkers]),
-        waypoints=np.array(points, np.float64).reshape(-1, 2),
-        closed=np.array([walker.closed for walker in walkers], np.bool_),
-        speeds=np.zeros(count),
-        courses=np.zeros((count, 3), np.int64),
-        idle=np.zeros(count),
-        states=np.zeros((count, 4)),
-        wanted=np.zeros((count, 2)),
-    )
+def _walkers(walkers: Sequence[Walker]) -> np.ndarray:
+    table = np.zeros(len(walkers), WALKER)
+    first = 0
+    for record, walker in zip(table, walkers, strict=True):
+        record["radius"], record["closed"] = walker.radius, walker.closed
+        record["slowest"], record["fastest"] = walker.speed
+        record["first"], record["count"] = first, len(walker.route)
+        first += len(walker.route)
+    return table

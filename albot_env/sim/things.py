@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 import pymunk
@@ -61,25 +62,29 @@ class Things:
         """Outlines of all things where they are now: what rays meet. The array stays."""
         return self._stage.segments
 
-    @property
+    @cached_property
     def segments_at(self) -> Int64[np.ndarray, "fences"]:
         """Where in `segments` each robot's begin, and after the last where they end."""
-        return self._stage.segments_at
+        ends: np.ndarray = self._stage.robots["segments_end"]
+        return np.concatenate(([0], ends))
 
     @property
     def boxes(self) -> Poses:
         """Where all boxes are: x, y, heading."""
-        return self._stage.boxes.poses
+        boxes = self._stage.boxes
+        return np.stack((boxes["x"], boxes["y"], boxes["heading"]), axis=1)
 
     @property
     def walkers(self) -> Float64[np.ndarray, "walkers 4"]:
         """Where all walkers are and go: x, y, velocity x, y."""
-        return self._stage.walkers.states
+        walkers = self._stage.walkers
+        return np.stack([walkers[name] for name in ("x", "y", "vx", "vy")], axis=1)
 
     @property
     def doors(self) -> Float64[np.ndarray, "doors"]:
         """The directions of all leaves as seen from their hinges (rad)."""
-        return self._stage.doors.angles
+        angles: np.ndarray = self._stage.doors["angle"].copy()
+        return angles
 
     def leave(self, row: int) -> None:
         """Take a robot's things off its floor."""
@@ -98,8 +103,9 @@ class Things:
         """
         if not self._movables[row]:
             return
-        x, y, _ = pose.tolist()
-        begin(self._stage, row, np.uint64(key), x, y, self._radius)
+        self._put_boxes(row)
+        state = np.array([*pose, 0.0, 0.0, 0.0])
+        begin(self._stage, row, np.uint64(key), state, self._radius)
         bodies = [*self._hang(row), *self._drop(row), *self._set_off(row)]
         self._floors[row].space.add(*self._parts[row])
         self._enlist(row, [body.id for body in bodies])
@@ -115,20 +121,27 @@ class Things:
             duration: Until the next command (s).
         """
         command(engine, self._stage, states, self._radius, duration)
-        rates = self._stage.doors.rates
+        rates = self._stage.doors["rate"]
         for d in np.flatnonzero(rates != self._rates):
             self._leaves[d].angular_velocity = float(rates[d])
         self._rates[:] = rates
 
     def observe(self, engine: Engine) -> None:
         """Read where all things are, into `segments` and the rest."""
-        observe(engine, self._stage, 0, len(self._floors))
+        observe(engine, self._stage)
+
+    def _put_boxes(self, row: int) -> None:
+        """Note where the boxes begin."""
+        first = self._stage.robots[row]["boxes"]
+        for b, box in enumerate(self._movables[row].boxes, first):
+            record = self._stage.boxes[b]
+            (record["x"], record["y"]), record["heading"] = box.at, box.heading
 
     def _hang(self, row: int) -> list[pymunk.Body]:
         """The bodies of the doors."""
-        doors, bodies = self._stage.doors, []
-        for d, door in enumerate(self._movables[row].doors, doors.at[row]):
-            body, parts = door_parts(door, float(doors.angles[d]))
+        bodies = []
+        for d, door in enumerate(self._movables[row].doors, self._stage.robots[row]["doors"]):
+            body, parts = door_parts(door, float(self._stage.doors[d]["angle"]))
             self._leaves[d] = body
             self._rates[d] = 0.0
             self._parts[row] += parts
@@ -137,23 +150,24 @@ class Things:
 
     def _drop(self, row: int) -> list[pymunk.Body]:
         """The bodies of the boxes."""
-        boxes, bodies = self._stage.boxes, []
+        bodies = []
         ground = self._floors[row].space.static_body
-        for b, box in enumerate(self._movables[row].boxes, boxes.at[row]):
-            x, y, heading = boxes.poses[b].tolist()
-            body, parts = box_parts(box, (x, y, heading), ground)
+        for box in self._movables[row].boxes:
+            body, parts = box_parts(box, ground)
             self._parts[row] += parts
             bodies.append(body)
         return bodies
 
     def _set_off(self, row: int) -> list[pymunk.Body]:
         """The bodies of the walkers."""
-        walkers, bodies = self._stage.walkers, []
-        for w, walker in enumerate(self._movables[row].walkers, walkers.at[row]):
-            legs = self._legs[row][w - walkers.at[row]]
+        bodies = []
+        first = self._stage.robots[row]["walkers"]
+        for k, (walker, legs) in enumerate(
+            zip(self._movables[row].walkers, self._legs[row], strict=True)
+        ):
             legs.velocity = 0.0, 0.0
-            x, y = walkers.states[w, :2].tolist()
-            body, parts = walker_parts(walker, (x, y), legs)
+            record = self._stage.walkers[first + k]
+            body, parts = walker_parts(walker, (float(record["x"]), float(record["y"])), legs)
             self._parts[row] += parts
             bodies.append(body)
         return bodies
@@ -161,7 +175,9 @@ class Things:
     def _enlist(self, row: int, ids: Sequence[int]) -> None:
         """Note in which places pymunk reads out the bodies of doors, boxes and walkers."""
         order = {id_: place for place, id_ in enumerate(self._floors[row].body_ids)}
-        places = iter(order[id_] for id_ in ids)
-        for kind in (self._stage.doors, self._stage.boxes, self._stage.walkers):
-            for k in range(kind.at[row], kind.at[row + 1]):
-                kind.rows[k] = next(places)
+        places = [order[id_] for id_ in ids]
+        own = self._stage.robots[row]
+        for kind in ("doors", "boxes", "walkers"):
+            first, end = own[kind], own[f"{kind}_end"]
+            getattr(self._stage, kind)["row"][first:end] = places[: end - first]
+            places = places[end - first :]

@@ -12,6 +12,7 @@ gets nowhere.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -19,7 +20,7 @@ from numba import njit
 from albot_env.sim.door_kernels import gap_to_sweeps
 from albot_env.sim.noise_kernels import draw, draw_share
 from albot_env.sim.plane_kernels import nearest_on
-from albot_env.sim.thing_arrays import Stage, Walkers
+from albot_env.sim.thing_arrays import Stage
 
 _RELAXATION = 0.5
 """Time in which a walker reaches its speed (s), τ."""
@@ -60,29 +61,31 @@ def walk(stage: Stage, i: int, robot: np.ndarray, radius: float, duration: float
 
     `robot` (6,) is its state: x, y, heading, velocity x, y, turn rate.
     """
-    walkers = stage.walkers
-    for w in range(walkers.at[i], walkers.at[i + 1]):
-        x, y, vx, vy = walkers.states[w]
-        _lose_patience(walkers, w, duration)
-        ex, ey = _direction(walkers, w)
-        speed = walkers.speeds[w]
+    own = stage.robots[i]
+    for w in range(own.walkers, own.walkers_end):
+        walker = stage.walkers[w]
+        x, y, size, speed = walker.x, walker.y, walker.radius, walker.speed
+        _lose_patience(walker, duration)
+        ex, ey = _direction(walker, stage.waypoints)
         # Eq. (2): acceleration towards the velocity wanted.
-        fx, fy = (speed * ex - vx) / _RELAXATION, (speed * ey - vy) / _RELAXATION
-        size = walkers.radii[w]
-        gx, gy = _away_from(x - robot[0], y - robot[1], robot[3], robot[4], size + radius, ex, ey)
-        fx, fy = fx + gx, fy + gy
-        for v in range(walkers.at[i], walkers.at[i + 1]):
+        fx, fy = (speed * ex - walker.vx) / _RELAXATION, (speed * ey - walker.vy) / _RELAXATION
+        for v in range(own.walkers - 1, own.walkers_end):
             if v == w:
                 continue
-            other_x, other_y, other_vx, other_vy = walkers.states[v]
-            sizes = size + walkers.radii[v]
-            gx, gy = _away_from(x - other_x, y - other_y, other_vx, other_vy, sizes, ex, ey)
+            if v < own.walkers:
+                from_x, from_y, vx, vy = x - robot[0], y - robot[1], robot[3], robot[4]
+                sizes = size + radius
+            else:
+                other = stage.walkers[v]
+                from_x, from_y, vx, vy = x - other.x, y - other.y, other.vx, other.vy
+                sizes = size + other.radius
+            gx, gy = _away_from(from_x, from_y, vx, vy, sizes, ex, ey)
             fx, fy = fx + gx, fy + gy
         gx, gy = _away_from_walls(stage, i, x, y, size)
         fx, fy = _clipped(fx + gx, fy + gy, _STRONGEST)
         # Eq. (10) and (11): the velocity, at most so much over the one wanted.
-        vx, vy = _clipped(vx + fx * duration, vy + fy * duration, _EXCESS * speed)
-        walkers.wanted[w, 0], walkers.wanted[w, 1] = vx, vy
+        vx, vy = walker.vx + fx * duration, walker.vy + fy * duration
+        walker.wanted_x, walker.wanted_y = _clipped(vx, vy, _EXCESS * speed)
 
 
 @njit(cache=True, error_model="numpy")
@@ -122,12 +125,11 @@ def _away_from(
 @njit(cache=True, error_model="numpy")
 def _away_from_walls(stage: Stage, i: int, x: float, y: float, size: float) -> tuple[float, float]:
     """The repulsion, eq. (5), from the nearest of walls, doors and boxes."""
-    gap, near_x, near_y = _nearest(stage.walls, stage.walls_at[i, 0], stage.walls_at[i, 1], x, y)
-    first = stage.segments_at[i]
-    doors = stage.doors.at[i + 1] - stage.doors.at[i]
-    boxes = stage.boxes.at[i + 1] - stage.boxes.at[i]
-    last = first + doors + 4 * boxes
-    other, other_x, other_y = _nearest(stage.segments, first, last, x, y)
+    own = stage.robots[i]
+    gap, near_x, near_y = _nearest(stage.walls, own.walls, own.walls_end, x, y)
+    # A robot's segments are those of its doors, of its boxes, and then of the walkers.
+    last = own.segments + own.doors_end - own.doors + 4 * (own.boxes_end - own.boxes)
+    other, other_x, other_y = _nearest(stage.segments, own.segments, last, x, y)
     if other < gap:
         gap, near_x, near_y = other, other_x, other_y
     push = _WALL_REPULSION / _WALL_REACH * math.exp(-max(gap - size, 0.0) / _WALL_REACH)
@@ -151,151 +153,114 @@ def _nearest(
 
 
 @njit(cache=True, error_model="numpy")
-def _direction(walkers: Walkers, w: int) -> tuple[float, float]:
+def _direction(walker: Any, waypoints: np.ndarray) -> tuple[float, float]:
     """Where a walker wants to go: to the point of its leg a little ahead of it."""
-    course, x, y = walkers.courses[w], walkers.states[w, 0], walkers.states[w, 1]
-    along, length = _progress(walkers, w)
+    along, length, x1, y1, x2, y2 = _progress(walker, waypoints)
     if along > length - min(_ARRIVED, length / 2):
-        course[0], course[1] = course[1], _after(walkers, w)
-        along, length = _progress(walkers, w)
-    base = walkers.route_at[w]
-    x1, y1 = walkers.waypoints[base + course[0]]
-    x2, y2 = walkers.waypoints[base + course[1]]
+        _take_next_leg(walker)
+        along, length, x1, y1, x2, y2 = _progress(walker, waypoints)
     share = min(max(along, 0.0) + _AHEAD, length) / length
-    to_x, to_y = x1 + share * (x2 - x1) - x, y1 + share * (y2 - y1) - y
+    to_x, to_y = x1 + share * (x2 - x1) - walker.x, y1 + share * (y2 - y1) - walker.y
     far = max(math.hypot(to_x, to_y), 1e-6)
     return to_x / far, to_y / far
 
 
 @njit(cache=True, error_model="numpy")
-def _progress(walkers: Walkers, w: int) -> tuple[float, float]:
-    """How far along its leg a walker is, and the leg's length (m)."""
-    base = walkers.route_at[w]
-    x1, y1 = walkers.waypoints[base + walkers.courses[w, 0]]
-    x2, y2 = walkers.waypoints[base + walkers.courses[w, 1]]
+def _progress(
+    walker: Any, waypoints: np.ndarray
+) -> tuple[float, float, float, float, float, float]:
+    """How far along its leg a walker is, the leg's length, and its ends (m)."""
+    last, onward = walker.first + walker.last, walker.first + walker.next
+    x1, y1, x2, y2 = (
+        waypoints[last, 0],
+        waypoints[last, 1],
+        waypoints[onward, 0],
+        waypoints[onward, 1],
+    )
     length = math.hypot(x2 - x1, y2 - y1)
-    x, y = walkers.states[w, 0] - x1, walkers.states[w, 1] - y1
-    return (x * (x2 - x1) + y * (y2 - y1)) / length, length
+    along = ((walker.x - x1) * (x2 - x1) + (walker.y - y1) * (y2 - y1)) / length
+    return along, length, x1, y1, x2, y2
 
 
 @njit(cache=True, error_model="numpy")
-def _after(walkers: Walkers, w: int) -> int:
-    """The waypoint after the next; at the end of an open route the walker turns round."""
-    count = walkers.route_at[w + 1] - walkers.route_at[w]
-    course = walkers.courses[w]
-    if walkers.closed[w]:
-        return int((course[1] + course[2]) % count)
-    if not 0 <= course[1] + course[2] < count:
-        course[2] = -course[2]
-    return int(course[1] + course[2])
+def _take_next_leg(walker: Any) -> None:
+    """Make for the waypoint after the next; at the end of an open route turn round."""
+    after = walker.next + walker.sense
+    if walker.closed:
+        after %= walker.count
+    elif after < 0 or after >= walker.count:
+        walker.sense = -walker.sense
+        after = walker.next + walker.sense
+    walker.last = walker.next
+    walker.next = after
 
 
 @njit(cache=True, error_model="numpy")
-def _lose_patience(walkers: Walkers, w: int, duration: float) -> None:
+def _lose_patience(walker: Any, duration: float) -> None:
     """Turn round one who has got nowhere for a while."""
-    course = walkers.courses[w]
-    slow = math.hypot(walkers.states[w, 2], walkers.states[w, 3]) < _SLOW * walkers.speeds[w]
-    walkers.idle[w] = walkers.idle[w] + duration if slow else 0.0
-    if walkers.idle[w] > _PATIENCE:
-        walkers.idle[w] = 0.0
-        course[0], course[1], course[2] = course[1], course[0], -course[2]
+    slow = math.hypot(walker.vx, walker.vy) < _SLOW * walker.speed
+    walker.idle = walker.idle + duration if slow else 0.0
+    if walker.idle > _PATIENCE:
+        walker.idle = 0.0
+        last = walker.last
+        walker.last = walker.next
+        walker.next = last
+        walker.sense = -walker.sense
 
 
 @njit(cache=True, error_model="numpy")
 def begin_walkers(
-    stage: Stage, i: int, key: np.uint64, first: int, x: float, y: float, radius: float
+    stage: Stage, i: int, key: np.uint64, place: int, robot: np.ndarray, radius: float
 ) -> None:
-    """Put the walkers of robot i, which stands at x, y, on their routes by chance.
+    """Put the walkers of robot i on their routes by chance.
 
-    They begin clear of it, of each other and of the doors where that can be had. `first` is
-    the place of the first walker's key in the stream.
+    They begin clear of it, of each other and of the doors where that can be had. `place` is
+    that of the first walker's key in the stream.
     """
-    walkers = stage.walkers
-    for w in range(walkers.at[i], walkers.at[i + 1]):
-        own = draw(key, first + w - walkers.at[i])
-        least, most = walkers.paces[w, 0], walkers.paces[w, 1]
-        walkers.speeds[w] = least + (most - least) * draw_share(own, 0)
-        walkers.courses[w, 2] = 1 if draw_share(own, 1) < 0.5 else -1
-        best, share, leg = -np.inf, 0.0, 0
-        for k in range(_TRIES):
-            here, this = _any_place(walkers, w, own, 2 + k)
-            _stand(walkers, w, here, this)
-            room = _room(stage, i, w, x, y, radius)
+    own = stage.robots[i]
+    for w in range(own.walkers, own.walkers_end):
+        walker = stage.walkers[w]
+        mine = draw(key, place + w - own.walkers)
+        walker.speed = walker.slowest + (walker.fastest - walker.slowest) * draw_share(mine, 0)
+        walker.sense = 1 if draw_share(mine, 1) < 0.5 else -1
+        walker.idle = walker.vx = walker.vy = walker.wanted_x = walker.wanted_y = 0.0
+        legs = walker.count if walker.closed else walker.count - 1
+        best, best_leg, best_share = -np.inf, 0, 0.0
+        # At last the waypoints: the farthest of them is off the robot, wherever that is.
+        for k in range(_TRIES + legs + 1):
+            leg, share = int(legs * draw_share(mine, 2 + 2 * k)), draw_share(mine, 3 + 2 * k)
+            if k >= _TRIES:
+                leg, share = min(k - _TRIES, legs - 1), 1.0 if k - _TRIES == legs else 0.0
+            _stand(walker, stage.waypoints, leg, share)
+            room = _room(stage, i, w, robot, radius)
             if room > best:
-                best, share, leg = room, this, here
-            if room >= 0.0:
+                best, best_leg, best_share = room, leg, share
+            if best >= 0.0:
                 break
-        _stand(walkers, w, leg, share)
-        if best == -np.inf:
-            _stand_farthest(walkers, w, x, y)
-        walkers.states[w, 2] = walkers.states[w, 3] = 0.0
-        walkers.wanted[w, 0] = walkers.wanted[w, 1] = 0.0
-        walkers.idle[w] = 0.0
+        _stand(walker, stage.waypoints, best_leg, best_share)
 
 
 @njit(cache=True, error_model="numpy")
-def _legs(walkers: Walkers, w: int) -> int:
-    """How many legs a route has."""
-    count = walkers.route_at[w + 1] - walkers.route_at[w]
-    return int(count if walkers.closed[w] else count - 1)
-
-
-@njit(cache=True, error_model="numpy")
-def _any_place(walkers: Walkers, w: int, key: np.uint64, place: int) -> tuple[int, float]:
-    """A leg of the route and a share of it, every metre as likely."""
-    base, count = walkers.route_at[w], walkers.route_at[w + 1] - walkers.route_at[w]
-    whole = 0.0
-    for leg in range(_legs(walkers, w)):
-        x1, y1 = walkers.waypoints[base + leg]
-        x2, y2 = walkers.waypoints[base + (leg + 1) % count]
-        whole += math.hypot(x2 - x1, y2 - y1)
-    rest = whole * draw_share(key, place)
-    for leg in range(_legs(walkers, w)):
-        x1, y1 = walkers.waypoints[base + leg]
-        x2, y2 = walkers.waypoints[base + (leg + 1) % count]
-        length = math.hypot(x2 - x1, y2 - y1)
-        if rest < length:
-            return leg, rest / length
-        rest -= length
-    return 0, 0.0
-
-
-@njit(cache=True, error_model="numpy")
-def _stand(walkers: Walkers, w: int, leg: int, share: float) -> None:
+def _stand(walker: Any, waypoints: np.ndarray, leg: int, share: float) -> None:
     """Put a walker on a leg, to walk on the way round that it has."""
-    base, count = walkers.route_at[w], walkers.route_at[w + 1] - walkers.route_at[w]
-    onward = (leg + 1) % count
-    x1, y1 = walkers.waypoints[base + leg]
-    x2, y2 = walkers.waypoints[base + onward]
-    walkers.states[w, 0], walkers.states[w, 1] = x1 + share * (x2 - x1), y1 + share * (y2 - y1)
-    forth = walkers.courses[w, 2] == 1
-    walkers.courses[w, 0], walkers.courses[w, 1] = (leg, onward) if forth else (onward, leg)
+    walker.last, walker.next = leg, (leg + 1) % walker.count
+    _, _, x1, y1, x2, y2 = _progress(walker, waypoints)
+    walker.x, walker.y = x1 + share * (x2 - x1), y1 + share * (y2 - y1)
+    if walker.sense < 0:
+        walker.last, walker.next = (leg + 1) % walker.count, leg
 
 
 @njit(cache=True, error_model="numpy")
-def _stand_farthest(walkers: Walkers, w: int, x: float, y: float) -> None:
-    """Put a walker on the waypoint farthest from a point."""
-    most, leg, share = -1.0, 0, 0.0
-    for k in range(_legs(walkers, w)):
-        for end in (0.0, 1.0):
-            _stand(walkers, w, k, end)
-            far = math.hypot(walkers.states[w, 0] - x, walkers.states[w, 1] - y)
-            if far > most:
-                most, leg, share = far, k, end
-    _stand(walkers, w, leg, share)
-
-
-@njit(cache=True, error_model="numpy")
-def _room(stage: Stage, i: int, w: int, x: float, y: float, radius: float) -> float:
-    """How much more than needed a walker has to all sides (m); -inf where it is on the robot."""
-    walkers = stage.walkers
-    here_x, here_y, size = walkers.states[w, 0], walkers.states[w, 1], walkers.radii[w]
-    gap = math.hypot(here_x - x, here_y - y) - radius - size
+def _room(stage: Stage, i: int, w: int, robot: np.ndarray, radius: float) -> float:
+    """How much more than needed a walker has to all sides (m); far below 0 on the robot."""
+    walker = stage.walkers[w]
+    size: float = walker.radius
+    gap = math.hypot(walker.x - robot[0], walker.y - robot[1]) - radius - size
     if gap <= 0.0:
-        return -np.inf
-    room: float = min(gap - _BERTH, gap_to_sweeps(stage.doors, i, here_x, here_y) - size)
-    for v in range(walkers.at[i], w):
-        other_x, other_y = walkers.states[v, 0], walkers.states[v, 1]
-        gap = math.hypot(here_x - other_x, here_y - other_y)
-        room = min(room, gap - size - walkers.radii[v])
+        return gap - 1e6
+    room = min(gap - _BERTH, gap_to_sweeps(stage, i, walker.x, walker.y) - size)
+    for v in range(stage.robots[i].walkers, w):
+        other = stage.walkers[v]
+        gap = math.hypot(walker.x - other.x, walker.y - other.y)
+        room = min(room, gap - size - float(other.radius))
     return room

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pymunk
 
 from albot_env.sim import ODOMETERS, PIONEER_3DX
 from albot_env.sim.chipmunk_kernels import Floors, Robots, advance
@@ -95,8 +96,14 @@ class Scene:
             advance(engine, self.tables, self.robots, errors, drive, PHYSICS_STEP, SUBSTEPS)
             self.things.observe(engine)
 
-    def set_velocity(self, index: int, vx: float, vy: float, spin: float) -> None:
-        """Kick the only body that stands in a place of pymunk's order."""
+    def body(self, index: int) -> pymunk.Body:
+        """The body that stands in a place of pymunk's order: robot, doors, boxes, walkers."""
         id_ = self.floor.body_ids[index]
-        body = next(body for body in self.floor.space.bodies if body.id == id_)
-        body.velocity, body.angular_velocity = (vx, vy), spin
+        return next(body for body in self.floor.space.bodies if body.id == id_)
+
+    def lift(self, index: int, x: float, y: float) -> None:
+        """Put a body somewhere else."""
+        self.body(index).position = x, y
+        self.things.observe(self.engine_owner.engine)
+        if index == 0:
+            self.robots.states[0, :2] = x, y
