@@ -76,7 +76,7 @@ def _measure(segments: int, seconds: float) -> dict[str, int | float]:
     started = time.perf_counter()
     rays = RayCaster(walls, geometry)
     index = time.perf_counter() - started
-    floor = Floor(walls, PIONEER_3DX, robots=0)
+    floor = Floor(walls, PIONEER_3DX)
 
     batch = _best(lambda: rays.scan_batch(poses), seconds) / _POSES
     single = _best(lambda: [rays.scan(pose) for pose in poses[:200]], seconds) / 200

@@ -15,7 +15,7 @@ from albot_env.sim.chipmunk_calls import load, take_step, visit
 from albot_env.sim.drive_kernels import chord, ramped
 from albot_env.sim.odometer_kernels import roll
 
-STEP, EACH_BODY, EACH_CONTACT, GET_BODY, SET_BODY, GET_CONTACT = range(6)
+STEP, EACH_BODY, EACH_CONTACT, GET_BODY, SET_BODY, GET_CONTACT, SET_SPIN = range(7)
 """Places in `Engine.calls`."""
 HEADINGS, STATES, PUSHES, CONTACTS = range(4)
 """Places in `Engine.requests`."""
@@ -25,7 +25,7 @@ class Engine(NamedTuple):
     """Addresses and buffers with which the kernel drives Chipmunk."""
 
     calls: np.ndarray
-    """(6,) int64: addresses of functions (see STEP and so on)."""
+    """(7,) int64: addresses of functions (see STEP and so on)."""
     requests: np.ndarray
     """(4,) int64: addresses of pymunk's structures that say what is read or written where."""
     buffer: np.ndarray
@@ -64,16 +64,17 @@ class Floors(NamedTuple):
     spaces: np.ndarray
     """(floors, 2) int64: addresses of the space with the robots' bodies, and of the one that
     holds the bodies that move as their wheels would."""
-    starts: np.ndarray
-    """(floors + 1,) int64: where in `members` each floor's robots begin."""
+    crews: np.ndarray
+    """(floors,) int64: how many robots are on each."""
     members: np.ndarray
-    """(n,) int64: the robots' rows, floor by floor, in the order in which pymunk visits them."""
+    """(floors, crowd) int64: their rows, in the order in which pymunk visits them."""
     places: np.ndarray
     """(n,) int64: for each robot, which of its floor's wheels are its own."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def advance(
+    chosen: np.ndarray,
     engine: Engine,
     floors: Floors,
     robots: Robots,
@@ -82,24 +83,24 @@ def advance(
     duration: float,
     steps: int,
 ) -> None:
-    """Let some physics steps (s) pass on all floors.
+    """Let some physics steps (s) pass on the floors chosen.
 
     In each the odometers count what the wheels roll, the wheels approach their targets,
     and the bodies move. `drive` is the wheel base (m) and the wheels' acceleration (m/s²);
     `errors` are the odometer's constants.
     """
     base, gain = drive[0], drive[1] * duration
-    for f in range(floors.spaces.shape[0]):
+    for f in chosen:
         space, shelf = floors.spaces[f]
-        start, end = floors.starts[f], floors.starts[f + 1]
+        crew, members = floors.crews[f], floors.members[f]
         for _ in range(steps):
             engine.filled[0] = 0
             visit(engine.calls[EACH_BODY], space, engine.calls[GET_BODY], engine.requests[HEADINGS])
-            for k in range(start, end):
-                robots.states[floors.members[k], 2] = engine.buffer[2 * (k - start)]
-                robots.states[floors.members[k], 5] = engine.buffer[2 * (k - start) + 1]
-            for k in range(start, end):
-                i = floors.members[k]
+            for k in range(crew):
+                robots.states[members[k], 2] = engine.buffer[2 * k]
+                robots.states[members[k], 5] = engine.buffer[2 * k + 1]
+            for k in range(crew):
+                i = members[k]
                 wheels, target = robots.wheels[i], robots.targets[i]
                 roll(robots.counts[i], wheels[0], wheels[1], duration, errors)
                 wheels[0], wheels[1] = ramped(wheels[0], wheels[1], target[0], target[1], gain)
@@ -117,19 +118,21 @@ def advance(
             engine.filled[0] = 0
             visit(engine.calls[EACH_BODY], shelf, engine.calls[SET_BODY], engine.requests[PUSHES])
             take_step(engine.calls[STEP], space, duration)
-            _note_pushes(engine, floors.members[start:end], robots, space)
+            _note_pushes(engine, members, crew, robots, space)
         engine.filled[0] = 0
         visit(engine.calls[EACH_BODY], space, engine.calls[GET_BODY], engine.requests[STATES])
-        for k in range(start, end):
-            i = floors.members[k]
+        for k in range(crew):
+            i = members[k]
             for column in range(6):
-                robots.states[i, column] = engine.buffer[6 * (k - start) + column]
+                robots.states[i, column] = engine.buffer[6 * k + column]
             robots.poses[i, 0], robots.poses[i, 1] = robots.states[i, 0], robots.states[i, 1]
             robots.poses[i, 2] = (robots.states[i, 2] + math.pi) % (2 * math.pi) - math.pi
 
 
 @njit(cache=True, error_model="numpy")
-def _note_pushes(engine: Engine, members: np.ndarray, robots: Robots, space: int) -> None:
+def _note_pushes(
+    engine: Engine, members: np.ndarray, crew: int, robots: Robots, space: int
+) -> None:
     """Note which robots a wall pushed back in the last physics step."""
     engine.impulses[0] &= ~0xFFFFFFFF
     engine.bodies[0] &= ~0xFFFFFFFF
@@ -140,6 +143,7 @@ def _note_pushes(engine: Engine, members: np.ndarray, robots: Robots, space: int
         if ((load(impulse) | load(impulse + 8)) << 1) == 0:
             continue
         first, second = load(pair), load(pair + 8)
-        for i in members:
+        for m in range(crew):
+            i = members[m]
             if robots.ids[i] == first or robots.ids[i] == second:
                 robots.touched[i, 0] = robots.touched[i, 1] = True

@@ -17,6 +17,7 @@ _CALLS = (
     "pmSpaceBodyGetIteratorFuncBatched",
     "pmSpaceBodySetIteratorFuncBatched",
     "pmSpaceArbiterIteratorFuncBatched",
+    "cpBodySetAngularVelocity",
 )
 _HEADINGS = BodyFields.ANGLE | BodyFields.ANGULAR_VELOCITY
 _VELOCITIES = BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY

@@ -6,27 +6,24 @@ world, start, commands and key alone, to the last bit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
-from jaxtyping import Bool, Float64, Int64, UInt64
+from jaxtyping import Bool, Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Pose
-from albot_env.sim.chipmunk_kernels import Floors, Robots, advance
+from albot_env.sim.chipmunk_kernels import Robots, advance
+from albot_env.sim.crew import Crew
 from albot_env.sim.drive import RobotConfig
 from albot_env.sim.engine import Bridge
+from albot_env.sim.floors import CROWD, Floors
 from albot_env.sim.laser import LaserConfig, normal_table
 from albot_env.sim.odometer import OdometerConfig
-from albot_env.sim.rays import RayCaster
-from albot_env.sim.sensing_kernels import sense
-from albot_env.sim.space import PHYSICS_STEP, Floor
+from albot_env.sim.rays import index_for, make_fan
+from albot_env.sim.register import Register
+from albot_env.sim.sensing_kernels import Devices, Sensed, sense
+from albot_env.sim.space import PHYSICS_STEP
 from albot_maps.world import World
-
-CROWD = 16
-"""Most robots on a floor: bodies that overlap, though they never touch, cost pymunk time."""
 
 
 def draw_key(rng: np.random.Generator) -> int:
@@ -34,91 +31,69 @@ def draw_key(rng: np.random.Generator) -> int:
     return int(rng.integers(2**64, dtype=np.uint64))
 
 
-class _Place(NamedTuple):
-    """Where a robot's body is: on which floor, and as which of the floor's robots."""
-
-    floor: int
-    number: int
-
-
 class Fleet:
     """Robots of one make. Place each before it drives; sense to have readings.
 
     Args:
-        worlds: The world of each robot. Robots in one and the same world share its floors.
+        robots: How many there are.
         robot: Body and drive of the robots.
         laser: Beams and errors of the lasers.
         odometer: Errors of the odometers.
+        crew: Threads that share the work.
     """
 
     def __init__(
         self,
-        worlds: Sequence[World],
+        robots: int,
         *,
         robot: RobotConfig,
         laser: LaserConfig,
         odometer: OdometerConfig,
+        crew: Crew | None = None,
     ) -> None:
-        count = len(worlds)
-        self.worlds = tuple(worlds)
         self.robot = robot
         self.laser = laser
-        self._errors = odometer.constants(robot.wheel_base)
-        self._normals = normal_table(laser.range_noise)
+        self._crew = crew or Crew(1)
         self._robots = Robots(
-            targets=np.zeros((count, 2)),
-            wheels=np.zeros((count, 2)),
-            counts=np.zeros((count, 5)),
-            states=np.zeros((count, 6)),
-            poses=np.zeros((count, 3)),
-            touched=np.zeros((count, 2), np.bool_),
-            ids=np.zeros(count, np.int64),
+            targets=np.zeros((robots, 2)),
+            wheels=np.zeros((robots, 2)),
+            counts=np.zeros((robots, 5)),
+            states=np.zeros((robots, 6)),
+            poses=np.zeros((robots, 3)),
+            touched=np.zeros((robots, 2), np.bool_),
+            ids=np.zeros(robots, np.int64),
         )
-        self.motions: Float64[np.ndarray, "robots 3"] = np.zeros((count, 3))
+        self._devices = Devices(
+            odometer=odometer.constants(robot.wheel_base),
+            fan=make_fan(laser.geometry),
+            normals=normal_table(laser.range_noise),
+            dropout=laser.dropout_threshold,
+        )
+        self._sensed = Sensed(
+            keys=np.zeros(robots, np.uint64),
+            readings=np.zeros(robots, np.int64),
+            buildings=np.zeros(robots, np.int64),
+            cells=np.zeros(robots, np.int64),
+            motions=np.zeros((robots, 3)),
+            ranges=np.full((robots, laser.geometry.beams), np.inf),
+        )
+        self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
+        self._floors = Floors(robots, robot)
+        self._bridges = [Bridge(CROWD) for _ in range(self._crew.size)]
+        self._index = index_for(laser.geometry)
+        self._buildings = Register(
+            robots, lambda world: self._index.add(world.walls), self._index.clear
+        )
+
+    @property
+    def motions(self) -> Float64[np.ndarray, "robots 3"]:
         """What the odometers measured at the last sensing."""
-        self.ranges: Float64[np.ndarray, "robots beams"] = np.full(
-            (count, laser.geometry.beams), np.inf
-        )
+        return self._sensed.motions
+
+    @property
+    def ranges(self) -> Float64[np.ndarray, "robots beams"]:
         """What the lasers saw at the last sensing (m); infinite where nothing came back."""
-        self._keys: UInt64[np.ndarray, "robots"] = np.zeros(count, np.uint64)
-        self._readings: Int64[np.ndarray, "robots"] = np.zeros(count, np.int64)
-        self._build()
-
-    def _build(self) -> None:
-        """Lay the floors out: a robot's world is known by the object that it is."""
-        groups: dict[int, list[int]] = {}
-        for row, world in enumerate(self.worlds):
-            groups.setdefault(id(world), []).append(row)
-        self._places: list[_Place] = [_Place(-1, -1)] * len(self.worlds)
-        self._floors: list[Floor] = []
-        self._crews: list[list[int]] = []
-        self._rays: list[tuple[RayCaster, np.ndarray]] = []
-        for rows in groups.values():
-            walls = self.worlds[rows[0]].walls
-            self._rays.append((RayCaster(walls, self.laser.geometry), np.array(rows)))
-            for first in range(0, len(rows), CROWD):
-                crew = rows[first : first + CROWD]
-                for number, row in enumerate(crew):
-                    self._places[row] = _Place(len(self._floors), number)
-                self._floors.append(Floor(walls, self.robot, len(crew)))
-                self._crews.append(crew)
-        self._bridge = Bridge(max(len(crew) for crew in self._crews))
-        self._tables = Floors(
-            spaces=np.array([floor.addresses for floor in self._floors], np.int64),
-            starts=np.cumsum([0, *(len(crew) for crew in self._crews)]),
-            members=np.concatenate(self._crews),
-            places=np.array([place.number for place in self._places]),
-        )
-        for floor in range(len(self._floors)):
-            self._enlist(floor)
-
-    def _enlist(self, floor: int) -> None:
-        """Note in which order pymunk now visits a floor's robots, and as whom it knows them."""
-        crew = self._crews[floor]
-        start = self._tables.starts[floor]
-        order = self._floors[floor].order
-        self._tables.members[start : start + len(crew)] = [crew[number] for number in order]
-        self._robots.ids[crew] = self._floors[floor].ids
+        return self._sensed.ranges
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
@@ -145,7 +120,7 @@ class Fleet:
         """x, y, heading, velocity x, y and turn rate (m, rad, s; world frame)."""
         return self._robots.states
 
-    def check_start(self, row: int, pose: Pose) -> None:
+    def check_start(self, world: World, pose: Pose) -> None:
         """Refuse a start.
 
         Raises:
@@ -154,32 +129,34 @@ class Fleet:
         if not np.isfinite(pose).all():
             raise InputError("start", "a finite pose", str(pose.tolist()))
         radius = self.robot.radius
-        room = self._floors[self._places[row].floor].clearance(pose, radius)
+        room = self._floors.clearance(world, pose, radius)
         if room < radius:
             raise InputError(
                 "start",
-                f"a pose {radius:g} m clear of the walls of {self.worlds[row].name}",
+                f"a pose {radius:g} m clear of the walls of {world.name}",
                 f"{pose.tolist()}, {room:.3f} m from one",
             )
 
-    def place(self, row: int, pose: Pose, key: int) -> None:
+    def place(self, row: int, world: World, pose: Pose, key: int) -> None:
         """Put a robot at rest and begin anew.
 
         Args:
             row: The robot.
-            pose: Where, in the world frame (see `check_start`).
+            world: Where. Which world it is goes by the object: robots in one share its
+                floors and what is known of its walls.
+            pose: Where in the world's frame (see `check_start`).
             key: 64 bits, of which all its random numbers are a function from now on.
         """
-        floor, number = self._places[row]
-        self._floors[floor].place(number, (float(pose[0]), float(pose[1]), float(pose[2])))
-        self._enlist(floor)
         robots = self._robots
+        self._floors.place(row, world, pose, robots.ids)
+        for other, building in self._buildings.enter(row, world):
+            self._sensed.buildings[other] = building
         for array in (robots.targets, robots.wheels, robots.counts, robots.touched):
             array[row] = 0
         robots.states[row] = *pose, 0.0, 0.0, 0.0
         robots.poses[row] = *pose[:2], wrap_angle(pose[2])
-        self._keys[row] = key
-        self._readings[row] = 0
+        self._sensed.keys[row] = key
+        self._sensed.readings[row] = 0
 
     def clear_contacts(self) -> None:
         """From now on a robot counts as collided only when pushed again."""
@@ -194,31 +171,22 @@ class Fleet:
         """
         self._robots.targets[:] = targets
         drive = self.robot.wheel_base, np.inf if at_once else self.robot.acceleration
-        advance(
-            self._bridge.engine,
-            self._tables,
-            self._robots,
-            self._errors,
-            drive,
-            PHYSICS_STEP,
-            steps,
-        )
+        errors = self._devices.odometer
+
+        def move(floors: Int64[np.ndarray, "some"], member: int) -> None:
+            engine = self._bridges[member].engine
+            tables = self._floors.tables
+            advance(floors, engine, tables, self._robots, errors, drive, PHYSICS_STEP, steps)
+
+        self._crew.share(self._floors.inhabited, move)
+
+    def locate(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
+        """Find out where in their buildings all robots, or some, are: before `sense`."""
+        chosen = self._everyone if rows is None else rows
+        self._index.locate(chosen, self._sensed.buildings, self.poses, self._sensed.cells)
 
     def sense(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Take the readings of all robots, or some, into `motions` and `ranges`."""
-        laser = self.laser
-        for rays, inhabitants in self._rays:
-            here = inhabitants if rows is None else np.intersect1d(inhabitants, rows)
-            sense(
-                here,
-                rays.scan_batch(self.poses[here]),
-                self._robots.counts,
-                self._errors,
-                self._keys,
-                self._readings,
-                self._normals,
-                laser.dropout_threshold,
-                laser.geometry.max_range,
-                self.motions,
-                self.ranges,
-            )
+        chosen = self._everyone if rows is None else rows
+        counts = self._robots.counts
+        sense(chosen, self.poses, counts, self._index.tables, self._devices, self._sensed)

@@ -6,14 +6,48 @@ stream: two for the odometer, then one for each beam, whatever the ranges are.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
 from albot_env.sim.noise_kernels import draw
 from albot_env.sim.odometer_kernels import read
+from albot_env.sim.ray_kernels import Fan, make_desk, scan
+from albot_env.sim.wall_index import Walls
 
 NORMALS = 4096
 """Length of the table of normal numbers: as many as 12 bits can choose from."""
+
+
+class Devices(NamedTuple):
+    """What the robots sense with."""
+
+    odometer: np.ndarray
+    """The odometer's errors (see `OdometerConfig.constants`)."""
+    fan: Fan
+    """The laser's beams."""
+    normals: np.ndarray
+    """(NORMALS,) float64: the errors (m) that a beam may have, each as likely as the others."""
+    dropout: int
+    """The probability that a beam is lost, times 2^32."""
+
+
+class Sensed(NamedTuple):
+    """What the robots sense; a row each."""
+
+    keys: np.ndarray
+    """(n,) uint64: the keys to their noise."""
+    readings: np.ndarray
+    """(n,) int64: how many readings each has taken."""
+    buildings: np.ndarray
+    """(n,) int64: the building that each is in."""
+    cells: np.ndarray
+    """(n,) int64: where in the index of what can be seen each is."""
+    motions: np.ndarray
+    """(n, 3) float64: what the odometers measured."""
+    ranges: np.ndarray
+    """(n, beams) float64: what the lasers saw (m)."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -24,42 +58,37 @@ def disturb(
     normals: np.ndarray,
     dropout: int,
     max_range: float,
-    sensed: np.ndarray,
 ) -> None:
-    """Fill `sensed` with what a laser reports of the true `ranges` (m).
-
-    `normals` (NORMALS,) are the errors (m) that a beam may have, each as likely as the
-    others; `dropout` is the probability that a beam is lost, times 2^32.
-    """
+    """Make of a laser's true `ranges` (m) what it reports."""
     for k in range(ranges.shape[0]):
         bits = draw(key, place + k)
         reach = max(ranges[k] + normals[bits >> np.uint64(52)], 0.0)
         lost = np.int64(bits & np.uint64(0xFFFFFFFF)) < dropout
-        sensed[k] = np.inf if lost or reach >= max_range else reach
+        ranges[k] = np.inf if lost or reach >= max_range else reach
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def sense(
     rows: np.ndarray,
-    true_ranges: np.ndarray,
+    poses: np.ndarray,
     counts: np.ndarray,
-    errors: np.ndarray,
-    keys: np.ndarray,
-    readings: np.ndarray,
-    normals: np.ndarray,
-    dropout: int,
-    max_range: float,
-    motions: np.ndarray,
-    ranges: np.ndarray,
+    index: Walls,
+    devices: Devices,
+    sensed: Sensed,
 ) -> None:
-    """Read the odometers and lasers of the robots `rows`, whose true ranges are given in turn.
+    """Read the odometers and lasers of the robots `rows`, whose cells are known.
 
-    Of the other arrays each robot has its row; `readings` counts them.
+    `poses` (n, 3) are where they are, `counts` (n, …) what their odometers have counted.
     """
-    draws = 2 + true_ranges.shape[1]
+    fan = devices.fan
+    draws = 2 + fan.beams
+    nothing = np.empty((0, 4))
+    desk = make_desk(fan, index.walls.shape[0])
     for k in range(rows.shape[0]):
         i = rows[k]
-        place = readings[i] * draws
-        read(counts[i], errors, keys[i], place, motions[i])
-        disturb(true_ranges[k], keys[i], place + 2, normals, dropout, max_range, ranges[i])
-        readings[i] += 1
+        key, place = sensed.keys[i], sensed.readings[i] * draws
+        sensed.readings[i] += 1
+        read(counts[i], devices.odometer, key, place, sensed.motions[i])
+        ranges = sensed.ranges[i]
+        scan(fan, index, sensed.cells[i], nothing, 0, 0, poses[i], desk, ranges)
+        disturb(ranges, key, place + 2, devices.normals, devices.dropout, fan.reach)

@@ -18,7 +18,7 @@ from albot_env.sim.odometer import ODOMETERS, OdometerConfig
 from albot_env.sim.space import PHYSICS_STEP
 from albot_maps.world import World
 
-SUBSTEPS = 5
+SUBSTEPS = 2
 """Physics steps in a control step of 0.1 s."""
 CONTROL_STEP = SUBSTEPS * PHYSICS_STEP
 """Duration of a control step (s)."""
@@ -26,7 +26,7 @@ LONGEST_MANOEUVRE = 1000.0
 """Greatest distance (m) of a start-stop move, and angle (rad) of a turn."""
 
 _PATIENCE = 3 * SUBSTEPS
-"""Physics steps without progress after which a move is given up."""
+"""Physics steps without progress after which a move is given up: 0.3 s."""
 _PROGRESS = 0.1
 """Share of the wheels' way that counts as progress of a robot in touch with a wall."""
 
@@ -52,7 +52,8 @@ class Simulator:
         laser: LaserConfig = LMS_200,
         odometer: OdometerConfig = ODOMETERS["pioneer"],
     ) -> None:
-        self._fleet = Fleet((world,), robot=robot, laser=laser, odometer=odometer)
+        self._world = world
+        self._fleet = Fleet(1, robot=robot, laser=laser, odometer=odometer)
         self._started = False
         self._start = np.zeros(3)
         self._ticks = 0
@@ -60,7 +61,7 @@ class Simulator:
     @property
     def world(self) -> World:
         """The world that the robot is in."""
-        return self._fleet.worlds[0]
+        return self._world
 
     @property
     def start(self) -> Pose:
@@ -105,8 +106,8 @@ class Simulator:
             InputError: The start is not finite, or the robot would touch a wall there.
         """
         pose = self.world.starts[0] if start is None else np.asarray(start, dtype=np.float64)
-        self._fleet.check_start(0, pose)
-        self._fleet.place(0, pose, draw_key(rng))
+        self._fleet.check_start(self._world, pose)
+        self._fleet.place(0, self._world, pose, draw_key(rng))
         self._started = True
         self._start = pose.copy()
         self._ticks = 0
@@ -207,6 +208,7 @@ class Simulator:
         return bool(fleet.pushed[0]) and abs(self.velocity[0]) < _PROGRESS * abs(rolled)
 
     def _read(self) -> Reading:
+        self._fleet.locate()
         self._fleet.sense()
         geometry = self._fleet.laser.geometry
         return Reading(

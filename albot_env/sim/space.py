@@ -11,9 +11,9 @@ from albot_core.geometry.types import Pose, Segments
 from albot_env.sim.drive import GRAVITY, RobotConfig
 from albot_env.sim.engine import address
 
-PHYSICS_STEP = 0.02
-"""Duration of one step of the physics (s). In it the robot goes 3.2 cm at most, far less
-than its radius, so that it cannot jump over a wall."""
+PHYSICS_STEP = 0.05
+"""Duration of one step of the physics (s). In it the robot goes 8 cm at most, far less than
+its radius, so that it cannot jump over a wall."""
 
 _ALLOWED_OVERLAP = 0.001
 """How deep (m) a body may rest in a wall before it is pushed out."""
@@ -34,17 +34,15 @@ class Floor:
     solves them together with the contacts, so that a robot that pushes against a wall
     slides along it or stops, while its wheels slip.
 
-    The robots stand at the origin until they are placed. The bodies of their wheels are
-    kept in a space of their own, in which no time passes: pymunk can write the velocities
-    of all bodies of a space at once.
+    It is empty at first. The bodies of the wheels are kept in a space of their own, in which
+    no time passes: pymunk can write the velocities of all bodies of a space at once.
 
     Args:
         walls: The walls.
         robot: Body and drive of all robots.
-        robots: How many there are.
     """
 
-    def __init__(self, walls: Segments, robot: RobotConfig, robots: int = 1) -> None:
+    def __init__(self, walls: Segments, robot: RobotConfig) -> None:
         self._config = robot
         self.space = pymunk.Space()
         # Contacts are forgotten as soon as they part: the shortest memory that pymunk
@@ -58,12 +56,9 @@ class Floor:
             wall.friction = 1.0
             self.space.add(wall)
         self._shelf = pymunk.Space()
-        self._wheels = [pymunk.Body(body_type=pymunk.Body.KINEMATIC) for _ in range(robots)]
-        self._shelf.add(*self._wheels)
-        self._parts: list[Parts] = [()] * robots
+        self._wheels: list[pymunk.Body] = []
+        self._parts: list[Parts] = []
         self._robots: dict[int, int] = {}
-        for k in range(robots):
-            self.place(k, (0.0, 0.0, 0.0))
 
     @property
     def addresses(self) -> tuple[int, int]:
@@ -71,18 +66,13 @@ class Floor:
         return address(self.space._space), address(self._shelf._space)
 
     @property
-    def ids(self) -> list[int]:
-        """Pymunk's id of each robot's body, which is new after each `place`."""
-        return [id_ for id_, _ in sorted(self._robots.items(), key=lambda item: item[1])]
+    def order(self) -> list[tuple[int, int]]:
+        """The robots in the order in which pymunk visits their bodies, and the bodies' ids.
 
-    @property
-    def order(self) -> list[int]:
-        """The robots in the order in which pymunk visits their bodies; `place` changes it.
-
-        The body that the walls belong to comes after all of them, and so do things that
-        were put on the floor after the robots.
+        Both are others after each `place` and `remove`. The body that the walls belong to
+        comes after all of them, and so do things that were put on the floor after the robots.
         """
-        return [self._robots[id_] for id_ in self.body_ids if id_ in self._robots]
+        return [(self._robots[id_], id_) for id_ in self.body_ids if id_ in self._robots]
 
     @property
     def body_ids(self) -> list[int]:
@@ -99,10 +89,11 @@ class Floor:
         return nearest.distance if nearest else math.inf
 
     def place(self, robot: int, pose: tuple[float, float, float]) -> None:
-        """Put a robot at rest at x, y (m) and heading (rad).
+        """Put a robot at rest at x, y (m) and heading (rad): a new one, or one that is here.
 
-        The body is made anew: pymunk keeps impulses of past steps in joints and contacts,
-        and what comes next must not depend on where the robot was before.
+        Robots are numbered from 0. The body is made anew: pymunk keeps impulses of past
+        steps in joints and contacts, and what comes next must not depend on where the robot
+        was before.
         """
         config = self._config
         body = pymunk.Body(config.mass, config.moment)
@@ -112,6 +103,7 @@ class Floor:
         disc.friction = config.hull_friction
         disc.filter = _ROBOTS
 
+        self.remove(robot)
         wheels = self._wheels[robot]
         wheels.velocity, wheels.angular_velocity = (0.0, 0.0), 0.0
         grip = config.grip * config.mass * GRAVITY
@@ -122,8 +114,17 @@ class Floor:
         # The joints carry velocities over, never positions.
         pull.max_bias = twist.max_bias = 0.0
 
-        self._robots = {id_: r for id_, r in self._robots.items() if r != robot}
         self._robots[body.id] = robot
-        self.space.remove(*self._parts[robot])
         self._parts[robot] = (body, disc, pull, twist)
         self.space.add(*self._parts[robot])
+
+    def remove(self, robot: int) -> None:
+        """Take a robot off the floor, if it is there."""
+        while len(self._wheels) <= robot:
+            wheels = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+            self._wheels.append(wheels)
+            self._shelf.add(wheels)
+            self._parts.append(())
+        self.space.remove(*self._parts[robot])
+        self._parts[robot] = ()
+        self._robots = {id_: r for id_, r in self._robots.items() if r != robot}

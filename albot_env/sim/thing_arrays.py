@@ -12,6 +12,7 @@ import numpy as np
 DOOR = np.dtype(
     [
         ("row", np.int64),  # in which place pymunk reads out the body
+        ("body", np.int64),  # its address
         ("hinge_x", np.float64),  # where it hangs (m)
         ("hinge_y", np.float64),
         ("heading", np.float64),  # of the shut leaf (rad)
@@ -46,7 +47,7 @@ WALKER = np.dtype(
         ("radius", np.float64),  # (m)
         ("slowest", np.float64),  # speeds when nothing is in the way (m/s)
         ("fastest", np.float64),
-        ("first", np.int64),  # the row of its first waypoint
+        ("first", np.int64),  # which of its robot's waypoints is its first
         ("count", np.int64),  # how many it has
         ("closed", np.int64),  # 1 where the last is joined to the first, else 0
         ("speed", np.float64),  # in this episode when nothing is in the way (m/s)
@@ -62,18 +63,11 @@ WALKER = np.dtype(
         ("wanted_y", np.float64),
     ]
 )
+BLOCKS = ("doors", "boxes", "walkers", "waypoints", "walls", "segments")
+"""The tables in which each robot has rows of its own."""
 ROBOT = np.dtype(
-    [
-        ("doors", np.int64),  # the first row of its things, of each kind
-        ("boxes", np.int64),
-        ("walkers", np.int64),
-        ("segments", np.int64),
-        ("doors_end", np.int64),  # the row after the last
-        ("boxes_end", np.int64),
-        ("walkers_end", np.int64),
-        ("segments_end", np.int64),
-        ("walls", np.int64),  # the rows of the walls around it
-        ("walls_end", np.int64),
+    [(name, np.int64) for block in BLOCKS for name in (block, f"{block}_end")]  # its rows
+    + [
         ("space", np.int64),  # addresses of its space, and of that with the walkers' legs
         ("shelf", np.int64),
     ]
@@ -94,6 +88,6 @@ class Stage(NamedTuple):
     waypoints: np.ndarray
     """(n, 2) float64: the routes' (m)."""
     walls: np.ndarray
-    """(n, 4) float64: the walls of all worlds."""
+    """(n, 4) float64: the walls around those whom walkers meet."""
     segments: np.ndarray
     """(n, 4) float64: the outlines of all things, which is what rays meet."""

@@ -8,8 +8,16 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from albot_env.sim.chipmunk_calls import visit
-from albot_env.sim.chipmunk_kernels import EACH_BODY, GET_BODY, PUSHES, SET_BODY, STATES, Engine
+from albot_env.sim.chipmunk_calls import take_step, visit
+from albot_env.sim.chipmunk_kernels import (
+    EACH_BODY,
+    GET_BODY,
+    PUSHES,
+    SET_BODY,
+    SET_SPIN,
+    STATES,
+    Engine,
+)
 from albot_env.sim.door_kernels import begin_doors, swing
 from albot_env.sim.plane_kernels import put_side
 from albot_env.sim.thing_arrays import Stage
@@ -23,15 +31,23 @@ _KEYS = 2**62
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def command(
-    engine: Engine, stage: Stage, states: np.ndarray, radius: float, duration: float
+    rows: np.ndarray,
+    engine: Engine,
+    stage: Stage,
+    states: np.ndarray,
+    radius: float,
+    duration: float,
 ) -> None:
-    """Let all doors and walkers decide what they do in the next while (s).
+    """Let the doors and walkers of some robots decide what they do in the next while (s).
 
     `states` (robots, 6) are the robots', `radius` theirs (m).
     """
-    for i in range(states.shape[0]):
+    for i in rows:
         own = stage.robots[i]
         swing(stage, i, states[i], radius, duration)
+        for d in range(own.doors, own.doors_end):
+            # A function of a pointer and a number, as a step is.
+            take_step(engine.calls[SET_SPIN], stage.doors[d].body, stage.doors[d].rate)
         if own.walkers == own.walkers_end:
             continue
         walk(stage, i, states[i], radius, duration)
@@ -46,14 +62,12 @@ def command(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def observe(engine: Engine, stage: Stage) -> None:
-    """Read out where the things of all robots are."""
-    for i in range(stage.robots.shape[0]):
-        own = stage.robots[i]
-        if own.segments == own.segments_end:
-            continue
+def observe(rows: np.ndarray, engine: Engine, stage: Stage) -> None:
+    """Read out where the things of some robots are."""
+    for i in rows:
         engine.filled[0] = 0
-        visit(engine.calls[EACH_BODY], own.space, engine.calls[GET_BODY], engine.requests[STATES])
+        space = stage.robots[i].space
+        visit(engine.calls[EACH_BODY], space, engine.calls[GET_BODY], engine.requests[STATES])
         _take(engine.buffer, stage, i)
         _outline(stage, i)
 

@@ -1,70 +1,81 @@
-"""The arrays of movable things, laid out for a fleet of robots."""
+"""The tables of movable things, laid out for a fleet of robots."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
-import pymunk
 
-from albot_core.geometry.types import Segments
-from albot_env.sim.engine import address
-from albot_env.sim.space import Floor
-from albot_env.sim.thing_arrays import BOX, DOOR, ROBOT, WALKER, Stage
+from albot_env.sim.thing_arrays import BLOCKS, BOX, DOOR, ROBOT, WALKER, Stage
 from albot_env.sim.thing_kernels import SIDES
 from albot_maps.movables import Box, Door, Movables, Walker
 from albot_maps.world import World
 
 
-def lay_out(
-    worlds: Sequence[World], floors: Sequence[Floor], shelves: Sequence[pymunk.Space]
-) -> Stage:
-    """The tables of the things of some worlds, one for each robot, on floors of their own.
+class Layout:
+    """Tables in which each robot has a block of rows, as long as any robot's has to be.
 
-    `shelves` are the spaces of the walkers' legs.
+    Args:
+        robots: How many robots there are. None is among things at first.
     """
-    moving = [world.movables for world in worlds]
-    robots = np.zeros(len(worlds), ROBOT)
-    _number(robots, "doors", [len(movables.doors) for movables in moving])
-    _number(robots, "boxes", [len(movables.boxes) for movables in moving])
-    _number(robots, "walkers", [len(movables.walkers) for movables in moving])
-    _number(robots, "segments", [_outlines(movables) for movables in moving])
-    robots["space"] = [address(floor.space._space) for floor in floors]
-    robots["shelf"] = [address(shelf._space) for shelf in shelves]
-    walkers = [walker for movables in moving for walker in movables.walkers]
-    return Stage(
-        robots=robots,
-        doors=_doors([door for movables in moving for door in movables.doors]),
-        boxes=_boxes([box for movables in moving for box in movables.boxes]),
-        walkers=_walkers(walkers),
-        waypoints=np.array([point for w in walkers for point in w.route], float).reshape(-1, 2),
-        walls=_walls(worlds, robots),
-        segments=np.zeros((robots["segments_end"][-1], 4)),
-    )
 
+    def __init__(self, robots: int) -> None:
+        self._robots = robots
+        self.stage = Stage(
+            robots=np.zeros(robots, ROBOT),
+            doors=np.zeros(0, DOOR),
+            boxes=np.zeros(0, BOX),
+            walkers=np.zeros(0, WALKER),
+            waypoints=np.zeros((0, 2)),
+            walls=np.zeros((0, 4)),
+            segments=np.zeros((0, 4)),
+        )
 
-def _number(robots: np.ndarray, kind: str, counts: Sequence[int]) -> None:
-    """Note which rows are each robot's where it has so many of a kind."""
-    fences = np.cumsum([0, *counts])
-    robots[kind], robots[f"{kind}_end"] = fences[:-1], fences[1:]
+    def fill(self, row: int, world: World | None) -> None:
+        """Write the things of a world into a robot's rows, as an episode begins; or none."""
+        movables = world.movables if world is not None else Movables()
+        # Only walkers need to know where walls are.
+        walls = world.walls if world is not None and movables.walkers else np.empty((0, 4))
+        points = [point for walker in movables.walkers for point in walker.route]
+        tables = {
+            "doors": _doors(movables.doors),
+            "boxes": _boxes(movables.boxes),
+            "walkers": _walkers(movables.walkers),
+            "waypoints": np.array(points, np.float64).reshape(-1, 2),
+            "walls": walls,
+            "segments": np.zeros((_outlines(movables), 4)),
+        }
+        for block in BLOCKS:
+            self._put(row, block, tables[block])
+
+    def _put(self, row: int, block: str, table: np.ndarray) -> None:
+        """Write a robot's rows of one table, which grows where they are too many."""
+        whole: np.ndarray = getattr(self.stage, block)
+        room = len(whole) // self._robots
+        if len(table) > room:
+            self._grow(block, room, len(table))
+            whole = getattr(self.stage, block)
+        robots = self.stage.robots
+        begin = row * (len(whole) // self._robots)
+        robots[block][row], robots[f"{block}_end"][row] = begin, begin + len(table)
+        whole[begin : begin + len(table)] = table
+
+    def _grow(self, block: str, room: int, needed: int) -> None:
+        """Give every robot more rows in one table."""
+        old: np.ndarray = getattr(self.stage, block)
+        rest = old.shape[1:]
+        new = np.zeros((self._robots, needed, *rest), old.dtype)
+        new[:, :room] = old.reshape(self._robots, room, *rest)
+        self.stage = self.stage._replace(**{block: new.reshape(-1, *rest)})
+        robots = self.stage.robots
+        counts = robots[f"{block}_end"] - robots[block]
+        robots[block] = np.arange(self._robots) * needed
+        robots[f"{block}_end"] = robots[block] + counts
 
 
 def _outlines(movables: Movables) -> int:
     """How many segments things have."""
     return len(movables.doors) + 4 * len(movables.boxes) + SIDES * len(movables.walkers)
-
-
-def _walls(worlds: Sequence[World], robots: np.ndarray) -> Segments:
-    """The walls of all worlds in which something moves, each once; note each robot's."""
-    walls: list[Segments] = [np.empty((0, 4))]
-    rows: dict[int, tuple[int, int]] = {}
-    for world, robot in zip(worlds, robots, strict=True):
-        if world.movables and id(world) not in rows:
-            before = sum(map(len, walls))
-            rows[id(world)] = before, before + len(world.walls)
-            walls.append(world.walls)
-        robot["walls"], robot["walls_end"] = rows.get(id(world), (0, 0))
-    return np.concatenate(walls)
 
 
 def _doors(doors: Sequence[Door]) -> np.ndarray:
@@ -82,6 +93,7 @@ def _boxes(boxes: Sequence[Box]) -> np.ndarray:
     table = np.zeros(len(boxes), BOX)
     for record, box in zip(table, boxes, strict=True):
         record["half_length"], record["half_width"] = box.length / 2, box.width / 2
+        (record["x"], record["y"]), record["heading"] = box.at, box.heading
     return table
 
 

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 import pymunk
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
-from albot_core.geometry.types import Poses, Segments
+from albot_core.geometry.types import Pose, Poses, Segments
 from albot_env.sim.chipmunk_kernels import Engine
+from albot_env.sim.engine import address
 from albot_env.sim.space import Floor
+from albot_env.sim.thing_arrays import Stage
 from albot_env.sim.thing_bodies import Parts, box_parts, door_parts, walker_parts
 from albot_env.sim.thing_kernels import begin, command, observe
-from albot_env.sim.thing_layout import lay_out
+from albot_env.sim.thing_layout import Layout
 from albot_maps.world import World
 
 
@@ -27,157 +28,151 @@ class Things:
     `observe` after.
 
     Args:
-        worlds: The world of each robot; those of worlds in which nothing moves cost nothing.
-        floors: The floor of each, with that robot alone on it.
+        robots: How many robots there are.
         radius: Radius of the robots (m).
     """
 
-    def __init__(self, worlds: Sequence[World], floors: Sequence[Floor], radius: float) -> None:
-        self._movables = [world.movables for world in worlds]
-        self._floors = floors
+    def __init__(self, robots: int, radius: float) -> None:
         self._radius = radius
-        self._legs = [
-            [pymunk.Body(body_type=pymunk.Body.KINEMATIC) for _ in movables.walkers]
-            for movables in self._movables
-        ]
-        self._shelves = [pymunk.Space() for _ in worlds]
-        for shelf, legs in zip(self._shelves, self._legs, strict=True):
-            shelf.add(*legs)
-        self._parts: list[Parts] = [[] for _ in worlds]
-        self._leaves: list[pymunk.Body] = [
-            pymunk.Body(body_type=pymunk.Body.KINEMATIC)
-            for movables in self._movables
-            for _ in movables.doors
-        ]
-        self._stage = lay_out(worlds, floors, self._shelves)
-        self._rates = np.zeros(len(self._leaves))
+        self._layout = Layout(robots)
+        self._floors: list[Floor | None] = [None] * robots
+        self._parts: list[Parts] = [[] for _ in range(robots)]
+        self._legs: list[list[pymunk.Body]] = [[] for _ in range(robots)]
+        self._shelves: list[pymunk.Space | None] = [None] * robots
+        self.present: Bool[np.ndarray, "robots"] = np.zeros(robots, np.bool_)
+        """Around which robots anything moves."""
+        self.most_bodies = 0
+        """How many bodies one floor has had of things, at most."""
 
     @property
-    def most_bodies(self) -> int:
-        """How many bodies things have on one floor, at most."""
-        return max(len(m.doors) + len(m.boxes) + len(m.walkers) for m in self._movables)
+    def stage(self) -> Stage:
+        """All tables; others after each `begin`."""
+        return self._layout.stage
 
-    @property
-    def segments(self) -> Segments:
-        """Outlines of all things where they are now: what rays meet. The array stays."""
-        return self._stage.segments
+    def segments(self, row: int) -> Segments:
+        """Outlines of a robot's things where they are now: what rays meet."""
+        own = self.stage.robots[row]
+        return self.stage.segments[own["segments"] : own["segments_end"]].copy()
 
-    @cached_property
-    def segments_at(self) -> Int64[np.ndarray, "fences"]:
-        """Where in `segments` each robot's begin, and after the last where they end."""
-        ends: np.ndarray = self._stage.robots["segments_end"]
-        return np.concatenate(([0], ends))
+    def doors(self, row: int) -> Float64[np.ndarray, "doors"]:
+        """The directions of a robot's doors as seen from their hinges (rad)."""
+        return self._columns(row, "doors", "angle")[:, 0]
 
-    @property
-    def boxes(self) -> Poses:
-        """Where all boxes are: x, y, heading."""
-        boxes = self._stage.boxes
-        return np.stack((boxes["x"], boxes["y"], boxes["heading"]), axis=1)
+    def boxes(self, row: int) -> Poses:
+        """Where a robot's boxes are: x, y, heading."""
+        return self._columns(row, "boxes", "x", "y", "heading")
 
-    @property
-    def walkers(self) -> Float64[np.ndarray, "walkers 4"]:
-        """Where all walkers are and go: x, y, velocity x, y."""
-        walkers = self._stage.walkers
-        return np.stack([walkers[name] for name in ("x", "y", "vx", "vy")], axis=1)
+    def walkers(self, row: int) -> Float64[np.ndarray, "walkers 4"]:
+        """Where a robot's walkers are and go: x, y, velocity x, y."""
+        return self._columns(row, "walkers", "x", "y", "vx", "vy")
 
-    @property
-    def doors(self) -> Float64[np.ndarray, "doors"]:
-        """The directions of all leaves as seen from their hinges (rad)."""
-        angles: np.ndarray = self._stage.doors["angle"].copy()
-        return angles
+    def _columns(self, row: int, kind: str, *names: str) -> Float64[np.ndarray, "things columns"]:
+        table = self._own(row, kind)
+        return np.stack([table[name] for name in names], axis=1)
+
+    def _own(self, row: int, kind: str) -> np.ndarray:
+        """A robot's rows of a table."""
+        own = self.stage.robots[row]
+        table: np.ndarray = getattr(self.stage, kind)
+        return table[own[kind] : own[f"{kind}_end"]]
 
     def leave(self, row: int) -> None:
         """Take a robot's things off its floor."""
-        self._floors[row].space.remove(*self._parts[row])
+        floor = self._floors[row]
+        if floor is None:
+            return
+        floor.space.remove(*self._parts[row])
         self._parts[row] = []
+        self._floors[row] = None
+        self._layout.fill(row, None)
+        self.present[row] = False
 
-    def begin(self, row: int, pose: Float64[np.ndarray, "3"], key: int) -> None:
-        """Put a robot's things where they begin; before it they have left the floor.
+    def begin(self, row: int, world: World, floor: Floor, pose: Pose, key: int) -> None:
+        """Put the things of a world where they begin; the robot's last ones have left.
 
         Their bodies are made anew: what comes next must not depend on what was before.
 
         Args:
             row: The robot.
+            world: The world that it is in; something moves there.
+            floor: Its floor, with this robot alone on it.
             pose: Where it begins, in the world frame.
             key: 64 bits, of which all their random numbers are a function from now on.
         """
-        if not self._movables[row]:
-            return
-        self._put_boxes(row)
+        self._floors[row] = floor
+        self._layout.fill(row, world)
+        self._reserve_legs(row, len(world.movables.walkers))
+        own = self.stage.robots[row : row + 1]
+        own["space"], own["shelf"] = floor.addresses[0], address(self._shelf(row)._space)
         state = np.array([*pose, 0.0, 0.0, 0.0])
-        begin(self._stage, row, np.uint64(key), state, self._radius)
-        bodies = [*self._hang(row), *self._drop(row), *self._set_off(row)]
-        self._floors[row].space.add(*self._parts[row])
-        self._enlist(row, [body.id for body in bodies])
+        begin(self.stage, row, np.uint64(key), state, self._radius)
+        bodies = self._build(row, world, floor)
+        floor.space.add(*self._parts[row])
+        self._enlist(row, floor, [body.id for body in bodies])
+        self.present[row] = True
+        self.most_bodies = max(self.most_bodies, len(bodies))
 
     def command(
-        self, engine: Engine, states: Float64[np.ndarray, "robots 6"], duration: float
+        self,
+        rows: Int64[np.ndarray, "some"],
+        engine: Engine,
+        states: Float64[np.ndarray, "robots 6"],
+        duration: float,
     ) -> None:
         """Let doors and walkers decide what they do in the next while (s).
 
         Args:
+            rows: Robots around which something moves.
             engine: With room for the bodies of a floor.
-            states: The robots': x, y, heading, velocity x, y, turn rate (world frame).
+            states: All robots': x, y, heading, velocity x, y, turn rate (world frame).
             duration: Until the next command (s).
         """
-        command(engine, self._stage, states, self._radius, duration)
-        rates = self._stage.doors["rate"]
-        for d in np.flatnonzero(rates != self._rates):
-            self._leaves[d].angular_velocity = float(rates[d])
-        self._rates[:] = rates
+        command(rows, engine, self.stage, states, self._radius, duration)
 
-    def observe(self, engine: Engine) -> None:
-        """Read where all things are, into `segments` and the rest."""
-        observe(engine, self._stage)
+    def observe(self, rows: Int64[np.ndarray, "some"], engine: Engine) -> None:
+        """Read where the things of some robots are."""
+        observe(rows, engine, self.stage)
 
-    def _put_boxes(self, row: int) -> None:
-        """Note where the boxes begin."""
-        first = self._stage.robots[row]["boxes"]
-        for b, box in enumerate(self._movables[row].boxes, first):
-            record = self._stage.boxes[b]
-            (record["x"], record["y"]), record["heading"] = box.at, box.heading
+    def _shelf(self, row: int) -> pymunk.Space:
+        """The space of a robot's walkers' legs, in which no time passes."""
+        shelf = self._shelves[row]
+        if shelf is None:
+            shelf = self._shelves[row] = pymunk.Space()
+        return shelf
 
-    def _hang(self, row: int) -> list[pymunk.Body]:
-        """The bodies of the doors."""
-        bodies = []
-        for d, door in enumerate(self._movables[row].doors, self._stage.robots[row]["doors"]):
-            body, parts = door_parts(door, float(self._stage.doors[d]["angle"]))
-            self._leaves[d] = body
-            self._rates[d] = 0.0
-            self._parts[row] += parts
-            bodies.append(body)
-        return bodies
+    def _reserve_legs(self, row: int, number: int) -> None:
+        """Have legs for so many walkers; those of none move nobody."""
+        legs = self._legs[row]
+        while len(legs) < number:
+            legs.append(pymunk.Body(body_type=pymunk.Body.KINEMATIC))
+            self._shelf(row).add(legs[-1])
+        for body in legs:
+            body.velocity = 0.0, 0.0
 
-    def _drop(self, row: int) -> list[pymunk.Body]:
-        """The bodies of the boxes."""
-        bodies = []
-        ground = self._floors[row].space.static_body
-        for box in self._movables[row].boxes:
-            body, parts = box_parts(box, ground)
-            self._parts[row] += parts
-            bodies.append(body)
-        return bodies
+    def _build(self, row: int, world: World, floor: Floor) -> list[pymunk.Body]:
+        """Make the bodies of doors, boxes and walkers."""
+        doors, walkers = self._own(row, "doors"), self._own(row, "walkers")
+        made = [
+            door_parts(door, float(record["angle"]))
+            for door, record in zip(world.movables.doors, doors, strict=True)
+        ]
+        doors["body"] = [address(body._body) for body, _ in made]
+        ground = floor.space.static_body
+        made += [box_parts(box, ground) for box in world.movables.boxes]
+        made += [
+            walker_parts(walker, (float(record["x"]), float(record["y"])), legs)
+            for walker, record, legs in zip(
+                world.movables.walkers, walkers, self._legs[row], strict=False
+            )
+        ]
+        self._parts[row] = [part for _, parts in made for part in parts]
+        return [body for body, _ in made]
 
-    def _set_off(self, row: int) -> list[pymunk.Body]:
-        """The bodies of the walkers."""
-        bodies = []
-        first = self._stage.robots[row]["walkers"]
-        for k, (walker, legs) in enumerate(
-            zip(self._movables[row].walkers, self._legs[row], strict=True)
-        ):
-            legs.velocity = 0.0, 0.0
-            record = self._stage.walkers[first + k]
-            body, parts = walker_parts(walker, (float(record["x"]), float(record["y"])), legs)
-            self._parts[row] += parts
-            bodies.append(body)
-        return bodies
-
-    def _enlist(self, row: int, ids: Sequence[int]) -> None:
+    def _enlist(self, row: int, floor: Floor, ids: Sequence[int]) -> None:
         """Note in which places pymunk reads out the bodies of doors, boxes and walkers."""
-        order = {id_: place for place, id_ in enumerate(self._floors[row].body_ids)}
+        order = {id_: place for place, id_ in enumerate(floor.body_ids)}
         places = [order[id_] for id_ in ids]
-        own = self._stage.robots[row]
         for kind in ("doors", "boxes", "walkers"):
-            first, end = own[kind], own[f"{kind}_end"]
-            getattr(self._stage, kind)["row"][first:end] = places[: end - first]
-            places = places[end - first :]
+            table = self._own(row, kind)
+            table["row"] = places[: len(table)]
+            places = places[len(table) :]

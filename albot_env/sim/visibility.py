@@ -1,4 +1,4 @@
-"""Which walls can be seen from where: a list for every cell of a grid, never too short.
+"""Which walls matter where: a list for a cell of a grid, never too short.
 
 A wall is left out of a cell's list only where it is out of reach, or where others that
 hang together hide all of it from all of the cell. Seen from the cell, what lies beyond a
@@ -12,65 +12,103 @@ the line meets the chain before.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
+
+if TYPE_CHECKING:
+    from albot_env.sim.wall_index import Walls
 
 _MARGIN = 1e-6
 """How deep (m) in the shadow an end must lie: more than rounding can move it."""
 
 
 @njit(cache=True, error_model="numpy")
-def list_visible(
-    walls: np.ndarray,
-    neighbours: np.ndarray,
-    corner: np.ndarray,
-    cell: float,
-    shape: tuple[int, int],
+def list_here(
+    index: Walls,
     reach: float,
-    starts: np.ndarray,
-    members: np.ndarray,
+    occlusion: bool,
+    rows: np.ndarray,
+    done: int,
+    buildings: np.ndarray,
+    poses: np.ndarray,
+    mount: tuple[float, float],
+    cells: np.ndarray,
 ) -> int:
-    """List the walls that may be seen from each cell of a grid.
+    """Find the cells of robots, and list the walls of cells that have no list yet.
 
     Args:
-        walls: Ends x1, y1, x2, y2 (n, 4) of the walls (m).
-        neighbours: For either end of each wall (n, 2), another end that stands at the same
-            point, as twice its wall's number plus 0 or 1; -1 where there is none.
-        corner: Lower left corner x, y of the grid (m).
-        cell: Side of a cell (m).
-        shape: Columns and rows; cells are numbered row by row.
-        reach: Walls farther away (m) are not seen.
-        starts: Filled with where each cell's list begins, and behind the last cell with
-            where its list ends (cells + 1).
-        members: Filled with the walls' numbers, list after list.
+        index: The walls.
+        reach: Walls farther away (m) are not listed.
+        occlusion: Whether walls that are hidden from all of a cell are left out.
+        rows: The robots.
+        done: How many of them are done.
+        buildings: The building of each robot (n,).
+        poses: Where each is (n, 3), in the building's frame (m, rad).
+        mount: Where on it the sensor is, in the robot's frame (m).
+        cells: Filled with the cell of each (n,).
 
     Returns:
-        How many members there are. Those for which `members` is too short are not written.
+        How many of the rows are done: fewer than all when `members` is full.
     """
-    columns, rows = shape
-    count = 0
-    screens = np.empty((len(walls), 3, 3))
-    distances = np.empty(len(walls))
-    for c in range(columns * rows):
-        x = corner[0] + cell * (c % columns + 0.5)
-        y = corner[1] + cell * (c // columns + 0.5)
-        for j in range(len(walls)):
-            distances[j] = _distance(walls[j], x, y)
-        starts[c] = count
-        in_use = 0
-        for j in np.argsort(distances):
-            if distances[j] > reach + cell * math.sqrt(0.5):
-                break
-            if _hidden(walls[j], screens[:in_use]):
-                continue
-            if count < len(members):
-                members[count] = j
-            count += 1
-            if _shadow(walls, neighbours, j, x, y, cell / 2, screens[in_use]):
-                in_use += 1
-    starts[columns * rows] = count
-    return count
+    for k in range(done, rows.shape[0]):
+        i = rows[k]
+        frame = index.frames[buildings[i]]
+        columns, lines = int(frame[3]), int(frame[4])
+        cos, sin = math.cos(poses[i, 2]), math.sin(poses[i, 2])
+        eye_x = poses[i, 0] + cos * mount[0] - sin * mount[1]
+        eye_y = poses[i, 1] + sin * mount[0] + cos * mount[1]
+        column = math.floor((eye_x - frame[0]) / frame[2])
+        line = math.floor((eye_y - frame[1]) / frame[2])
+        inside = 0 <= column < columns and 0 <= line < lines
+        cell = int(frame[5]) + int(line * columns + column if inside else lines * columns)
+        cells[i] = cell
+        if index.spans[cell, 0] >= 0:
+            continue
+        first, last = int(frame[6]), int(frame[7])
+        if index.members.shape[0] - index.used[0] < last - first:
+            return k
+        index.spans[cell, 0] = index.used[0]
+        if inside:
+            x = frame[0] + frame[2] * (column + 0.5)
+            y = frame[1] + frame[2] * (line + 0.5)
+            _list_cell(index, first, last, x, y, frame[2], reach, occlusion)
+        else:
+            for j in range(first, last):
+                index.members[index.used[0]] = j
+                index.used[0] += 1
+        index.spans[cell, 1] = index.used[0]
+    return int(rows.shape[0])
+
+
+@njit(cache=True, error_model="numpy")
+def _list_cell(
+    index: Walls,
+    first: int,
+    last: int,
+    x: float,
+    y: float,
+    cell: float,
+    reach: float,
+    occlusion: bool,
+) -> None:
+    """List the walls of a building that may matter in the cell about (x, y), near to far."""
+    distances = np.empty(last - first)
+    for j in range(first, last):
+        distances[j - first] = _distance(index.walls[j], x, y)
+    screens = np.empty((last - first if occlusion else 0, 3, 3))
+    in_use = 0
+    for k in np.argsort(distances):
+        if distances[k] > reach + cell * math.sqrt(0.5):
+            break
+        j = first + k
+        if occlusion and _hidden(index.walls[j], screens, in_use):
+            continue
+        index.members[index.used[0]] = j
+        index.used[0] += 1
+        if occlusion and _shadow(index.walls, index.neighbours, j, x, y, cell / 2, screens[in_use]):
+            in_use += 1
 
 
 @njit(cache=True, error_model="numpy")
@@ -83,9 +121,9 @@ def _distance(wall: np.ndarray, x: float, y: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _hidden(wall: np.ndarray, screens: np.ndarray) -> bool:
-    """Whether all of the wall lies in one screen's shadow."""
-    for s in range(len(screens)):
+def _hidden(wall: np.ndarray, screens: np.ndarray, count: int) -> bool:
+    """Whether all of the wall lies in the shadow of one of the first screens."""
+    for s in range(count):
         hidden = True
         for h in range(3):
             nx, ny, offset = screens[s, h, 0], screens[s, h, 1], screens[s, h, 2]

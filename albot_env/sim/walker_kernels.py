@@ -62,11 +62,12 @@ def walk(stage: Stage, i: int, robot: np.ndarray, radius: float, duration: float
     `robot` (6,) is its state: x, y, heading, velocity x, y, turn rate.
     """
     own = stage.robots[i]
+    waypoints = stage.waypoints[own.waypoints : own.waypoints_end]
     for w in range(own.walkers, own.walkers_end):
         walker = stage.walkers[w]
         x, y, size, speed = walker.x, walker.y, walker.radius, walker.speed
         _lose_patience(walker, duration)
-        ex, ey = _direction(walker, stage.waypoints)
+        ex, ey = _direction(walker, waypoints)
         # Eq. (2): acceleration towards the velocity wanted.
         fx, fy = (speed * ex - walker.vx) / _RELAXATION, (speed * ey - walker.vy) / _RELAXATION
         for v in range(own.walkers - 1, own.walkers_end):
@@ -218,6 +219,7 @@ def begin_walkers(
     that of the first walker's key in the stream.
     """
     own = stage.robots[i]
+    waypoints = stage.waypoints[own.waypoints : own.waypoints_end]
     for w in range(own.walkers, own.walkers_end):
         walker = stage.walkers[w]
         mine = draw(key, place + w - own.walkers)
@@ -231,13 +233,13 @@ def begin_walkers(
             leg, share = int(legs * draw_share(mine, 2 + 2 * k)), draw_share(mine, 3 + 2 * k)
             if k >= _TRIES:
                 leg, share = min(k - _TRIES, legs - 1), 1.0 if k - _TRIES == legs else 0.0
-            _stand(walker, stage.waypoints, leg, share)
+            _stand(walker, waypoints, leg, share)
             room = _room(stage, i, w, robot, radius)
             if room > best:
                 best, best_leg, best_share = room, leg, share
             if best >= 0.0:
                 break
-        _stand(walker, stage.waypoints, best_leg, best_share)
+        _stand(walker, waypoints, best_leg, best_share)
 
 
 @njit(cache=True, error_model="numpy")

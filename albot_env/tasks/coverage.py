@@ -9,8 +9,11 @@ from jaxtyping import Float32, UInt64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_core.perception.reading import LaserScan
-from albot_env.tasks.kernels import cut_patch, sweep
+from albot_core.perception.reading import LaserGeometry, LaserScan
+from albot_env.tasks.kernels import Sight, cover, cut_patch, is_time_to_look
+
+_PARTS = 2048
+"""How finely the full turn is divided to look up the beam that points somewhere."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,18 +24,41 @@ class CoverageConfig:
     """Ground in view and no farther than this is covered (m): one must go there."""
     cell: float = 0.25
     """Side of a cell of ground (m)."""
+    spacing: float = 0.1
+    """How far the robot comes between two looks at the ground (m)…"""
+    turn: float = 0.1
+    """…unless it turns by this much before (rad)."""
     patch_cells: int = 32
     """Cells along each side of the egocentric patch."""
     patch_cell: float = 0.5
     """Side of a cell of the egocentric patch (m)."""
 
     def __post_init__(self) -> None:
-        for name in ("radius", "cell", "patch_cell"):
+        for name in ("radius", "cell", "patch_cell", "spacing", "turn"):
             value = getattr(self, name)
             if not 0 < value < np.inf:
-                raise InputError(f"CoverageConfig.{name}", "a positive length (m)", str(value))
+                raise InputError(f"CoverageConfig.{name}", "a positive number", str(value))
         if self.patch_cells < 2:
             raise InputError("CoverageConfig.patch_cells", "at least 2", str(self.patch_cells))
+
+    def side(self, extent: float) -> int:
+        """Cells along each side of a square that reaches so far (m) from its middle, or more.
+
+        A multiple of eight.
+        """
+        return 8 * int(np.ceil(extent / self.cell / 4))
+
+    def sight(self, laser: LaserGeometry) -> Sight:
+        """What such a laser shows of the ground, as the compiled loops take it."""
+        # The middles of the parts into which `turned` divides the full turn, as angles.
+        turned = (np.arange(_PARTS) + 0.5) * 4 / _PARTS - 2
+        sideways = np.where(np.abs(turned) <= 1, turned, np.sign(turned) * 2 - turned)
+        ahead = np.where(np.abs(turned) <= 1, 1, -1) * (1 - np.abs(sideways))
+        bearings = np.arctan2(sideways, ahead) - laser.mount[2] - laser.first_bearing
+        half = laser.spacing / 2
+        beams = np.floor(((bearings + half) % (2 * np.pi)) / laser.spacing).astype(np.int64)
+        beams[beams >= laser.beams] = -1
+        return Sight(self.radius, float(laser.mount[0]), float(laser.mount[1]), beams)
 
 
 class Coverage:
@@ -50,23 +76,12 @@ class Coverage:
     def __init__(
         self, config: CoverageConfig, extent: float, centre: tuple[float, float] = (0.0, 0.0)
     ) -> None:
-        half = int(np.ceil(extent / config.cell))
         self._config = config
-        self._centre = centre
-        words = -(-2 * half // 64)
-        self._grid: UInt64[np.ndarray, "side words"] = np.zeros((2 * half, words), np.uint64)
+        self._centre = np.array(centre)
+        self._side = config.side(extent)
+        self._grid: UInt64[np.ndarray, "words"] = np.zeros((self._side // 8) ** 2, np.uint64)
         self._cells = 0
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows of cells, and words in a row (see `kernels`)."""
-        rows, words = self._grid.shape
-        return rows, words
-
-    @property
-    def centre(self) -> tuple[float, float]:
-        """The middle of the square x, y (m)."""
-        return self._centre
+        self._moved = np.full(2, np.inf)
 
     @property
     def area(self) -> float:
@@ -77,31 +92,36 @@ class Coverage:
         """Uncover everything."""
         self._grid.fill(0)
         self._cells = 0
+        self._moved[:] = np.inf
 
     def add(self, pose: Pose, scan: LaserScan) -> float:
         """Cover the ground that a scan taken at `pose` shows; return how much is new (m²)."""
-        geometry = scan.geometry
-        new = sweep(
-            self._grid,
-            self._config.cell,
-            self._centre,
-            pose,
-            geometry.mount[:2],
-            scan.ranges,
-            geometry.directions,
-            geometry.spacing,
-            self._config.radius,
-        )
+        config = self._config
+        sight = config.sight(scan.geometry)
+        new = cover(self._grid, self._side, config.cell, self._centre, pose, sight, scan.ranges)
         self._cells += new
-        return new * self._config.cell**2
+        return new * config.cell**2
+
+    def follow(self, motion: Pose, pose: Pose, scan: LaserScan) -> None:
+        """Cover the ground that a scan shows where the robot has moved enough since the last.
+
+        Args:
+            motion: How it has moved since it was last followed.
+            pose: Where it is.
+            scan: What it sees there.
+        """
+        config = self._config
+        if is_time_to_look(motion, config.spacing, config.turn, self._moved):
+            self.add(pose, scan)
 
     def patch(self, pose: Pose) -> Float32[np.ndarray, "1 side side"]:
         """The cells around `pose`, turned with it: 1 covered, -1 not.
 
         Row 0 lies farthest ahead, column 0 farthest to the left.
         """
-        side = self._config.patch_cells
-        patch = np.empty(side * side, np.float32)
-        config = self._config
-        cut_patch(self._grid, config.cell, self._centre, pose, config.patch_cell, side, patch)
-        return patch.reshape(1, side, side)
+        config, width = self._config, self._config.patch_cells
+        patch = np.empty(width * width, np.float32)
+        cut_patch(
+            self._grid, self._side, config.cell, self._centre, pose, config.patch_cell, width, patch
+        )
+        return patch.reshape(1, width, width)

@@ -6,25 +6,23 @@ the same to the last bit.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose
-from albot_core.mapper import Mapper
-from albot_core.perception.reading import LaserScan, Reading
-from albot_core.registry import make_mapper
+from albot_core.geometry.types import Pose, Segments
+from albot_core.mapper import MapperBatch
+from albot_core.perception.reading import Readings
+from albot_core.registry import make_mappers
 from albot_env.sim import LMS_200, ODOMETERS, PIONEER_3DX
+from albot_env.sim.crew import FEWEST, Crew
 from albot_env.sim.fleet import Fleet, draw_key
 from albot_env.sim.simulator import CONTROL_STEP, SUBSTEPS
-from albot_env.tasks.ground import reachable_area
 from albot_env.tasks.kernels import find_errors, reckon
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.reward import ExploreWeights
 from albot_env.tasks.survey import Survey
-from albot_env.tasks.survey_kernel import Findings, Senses
+from albot_env.tasks.survey_kernel import Senses
 from albot_maps import World
 
 NO_MAPPER = "none"
@@ -35,11 +33,13 @@ class Expedition:
     """Robots that drive, sense, map and look around.
 
     Args:
-        worlds: The world of each robot.
-        mapper: Name of the mapper inside, or `none`.
+        robots: How many.
+        mapper: Name of the mapper inside each, or `none`.
         odometer: Name of the odometer's preset.
         observations: How they observe.
         weights: What the reward's terms are worth.
+        threads: Threads that share the work; 0 for as many as there are processors. What
+            comes of it is the same with any number.
 
     Raises:
         InputError: There is no such mapper or odometer.
@@ -47,86 +47,75 @@ class Expedition:
 
     def __init__(
         self,
-        worlds: Sequence[World],
+        robots: int,
         mapper: str,
         odometer: str,
         observations: ObservationConfig,
         weights: ExploreWeights,
+        threads: int = 1,
     ) -> None:
         if odometer not in ODOMETERS:
             raise InputError("odometer", f"one of {', '.join(ODOMETERS)}", odometer)
-        count = len(worlds)
-        self.mappers: tuple[Mapper, ...] = ()
-        """The mappers, one a robot; empty where there are none."""
+        self._mappers: MapperBatch | None = None
         if mapper != NO_MAPPER:
-            self.mappers = tuple(make_mapper(mapper) for _ in range(count))
-        self.worlds = tuple(worlds)
-        self._weights = weights
+            self._mappers = make_mappers(mapper, robots)
+        self._crew = Crew(threads)
         laser = LMS_200
         self.geometry = laser.geometry
         """Where the lasers' beams point."""
-        self._fleet = Fleet(worlds, robot=PIONEER_3DX, laser=laser, odometer=ODOMETERS[odometer])
+        self._fleet = Fleet(
+            robots,
+            robot=PIONEER_3DX,
+            laser=laser,
+            odometer=ODOMETERS[odometer],
+            crew=self._crew,
+        )
+        self._survey = Survey(robots, observations, self.geometry)
+        self._weights = weights
+        self._cell_area = observations.coverage.cell**2
+        self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
+        self._worlds: list[World | None] = [None] * robots
+        self.world_names = np.full(robots, None, object)
+        """The name of each robot's world."""
+        self._fresh: Bool[np.ndarray, "robots"] = np.ones(robots, np.bool_)
+        beliefs = np.zeros((robots, 3)) if self._mappers is None else self._mappers.poses
         self._senses = Senses(
             poses=self._fleet.poses,
-            beliefs=np.zeros((count, 3)),
-            homes=np.zeros((count, 3)),
+            beliefs=beliefs,
+            homes=np.zeros((robots, 3)),
             motions=self._fleet.motions,
             ranges=self._fleet.ranges,
         )
-        self._findings = Findings(
-            ground=np.zeros(count, np.int64),
-            new_ground=np.zeros(count, np.int64),
-            room=np.full(count, -1),
-            new_room=np.zeros(count, np.bool_),
-            observations=np.zeros((count, observations.flat_space.shape[0]), np.float32),
+        length = observations.flat_space.shape[0]
+        self.observations: Float32[np.ndarray, "robots length"] = np.zeros(
+            (robots, length), np.float32
         )
-        self._cell_area = observations.coverage.cell**2
-        self._everyone: Int64[np.ndarray, "robots"] = np.arange(count)
-        self._surveys: list[Survey] = []
-        self._survey_of: dict[int, Survey] = {}
-        self._reachable: Float64[np.ndarray, "robots"] = np.ones(count)
-        self._fresh: Bool[np.ndarray, "robots"] = np.ones(count, np.bool_)
-        self._settle(observations)
-        self.starts: Float64[np.ndarray, "robots 3"] = np.zeros((count, 3))
+        """What each observes, in one row; after each `drive` another array."""
+        self.starts: Float64[np.ndarray, "robots 3"] = np.zeros((robots, 3))
         """Where each robot set out (world frame): the origin of its map's frame."""
-        self.steps: Int64[np.ndarray, "robots"] = np.zeros(count, np.int64)
+        self.steps: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
         """How many control steps each has taken."""
-        self.path_lengths: Float64[np.ndarray, "robots"] = np.zeros(count)
+        self.path_lengths: Float64[np.ndarray, "robots"] = np.zeros(robots)
         """How far each has truly driven (m)."""
-        self.updates: Int64[np.ndarray, "robots"] = np.zeros(count, np.int64)
-        """How often each mapper has added a view to its map."""
-        self.surfaces: Int64[np.ndarray, "robots"] = np.zeros(count, np.int64)
-        """How many surfaces each remembers."""
         self.terms: dict[str, Float64[np.ndarray, "robots"]] = {}
         """What the last step was worth, by the reward's terms."""
 
-    def _settle(self, observations: ObservationConfig) -> None:
-        """A survey for every world; which world it is goes by the object."""
-        groups: dict[int, list[int]] = {}
-        for row, world in enumerate(self.worlds):
-            groups.setdefault(id(world), []).append(row)
-        for rows in groups.values():
-            world = self.worlds[rows[0]]
-            survey = Survey(world, np.array(rows), observations, self.geometry)
-            self._surveys.append(survey)
-            self._reachable[rows] = reachable_area(world)
-            self._survey_of |= dict.fromkeys(rows, survey)
-
-    def begin(self, row: int, start: Pose, rng: np.random.Generator) -> None:
+    def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
         """Let a robot set out anew with an empty map; look around before all else.
 
         Raises:
             InputError: The start is none.
         """
-        self._fleet.check_start(row, start)
-        self._fleet.place(row, start, draw_key(rng))
-        self._survey_of[row].clear(row)
-        if self.mappers:
-            self.mappers[row].reset()
+        self._fleet.check_start(world, start)
+        self._fleet.place(row, world, start, draw_key(rng))
+        self._survey.begin(row, world)
+        if self._mappers is not None:
+            self._mappers.reset(row)
+        else:
+            self._senses.beliefs[row] = 0
+        self._worlds[row], self.world_names[row] = world, world.name
         self.starts[row] = start
-        tallies = (self._findings.ground, self.steps, self.path_lengths, self.updates)
-        for tally in (*tallies, self._senses.beliefs, self._senses.homes, self.surfaces):
-            tally[row] = 0
+        self.steps[row], self.path_lengths[row] = 0, 0
         self._fresh[row] = True
 
     def drive(self, commands: Float64[np.ndarray, "robots 2"]) -> None:
@@ -139,43 +128,50 @@ class Expedition:
         self.path_lengths += np.hypot(way[:, 0], way[:, 1])
         self.steps += 1
         self._fresh[:] = False
+        self.observations = np.empty_like(self.observations)
+
+    def turn_page(self) -> None:
+        """Write observations elsewhere from now on: those handed out stay as they are."""
+        self.observations = self.observations.copy()
 
     def look(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Let all robots, or some, sense, map, look around and reckon what the step was worth."""
         chosen = self._everyone if rows is None else rows
-        self._fleet.sense(rows)
-        if self.mappers:
-            for row in chosen.tolist():
-                self._map(row)
-        else:
-            reckon(chosen, self._senses.motions, self._senses.beliefs, self._senses.homes)
-        for survey in self._surveys:
-            survey.look(rows, self._senses, self._findings)
+        self._fleet.locate(chosen)
+        self._crew.share(chosen, self._look, FEWEST)
+        findings = self._survey.findings
         self.terms = self._weights.terms(
-            new_ground=self._findings.new_ground * self._cell_area,
-            new_room=self._findings.new_room,
+            new_ground=findings.new_ground * self._cell_area,
+            new_room=findings.new_room,
             collided=self._fleet.collided,
             elapsed=CONTROL_STEP,
         )
         for term in self.terms.values():  # Setting out earns nothing.
             term[self._fresh] = 0.0
 
-    def _map(self, row: int) -> None:
-        mapper = self.mappers[row]
-        if mapper.update(self.reading(row)) or self._fresh[row]:
-            self.updates[row] = mapper.updates
-            self.surfaces[row] = len(mapper.surfaces)
-        self._senses.beliefs[row] = mapper.pose
-        self._senses.homes[row] = mapper.home
-
-    def reading(self, row: int) -> Reading:
-        """What a robot sensed last."""
+    def _look(self, rows: Int64[np.ndarray, "some"], _: int) -> None:
+        self._fleet.sense(rows)
         senses = self._senses
-        return Reading(
-            stamp=float(self.times[row]),
-            motion=senses.motions[row].copy(),
-            laser=LaserScan(ranges=senses.ranges[row].copy(), geometry=self.geometry),
+        if self._mappers is None:
+            reckon(rows, senses.motions, senses.beliefs)
+        else:
+            self._mappers.update(rows, self.readings)
+        self._survey.look(rows, senses, self.observations)
+
+    @property
+    def readings(self) -> Readings:
+        """What the robots sensed last. It is written over at the next look."""
+        senses = self._senses
+        return Readings(
+            stamps=self.times,
+            motions=senses.motions,
+            laser=self.geometry,
+            ranges=senses.ranges,
         )
+
+    def close(self) -> None:
+        """Let the threads go."""
+        self._crew.close()
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
@@ -203,14 +199,9 @@ class Expedition:
         return self._fleet.collided
 
     @property
-    def observations(self) -> Float32[np.ndarray, "robots length"]:
-        """What each observes, in one row. It is written over at the next look."""
-        return self._findings.observations
-
-    @property
     def rewards(self) -> Float64[np.ndarray, "robots"]:
         """What the last step was worth to each: the sum of the terms."""
-        total = np.zeros(len(self.worlds))
+        total = np.zeros(len(self.steps))
         for term in self.terms.values():
             total += term
         return total
@@ -218,25 +209,42 @@ class Expedition:
     @property
     def position_errors(self) -> Float64[np.ndarray, "robots"]:
         """Distance from each true position to the believed one (m)."""
-        errors = np.empty(len(self.worlds))
+        errors = np.empty(len(self.steps))
         find_errors(self.starts, self.poses, self.beliefs, errors)
         return errors
 
     @property
     def coverages(self) -> Float64[np.ndarray, "robots"]:
         """Share of the ground that can be reached which each has covered."""
-        area = self._findings.ground * self._cell_area
-        return np.asarray(np.minimum(1.0, area / self._reachable))
+        area = self._survey.findings.ground * self._cell_area
+        return np.asarray(np.minimum(1.0, area / self._survey.reachable))
 
     @property
     def rooms_entered(self) -> Int64[np.ndarray, "robots"]:
         """How many rooms each has been in."""
-        entered = np.empty(len(self.worlds), np.int64)
-        for survey in self._surveys:
-            entered[survey.rows] = survey.rooms_entered
-        return entered
+        return self._survey.rooms_entered
 
-    def room(self, row: int) -> str:
-        """Name of the room that a robot is truly in; empty between rooms."""
-        room = int(self._findings.room[row])
-        return self.worlds[row].rooms[room].name if room >= 0 else ""
+    @property
+    def updates(self) -> Int64[np.ndarray, "robots"]:
+        """How often each mapper has added a view to its map."""
+        return np.zeros_like(self.steps) if self._mappers is None else self._mappers.updates
+
+    @property
+    def surface_counts(self) -> Int64[np.ndarray, "robots"]:
+        """How many surfaces each remembers."""
+        return np.zeros_like(self.steps) if self._mappers is None else self._mappers.surface_counts
+
+    def surfaces(self, row: int) -> Segments:
+        """The surfaces that a robot remembers, in its map's frame (m)."""
+        return np.empty((0, 4)) if self._mappers is None else self._mappers.surfaces(row)
+
+    def world(self, row: int) -> World:
+        """The world that a robot is in."""
+        world = self._worlds[row]
+        assert world is not None, "a robot is nowhere before it begins"
+        return world
+
+    @property
+    def rooms(self) -> np.ndarray:
+        """Names of the rooms that the robots are truly in (robots,); empty between rooms."""
+        return self._survey.rooms

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float32, UInt8
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Pose
 from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Recorder
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
@@ -19,8 +19,8 @@ from albot_env.tasks.action import ActionConfig
 from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.observation import ObservationConfig, Parts
 from albot_env.tasks.reward import ExploreWeights
-from albot_env.tasks.start import choose_start
-from albot_maps import World, load_world
+from albot_env.tasks.start import choose_start, choose_world
+from albot_maps import World, WorldSet, load_worlds
 
 ENVIRONMENT = "Albot/Explore-v0"
 METADATA: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
@@ -62,20 +62,22 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
     Starting state:
         At rest at one of the world's starts, drawn at random;
         `reset(options={"start": k})` sets out from the k-th, `{"start": (x, y, heading)}`
-        from a pose.
+        from a pose. With several worlds (`random:office:0..99`) each reset draws one;
+        `{"world": k}` asks for the k-th.
 
     Episode end:
         Never by itself; truncated after `max_episode_steps` (6000, ten minutes), which
         `gymnasium.make` takes.
 
     Info:
-        The truth, for evaluation: `pose` and `belief` (m, rad; the belief in the map's
-        frame, which lies at the true start), `position_error` (m), `room` (empty between
-        rooms), `rooms_entered`, `coverage` (share of the reachable ground), `collided`,
-        `path_length` (m), `time` (s), `updates`, `surfaces`, `reward_terms`.
+        The truth, for evaluation: `world` (its name), `pose` and `belief` (m, rad; the
+        belief in the map's frame, which lies at the true start), `position_error` (m),
+        `room` (empty between rooms), `rooms_entered`, `coverage` (share of the reachable
+        ground), `collided`, `path_length` (m), `time` (s), `updates`, `surfaces`,
+        `reward_terms`.
 
     Args:
-        world: A world spec, or a world.
+        world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
         mapper: Name of the mapper inside, or `none`: the robot only adds up its odometer.
         odometer: Name of the odometer's preset: `ideal`, `pioneer` or `poor`.
         observation: `flat` or `dict`.
@@ -91,7 +93,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
 
     def __init__(
         self,
-        world: str | World = "office-ring",
+        world: str | World | WorldSet = "office-ring",
         *,
         mapper: str = "albot1",
         odometer: str = "pioneer",
@@ -103,11 +105,11 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             raise InputError(ENVIRONMENT, "flat or dict", str(observation), place="observation")
         self.render_mode = render_mode
         self._viewer = _open_viewer(render_mode)
-        self._world = load_world(world) if isinstance(world, str) else world
+        self._worlds = load_worlds(world)
         self._config = config
         self._odometer = odometer
         scaling = config.observations
-        self._robot = Expedition((self._world,), mapper, odometer, scaling, config.weights)
+        self._robot = Expedition(1, mapper, odometer, scaling, config.weights)
         self._mapper_name = mapper
         self._flat = observation == "flat"
         self.action_space = config.actions.space
@@ -126,8 +128,10 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             InputError: An option is unknown, or the start is none.
         """
         super().reset(seed=seed)
-        start = choose_start(self._world, self.np_random, options or {}, ENVIRONMENT)
-        self._robot.begin(0, start, self.np_random)
+        world = choose_world(self._worlds, self.np_random, options or {}, ENVIRONMENT)
+        start = choose_start(world, self.np_random, options or {}, ENVIRONMENT)
+        self._robot.begin(0, world, start, self.np_random)
+        self._robot.turn_page()
         self._robot.look()
         self._updates = -1
         header = self._header(start, seed)
@@ -184,30 +188,26 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             action=action,
             reward=float(robot.rewards[0]),
             terms={name: float(term[0]) for name, term in robot.terms.items()},
-            reading=robot.reading(0),
+            reading=robot.readings[0],
             pose=robot.poses[0].copy(),
             collided=bool(robot.collided[0]),
-            room=robot.room(0),
+            room=str(robot.rooms[0]),
             path_length=float(robot.path_lengths[0]),
             belief=robot.beliefs[0].copy(),
             home=robot.homes[0].copy(),
             updates=updates,
-            surfaces=self._surfaces() if changed else None,
+            surfaces=robot.surfaces(0) if changed else None,
         )
 
-    def _surfaces(self) -> Segments:
-        """The surfaces that the mapper remembers."""
-        mappers = self._robot.mappers
-        return mappers[0].surfaces.copy() if mappers else np.empty((0, 4))
-
     def _observe(self) -> Observation:
-        row = self._robot.observations[0].copy()
+        row = self._robot.observations[0]
         return row if self._flat else self._config.observations.split(row)
 
     def _info(self, moment: Moment) -> dict[str, Any]:
         robot = self._robot
         return {
             "reward_terms": dict(moment.terms),
+            "world": robot.world(0).name,
             "pose": moment.pose.copy(),
             "belief": moment.belief.copy(),
             "position_error": float(robot.position_errors[0]),
@@ -218,14 +218,15 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             "path_length": moment.path_length,
             "time": moment.reading.stamp,
             "updates": moment.updates,
-            "surfaces": int(robot.surfaces[0]),
+            "surfaces": int(robot.surface_counts[0]),
         }
 
     def _header(self, start: Pose, seed: int | None) -> EpisodeHeader:
+        world = self._robot.world(0)
         return EpisodeHeader(
             environment=ENVIRONMENT,
-            world=self._world.name,
-            walls=self._world.walls,
+            world=world.name,
+            walls=world.walls,
             start=start.copy(),
             mapper=self._mapper_name,
             odometer=self._odometer,

@@ -1,10 +1,11 @@
-"""The ground of a world: how much can be reached, and grids to tick it off."""
+"""The ground of a world: how much can be reached, and how large a square holds it."""
 
 from __future__ import annotations
 
+import math
+
 import shapely
 
-from albot_env.tasks.coverage import Coverage, CoverageConfig
 from albot_maps import ROBOT_RADIUS, World
 
 MARGIN = 5.0
@@ -17,15 +18,19 @@ def reachable_area(world: World) -> float:
     return float(shapely.buffer(middle, ROBOT_RADIUS).area)
 
 
-def world_coverage(world: World, config: CoverageConfig) -> Coverage:
-    """Coverage in the world's frame, large enough for the whole world."""
+def world_centre(world: World) -> tuple[float, float]:
+    """The middle of the world (m)."""
     x_min, y_min, x_max, y_max = world.bounds
-    extent = max(x_max - x_min, y_max - y_min) / 2 + config.cell
-    return Coverage(config, extent, ((x_min + x_max) / 2, (y_min + y_max) / 2))
+    return (x_min + x_max) / 2, (y_min + y_max) / 2
 
 
-def map_coverage(world: World, config: CoverageConfig) -> Coverage:
-    """Coverage in the map's frame, large enough wherever in the world the robot set out."""
+def world_extent(world: World) -> float:
+    """How far (m) from its middle the world reaches along the axes."""
     x_min, y_min, x_max, y_max = world.bounds
-    diagonal = ((x_max - x_min) ** 2 + (y_max - y_min) ** 2) ** 0.5
-    return Coverage(config, diagonal + MARGIN)
+    return max(x_max - x_min, y_max - y_min) / 2
+
+
+def map_extent(world: World) -> float:
+    """How far (m) from its origin a map reaches, wherever in the world the robot set out."""
+    x_min, y_min, x_max, y_max = world.bounds
+    return math.hypot(x_max - x_min, y_max - y_min) + MARGIN

@@ -1,76 +1,100 @@
-"""Compiled loops of the tasks: sweeping ground, cutting patches, finding rooms, observing.
+"""Compiled loops of the tasks: covering ground, cutting patches, finding rooms, observing.
 
-A grid of ground is a square of cells, a bit each: row y in `grid[y]`, column x in bit x % 64
-of its word x // 64. Robots by the thousand then find theirs in the processor's cache.
+A grid of ground is a square of cells, a bit each. Eight by eight cells share a word, so that
+what lies around a robot lies together in memory: column x, row y is bit 8 (y % 8) + x % 8 of
+word (x // 8) + words a row × (y // 8).
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+
+from albot_env.sim.ray_kernels import turned
 
 _ONE = 2.0**32
 """A cell in fixed-point numbers, in which loops over cells need no conversions: a negative
 cell, taken as unsigned, is beyond every grid."""
 
 
-@njit(cache=True, error_model="numpy")
-def sweep(
-    grid: np.ndarray,
-    cell: float,
-    centre: tuple[float, float],
-    pose: np.ndarray,
-    mount: tuple[float, float],
-    ranges: np.ndarray,
-    directions: np.ndarray,
-    spacing: float,
-    radius: float,
-) -> int:
-    """Mark the cells in view within `radius` of the laser; return how many were new.
+class Sight(NamedTuple):
+    """What of the ground a laser shows."""
 
-    `grid` lies about `centre`; cells outside it are left out. The laser is mounted at
-    `mount` on a robot at `pose`; `directions` (beams, 2) are its beams in the robot's
-    frame. Beams are thinned to what the cells need at the radius, and every second of them
-    begins half way to it: nearer, its neighbours are dense enough.
+    radius: float
+    """Ground farther from the laser is not covered (m)."""
+    x: float
+    """Where on the robot the laser is (m)…"""
+    y: float
+    """…"""
+    beams: np.ndarray
+    """(parts,) int64: the beam that points into each part of the full turn (see `turned`);
+    -1 where none does."""
+
+
+@njit(cache=True, error_model="numpy")
+def is_time_to_look(motion: np.ndarray, spacing: float, turn: float, moved: np.ndarray) -> bool:
+    """Add a motion to what was `moved` (m, rad) since the last look; whether one is due."""
+    moved[0] += math.hypot(motion[0], motion[1])
+    moved[1] += abs(motion[2])
+    if moved[0] < spacing and moved[1] < turn:
+        return False
+    moved[0] = moved[1] = 0.0
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def cover(
+    grid: np.ndarray,
+    side: int,
+    cell: float,
+    centre: np.ndarray,
+    pose: np.ndarray,
+    sight: Sight,
+    ranges: np.ndarray,
+) -> int:
+    """Mark the cells whose middles a scan taken at `pose` shows; return how many were new.
+
+    A middle is seen where it is no farther than the radius, and than the range of the beam
+    that points its way. `grid` (words,) is a square of `side` cells of that size about
+    `centre` (2,); cells outside it are left out.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    half = grid.shape[0] // 2
-    eye_x = (pose[0] + cos * mount[0] - sin * mount[1] - centre[0]) / cell + half
-    eye_y = (pose[1] + sin * mount[0] + cos * mount[1] - centre[1]) / cell + half
-    stride = max(1, int(0.5 * cell / (spacing * radius)))
-    size = np.uint64(grid.shape[0])
+    # The laser's place, in cells from the middle of cell (0, 0).
+    eye_x = (pose[0] + cos * sight.x - sin * sight.y - centre[0]) / cell + side / 2 - 0.5
+    eye_y = (pose[1] + sin * sight.x + cos * sight.y - centre[1]) / cell + side / 2 - 0.5
+    radius, beams = sight.radius / cell, sight.beams
+    parts, words = beams.shape[0], side // 8
     new = 0
-    far_only = False
-    for k in range(0, ranges.shape[0], stride):
-        reach = min(ranges[k], radius)
-        steps = int(1.5 * reach / cell) + 1
-        along = reach / (steps * cell)
-        dx = (cos * directions[k, 0] - sin * directions[k, 1]) * along
-        dy = (sin * directions[k, 0] + cos * directions[k, 1]) * along
-        first = int(0.75 * radius / cell) if far_only else 0
-        far_only = not far_only
-        x, step_x = int((eye_x + (first + 0.5) * dx) * _ONE), int(dx * _ONE)
-        y, step_y = int((eye_y + (first + 0.5) * dy) * _ONE), int(dy * _ONE)
-        for _ in range(first, steps):
-            column, row = np.uint64(x >> 32), np.uint64(y >> 32)
-            if column < size and row < size:
-                bit = np.uint64(1) << (column & np.uint64(63))
-                word = grid[row, column >> np.uint64(6)]
-                if word & bit == 0:
-                    grid[row, column >> np.uint64(6)] = word | bit
-                    new += 1
-            x += step_x
-            y += step_y
+    for row in range(max(0, math.ceil(eye_y - radius)), min(side, math.floor(eye_y + radius) + 1)):
+        dy = row - eye_y
+        half = math.sqrt(max(0.0, radius * radius - dy * dy))
+        first, last = math.ceil(eye_x - half), math.floor(eye_x + half)
+        for column in range(max(0, first), min(side, last + 1)):
+            word = (row >> 3) * words + (column >> 3)
+            bit = np.uint64(1) << np.uint64(((row & 7) << 3) | (column & 7))
+            if grid[word] & bit:
+                continue
+            dx = column - eye_x
+            u, v = cos * dx + sin * dy, cos * dy - sin * dx
+            beam = beams[min(int((turned(u, v) + 2.0) * 0.25 * parts), parts - 1)]
+            if beam < 0:
+                continue
+            reach = ranges[beam] / cell
+            if dx * dx + dy * dy <= reach * reach:
+                grid[word] |= bit
+                new += 1
     return new
 
 
 @njit(cache=True, error_model="numpy")
 def cut_patch(
     grid: np.ndarray,
+    side: int,
     cell: float,
-    centre: tuple[float, float],
+    centre: np.ndarray,
     pose: np.ndarray,
     patch_cell: float,
     width: int,
@@ -80,49 +104,48 @@ def cut_patch(
 
     Row 0 lies farthest ahead of the robot, column 0 farthest to its left.
     """
-    size = np.uint64(grid.shape[0])
-    half = grid.shape[0] // 2
+    size, words = np.uint64(side), np.uint64(side // 8)
+    three, seven, whole = np.uint64(3), np.uint64(7), np.uint64(32)
     cos, sin = math.cos(pose[2]) * patch_cell / cell, math.sin(pose[2]) * patch_cell / cell
-    middle_x = (pose[0] - centre[0]) / cell + half
-    middle_y = (pose[1] - centre[1]) / cell + half
+    middle_x = (pose[0] - centre[0]) / cell + side / 2
+    middle_y = (pose[1] - centre[1]) / cell + side / 2
     left = (width - 1) / 2
-    step_x, step_y = int(sin * _ONE), int(-cos * _ONE)
+    step_x, step_y = np.uint64(np.int64(sin * _ONE)), np.uint64(np.int64(-cos * _ONE))
     for row in range(width):
         forward = (width - 1) / 2 - row
-        x = int((middle_x + cos * forward - sin * left) * _ONE)
-        y = int((middle_y + sin * forward + cos * left) * _ONE)
+        x = np.uint64(np.int64((middle_x + cos * forward - sin * left) * _ONE))
+        y = np.uint64(np.int64((middle_y + sin * forward + cos * left) * _ONE))
         for column in range(width):
-            cell_x, cell_y = np.uint64(x >> 32), np.uint64(y >> 32)
+            cell_x, cell_y = x >> whole, y >> whole
             covered = np.uint64(0)
             if cell_x < size and cell_y < size:
-                word = grid[cell_y, cell_x >> np.uint64(6)]
-                covered = (word >> (cell_x & np.uint64(63))) & np.uint64(1)
-            patch[row * width + column] = 2.0 * np.int64(covered) - 1.0
+                word = grid[(cell_y >> three) * words + (cell_x >> three)]
+                covered = word >> (((cell_y & seven) << three) | (cell_x & seven))
+            patch[row * width + column] = 1.0 if covered & np.uint64(1) else -1.0
             x += step_x
             y += step_y
 
 
 @njit(cache=True, error_model="numpy")
-def find_room(x: float, y: float, corners: np.ndarray, ends: np.ndarray) -> int:
-    """The index of the first room whose outline holds the point, -1 where none does.
+def find_room(
+    x: float, y: float, corners: np.ndarray, spans: np.ndarray, first: int, last: int
+) -> int:
+    """The first of the rooms first to last whose outline holds the point, -1 where none does.
 
-    `corners` are the corners of all outlines one after another; `ends[k]` is where those
-    of room k end. A point is inside where a ray to +x crosses the outline an odd number
-    of times.
+    Room k's outline is corners[spans[k, 0]:spans[k, 1]]. A point is inside where a ray to
+    +x crosses the outline an odd number of times.
     """
-    start = 0
-    for room in range(ends.shape[0]):
+    for room in range(first, last):
         inside = False
-        last = ends[room] - 1
-        for k in range(start, ends[room]):
-            x1, y1 = corners[last, 0], corners[last, 1]
+        before = spans[room, 1] - 1
+        for k in range(spans[room, 0], spans[room, 1]):
+            x1, y1 = corners[before, 0], corners[before, 1]
             x2, y2 = corners[k, 0], corners[k, 1]
             if (y1 > y) != (y2 > y) and x < x1 + (y - y1) / (y2 - y1) * (x2 - x1):
                 inside = not inside
-            last = k
+            before = k
         if inside:
             return room
-        start = ends[room]
     return -1
 
 
@@ -139,26 +162,26 @@ def scale_ranges(ranges: np.ndarray, knee: float, longest: float, scaled: np.nda
 
     What `log_scale` does, negated, for many lengths at once: a number is 2^e m with m in
     [1, 2), and log m = log √2 + 2 artanh t with t = (m - √2) / (m + √2), whose series
-    is cut where it is below 1e-9. The loops hold nothing but arithmetic, for the compiler
-    to make vector instructions of.
+    is cut where it is below 1e-7. The loops hold nothing but arithmetic in float32, for the
+    compiler to make vector instructions of.
     """
     beams = ranges.shape[0]
-    numbers = np.empty(beams)
-    exponents = np.empty(beams)
-    bits = numbers.view(np.int64)
+    numbers = np.empty(beams, np.float32)
+    bits = numbers.view(np.int32)
+    one, half, root = np.float32(1.0), np.float32(0.5), np.float32(math.sqrt(2.0))
+    two, log_2 = np.float32(2.0), np.float32(math.log(2.0))
+    third, fifth, seventh = np.float32(1 / 3), np.float32(1 / 5), np.float32(1 / 7)
+    share = np.float32(2.0 / math.log1p(longest / knee))
     for k in range(beams):
-        numbers[k] = 1.0 + min(ranges[k], longest) / knee
+        numbers[k] = np.float32(1.0 + min(ranges[k], longest) / knee)
     for k in range(beams):
-        exponents[k] = (bits[k] >> 52) - 1023
-        bits[k] = (bits[k] & 0xFFFFFFFFFFFFF) | (1023 << 52)
-    root = math.sqrt(2.0)
-    share = 2.0 / math.log1p(longest / knee)
-    for k in range(beams):
+        number = bits[k]
+        exponent = np.float32((number >> np.int32(23)) - np.int32(127))
+        bits[k] = (number & np.int32(0x7FFFFF)) | np.int32(127 << 23)
         t = (numbers[k] - root) / (numbers[k] + root)
         s = t * t
-        series = 1 + s * (1 / 3 + s * (1 / 5 + s * (1 / 7 + s * (1 / 9 + s / 11))))
-        log = (exponents[k] + 0.5) * math.log(2.0) + 2.0 * t * series
-        scaled[k] = min(max(1.0 - share * log, -1.0), 1.0)
+        log = (exponent + half) * log_2 + two * t * (one + s * (third + s * (fifth + s * seventh)))
+        scaled[k] = min(max(one - share * log, -one), one)
 
 
 @njit(cache=True, error_model="numpy")
@@ -186,19 +209,23 @@ def observe_motions(
     row[7] = log_scale(distance, knee, longest)
 
 
-@njit(cache=True, error_model="numpy")
-def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray, homes: np.ndarray) -> None:
-    """Add the motions measured to beliefs x, y, heading (n, 3), and find home from there."""
+@njit(cache=True, error_model="numpy", nogil=True)
+def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray) -> None:
+    """Add the motions measured to beliefs x, y, heading (n, 3)."""
     for i in rows:
-        belief, motion, home = beliefs[i], motions[i], homes[i]
-        cos, sin = math.cos(belief[2]), math.sin(belief[2])
-        belief[0] += cos * motion[0] - sin * motion[1]
-        belief[1] += sin * motion[0] + cos * motion[1]
-        belief[2] = (belief[2] + motion[2] + math.pi) % (2 * math.pi) - math.pi
-        cos, sin = math.cos(belief[2]), math.sin(belief[2])
-        home[0] = -cos * belief[0] - sin * belief[1]
-        home[1] = sin * belief[0] - cos * belief[1]
-        home[2] = (math.pi - belief[2]) % (2 * math.pi) - math.pi
+        cos, sin = math.cos(beliefs[i, 2]), math.sin(beliefs[i, 2])
+        beliefs[i, 0] += cos * motions[i, 0] - sin * motions[i, 1]
+        beliefs[i, 1] += sin * motions[i, 0] + cos * motions[i, 1]
+        beliefs[i, 2] = (beliefs[i, 2] + motions[i, 2] + math.pi) % (2 * math.pi) - math.pi
+
+
+@njit(cache=True, error_model="numpy")
+def find_home(belief: np.ndarray, home: np.ndarray) -> None:
+    """Write where the map's origin is, seen from a belief: x, y, heading (3,)."""
+    cos, sin = math.cos(belief[2]), math.sin(belief[2])
+    home[0] = -cos * belief[0] - sin * belief[1]
+    home[1] = sin * belief[0] - cos * belief[1]
+    home[2] = (math.pi - belief[2]) % (2 * math.pi) - math.pi
 
 
 @njit(cache=True, error_model="numpy")

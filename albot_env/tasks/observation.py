@@ -15,7 +15,7 @@ from jaxtyping import Float, Float32, Float64
 
 from albot_core.errors import InputError
 from albot_core.mapper import Mapper
-from albot_core.perception.reading import LaserGeometry, Reading
+from albot_core.perception.reading import Reading
 from albot_env.tasks.coverage import Coverage, CoverageConfig
 from albot_env.tasks.kernels import observe_motions, scale_ranges
 from albot_env.tasks.survey_kernel import Scales
@@ -113,12 +113,14 @@ class ObservationConfig:
         scale_ranges(np.asarray(ranges, np.float64), self.laser_knee, self.laser_range, scaled)
         return scaled
 
-    def scales(self, laser: LaserGeometry) -> Scales:
-        """What the compiled survey goes by, for robots with this laser."""
+    @property
+    def scales(self) -> Scales:
+        """What the compiled survey goes by."""
         coverage = self.coverage
         return Scales(
             cell=coverage.cell,
-            radius=coverage.radius,
+            spacing=coverage.spacing,
+            turn=coverage.turn,
             patch_cell=coverage.patch_cell,
             patch_cells=coverage.patch_cells,
             laser_knee=self.laser_knee,
@@ -127,9 +129,6 @@ class ObservationConfig:
             step_turn=self.step_turn,
             home_knee=self.home_knee,
             home_range=self.home_range,
-            mount_x=laser.mount[0],
-            mount_y=laser.mount[1],
-            spacing=laser.spacing,
         )
 
     def flatten(self, parts: Parts) -> Float32[np.ndarray, "length"]:

@@ -9,7 +9,34 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_maps import World
+from albot_maps import World, WorldSet
+
+
+def choose_world(
+    worlds: WorldSet, rng: np.random.Generator, options: Mapping[str, Any], environment: str
+) -> World:
+    """The world that the options of a reset ask for; by default one of the set, at random.
+
+    Args:
+        worlds: The worlds. Of one alone, nothing is drawn.
+        rng: Draws the world.
+        options: `{"world": k}` for the k-th of the set, or nothing.
+        environment: Id of the environment, for the errors.
+
+    Raises:
+        InputError: Another option than `world` and `start`, or a world that is none.
+    """
+    unknown = sorted(set(options) - {"start", "world"})
+    if unknown:
+        expected = "the options start and world"
+        raise InputError(environment, expected, ", ".join(unknown), place="options")
+    number = options.get("world")
+    if number is None:
+        number = rng.integers(len(worlds)) if len(worlds) > 1 else 0
+    if not isinstance(number, int | np.integer) or not 0 <= number < len(worlds):
+        expected = f"a world's number below {len(worlds)}"
+        raise InputError(environment, expected, repr(number), place="options.world")
+    return worlds[int(number)]
 
 
 def choose_start(
@@ -25,11 +52,8 @@ def choose_start(
         environment: Id of the environment, for the errors.
 
     Raises:
-        InputError: Another option, or a start that is neither.
+        InputError: A start that is neither.
     """
-    unknown = sorted(set(options) - {"start"})
-    if unknown:
-        raise InputError(environment, "the option start", ", ".join(unknown), place="options")
     count = len(world.starts)
     start = options.get("start")
     if start is None:

@@ -1,73 +1,144 @@
-"""The survey of one world: what its robots cover and enter, and what they observe."""
+"""The survey: what robots cover and enter, and what they observe."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from jaxtyping import Int64
+from jaxtyping import Float32, Float64, Int64
 
 from albot_core.perception.reading import LaserGeometry
-from albot_env.tasks.ground import map_coverage, world_coverage
+from albot_env.sim.register import Register
+from albot_env.tasks.ground import map_extent, reachable_area, world_centre, world_extent
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.rooms import outlines_of
 from albot_env.tasks.survey_kernel import Findings, Ground, Rooms, Senses, survey
 from albot_maps import World
 
 
+class _Plot(NamedTuple):
+    """What the survey needs to know of a world."""
+
+    rooms: tuple[int, int]
+    """Where its rooms begin and end among all worlds'."""
+    reachable: float
+    """The ground that can be reached (m²)."""
+
+
 class Survey:
-    """Follows some robots in a world.
+    """Follows robots in their worlds.
 
     Args:
-        world: The world.
-        rows: Which rows of the arrays are theirs.
+        robots: How many robots.
         config: How they observe, and which ground counts as covered.
         laser: Their laser.
     """
 
-    def __init__(
-        self,
-        world: World,
-        rows: Int64[np.ndarray, "robots"],
-        config: ObservationConfig,
-        laser: LaserGeometry,
-    ) -> None:
-        self.rows = rows
-        self._slots = np.arange(len(rows))
-        self._directions = laser.directions
-        self._scales = config.scales(laser)
-        count = len(rows)
-        truth = world_coverage(world, config.coverage)
-        belief = map_coverage(world, config.coverage)
-        self._covered = Ground(np.zeros((count, *truth.shape), np.uint64), truth.centre)
-        self._believed = Ground(np.zeros((count, *belief.shape), np.uint64), belief.centre)
-        corners, ends = outlines_of(world.rooms)
-        self._rooms = Rooms(corners, ends, np.zeros((count, len(ends)), np.bool_))
+    def __init__(self, robots: int, config: ObservationConfig, laser: LaserGeometry) -> None:
+        self._config = config.coverage
+        self._scales = config.scales
+        self._sight = config.coverage.sight(laser)
+        self._covered = _no_ground(robots)
+        self._believed = _no_ground(robots)
+        self._plots = Register(robots, self._plot, self._forget_rooms)
+        self._rooms = Rooms(
+            corners=np.empty((0, 2)),
+            spans=np.empty((0, 2), np.int64),
+            worlds=np.zeros((robots, 2), np.int64),
+            entered=np.zeros((robots, 0), np.bool_),
+        )
+        self._names = np.array([""], object)
+        self.reachable: Float64[np.ndarray, "robots"] = np.ones(robots)
+        """The ground that each robot can reach (m²)."""
+        self.findings = Findings(
+            ground=np.zeros(robots, np.int64),
+            new_ground=np.zeros(robots, np.int64),
+            room=np.full(robots, -1),
+            new_room=np.zeros(robots, np.bool_),
+            moved=np.zeros((robots, 2)),
+        )
+        """What was found out at the last look."""
 
-    def clear(self, row: int) -> None:
-        """Forget what a robot has covered and entered."""
-        slot = int(np.searchsorted(self.rows, row))
-        for array in (self._covered.grids, self._believed.grids, self._rooms.entered):
-            array[slot] = 0
+    @property
+    def rooms(self) -> np.ndarray:
+        """Names of the rooms that the robots are in (robots,); empty between rooms."""
+        room = self.findings.room
+        return self._names[np.where(room < 0, 0, room + self._rooms.worlds[:, 0] + 1)]
 
     @property
     def rooms_entered(self) -> Int64[np.ndarray, "robots"]:
-        """How many rooms each of them has been in."""
+        """How many rooms each robot has been in."""
         return np.asarray(self._rooms.entered.sum(axis=1), np.int64)
 
+    def begin(self, row: int, world: World) -> None:
+        """Let a robot begin anew in a world: nothing is covered or entered."""
+        for other, plot in self._plots.enter(row, world):
+            self._rooms.worlds[other] = plot.rooms
+            self.reachable[other] = plot.reachable
+        most, entered = len(world.rooms), self._rooms.entered
+        if entered.shape[1] < most:
+            added = np.zeros((len(entered), most - entered.shape[1]), np.bool_)
+            self._rooms = self._rooms._replace(entered=np.concatenate((entered, added), axis=1))
+        self._rooms.entered[row] = False
+        side = self._config.side(world_extent(world) + self._config.cell)
+        self._covered = _laid(self._covered, row, side, world_centre(world))
+        self._believed = _laid(
+            self._believed, row, self._config.side(map_extent(world)), (0.0, 0.0)
+        )
+        self.findings.ground[row], self.findings.moved[row] = 0, np.inf
+
+    def _plot(self, world: World) -> _Plot:
+        rooms = self._rooms
+        corners, spans = outlines_of(world.rooms)
+        first = len(rooms.spans)
+        self._rooms = rooms._replace(
+            corners=np.concatenate((rooms.corners, corners)),
+            spans=np.concatenate((rooms.spans, spans + len(rooms.corners))),
+        )
+        names = np.array([room.name for room in world.rooms], object)
+        self._names = np.concatenate((self._names, names))
+        return _Plot((first, first + len(spans)), reachable_area(world))
+
+    def _forget_rooms(self) -> None:
+        rooms = self._rooms
+        self._rooms = rooms._replace(corners=rooms.corners[:0], spans=rooms.spans[:0])
+        self._names = self._names[:1]
+
     def look(
-        self, rows: Int64[np.ndarray, "some"] | None, senses: Senses, findings: Findings
+        self,
+        rows: Int64[np.ndarray, "some"],
+        senses: Senses,
+        observations: Float32[np.ndarray, "robots length"],
     ) -> None:
-        """Note what all robots here, or those of them among `rows`, find out by a reading."""
-        here, slots = self.rows, self._slots
-        if rows is not None:
-            here, _, slots = np.intersect1d(rows, here, return_indices=True)
+        """Note what robots find out by their readings, and fill in what they observe."""
         survey(
-            here,
-            slots,
-            self._directions,
+            rows,
+            self._sight,
             self._covered,
             self._believed,
             self._rooms,
             self._scales,
             senses,
-            findings,
+            self.findings,
+            observations,
         )
+
+
+def _no_ground(robots: int) -> Ground:
+    return Ground(
+        grids=np.zeros((robots, 0), np.uint64),
+        sides=np.zeros(robots, np.int64),
+        centres=np.zeros((robots, 2)),
+    )
+
+
+def _laid(ground: Ground, row: int, side: int, centre: tuple[float, float]) -> Ground:
+    """The ground with an empty square for one robot; larger arrays only where needed."""
+    words = (side // 8) ** 2
+    robots, room = ground.grids.shape
+    if words > room:
+        added = np.zeros((robots, words - room), np.uint64)
+        ground = ground._replace(grids=np.concatenate((ground.grids, added), axis=1))
+    ground.grids[row] = 0
+    ground.sides[row], ground.centres[row] = side, centre
+    return ground

@@ -7,34 +7,48 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from albot_env.tasks.kernels import cut_patch, find_room, observe_motions, scale_ranges, sweep
+from albot_env.tasks.kernels import (
+    Sight,
+    cover,
+    cut_patch,
+    find_home,
+    find_room,
+    is_time_to_look,
+    observe_motions,
+    scale_ranges,
+)
 
 
 class Ground(NamedTuple):
-    """The grids of ground of all robots in one world."""
+    """The grids of ground of all robots; a row each (see `kernels`)."""
 
     grids: np.ndarray
-    """(robots, side, words) uint64: a bit for each cell, set where covered."""
-    centre: tuple[float, float]
-    """The middle of the grids x, y (m)."""
+    """(n, words) uint64: a bit for each cell, set where covered."""
+    sides: np.ndarray
+    """(n,) int64: cells along each side; a multiple of eight."""
+    centres: np.ndarray
+    """(n, 2) float64: the middles of the grids (m)."""
 
 
 class Rooms(NamedTuple):
-    """The rooms of one world."""
+    """The rooms of all robots' worlds."""
 
     corners: np.ndarray
     """(corners, 2) float64: of all outlines one after another (m)."""
-    ends: np.ndarray
-    """(rooms,) int64: where each room's corners end."""
+    spans: np.ndarray
+    """(rooms, 2) int64: where each room's corners begin and end."""
+    worlds: np.ndarray
+    """(n, 2) int64: where the rooms of each robot's world begin and end."""
     entered: np.ndarray
-    """(robots, rooms) bool: which rooms each robot has been in."""
+    """(n, most) bool: which rooms of its world each robot has been in."""
 
 
 class Scales(NamedTuple):
     """The sizes that observations and coverage go by (see their configurations)."""
 
     cell: float
-    radius: float
+    spacing: float
+    turn: float
     patch_cell: float
     patch_cells: int
     laser_knee: float
@@ -43,9 +57,6 @@ class Scales(NamedTuple):
     step_turn: float
     home_knee: float
     home_range: float
-    mount_x: float
-    mount_y: float
-    spacing: float
 
 
 class Senses(NamedTuple):
@@ -56,7 +67,7 @@ class Senses(NamedTuple):
     beliefs: np.ndarray
     """(n, 3) float64: where they believe to be (map frame)."""
     homes: np.ndarray
-    """(n, 3) float64: where they believe home to be (robot frame)."""
+    """(n, 3) float64: where they believe home to be (robot frame); found by the survey."""
     motions: np.ndarray
     """(n, 3) float64: what the odometers measured."""
     ranges: np.ndarray
@@ -71,49 +82,53 @@ class Findings(NamedTuple):
     new_ground: np.ndarray
     """(n,) int64: those newly covered."""
     room: np.ndarray
-    """(n,) int64: the room that each is in; -1 between rooms."""
+    """(n,) int64: the room of its world that each is in; -1 between rooms."""
     new_room: np.ndarray
     """(n,) bool: whether it is entered for the first time."""
-    observations: np.ndarray
-    """(n, length) float32: the observations in one row each."""
+    moved: np.ndarray
+    """(n, 2) float64: way and turning since each last looked at the ground (m, rad)."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", nogil=True)
 def survey(
     rows: np.ndarray,
-    slots: np.ndarray,
-    directions: np.ndarray,
+    sight: Sight,
     covered: Ground,
     believed: Ground,
     rooms: Rooms,
     scales: Scales,
     senses: Senses,
     findings: Findings,
+    observations: np.ndarray,
 ) -> None:
-    """Survey the robots `rows`, all in one world, whose ground is in the grids `slots`."""
+    """Survey the robots `rows`; each's observation goes into its row of `observations`."""
     s = scales
     beams = senses.ranges.shape[1]
-    mount = s.mount_x, s.mount_y
     steps = s.step_length, s.step_turn, s.home_knee, s.home_range
     for k in range(rows.shape[0]):
-        i, slot = rows[k], slots[k]
+        i = rows[k]
         pose, belief, ranges = senses.poses[i], senses.beliefs[i], senses.ranges[i]
-        grid = believed.grids[slot]
-        sweep(grid, s.cell, believed.centre, belief, mount, ranges, directions, s.spacing, s.radius)
-        new = sweep(
-            covered.grids[slot], s.cell, covered.centre, pose, mount, ranges, directions,
-            s.spacing, s.radius,
-        )  # fmt: skip
+        side, centre = believed.sides[i], believed.centres[i]
+        new = 0
+        if is_time_to_look(senses.motions[i], s.spacing, s.turn, findings.moved[i]):
+            cover(believed.grids[i], side, s.cell, centre, belief, sight, ranges)
+            new = cover(
+                covered.grids[i], covered.sides[i], s.cell, covered.centres[i], pose, sight, ranges
+            )
         findings.new_ground[i] = new
         findings.ground[i] += new
-        room = find_room(pose[0], pose[1], rooms.corners, rooms.ends)
+        first = rooms.worlds[i, 0]
+        room = find_room(pose[0], pose[1], rooms.corners, rooms.spans, first, rooms.worlds[i, 1])
+        room = room - first if room >= 0 else -1
         findings.room[i] = room
-        findings.new_room[i] = room >= 0 and not rooms.entered[slot, room]
+        findings.new_room[i] = room >= 0 and not rooms.entered[i, room]
         if room >= 0:
-            rooms.entered[slot, room] = True
-        row = findings.observations[i]
+            rooms.entered[i, room] = True
+        find_home(belief, senses.homes[i])
+        row = observations[i]
         scale_ranges(ranges, s.laser_knee, s.laser_range, row)
         observe_motions(senses.motions[i], belief[2], senses.homes[i], steps, row[beams:])
         cut_patch(
-            grid, s.cell, believed.centre, belief, s.patch_cell, s.patch_cells, row[beams + 8 :]
-        )
+            believed.grids[i], side, s.cell, centre, belief,
+            s.patch_cell, s.patch_cells, row[beams + 8 :],
+        )  # fmt: skip

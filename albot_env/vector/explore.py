@@ -15,9 +15,10 @@ from jaxtyping import Bool, Float32, Float64, Int64
 from albot_core.errors import InputError
 from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.explore import ENVIRONMENT, METADATA, ExploreConfig
-from albot_env.tasks.start import choose_start
-from albot_maps import World, load_world
+from albot_env.tasks.start import choose_start, choose_world
+from albot_maps import World, WorldSet, load_worlds
 
+Worlds = str | World | WorldSet
 Observations = Float32[np.ndarray, "environments length"] | dict[str, Float32[np.ndarray, "..."]]
 Steps = tuple[
     Observations,
@@ -38,7 +39,8 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
 
     Args:
         num_envs: How many environments.
-        world: A world spec or a world for all, or one for each.
+        world: A world spec, a world or worlds for all, of which each reset draws one; or
+            such for each.
         mapper: Name of the mapper inside each, or `none`.
         odometer: Name of the odometer's preset.
         observation: `flat` or `dict`.
@@ -48,6 +50,8 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
             action. `SameStep`: the last step itself resets; the info then holds
             `final_obs` and `final_info`. `Disabled`: who steps must call
             `reset(options={"reset_mask": finished})` before.
+        threads: Threads that share the work; 0 for as many as there are processors. They
+            change nothing but the speed.
 
     Raises:
         InputError: As for `ExploreEnv`; or there are not as many worlds as environments.
@@ -58,7 +62,7 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
     def __init__(
         self,
         num_envs: int,
-        world: str | World | Sequence[str | World] = "office-ring",
+        world: Worlds | Sequence[Worlds] = "office-ring",
         *,
         mapper: str = "albot1",
         odometer: str = "pioneer",
@@ -66,6 +70,7 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         config: ExploreConfig | None = None,
         max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        threads: int = 0,
     ) -> None:
         if num_envs < 1:
             raise InputError(ENVIRONMENT, "at least 1", str(num_envs), place="num_envs")
@@ -79,7 +84,7 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         self._flat = observation == "flat"
         self._limit = max_episode_steps
         scaling = config.observations
-        self._robots = Expedition(self._worlds, mapper, odometer, scaling, config.weights)
+        self._robots = Expedition(num_envs, mapper, odometer, scaling, config.weights, threads)
         self.single_action_space = config.actions.space
         self.single_observation_space = scaling.flat_space if self._flat else scaling.dict_space
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -111,6 +116,7 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
                 self._generators[row], _ = seeding.np_random(its_seed)
             self._begin(row, settings)
         self._over[rows] = False
+        self._robots.turn_page()
         self._robots.look(None if mask.all() else rows)
         return self._observe(), self._infos(mask)
 
@@ -155,8 +161,9 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         generator = self._generators[row]
         assert generator is not None
         name = f"{ENVIRONMENT}, environment {row}"
-        start = choose_start(self._worlds[row], generator, options, name)
-        self._robots.begin(row, start, generator)
+        world = choose_world(self._worlds[row], generator, options, name)
+        start = choose_start(world, generator, options, name)
+        self._robots.begin(row, world, start, generator)
         self._begun[row] = True
 
     def _start_over(self, over: Bool[np.ndarray, "environments"]) -> dict[str, Any]:
@@ -180,15 +187,13 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         return flat if self._flat else self._config.observations.split(flat)
 
     def _observe(self) -> Observations:
-        rows = self._robots.observations.copy()
+        rows = self._robots.observations
         return rows if self._flat else self._config.observations.split_rows(rows)
 
     def _infos(self, mask: Bool[np.ndarray, "environments"]) -> dict[str, Any]:
         """The infos as gymnasium batches them: zero and `_key` False where there is none."""
         robots = self._robots
-        rooms = np.full(self.num_envs, None, object)
-        for row in np.flatnonzero(mask).tolist():
-            rooms[row] = robots.room(row)
+        names = {"world": robots.world_names.copy(), "room": robots.rooms}
         values = {
             "pose": robots.poses,
             "belief": robots.beliefs,
@@ -199,10 +204,14 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
             "path_length": robots.path_lengths,
             "time": robots.times,
             "updates": robots.updates,
-            "surfaces": robots.surfaces,
+            "surfaces": robots.surface_counts,
         }
         infos = {"reward_terms": _masked(robots.terms, mask), "_reward_terms": mask.copy()}
-        return infos | _masked(values, mask) | {"room": rooms, "_room": mask.copy()}
+        infos |= _masked(values, mask)
+        for key, value in names.items():
+            value[~mask] = None
+            infos[key], infos[f"_{key}"] = value, mask.copy()
+        return infos
 
 
 def _masked(
@@ -229,13 +238,20 @@ def _mode(mode: str | AutoresetMode) -> AutoresetMode:
         ) from None
 
 
-def _worlds(world: str | World | Sequence[str | World], count: int) -> list[World]:
-    """The world of each environment; one spec is one world."""
-    specs = [world] * count if isinstance(world, str | World) else list(world)
+def _worlds(world: Worlds | Sequence[Worlds], count: int) -> list[WorldSet]:
+    """The worlds of each environment; those of one spec are the same objects."""
+    specs = [world] * count if isinstance(world, str | World | WorldSet) else list(world)
     if len(specs) != count:
         raise InputError(ENVIRONMENT, f"{count} worlds", str(len(specs)), place="world")
-    loaded = {spec: load_world(spec) for spec in specs if isinstance(spec, str)}
-    return [loaded[spec] if isinstance(spec, str) else spec for spec in specs]
+    loaded: dict[Any, WorldSet] = {}
+    for row, spec in enumerate(specs):
+        try:
+            loaded[spec] = loaded.get(spec) or load_worlds(spec)
+        except InputError as error:
+            place = f"{error.source}, {error.place}" if error.place else error.source
+            source = f"{ENVIRONMENT}, world of environment {row}"
+            raise InputError(source, error.expected, error.found, place=place) from None
+    return [loaded[spec] for spec in specs]
 
 
 def _mask(mask: Any, count: int) -> Bool[np.ndarray, "environments"]:

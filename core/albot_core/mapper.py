@@ -58,6 +58,7 @@ class Mapper(Protocol):
         """Become the mapper that returned `state`; the run continues as if never stopped."""
 
 
+@runtime_checkable
 class MapperBatch(Protocol):
     """Mappers of one kind, one a robot, that take in the readings of many at once.
 
@@ -67,7 +68,7 @@ class MapperBatch(Protocol):
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
-        """Where each robot believes to be, in its map's frame. Written over by updates."""
+        """Where each robot believes to be, in its map's frame: one array, written over."""
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:

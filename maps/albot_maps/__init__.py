@@ -4,6 +4,7 @@ from albot_maps.formats.reader import read_world
 from albot_maps.load import catalogue_names, load_world
 from albot_maps.movables import Box, Door, Movables, Walker
 from albot_maps.world import ROBOT_RADIUS, Exit, Room, World
+from albot_maps.world_set import WorldSet, load_worlds
 
 __all__ = [
     "ROBOT_RADIUS",
@@ -14,7 +15,9 @@ __all__ = [
     "Room",
     "Walker",
     "World",
+    "WorldSet",
     "catalogue_names",
     "load_world",
+    "load_worlds",
     "read_world",
 ]

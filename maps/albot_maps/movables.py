@@ -19,7 +19,7 @@ Span = tuple[float, float]
 
 NARROWEST_LEAF, WIDEST_LEAF = 0.3, 3.0
 """Widths of a door's leaf (m)."""
-SMALLEST_SIDE = 0.2
+SMALLEST_SIDE = 0.3
 """Of a box (m): one much thinner could be pushed through a wall in one physics step."""
 SHORTEST_LEG = 0.1
 """Of a walker's route (m)."""
@@ -132,7 +132,7 @@ class Walker:
             expected = "3 waypoints or more" if self.closed else "2 waypoints or more"
             raise InputError("Walker", expected, str(len(self.route)), place="route")
         _check_finite("Walker", route=[value for point in self.route for value in point])
-        _check_range("Walker", "radius", self.radius, 0.1, 0.5, "m")
+        _check_range("Walker", "radius", self.radius, 0.15, 0.5, "m")
         _check_span("Walker", "speed", self.speed, 0.1, 2.0, "m/s")
         shortest = float(np.hypot(*(self.legs[:, 2:] - self.legs[:, :2]).T).min())
         if shortest < SHORTEST_LEG:

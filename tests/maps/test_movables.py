@@ -73,7 +73,7 @@ def test_a_closed_route_has_one_leg_more():
         (Door, {"open_for": (5.0, 2.0)}, "open_for"),
         (Door, {"shut_for": (-1.0, 2.0)}, "shut_for"),
         (Box, {"at": (0.0, np.inf)}, "at"),
-        (Box, {"length": 0.1}, "length"),
+        (Box, {"length": 0.2}, "length"),
         (Box, {"width": np.nan}, "width"),
         (Box, {"mass": 0.0}, "mass"),
         (Walker, {"route": ((0.0, 0.0),)}, "route"),
@@ -118,7 +118,7 @@ def box(x: float, y: float, **fields) -> Box:
         ),
         ({"boxes": [box(5, 1)]}, "boxes[0]", "a wall at 0 m"),
         ({"boxes": [box(3, 1), box(3.5, 1)]}, "boxes[1]", "boxes[0] at 0 m"),
-        ({"boxes": [box(3, 1), box(3, 1, length=0.2, width=0.2)]}, "boxes[1]", "boxes[0] at 0"),
+        ({"boxes": [box(3, 1), box(3, 1, length=0.3, width=0.3)]}, "boxes[1]", "boxes[0] at 0"),
         ({"boxes": [box(4.6, 2.5)], "doors": [DOOR]}, "boxes[0]", "what doors[0] sweeps at 0"),
         ({"boxes": [box(2, 2.5, length=0.6)]}, "boxes[0]", "clear of the starts"),
         ({"boxes": [box(20, 2)]}, "boxes[0]", "inside the building"),
@@ -148,10 +148,10 @@ def test_what_is_wrong_is_named_with_its_place(movables, place, words):
 def test_a_start_is_not_walled_in_by_boxes_alone():
     """Four long boxes around it; with one of them gone there is a way out."""
     around = [
-        box(1.5, 2.0, length=1.2, width=0.2),
-        box(1.5, 3.0, length=1.2, width=0.2),
-        box(2.0, 2.5, length=0.2, width=0.6),
-        box(1.0, 2.5, length=0.2, width=0.6),
+        box(1.5, 1.9, length=1.2, width=0.3),
+        box(1.5, 3.1, length=1.2, width=0.3),
+        box(2.0, 2.5, length=0.3, width=0.8),
+        box(1.0, 2.5, length=0.3, width=0.8),
     ]
     with pytest.raises(InputError, match="boxes all round") as caught:
         make(boxes=around)

@@ -74,11 +74,9 @@ def test_impossible_robots_are_refused(field: str, value: float) -> None:
 
 def fleet_in(world: World, starts: np.ndarray) -> Fleet:
     """Robots in a world, each placed at its start."""
-    fleet = Fleet(
-        [world] * len(starts), robot=PIONEER_3DX, laser=LMS_200, odometer=ODOMETERS["pioneer"]
-    )
+    fleet = Fleet(len(starts), robot=PIONEER_3DX, laser=LMS_200, odometer=ODOMETERS["pioneer"])
     for row, start in enumerate(starts):
-        fleet.place(row, start, row)
+        fleet.place(row, world, start, row)
     return fleet
 
 
@@ -115,7 +113,7 @@ def test_a_robot_placed_anew_leaves_the_others_and_its_own_future_as_they_were(b
     for step, row in enumerate(commands):
         targets = np.array([PIONEER_3DX.wheels_for(*command) for command in row.tolist()])
         if step in (7, 23):
-            fleet.place(1, starts[1], 9)
+            fleet.place(1, box, starts[1], 9)
         if step >= 23:
             targets[1] = PIONEER_3DX.wheels_for(*commands[step - 23, 1].tolist())
         fleet.drive(targets, 10)

@@ -18,15 +18,14 @@ GEOMETRY = LaserGeometry(beams=20_000, spacing=1e-4, max_range=30.0)
 
 def sensed(true_range: float, place: int = 0, **errors: float) -> np.ndarray:
     config = LaserConfig(geometry=GEOMETRY, **errors)
-    ranges = np.empty(20_000)
+    ranges = np.full(20_000, true_range)
     disturb(
-        np.full(20_000, true_range),
+        ranges,
         np.uint64(1),
         place,
         normal_table(config.range_noise),
         config.dropout_threshold,
         GEOMETRY.max_range,
-        ranges,
     )
     return ranges
 

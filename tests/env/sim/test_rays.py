@@ -41,7 +41,7 @@ def disagreements(walls: np.ndarray, geometry: LaserGeometry, poses: np.ndarray)
     All of these must lie where a millionth of a radian decides: at a wall's end, at the
     end of the reach, or along a wall.
     """
-    floor = Floor(walls, PIONEER_3DX, robots=0)
+    floor = Floor(walls, PIONEER_3DX)
     scans = RayCaster(walls, geometry).scan_batch(poses)
     count = 0
     for scan, pose in zip(scans, poses, strict=True):

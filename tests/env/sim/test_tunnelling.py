@@ -67,11 +67,11 @@ def test_no_robot_gets_through_a_wall(segments: int) -> None:
     rng = np.random.default_rng(segments)
     walls = floor_plan(segments, rng)
     side = walls.max()
-    places = free_places(Floor(walls, PIONEER_3DX, robots=0), side, rng)
+    places = free_places(Floor(walls, PIONEER_3DX), side, rng)
     world = World(name="plan", walls=walls, starts=places[:1])
-    fleet = Fleet([world] * ROBOTS, robot=PIONEER_3DX, laser=LMS_200, odometer=ODOMETERS["ideal"])
+    fleet = Fleet(ROBOTS, robot=PIONEER_3DX, laser=LMS_200, odometer=ODOMETERS["ideal"])
     for row, place in enumerate(places):
-        fleet.place(row, place, row)
+        fleet.place(row, world, place, row)
     commands = [any_command(rng) for _ in range(ROBOTS)]
     before = fleet.poses[:, :2].copy()
     bumps = 0

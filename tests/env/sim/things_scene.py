@@ -50,8 +50,8 @@ class Scene:
     def __init__(self, world: World, key: int = 1, pose: Sequence[float] | None = None) -> None:
         self.world = world
         self.floor = Floor(world.walls, PIONEER_3DX)
-        self.things = Things([world], [self.floor], PIONEER_3DX.radius)
-        self.engine_owner = Bridge(1 + self.things.most_bodies)
+        self.things = Things(1, PIONEER_3DX.radius)
+        self.bridge = Bridge(20)
         self.robots = Robots(
             targets=np.zeros((1, 2)),
             wheels=np.zeros((1, 2)),
@@ -71,15 +71,36 @@ class Scene:
             array[:] = 0
         self.robots.touched[:] = False
         self.robots.states[0] = *where, 0, 0, 0
-        self.things.begin(0, where, key)
-        self.robots.ids[:] = self.floor.ids
-        assert self.floor.order == [0]
+        self.things.begin(0, self.world, self.floor, where, key)
+        ((place, id_),) = self.floor.order
+        assert place == 0
+        self.robots.ids[:] = id_
         self.tables = Floors(
             spaces=np.array([self.floor.addresses], np.int64),
-            starts=np.array([0, 1]),
-            members=np.array([0]),
+            crews=np.array([1]),
+            members=np.array([[0]]),
             places=np.array([0]),
         )
+
+    @property
+    def doors(self) -> np.ndarray:
+        """Directions of the leaves."""
+        return self.things.doors(0)
+
+    @property
+    def boxes(self) -> np.ndarray:
+        """x, y, heading of each."""
+        return self.things.boxes(0)
+
+    @property
+    def walkers(self) -> np.ndarray:
+        """x, y, velocity x, y of each."""
+        return self.things.walkers(0)
+
+    @property
+    def segments(self) -> np.ndarray:
+        """The outlines of all things."""
+        return self.things.segments(0)
 
     @property
     def robot(self) -> np.ndarray:
@@ -87,14 +108,15 @@ class Scene:
         return self.robots.states[0]
 
     def steps(self, number: int, speed: float = 0.0, turn_rate: float = 0.0) -> None:
-        engine = self.engine_owner.engine
+        engine = self.bridge.engine
+        here = np.array([0])
         self.robots.targets[0] = PIONEER_3DX.wheels_for(speed, turn_rate)
         errors = ODOMETERS["ideal"].constants(PIONEER_3DX.wheel_base)
         drive = PIONEER_3DX.wheel_base, PIONEER_3DX.acceleration
         for _ in range(number):
-            self.things.command(engine, self.robots.states, CONTROL_STEP)
-            advance(engine, self.tables, self.robots, errors, drive, PHYSICS_STEP, SUBSTEPS)
-            self.things.observe(engine)
+            self.things.command(here, engine, self.robots.states, CONTROL_STEP)
+            advance(here, engine, self.tables, self.robots, errors, drive, PHYSICS_STEP, SUBSTEPS)
+            self.things.observe(here, engine)
 
     def body(self, index: int) -> pymunk.Body:
         """The body that stands in a place of pymunk's order: robot, doors, boxes, walkers."""
@@ -104,6 +126,6 @@ class Scene:
     def lift(self, index: int, x: float, y: float) -> None:
         """Put a body somewhere else."""
         self.body(index).position = x, y
-        self.things.observe(self.engine_owner.engine)
+        self.things.observe(np.array([0]), self.bridge.engine)
         if index == 0:
             self.robots.states[0, :2] = x, y

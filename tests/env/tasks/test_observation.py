@@ -73,7 +73,7 @@ def test_observations_are_a_function_of_the_readings_alone(make_env, tmp_path: P
     assert len(moments) == len(seen)
     for moment, (observation, _) in zip(moments, seen, strict=True):
         mapper.update(moment.reading)
-        ground.add(mapper.pose, moment.reading.laser)
+        ground.follow(moment.reading.motion, mapper.pose, moment.reading.laser)
         again = CONFIG.observe(moment.reading, mapper, ground)
         for name, part in observation.items():
             assert np.array_equal(again[name], part), name

@@ -37,7 +37,7 @@ movables:
   doors:
     - {hinge: [3, 1], heading: 90, width: 0.5, opening: -90}
   boxes:
-    - {at: [2, 2], length: 0.3, width: 0.2}
+    - {at: [2, 2], length: 0.4, width: 0.3}
   walkers:
     - {route: [[0.5, 0.5], [0.5, 2.5]]}
 """
@@ -144,8 +144,8 @@ boxes = st.fixed_dictionaries(
     {
         "at": st.tuples(st.floats(200, 300), metres),
         "heading": st.floats(-10, 10),
-        "length": st.floats(0.2, 3),
-        "width": st.floats(0.2, 3),
+        "length": st.floats(0.3, 3),
+        "width": st.floats(0.3, 3),
         "mass": st.floats(0.5, 1000),
     }
 )
@@ -154,7 +154,7 @@ walkers = st.fixed_dictionaries(
         "route": st.tuples(*(st.tuples(st.floats(x, x + 9), metres) for x in (400, 420, 440))),
         "closed": st.booleans(),
         "speed": spans,
-        "radius": st.floats(0.1, 0.5),
+        "radius": st.floats(0.15, 0.5),
     }
 )
 
@@ -179,7 +179,7 @@ def test_things_have_defaults_and_angles_in_degrees():
         world.movables.walkers,
     )
     assert door == Door(hinge=(3.0, 1.0), heading=np.pi / 2, width=0.5, opening=-np.pi / 2)
-    assert box == Box(at=(2.0, 2.0), length=0.3, width=0.2)
+    assert box == Box(at=(2.0, 2.0), length=0.4, width=0.3)
     assert walker == Walker(route=((0.5, 0.5), (0.5, 2.5)))
 
 
@@ -231,7 +231,7 @@ def replaced(old: str, new: str) -> str:
         (SMALL + "tours:\n  t: [[1, 1], [1, 3.9]]", "line 14, tours.t", "0.25 m clear"),
         (SMALL + MOVING.replace("hinge", "hing"), "line 15, movables.doors[0].hing", "hinge?"),
         (SMALL + MOVING.replace("-90", "0"), "line 15, movables.doors[0].opening", "0.1 to pi"),
-        (SMALL + MOVING.replace("0.3", "0.1"), "line 17, movables.boxes[0].length", "0.2 to 3 (m)"),
+        (SMALL + MOVING.replace("0.4", "0.1"), "line 17, movables.boxes[0].length", "0.3 to 3 (m)"),
         (SMALL + MOVING.replace("[2, 2]", "[1, 3.5]"), "line 17, movables.boxes[0]", "a wall at"),
         (SMALL + MOVING.replace("[2, 2]", "[2]"), "line 17, movables.boxes[0].at", "a point [x"),
         (SMALL + MOVING.replace(", 2.5]]", ", 3.5]]"), "line 19, movables.walkers[0]", "clear of"),

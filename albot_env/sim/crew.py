@@ -1,0 +1,72 @@
+"""The crew: threads that share work on arrays, each doing some of the rows."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+from jaxtyping import Int64
+
+from albot_core.errors import InputError
+
+FEWEST = 32
+"""Rows below which a thread of its own costs more than it brings."""
+
+
+class Crew:
+    """Threads that share work. Compiled code lets go of Python's lock, so they run at once.
+
+    Args:
+        size: How many threads; 0 for as many as this process may use processors.
+
+    Raises:
+        InputError: Fewer than none.
+    """
+
+    def __init__(self, size: int) -> None:
+        if size < 0:
+            raise InputError("threads", "0 or more", str(size))
+        self.size = size or _processors()
+        self._pool: ThreadPoolExecutor | None = None
+
+    def share(
+        self,
+        rows: Int64[np.ndarray, "rows"],
+        work: Callable[[Int64[np.ndarray, "some"], int], None],
+        fewest: int = 1,
+    ) -> None:
+        """Let every thread work on some of the rows: `work(rows, number of the thread)`.
+
+        Args:
+            rows: The rows; which thread gets which makes no difference to what comes of it.
+            work: The work. What it raises is raised here.
+            fewest: Rows for which one thread is enough.
+        """
+        threads = min(self.size, max(1, len(rows) // fewest))
+        if threads == 1:
+            work(rows, 0)
+            return
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(self.size - 1, thread_name_prefix="albot")
+        parts = np.array_split(rows, threads)
+        others = [self._pool.submit(work, part, k) for k, part in enumerate(parts) if k]
+        try:
+            work(parts[0], 0)
+        finally:
+            for other in others:
+                other.result()
+
+    def close(self) -> None:
+        """Let the threads go."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+
+
+def _processors() -> int:
+    """How many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,0 +1,140 @@
+"""The index of walls: for every square metre of many buildings, the walls that matter there."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from albot_core.geometry.types import Segments
+from albot_env.sim.visibility import list_here
+
+CELL = 1.0
+"""Side of the cells for which walls are listed (m)."""
+MOST_CELLS = 4096
+"""Larger buildings get larger cells."""
+_UNLISTED = -1
+
+
+class Walls(NamedTuple):
+    """The walls of many buildings, one after another, and their lists, for compiled code."""
+
+    walls: np.ndarray
+    """(walls, 4) float64: ends x1, y1, x2, y2 (m)."""
+    neighbours: np.ndarray
+    """(walls, 2) int64: for either end, an end of another wall at the same point, as twice its
+    number plus 0 or 1; -1 where there is none."""
+    frames: np.ndarray
+    """(buildings, 8) float64: the grid's corner x, y (m), cell size (m), columns and rows;
+    its first cell, its first wall, and the one behind its last wall."""
+    spans: np.ndarray
+    """(cells, 2) int64: where in `members` a cell's list begins and ends; -1 before it is
+    made. Behind each building's cells, one more stands for everywhere else."""
+    members: np.ndarray
+    """(room,) int32: walls, list after list."""
+    used: np.ndarray
+    """(1,) int64: how much of `members` is in use."""
+
+
+class WallIndex:
+    """Lists, for each cell of a grid over each building, the walls that may matter from there.
+
+    A cell's list is made when a robot first comes there.
+
+    Args:
+        reach: Walls farther away than this do not matter (m).
+        mount: Where on the robot the sensor is, for which walls matter: x, y (m).
+        occlusion: Whether a wall that others hide from all of a cell does not matter there.
+        grid: Whether to list by cells at all; if not, every wall matters everywhere.
+    """
+
+    def __init__(
+        self, reach: float, mount: tuple[float, float], *, occlusion: bool, grid: bool = True
+    ) -> None:
+        self._reach = reach
+        self._mount = mount
+        self._occlusion = occlusion
+        self._grid = grid
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all buildings."""
+        self.tables = Walls(
+            walls=np.empty((0, 4)),
+            neighbours=np.empty((0, 2), np.int64),
+            frames=np.empty((0, 8)),
+            spans=np.empty((0, 2), np.int64),
+            members=np.empty(1024, np.int32),
+            used=np.zeros(1, np.int64),
+        )
+
+    def add(self, walls: Segments) -> int:
+        """Take in a building; return its number."""
+        old = self.tables
+        first = len(old.walls)
+        neighbours = _neighbours(walls)
+        neighbours[neighbours >= 0] += 2 * first
+        grid = self._lay(walls)
+        cells = int(grid[3] * grid[4]) + 1
+        frame = np.array((*grid, len(old.spans), first, first + len(walls)))
+        self.tables = old._replace(
+            walls=np.concatenate((old.walls, walls)),
+            neighbours=np.concatenate((old.neighbours, neighbours)),
+            frames=np.concatenate((old.frames, frame[np.newaxis])),
+            spans=np.concatenate((old.spans, np.full((cells, 2), _UNLISTED))),
+        )
+        return len(old.frames)
+
+    def _lay(self, walls: Segments) -> tuple[float, float, float, int, int]:
+        """Corner x, y, cell size, columns and rows of a grid over walls."""
+        if not (self._grid and len(walls)):
+            return 0.0, 0.0, CELL, 0, 0
+        ends = walls.reshape(-1, 2)
+        left, bottom = ends.min(axis=0).tolist()
+        width, height = np.maximum(np.ptp(ends, axis=0), CELL).tolist()
+        cell = max(CELL, math.sqrt(width * height / MOST_CELLS))
+        return left, bottom, cell, math.ceil(width / cell), math.ceil(height / cell)
+
+    def locate(
+        self,
+        rows: Int64[np.ndarray, "some"],
+        buildings: Int64[np.ndarray, "robots"],
+        poses: Float64[np.ndarray, "robots 3"],
+        cells: Int64[np.ndarray, "robots"],
+    ) -> None:
+        """Fill `cells` for `rows` with where robots are in their buildings; lists are made."""
+        done = 0
+        while True:
+            done = list_here(
+                self.tables,
+                self._reach,
+                self._occlusion,
+                rows,
+                done,
+                buildings,
+                poses,
+                self._mount,
+                cells,
+            )
+            if done == len(rows):
+                return
+            members = self.tables.members
+            most = int(np.diff(self.tables.frames[:, 6:]).max())
+            larger = np.empty(2 * len(members) + most, np.int32)
+            larger[: len(members)] = members
+            self.tables = self.tables._replace(members=larger)
+
+
+def _neighbours(walls: Segments) -> Int64[np.ndarray, "walls 2"]:
+    """For either end of each wall, an end of another at the same point: 2 wall + 0 or 1, or -1."""
+    found = np.full(2 * len(walls), -1)
+    if len(walls):
+        _, groups = np.unique(walls.reshape(-1, 2), axis=0, return_inverse=True)
+        order = np.argsort(groups, kind="stable")
+        for first, second in pairwise(order):
+            if groups[first] == groups[second]:
+                found[first], found[second] = second, first
+    return found.reshape(-1, 2)
