@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import wrap_angle
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Pose, Segments
 from albot_env.sim.chipmunk_kernels import Robots, advance
 from albot_env.sim.crew import Crew
 from albot_env.sim.drive import RobotConfig
@@ -21,7 +21,7 @@ from albot_env.sim.laser import LaserConfig, normal_table
 from albot_env.sim.odometer import OdometerConfig
 from albot_env.sim.rays import index_for, make_fan
 from albot_env.sim.register import Register
-from albot_env.sim.sensing_kernels import Devices, Sensed, sense
+from albot_env.sim.sensing_kernels import Devices, Moving, Sensed, sense
 from albot_env.sim.space import PHYSICS_STEP
 from albot_maps.world import World
 
@@ -40,6 +40,7 @@ class Fleet:
         laser: Beams and errors of the lasers.
         odometer: Errors of the odometers.
         crew: Threads that share the work.
+        movables: Whether things move in worlds that have any; if not, they are left out.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class Fleet:
         laser: LaserConfig,
         odometer: OdometerConfig,
         crew: Crew | None = None,
+        movables: bool = True,
     ) -> None:
         self.robot = robot
         self.laser = laser
@@ -78,8 +80,9 @@ class Fleet:
             ranges=np.full((robots, laser.geometry.beams), np.inf),
         )
         self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
-        self._floors = Floors(robots, robot)
-        self._bridges = [Bridge(CROWD) for _ in range(self._crew.size)]
+        self._floors = Floors(robots, robot, movables=movables)
+        self._bridged = 0
+        self._build_bridges(CROWD)
         self._index = index_for(laser.geometry)
         self._buildings = Register(
             robots, lambda world: self._index.add(world.walls), self._index.clear
@@ -102,12 +105,12 @@ class Fleet:
 
     @property
     def collided(self) -> Bool[np.ndarray, "robots"]:
-        """Whether a wall pushed the robot back since `clear_contacts`."""
+        """Whether a wall or a thing pushed the robot back since `clear_contacts`."""
         return self._robots.touched[:, 1]
 
     @property
     def pushed(self) -> Bool[np.ndarray, "robots"]:
-        """Whether a wall pushed the robot back in the last physics step."""
+        """Whether a wall or a thing pushed the robot back in the last physics step."""
         return self._robots.touched[:, 0]
 
     @property
@@ -124,11 +127,15 @@ class Fleet:
         """Refuse a start.
 
         Raises:
-            InputError: It is not finite, or the robot would touch a wall there.
+            InputError: It is not finite, or the robot would touch a wall there, a box, or a
+                door as it swings.
         """
         if not np.isfinite(pose).all():
             raise InputError("start", "a finite pose", str(pose.tolist()))
         radius = self.robot.radius
+        if self._floors.moves(world) and world.movables.gap(*pose[:2].tolist()) < radius:
+            expected = f"a pose {radius:g} m clear of the boxes and doors of {world.name}"
+            raise InputError("start", expected, str(pose.tolist()))
         room = self._floors.clearance(world, pose, radius)
         if room < radius:
             raise InputError(
@@ -148,7 +155,8 @@ class Fleet:
             key: 64 bits, of which all its random numbers are a function from now on.
         """
         robots = self._robots
-        self._floors.place(row, world, pose, robots.ids)
+        self._floors.place(row, world, pose, key, robots.ids)
+        self._build_bridges(1 + self._floors.things.most_bodies)
         for other, building in self._buildings.enter(row, world):
             self._sensed.buildings[other] = building
         for array in (robots.targets, robots.wheels, robots.counts, robots.touched):
@@ -173,12 +181,30 @@ class Fleet:
         drive = self.robot.wheel_base, np.inf if at_once else self.robot.acceleration
         errors = self._devices.odometer
 
+        things, tables = self._floors.things, self._floors.tables
+
         def move(floors: Int64[np.ndarray, "some"], member: int) -> None:
             engine = self._bridges[member].engine
-            tables = self._floors.tables
+            # Where things move there is one robot alone on a floor.
+            among = tables.members[floors, 0]
+            among = among[things.present[among]]
+            if len(among):
+                things.command(among, engine, self.states, steps * PHYSICS_STEP)
             advance(floors, engine, tables, self._robots, errors, drive, PHYSICS_STEP, steps)
+            if len(among):
+                things.observe(among, engine)
 
         self._crew.share(self._floors.inhabited, move)
+
+    def things(self, row: int) -> Segments:
+        """The outlines of the things around a robot, where they are now (world frame)."""
+        return self._floors.things.segments(row)
+
+    def _build_bridges(self, bodies: int) -> None:
+        """Have bridges to pymunk for so many robots and things on a floor."""
+        if bodies > self._bridged:
+            self._bridges = [Bridge(bodies) for _ in range(self._crew.size)]
+            self._bridged = bodies
 
     def locate(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Find out where in their buildings all robots, or some, are: before `sense`."""
@@ -188,5 +214,7 @@ class Fleet:
     def sense(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Take the readings of all robots, or some, into `motions` and `ranges`."""
         chosen = self._everyone if rows is None else rows
-        counts = self._robots.counts
-        sense(chosen, self.poses, counts, self._index.tables, self._devices, self._sensed)
+        robots, stage = self._robots, self._floors.things.stage
+        moving = Moving(stage.segments, stage.robots["segments"], stage.robots["segments_end"])
+        walls = self._index.tables
+        sense(chosen, robots.poses, robots.counts, walls, moving, self._devices, self._sensed)

@@ -33,6 +33,17 @@ class Devices(NamedTuple):
     """The probability that a beam is lost, times 2^32."""
 
 
+class Moving(NamedTuple):
+    """What moves around the robots."""
+
+    segments: np.ndarray
+    """(n, 4) float64: outlines of things x1, y1, x2, y2 (m)."""
+    first: np.ndarray
+    """(robots,) int64: which of them are each robot's: from here…"""
+    last: np.ndarray
+    """(robots,) int64: … up to here, without it."""
+
+
 class Sensed(NamedTuple):
     """What the robots sense; a row each."""
 
@@ -73,22 +84,27 @@ def sense(
     poses: np.ndarray,
     counts: np.ndarray,
     index: Walls,
+    moving: Moving,
     devices: Devices,
     sensed: Sensed,
 ) -> None:
     """Read the odometers and lasers of the robots `rows`, whose cells are known.
 
     `poses` (n, 3) are where they are, `counts` (n, …) what their odometers have counted.
+    The lasers see walls and what moves.
     """
     fan = devices.fan
     draws = 2 + fan.beams
-    nothing = np.empty((0, 4))
-    desk = make_desk(fan, index.walls.shape[0])
+    things = 0
+    for k in range(rows.shape[0]):
+        things = max(things, moving.last[rows[k]] - moving.first[rows[k]])
+    desk = make_desk(fan, index.walls.shape[0] + things)
     for k in range(rows.shape[0]):
         i = rows[k]
         key, place = sensed.keys[i], sensed.readings[i] * draws
         sensed.readings[i] += 1
         read(counts[i], devices.odometer, key, place, sensed.motions[i])
         ranges = sensed.ranges[i]
-        scan(fan, index, sensed.cells[i], nothing, 0, 0, poses[i], desk, ranges)
+        first, last = moving.first[i], moving.last[i]
+        scan(fan, index, sensed.cells[i], moving.segments, first, last, poses[i], desk, ranges)
         disturb(ranges, key, place + 2, devices.normals, devices.dropout, fan.reach)

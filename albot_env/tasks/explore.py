@@ -81,6 +81,8 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         mapper: Name of the mapper inside, or `none`: the robot only adds up its odometer.
         odometer: Name of the odometer's preset: `ideal`, `pioneer` or `poor`.
         observation: `flat` or `dict`.
+        movables: Whether doors, boxes and people move in worlds that have any; if not, they
+            are left out.
         render_mode: `human`, `rgb_array` or None.
         config: What actions ask for, how observations are scaled, what is rewarded.
 
@@ -98,6 +100,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         mapper: str = "albot1",
         odometer: str = "pioneer",
         observation: str = "flat",
+        movables: bool = True,
         render_mode: str | None = None,
         config: ExploreConfig = ExploreConfig(),
     ) -> None:
@@ -109,7 +112,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         self._config = config
         self._odometer = odometer
         scaling = config.observations
-        self._robot = Expedition(1, mapper, odometer, scaling, config.weights)
+        self._robot = Expedition(1, mapper, odometer, scaling, config.weights, movables=movables)
         self._mapper_name = mapper
         self._flat = observation == "flat"
         self.action_space = config.actions.space

@@ -44,6 +44,7 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         mapper: Name of the mapper inside each, or `none`.
         odometer: Name of the odometer's preset.
         observation: `flat` or `dict`.
+        movables: Whether doors, boxes and people move in worlds that have any.
         config: What actions ask for, how observations are scaled, what is rewarded.
         max_episode_steps: Steps after which an episode is truncated; None for never.
         autoreset_mode: `NextStep`: the step after an episode's last one resets, whatever the
@@ -67,6 +68,7 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         mapper: str = "albot1",
         odometer: str = "pioneer",
         observation: str = "flat",
+        movables: bool = True,
         config: ExploreConfig | None = None,
         max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
@@ -84,7 +86,9 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         self._flat = observation == "flat"
         self._limit = max_episode_steps
         scaling = config.observations
-        self._robots = Expedition(num_envs, mapper, odometer, scaling, config.weights, threads)
+        self._robots = Expedition(
+            num_envs, mapper, odometer, scaling, config.weights, threads, movables=movables
+        )
         self.single_action_space = config.actions.space
         self.single_observation_space = scaling.flat_space if self._flat else scaling.dict_space
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import shapely
@@ -159,12 +160,17 @@ class Movables:
     def __bool__(self) -> bool:
         return bool(self.doors or self.boxes or self.walkers)
 
-    @property
-    def barred(self) -> shapely.Geometry:
-        """The floor on which no robot may begin: what doors sweep and where boxes stand."""
-        return shapely.union_all(
-            [door.sweep for door in self.doors] + [box.outline for box in self.boxes]
-        )
+    def gap(self, x: float, y: float) -> float:
+        """Distance (m) of a point from where no robot may begin.
+
+        That is what doors sweep and where boxes stand at first.
+        """
+        here = shapely.Point(x, y)
+        return min((here.distance(shape) for shape in self._barred), default=math.inf)
+
+    @cached_property
+    def _barred(self) -> tuple[shapely.Polygon, ...]:
+        return tuple([door.sweep for door in self.doors] + [box.outline for box in self.boxes])
 
 
 def _check_finite(kind: str, **fields: float | Sequence[float]) -> None:

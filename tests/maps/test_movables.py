@@ -166,8 +166,9 @@ def test_a_double_door_is_two_leaves_that_meet():
 
 
 def test_no_robot_begins_in_the_swing_of_a_door_or_on_a_box():
-    barred = make(doors=[DOOR], boxes=[box(3, 1)]).movables.barred
-    assert barred.contains(shapely.Point(4.5, 2.5))
-    assert barred.contains(shapely.Point(3.2, 1.2))
-    assert not barred.contains(shapely.Point(1.5, 2.5))
-    assert shapely.Point(0, 0).distance(barred) > 1
+    movables = make(doors=[DOOR], boxes=[box(3, 1)]).movables
+    assert movables.gap(4.5, 2.5) == 0
+    assert movables.gap(3.2, 1.2) == 0
+    assert movables.gap(3.0, 0.5) == pytest.approx(0.25)
+    assert movables.gap(1.5, 2.5) > 1
+    assert Movables().gap(0.0, 0.0) == np.inf
