@@ -43,17 +43,14 @@ class Floors:
         self._empty: OrderedDict[int, None] = OrderedDict()
         self.of: Int64[np.ndarray, "robots"] = np.full(robots, NOWHERE)
         """The floor that each robot is on."""
+        self.inhabited: Int64[np.ndarray, "floors"] = np.zeros(0, np.int64)
+        """The floors with robots on them."""
         self.tables = Tables(
             spaces=np.zeros((0, 2), np.int64),
             crews=np.zeros(0, np.int64),
             members=np.zeros((0, CROWD), np.int64),
             places=np.zeros(robots, np.int64),
         )
-
-    @property
-    def inhabited(self) -> Int64[np.ndarray, "floors"]:
-        """The floors with robots on them."""
-        return np.flatnonzero(self.tables.crews)
 
     def clearance(self, world: World, pose: Pose, reach: float) -> float:
         """Distance (m) from a pose to the world's nearest wall; infinite if none is in reach."""
@@ -173,6 +170,9 @@ class Floors:
         floor = self._floors[number]
         assert floor is not None
         order = floor.order
+        if bool(order) != bool(self.tables.crews[number]):
+            others = self.inhabited[self.inhabited != number]
+            self.inhabited = np.append(others, number) if order else others
         self.tables.crews[number] = len(order)
         for k, (place, id_) in enumerate(order):
             row = self._slots[number][place]

@@ -12,9 +12,9 @@ from jaxtyping import Float64, Int64
 from albot_core.geometry.types import Segments
 from albot_env.sim.visibility import list_here
 
-CELL = 1.0
+CELL = 0.5
 """Side of the cells for which walls are listed (m)."""
-MOST_CELLS = 4096
+MOST_CELLS = 16384
 """Larger buildings get larger cells."""
 _UNLISTED = -1
 

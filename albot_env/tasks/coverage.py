@@ -28,9 +28,9 @@ class CoverageConfig:
     """How far the robot comes between two looks at the ground (m)…"""
     turn: float = 0.1
     """…unless it turns by this much before (rad)."""
-    patch_cells: int = 32
+    patch_cells: int = 16
     """Cells along each side of the egocentric patch."""
-    patch_cell: float = 0.5
+    patch_cell: float = 1.0
     """Side of a cell of the egocentric patch (m)."""
 
     def __post_init__(self) -> None:

@@ -18,9 +18,10 @@ from albot_env.sim import LMS_200, ODOMETERS, PIONEER_3DX
 from albot_env.sim.crew import FEWEST, Crew
 from albot_env.sim.fleet import Fleet, draw_key
 from albot_env.sim.simulator import CONTROL_STEP, SUBSTEPS
-from albot_env.tasks.kernels import find_errors, reckon
+from albot_env.tasks.kernels import reckon
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.reward import ExploreWeights
+from albot_env.tasks.standing import TERMS, appraise, new_standing
 from albot_env.tasks.survey import Survey
 from albot_env.tasks.survey_kernel import Senses
 from albot_maps import World
@@ -60,6 +61,7 @@ class Expedition:
         if odometer not in ODOMETERS:
             raise InputError("odometer", f"one of {', '.join(ODOMETERS)}", odometer)
         self._mappers: MapperBatch | None = None
+        self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
         if mapper != NO_MAPPER:
             self._mappers = make_mappers(mapper, robots)
         self._crew = Crew(threads)
@@ -75,13 +77,13 @@ class Expedition:
             movables=movables,
         )
         self._survey = Survey(robots, observations, self.geometry)
-        self._weights = weights
+        self._standing = new_standing(robots)
+        self._weights = weights.values
         self._cell_area = observations.coverage.cell**2
         self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
         self._worlds: list[World | None] = [None] * robots
         self.world_names = np.full(robots, None, object)
         """The name of each robot's world."""
-        self._fresh: Bool[np.ndarray, "robots"] = np.ones(robots, np.bool_)
         beliefs = np.zeros((robots, 3)) if self._mappers is None else self._mappers.poses
         self._senses = Senses(
             poses=self._fleet.poses,
@@ -95,14 +97,6 @@ class Expedition:
             (robots, length), np.float32
         )
         """What each observes, in one row; after each `drive` another array."""
-        self.starts: Float64[np.ndarray, "robots 3"] = np.zeros((robots, 3))
-        """Where each robot set out (world frame): the origin of its map's frame."""
-        self.steps: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
-        """How many control steps each has taken."""
-        self.path_lengths: Float64[np.ndarray, "robots"] = np.zeros(robots)
-        """How far each has truly driven (m)."""
-        self.terms: dict[str, Float64[np.ndarray, "robots"]] = {}
-        """What the last step was worth, by the reward's terms."""
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
         """Let a robot set out anew with an empty map; look around before all else.
@@ -112,26 +106,23 @@ class Expedition:
         """
         self._fleet.check_start(world, start)
         self._fleet.place(row, world, start, draw_key(rng))
-        self._survey.begin(row, world)
+        standing = self._standing
+        standing.reachable[row] = self._survey.begin(row, world)
         if self._mappers is not None:
             self._mappers.reset(row)
         else:
             self._senses.beliefs[row] = 0
         self._worlds[row], self.world_names[row] = world, world.name
-        self.starts[row] = start
-        self.steps[row], self.path_lengths[row] = 0, 0
-        self._fresh[row] = True
+        standing.starts[row], standing.before[row] = start, start[:2]
+        standing.steps[row], standing.path_lengths[row] = 0, 0.0
 
     def drive(self, commands: Float64[np.ndarray, "robots 2"]) -> None:
         """One control step of all robots with speeds (m/s) and turn rates (rad/s)."""
         fleet = self._fleet
-        before = fleet.poses[:, :2].copy()
         fleet.clear_contacts()
         fleet.drive(fleet.robot.targets_for(commands), SUBSTEPS)
-        way = fleet.poses[:, :2] - before
-        self.path_lengths += np.hypot(way[:, 0], way[:, 1])
-        self.steps += 1
-        self._fresh[:] = False
+        steps = self._standing.steps
+        steps += 1
         self.observations = np.empty_like(self.observations)
 
     def turn_page(self) -> None:
@@ -143,15 +134,6 @@ class Expedition:
         chosen = self._everyone if rows is None else rows
         self._fleet.locate(chosen)
         self._crew.share(chosen, self._look, FEWEST)
-        findings = self._survey.findings
-        self.terms = self._weights.terms(
-            new_ground=findings.new_ground * self._cell_area,
-            new_room=findings.new_room,
-            collided=self._fleet.collided,
-            elapsed=CONTROL_STEP,
-        )
-        for term in self.terms.values():  # Setting out earns nothing.
-            term[self._fresh] = 0.0
 
     def _look(self, rows: Int64[np.ndarray, "some"], _: int) -> None:
         self._fleet.sense(rows)
@@ -161,6 +143,16 @@ class Expedition:
         else:
             self._mappers.update(rows, self.readings)
         self._survey.look(rows, senses, self.observations)
+        appraise(
+            rows,
+            self._weights,
+            self._cell_area,
+            CONTROL_STEP,
+            self._fleet.collided,
+            senses,
+            self._survey.findings,
+            self._standing,
+        )
 
     @property
     def readings(self) -> Readings:
@@ -203,40 +195,54 @@ class Expedition:
         return self._fleet.collided
 
     @property
+    def steps(self) -> Int64[np.ndarray, "robots"]:
+        """How many control steps each has taken."""
+        return self._standing.steps
+
+    @property
+    def starts(self) -> Float64[np.ndarray, "robots 3"]:
+        """Where each set out (world frame): the origin of its map's frame."""
+        return self._standing.starts
+
+    @property
+    def path_lengths(self) -> Float64[np.ndarray, "robots"]:
+        """How far each has truly driven (m)."""
+        return self._standing.path_lengths
+
+    @property
     def rewards(self) -> Float64[np.ndarray, "robots"]:
         """What the last step was worth to each: the sum of the terms."""
-        total = np.zeros(len(self.steps))
-        for term in self.terms.values():
-            total += term
-        return total
+        return self._standing.rewards
+
+    @property
+    def terms(self) -> dict[str, Float64[np.ndarray, "robots"]]:
+        """What the last step was worth, by the reward's terms."""
+        return dict(zip(TERMS, self._standing.terms.T, strict=True))
 
     @property
     def position_errors(self) -> Float64[np.ndarray, "robots"]:
         """Distance from each true position to the believed one (m)."""
-        errors = np.empty(len(self.steps))
-        find_errors(self.starts, self.poses, self.beliefs, errors)
-        return errors
+        return self._standing.position_errors
 
     @property
     def coverages(self) -> Float64[np.ndarray, "robots"]:
         """Share of the ground that can be reached which each has covered."""
-        area = self._survey.findings.ground * self._cell_area
-        return np.asarray(np.minimum(1.0, area / self._survey.reachable))
+        return self._standing.coverages
 
     @property
     def rooms_entered(self) -> Int64[np.ndarray, "robots"]:
         """How many rooms each has been in."""
-        return self._survey.rooms_entered
+        return self._survey.findings.rooms_entered
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
         """How often each mapper has added a view to its map."""
-        return np.zeros_like(self.steps) if self._mappers is None else self._mappers.updates
+        return self._nothing if self._mappers is None else self._mappers.updates
 
     @property
     def surface_counts(self) -> Int64[np.ndarray, "robots"]:
         """How many surfaces each remembers."""
-        return np.zeros_like(self.steps) if self._mappers is None else self._mappers.surface_counts
+        return self._nothing if self._mappers is None else self._mappers.surface_counts
 
     def surfaces(self, row: int) -> Segments:
         """The surfaces that a robot remembers, in its map's frame (m)."""
@@ -251,6 +257,11 @@ class Expedition:
         world = self._worlds[row]
         assert world is not None, "a robot is nowhere before it begins"
         return world
+
+    def room(self, row: int) -> str:
+        """Name of the room that a robot is truly in; empty between rooms."""
+        room = int(self._survey.findings.room[row])
+        return self.world(row).rooms[room].name if room >= 0 else ""
 
     @property
     def rooms(self) -> np.ndarray:

@@ -15,6 +15,7 @@ from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Rec
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
 from albot_env.rendering.viewer import NullViewer, Viewer
+from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import ActionConfig
 from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.observation import ObservationConfig, Parts
@@ -118,6 +119,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         self.action_space = config.actions.space
         self.observation_space = scaling.flat_space if self._flat else scaling.dict_space
         self._updates = -1
+        self._begun = False
         self._trace: Trace | None = None
         self.recorder: Recorder = NullRecorder()
         """Takes the episodes down from the next reset on."""
@@ -137,13 +139,15 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         self._robot.turn_page()
         self._robot.look()
         self._updates = -1
-        header = self._header(start, seed)
-        moment = self._moment(None)
-        self._trace = Trace(header, moment)
-        self.recorder.begin(header)
-        self.recorder.add(moment)
-        self._show()
-        return self._observe(), self._info(moment)
+        self._begun = True
+        self._trace = None
+        if self._followed:
+            header, moment = self._header(start, seed), self._moment(None)
+            self._trace = Trace(header, moment)
+            self.recorder.begin(header)
+            self.recorder.add(moment)
+            self._show()
+        return self._observe(), self._info()
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s.
@@ -151,21 +155,30 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         Raises:
             InputError: The action is not two numbers in [-1, 1].
         """
-        if self._trace is None:
+        if not self._begun:
             raise gymnasium.error.ResetNeeded(f"{ENVIRONMENT}: reset before the first step")
-        self._robot.drive(self._config.actions.command(action, ENVIRONMENT))
-        self._robot.look()
-        moment = self._moment(np.array(action, np.float64))
-        self._trace.add(moment)
-        self.recorder.add(moment)
-        self._show()
-        return self._observe(), moment.reward, False, False, self._info(moment)
+        robot = self._robot
+        robot.drive(self._config.actions.command(action, ENVIRONMENT))
+        robot.look()
+        if self._trace is not None:
+            moment = self._moment(np.array(action, np.float64))
+            self._trace.add(moment)
+            self.recorder.add(moment)
+            self._show()
+        return self._observe(), float(robot.rewards[0]), False, False, self._info()
 
     @property
     def frame(self) -> Frame:
-        """The present moment to be drawn. It holds the truth: for people, not for agents."""
+        """The present moment to be drawn. It holds the truth: for people, not for agents.
+
+        Raises:
+            ResetNeeded: There was no reset since the environment has a render mode or a
+                recorder, without which nobody follows the robot.
+        """
         if self._trace is None:
-            raise gymnasium.error.ResetNeeded(f"{ENVIRONMENT}: reset before the first frame")
+            raise gymnasium.error.ResetNeeded(
+                f"{ENVIRONMENT}: reset with a render mode or a recorder before the first frame"
+            )
         return self._trace.frame
 
     def render(self) -> UInt8[np.ndarray, "h w 3"] | None:
@@ -182,6 +195,11 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         self._viewer.close()
         self.recorder.close()
 
+    @property
+    def _followed(self) -> bool:
+        """Whether somebody wants to know how each step went."""
+        return self.render_mode is not None or not isinstance(self.recorder, NullRecorder)
+
     def _moment(self, action: np.ndarray | None) -> Moment:
         """How things stand after a reading."""
         robot = self._robot
@@ -194,7 +212,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             reading=robot.readings[0],
             pose=robot.poses[0].copy(),
             collided=bool(robot.collided[0]),
-            room=str(robot.rooms[0]),
+            room=robot.room(0),
             path_length=float(robot.path_lengths[0]),
             belief=robot.beliefs[0].copy(),
             home=robot.homes[0].copy(),
@@ -206,21 +224,21 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         row = self._robot.observations[0]
         return row if self._flat else self._config.observations.split(row)
 
-    def _info(self, moment: Moment) -> dict[str, Any]:
+    def _info(self) -> dict[str, Any]:
         robot = self._robot
         return {
-            "reward_terms": dict(moment.terms),
+            "reward_terms": {name: float(term[0]) for name, term in robot.terms.items()},
             "world": robot.world(0).name,
-            "pose": moment.pose.copy(),
-            "belief": moment.belief.copy(),
+            "pose": robot.poses[0].copy(),
+            "belief": robot.beliefs[0].copy(),
             "position_error": float(robot.position_errors[0]),
-            "room": moment.room,
+            "room": robot.room(0),
             "rooms_entered": int(robot.rooms_entered[0]),
             "coverage": float(robot.coverages[0]),
-            "collided": moment.collided,
-            "path_length": moment.path_length,
-            "time": moment.reading.stamp,
-            "updates": moment.updates,
+            "collided": bool(robot.collided[0]),
+            "path_length": float(robot.path_lengths[0]),
+            "time": float(robot.steps[0] * CONTROL_STEP),
+            "updates": int(robot.updates[0]),
             "surfaces": int(robot.surface_counts[0]),
         }
 

@@ -226,18 +226,3 @@ def find_home(belief: np.ndarray, home: np.ndarray) -> None:
     home[0] = -cos * belief[0] - sin * belief[1]
     home[1] = sin * belief[0] - cos * belief[1]
     home[2] = (math.pi - belief[2]) % (2 * math.pi) - math.pi
-
-
-@njit(cache=True, error_model="numpy")
-def find_errors(
-    starts: np.ndarray, poses: np.ndarray, beliefs: np.ndarray, errors: np.ndarray
-) -> None:
-    """Fill `errors` with the distances from true positions to believed ones.
-
-    A belief is in the frame of the pose in `starts`.
-    """
-    for i in range(errors.shape[0]):
-        cos, sin = math.cos(starts[i, 2]), math.sin(starts[i, 2])
-        x = starts[i, 0] + cos * beliefs[i, 0] - sin * beliefs[i, 1]
-        y = starts[i, 1] + sin * beliefs[i, 0] + cos * beliefs[i, 1]
-        errors[i] = math.hypot(x - poses[i, 0], y - poses[i, 1])

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Float64
 
 from albot_core.errors import InputError
+from albot_env.tasks.standing import TERMS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,25 +29,7 @@ class ExploreWeights:
             if not np.isfinite(value):
                 raise InputError(f"ExploreWeights.{name}", "a finite number", str(value))
 
-    def terms(
-        self,
-        *,
-        new_ground: Float64[np.ndarray, "robots"],
-        new_room: Bool[np.ndarray, "robots"],
-        collided: Bool[np.ndarray, "robots"],
-        elapsed: float,
-    ) -> dict[str, Float64[np.ndarray, "robots"]]:
-        """The weighted terms of one step, for each robot.
-
-        Args:
-            new_ground: Ground covered for the first time (m²).
-            new_room: Whether a room was entered for the first time.
-            collided: Whether the robot touched something.
-            elapsed: Time that has passed (s).
-        """
-        return {
-            "coverage": self.coverage * new_ground,
-            "room": np.where(new_room, self.room, 0.0),
-            "collision": np.where(collided, self.collision, 0.0),
-            "time": np.full(len(new_ground), self.time * elapsed),
-        }
+    @property
+    def values(self) -> Float64[np.ndarray, "terms"]:
+        """The weights in the order of `TERMS`."""
+        return np.array([float(getattr(self, name)) for name in TERMS])

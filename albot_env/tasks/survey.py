@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int64
+from jaxtyping import Float32, Int64
 
 from albot_core.perception.reading import LaserGeometry
 from albot_env.sim.register import Register
@@ -48,13 +48,12 @@ class Survey:
             entered=np.zeros((robots, 0), np.bool_),
         )
         self._names = np.array([""], object)
-        self.reachable: Float64[np.ndarray, "robots"] = np.ones(robots)
-        """The ground that each robot can reach (m²)."""
         self.findings = Findings(
             ground=np.zeros(robots, np.int64),
             new_ground=np.zeros(robots, np.int64),
             room=np.full(robots, -1),
             new_room=np.zeros(robots, np.bool_),
+            rooms_entered=np.zeros(robots, np.int64),
             moved=np.zeros((robots, 2)),
         )
         """What was found out at the last look."""
@@ -65,16 +64,16 @@ class Survey:
         room = self.findings.room
         return self._names[np.where(room < 0, 0, room + self._rooms.worlds[:, 0] + 1)]
 
-    @property
-    def rooms_entered(self) -> Int64[np.ndarray, "robots"]:
-        """How many rooms each robot has been in."""
-        return np.asarray(self._rooms.entered.sum(axis=1), np.int64)
+    def begin(self, row: int, world: World) -> float:
+        """Let a robot begin anew in a world: nothing is covered or entered.
 
-    def begin(self, row: int, world: World) -> None:
-        """Let a robot begin anew in a world: nothing is covered or entered."""
+        Returns:
+            The ground that it can reach there (m²).
+        """
+        reachable = 0.0
         for other, plot in self._plots.enter(row, world):
             self._rooms.worlds[other] = plot.rooms
-            self.reachable[other] = plot.reachable
+            reachable = plot.reachable if other == row else reachable
         most, entered = len(world.rooms), self._rooms.entered
         if entered.shape[1] < most:
             added = np.zeros((len(entered), most - entered.shape[1]), np.bool_)
@@ -85,7 +84,10 @@ class Survey:
         self._believed = _laid(
             self._believed, row, self._config.side(map_extent(world)), (0.0, 0.0)
         )
-        self.findings.ground[row], self.findings.moved[row] = 0, np.inf
+        findings = self.findings
+        findings.ground[row], findings.rooms_entered[row] = 0, 0
+        findings.moved[row] = np.inf
+        return reachable
 
     def _plot(self, world: World) -> _Plot:
         rooms = self._rooms

@@ -85,6 +85,8 @@ class Findings(NamedTuple):
     """(n,) int64: the room of its world that each is in; -1 between rooms."""
     new_room: np.ndarray
     """(n,) bool: whether it is entered for the first time."""
+    rooms_entered: np.ndarray
+    """(n,) int64: how many each has been in."""
     moved: np.ndarray
     """(n, 2) float64: way and turning since each last looked at the ground (m, rad)."""
 
@@ -122,8 +124,9 @@ def survey(
         room = room - first if room >= 0 else -1
         findings.room[i] = room
         findings.new_room[i] = room >= 0 and not rooms.entered[i, room]
-        if room >= 0:
+        if findings.new_room[i]:
             rooms.entered[i, room] = True
+            findings.rooms_entered[i] += 1
         find_home(belief, senses.homes[i])
         row = observations[i]
         scale_ranges(ranges, s.laser_knee, s.laser_range, row)

@@ -138,7 +138,7 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         for row in np.flatnonzero(resetting).tolist():
             self._begin(row, {})
         robots.look()
-        rewards = robots.rewards
+        rewards = robots.rewards.copy()
         truncated = np.zeros(self.num_envs, np.bool_)
         if self._limit is not None:
             truncated = robots.steps >= self._limit

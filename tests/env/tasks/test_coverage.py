@@ -55,8 +55,8 @@ def test_ground_beyond_the_square_is_left_out(x: float, y: float, heading: float
 
 
 @given(
-    st.floats(-3, 3), st.floats(-3, 3), st.floats(-np.pi, np.pi), st.integers(0, 31),
-    st.integers(0, 31),
+    st.floats(-3, 3), st.floats(-3, 3), st.floats(-np.pi, np.pi), st.integers(0, 15),
+    st.integers(0, 15),
 )  # fmt: skip
 @settings(deadline=None)
 def test_the_patch_shows_the_cells_it_says(
@@ -66,7 +66,7 @@ def test_the_patch_shows_the_cells_it_says(
     coverage = Coverage(CONFIG, 8.0)
     coverage.add(np.array((0.5, 0.5, 0.7)), _wall_at(1.5))
     patch = coverage.patch(np.array((x, y, heading)))[0]
-    ahead, left = (15.5 - row) * 0.5, (15.5 - column) * 0.5
+    ahead, left = (7.5 - row) * CONFIG.patch_cell, (7.5 - column) * CONFIG.patch_cell
     px = x + np.cos(heading) * ahead - np.sin(heading) * left
     py = y + np.sin(heading) * ahead + np.cos(heading) * left
     far = np.hypot(px - 0.5, py - 0.5)
