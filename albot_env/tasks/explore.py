@@ -218,6 +218,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             home=robot.homes[0].copy(),
             updates=updates,
             surfaces=robot.surfaces(0) if changed else None,
+            things=robot.things(0),
         )
 
     def _observe(self) -> Observation:
