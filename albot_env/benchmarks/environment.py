@@ -1,9 +1,9 @@
-"""How many steps a second the environments take, and how much memory a batch needs."""
+"""How many steps a second the environments take, beside what one would write first."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,82 +11,166 @@ import gymnasium
 import numpy as np
 
 import albot_env  # noqa: F401  (registers the environments)
+from albot_core.perception.reading import LaserGeometry
+from albot_env.benchmarks.irsim import irsim_found, irsim_laser
+from albot_env.benchmarks.naive import NaiveEnv
+from albot_env.benchmarks.rates import Lap, Rate, best_rates
+from albot_maps import World, load_world
 
-_ENVIRONMENT = "Albot/Explore-v0"
-_WORLD = "office-ring"
-_SINGLE_STEPS = 2000
-_BATCHES = (256, 1024)
-_LARGE = 32768
-"""Steps of environments in one run of a batch without a mapper…"""
-_SMALL = 8192
-"""…and with one."""
+ENVIRONMENT = "Albot/Explore-v0"
+WORLD = "random:office:3?rooms=10"
+"""An office floor of 200 walls."""
+
+_ENDLESS = 10**9
+_HOLD = 10
+
+Row = dict[str, float | int | str | None]
 
 
-def measure_environments(rounds: int = 3) -> list[dict[str, float | int | str]]:
-    """Time random actions in `Albot/Explore-v0`, alone and in batches, by mapper.
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """An environment to be timed."""
+
+    mapper: str
+    """Name of the mapper inside, or `none`."""
+    num_envs: int = 1
+    """How many environments step together; 1 is one of `gymnasium.make`."""
+    steps: int = 2000
+    """Steps in a turn, of all environments together."""
+
+    @property
+    def mode(self) -> str:
+        """`single` or `vector`."""
+        return "single" if self.num_envs == 1 else "vector"
+
+    @property
+    def name(self) -> str:
+        """A name of its own."""
+        return f"{self.mode} {self.num_envs} {self.mapper}"
+
+
+HEAVIEST = Case(mapper="albot1", num_envs=256, steps=8192)
+"""The case whose memory is measured."""
+
+CASES = (
+    HEAVIEST,
+    Case(mapper="none"),
+    Case(mapper="odometry"),
+    Case(mapper="albot1"),
+    Case(mapper="none", num_envs=256, steps=32768),
+    Case(mapper="none", num_envs=1024, steps=32768),
+    Case(mapper="albot1", num_envs=1024, steps=8192),
+)
+
+
+def measure_environments(cases: Sequence[Case] = CASES, rounds: int = 3) -> list[Row]:
+    """Time robots that wander about in `Albot/Explore-v0`, alone and in batches, on one core.
+
+    In the same rounds: the same robot and laser as a loop over pymunk's queries, and, where
+    it is installed, ir-sim's laser alone.
 
     Returns:
-        For each `id`, `mode` (single or vector), `num_envs`, `mapper` and
-        `steps_per_second` of all environments together, on one core (the best of `rounds`
-        runs, compiled); of the heaviest batch of 256 also `memory_mib`, by how much the
-        process grew (where the system tells; else 0).
+        For each `id`, `mode` (single or vector), `num_envs`, `mapper` (None where there is
+        none to have), `segments` (walls of the world), `steps_per_second` of all
+        environments together (the best of `rounds` turns, compiled),
+        `steps_per_cpu_second` (the same by the time that a processor really worked: where it
+        is greater, the machine was busy), and `ratio`, that over the naive loop's. Of the
+        batch of 256 with `albot1` also `memory_mib`, by how much the process grew (where
+        the system tells; else 0).
     """
-    # First the batch whose memory counts: later ones use what it has given back.
-    before = _resident_mib()
-    heavy = _measure_batch(_BATCHES[0], "albot1", _SMALL, rounds)
-    heavy["memory_mib"] = _resident_mib() - before
-    rows = [_measure_single(mapper, rounds) for mapper in ("none", "odometry", "albot1")]
-    rows += [_measure_batch(count, "none", _LARGE, rounds) for count in _BATCHES]
-    return [*rows, heavy]
+    world = load_world(WORLD)
+    laps, memory = _laps(cases, world)
+    rivals = _rivals(world)
+    rates = best_rates({**laps, **rivals}, rounds)
+    rows = [
+        _row(ENVIRONMENT, case.mode, case.num_envs, case.mapper, rates[case.name])
+        | ({"memory_mib": memory[case.name]} if case.name in memory else {})
+        for case in cases
+    ]
+    rows += [_row(name, "single", 1, None, rates[name]) for name in rivals]
+    for row in rows:
+        row["segments"] = len(world.walls)
+        row["ratio"] = float(row["steps_per_cpu_second"] or 0) / rates[_NAIVE].by_processor
+    return rows
 
 
-def _measure_single(mapper: str, rounds: int) -> dict[str, float | int | str]:
-    env = gymnasium.make(_ENVIRONMENT, world=_WORLD, mapper=mapper)
-    rng = np.random.default_rng(0)
-    actions = list(rng.uniform(-1, 1, (_SINGLE_STEPS, 2)).astype(np.float32))
-    rate = _rate(lambda seed: env.reset(seed=seed), env.step, actions, rounds)
-    env.close()
-    return _row("single", 1, mapper, rate)
+def _laps(cases: Sequence[Case], world: World) -> tuple[dict[str, Lap], dict[str, float]]:
+    """Turns of the cases by name, and of the heaviest how much memory it takes (MiB)."""
+    laps: dict[str, Lap] = {}
+    memory: dict[str, float] = {}
+    # The heaviest comes first: those after it use what others have given back.
+    for case in sorted(cases, key=lambda case: case != HEAVIEST):
+        before = _resident_mib()
+        laps[case.name] = make_lap(case, world)
+        if case == HEAVIEST:
+            laps[case.name]()
+            memory[case.name] = _resident_mib() - before
+    return laps, memory
 
 
-def _measure_batch(
-    count: int, mapper: str, steps: int, rounds: int
-) -> dict[str, float | int | str]:
-    env = gymnasium.make_vec(_ENVIRONMENT, num_envs=count, world=_WORLD, mapper=mapper)
-    rng = np.random.default_rng(0)
-    actions = list(rng.uniform(-1, 1, (steps // count, count, 2)).astype(np.float32))
-    rate = _rate(lambda seed: env.reset(seed=seed), env.step, actions, rounds) * count
-    env.close()
-    return _row("vector", count, mapper, rate)
+_NAIVE, _IRSIM = "pymunk in a Python loop", "ir-sim, its laser alone"
 
 
-def _row(mode: str, count: int, mapper: str, rate: float) -> dict[str, float | int | str]:
+def _rivals(world: World) -> dict[str, Lap]:
+    """What ours is held against."""
+    naive = NaiveEnv(world, LaserGeometry())
+    actions = _actions(100, 2)
+    rivals = {_NAIVE: _lap(naive.step, actions, 1)}
+    if irsim_found():
+        scan = irsim_laser(world, LaserGeometry())
+        rivals[_IRSIM] = _lap(lambda _: scan(), actions[:30], 1)
+    return rivals
+
+
+def make_lap(case: Case, world: World) -> Lap:
+    """A turn of a case: random actions, from where the turn before has led."""
+    count = case.num_envs
+    env = make_single(case, world) if case.mode == "single" else make_batch(case, world)
+    shape = (case.steps, 2) if case.mode == "single" else (max(1, case.steps // count), count, 2)
+    env.reset(seed=0)
+    return _lap(env.step, _actions(*shape), count)
+
+
+def make_single(case: Case, world: World) -> Any:
+    """One environment, without an end."""
+    return gymnasium.make(ENVIRONMENT, world=world, mapper=case.mapper, max_episode_steps=_ENDLESS)
+
+
+def make_batch(case: Case, world: World) -> Any:
+    """A batch of environments without an end that uses one core."""
+    return gymnasium.make_vec(
+        ENVIRONMENT,
+        num_envs=case.num_envs,
+        world=world,
+        mapper=case.mapper,
+        max_episode_steps=_ENDLESS,
+    )
+
+
+def _lap(step: Callable[[np.ndarray], Any], actions: np.ndarray, environments: int) -> Lap:
+    def lap() -> int:
+        for action in actions:
+            step(action)
+        return environments * len(actions)
+
+    return lap
+
+
+def _actions(steps: int, *shape: int) -> np.ndarray:
+    """Random actions, each kept for a second: robots that tremble on the spot map nothing."""
+    drawn = np.random.default_rng(0).uniform(-1, 1, (-(-steps // _HOLD), *shape))
+    return np.repeat(drawn, _HOLD, axis=0)[:steps].astype(np.float32)
+
+
+def _row(name: str, mode: str, count: int, mapper: str | None, rate: Rate) -> Row:
     return {
-        "id": _ENVIRONMENT,
+        "id": name,
         "mode": mode,
         "num_envs": count,
         "mapper": mapper,
-        "steps_per_second": rate,
+        "steps_per_second": rate.by_clock,
+        "steps_per_cpu_second": rate.by_processor,
     }
-
-
-def _rate(
-    reset: Callable[[int], Any],
-    step: Callable[[np.ndarray], Any],
-    actions: list[np.ndarray],
-    rounds: int,
-) -> float:
-    """Steps a second, the best of several runs after one step that compiles."""
-    reset(0)
-    step(actions[0])
-    best = 0.0
-    for _ in range(rounds):
-        reset(0)
-        started = time.perf_counter()
-        for action in actions:
-            step(action)
-        best = max(best, len(actions) / (time.perf_counter() - started))
-    return best
 
 
 def _resident_mib() -> float:

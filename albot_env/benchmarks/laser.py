@@ -75,6 +75,7 @@ def _measure(segments: int, seconds: float) -> dict[str, int | float]:
     RayCaster(walls[:4], geometry).scan_batch(poses[:1])  # compiled, or read from the cache
     started = time.perf_counter()
     rays = RayCaster(walls, geometry)
+    rays.scan_batch(poses)  # Now the walls are listed wherever the robots are.
     index = time.perf_counter() - started
     floor = Floor(walls, PIONEER_3DX)
 

@@ -12,6 +12,7 @@ from albot_core.geometry.poses import relative, wrap_angle
 from albot_core.geometry.types import Points, Poses
 from albot_core.perception.reading import Reading
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
+from albot_env.sim.sensors import Sensors
 from albot_env.sim.simulator import Simulator
 from albot_maps.world import World
 
@@ -63,7 +64,7 @@ def guided_tour(
     """
     first = waypoints[1] - waypoints[0]
     start = np.array([*waypoints[0], np.arctan2(first[1], first[0])])
-    simulator = Simulator(world, odometer=odometer)
+    simulator = Simulator(world, sensors=Sensors(odometer=odometer))
     readings, truth = [simulator.reset(rng, start)], [simulator.pose]
     for leg, waypoint in enumerate(waypoints[1:], start=1):
         for reading in _follow_leg(simulator, waypoint, steps):

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.geometry.types import Pose, Segments
-from albot_core.perception.reading import LaserGeometry, Reading
+from albot_core.perception.reading import LaserGeometry, Reading, SonarGeometry
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,6 +33,8 @@ class EpisodeHeader:
     """The seed of the reset; None where it had none."""
     laser: LaserGeometry
     """Where the laser's beams point."""
+    sonar: SonarGeometry | None = None
+    """Where the sonars sit and point; None on a robot without sonars."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

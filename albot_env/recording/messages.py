@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 from albot_core.geometry.types import Pose, Segments
-from albot_core.perception.reading import LaserScan
+from albot_core.perception.reading import LaserScan, SonarGeometry, SonarScan
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.schemas import PRIMITIVES
 
-FORMAT = 1
+FORMAT = 2
 """Version of our own messages."""
 
 WALL_COLOUR = {"r": 0.83, "g": 0.85, "b": 0.89, "a": 1.0}
 THING_COLOUR = {"r": 0.83, "g": 0.55, "b": 0.86, "a": 1.0}
+ECHO_COLOUR = {"r": 0.31, "g": 0.72, "b": 0.84, "a": 1.0}
 SURFACE_COLOUR = {"r": 0.96, "g": 0.72, "b": 0.26, "a": 1.0}
 
 Message = tuple[str, dict[str, Any]]
@@ -45,6 +47,7 @@ def header_messages(header: EpisodeHeader, agent: str) -> Iterator[Message]:
                 "max_range": laser.max_range,
                 "mount": list(laser.mount),
             },
+            "sonar": None if header.sonar is None else _sonars(header.sonar),
         },
     )
     yield "/walls", _lines("walls", "world", header.walls, WALL_COLOUR, 0.0)
@@ -64,6 +67,8 @@ def moment_messages(moment: Moment, start: Pose) -> Iterator[Message]:
         },
     )
     yield "/scan", _scan(stamp, moment.reading.laser)
+    if moment.reading.sonar is not None:
+        yield "/sonars", _arcs(stamp, moment.reading.sonar)
     yield (
         "/home",
         {"timestamp": _time(stamp), "frame_id": "robot_believed", "pose": _pose(moment.home)},
@@ -84,6 +89,8 @@ def _step(moment: Moment) -> dict[str, Any]:
         "reward": moment.reward,
         "terms": dict(moment.terms),
         "motion": moment.reading.motion.tolist(),
+        "echoes": None if moment.reading.sonar is None else _echoes(moment.reading.sonar),
+        "scene": moment.reading.scene,
         "pose": moment.pose.tolist(),
         "collided": moment.collided,
         "room": moment.room,
@@ -106,6 +113,31 @@ def _scan(stamp: float, scan: LaserScan) -> dict[str, Any]:
         "ranges": np.where(np.isfinite(scan.ranges), scan.ranges, 0.0).tolist(),
         "intensities": [],
     }
+
+
+def _sonars(geometry: SonarGeometry) -> dict[str, Any]:
+    return {
+        "bearings": list(geometry.bearings),
+        "places": [list(place) for place in geometry.places],
+        "cone": geometry.cone,
+        "min_range": geometry.min_range,
+        "max_range": geometry.max_range,
+    }
+
+
+def _echoes(scan: SonarScan) -> list[float | None]:
+    """JSON knows no infinity: a sonar that heard nothing has null."""
+    return [reach if math.isfinite(reach) else None for reach in scan.ranges.tolist()]
+
+
+def _arcs(stamp: float, scan: SonarScan) -> dict[str, Any]:
+    """Across the cone of each sonar that heard something, the chord at that range."""
+    geometry = scan.geometry
+    heard = np.isfinite(scan.ranges)
+    bearings = np.array(geometry.bearings)[heard, None] + geometry.cone / 2 * np.array((-1, 1))
+    reach = np.stack((np.cos(bearings), np.sin(bearings)), axis=-1) * scan.ranges[heard, None, None]
+    ends = np.array(geometry.places)[heard, None] + reach
+    return _lines("sonars", "robot", ends.reshape(-1, 4), ECHO_COLOUR, stamp)
 
 
 def _lines(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,7 +20,13 @@ from zstandard import ZstdError
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
-from albot_core.perception.reading import LaserGeometry, LaserScan, Reading
+from albot_core.perception.reading import (
+    LaserGeometry,
+    LaserScan,
+    Reading,
+    SonarGeometry,
+    SonarScan,
+)
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.schemas import EPISODE_HEADER
 
@@ -81,6 +88,8 @@ class EpisodeReader:
             stamp=float(step["stamp"]),
             motion=_numbers(step["motion"], 3),
             laser=LaserScan(ranges=reach, geometry=self.header.laser),
+            sonar=self._sonar(step["echoes"]),
+            scene=None if step["scene"] is None else int(step["scene"]),
         )
         return Moment(
             action=None if step["action"] is None else _numbers(step["action"], 2),
@@ -97,6 +106,15 @@ class EpisodeReader:
             surfaces=surfaces,
             things=things,
         )
+
+    def _sonar(self, echoes: list[float | None] | None) -> SonarScan | None:
+        if (echoes is None) != (self.header.sonar is None):
+            raise ValueError("echoes of sonars that the header knows expected")
+        if echoes is None or self.header.sonar is None:
+            return None
+        ranges = [math.inf if reach is None else reach for reach in echoes]
+        count = len(self.header.sonar.bearings)
+        return SonarScan(ranges=_numbers(ranges, count), geometry=self.header.sonar)
 
     def _read_header(self) -> EpisodeHeader:
         for topic, _, content in self._messages():
@@ -118,8 +136,11 @@ class EpisodeReader:
                 None
             )
         self.agent = content["agent"]
-        laser = content["laser"]
-        x, y, heading = (float(number) for number in laser["mount"])
+        try:
+            laser, sonar = _laser_geometry(content["laser"]), _sonar_geometry(content["sonar"])
+        except InputError as error:
+            place = f"header, {error.source}"
+            raise InputError(self._path, error.expected, error.found, place=place) from None
         return EpisodeHeader(
             environment=content["environment"],
             world=content["world"],
@@ -128,13 +149,8 @@ class EpisodeReader:
             mapper=content["mapper"],
             odometer=content["odometer"],
             seed=content["seed"],
-            laser=LaserGeometry(
-                beams=laser["beams"],
-                first_bearing=float(laser["first_bearing"]),
-                spacing=float(laser["spacing"]),
-                max_range=float(laser["max_range"]),
-                mount=(x, y, heading),
-            ),
+            laser=laser,
+            sonar=sonar,
         )
 
     def _messages(self) -> Iterator[tuple[str, int, dict[str, Any]]]:
@@ -201,6 +217,29 @@ class EpisodeReader:
             raise InputError(
                 self._path, "a message as its schema says", str(error), place=place
             ) from None
+
+
+def _laser_geometry(content: dict[str, Any]) -> LaserGeometry:
+    x, y, heading = (float(number) for number in content["mount"])
+    return LaserGeometry(
+        beams=content["beams"],
+        first_bearing=float(content["first_bearing"]),
+        spacing=float(content["spacing"]),
+        max_range=float(content["max_range"]),
+        mount=(x, y, heading),
+    )
+
+
+def _sonar_geometry(content: dict[str, Any] | None) -> SonarGeometry | None:
+    if content is None:
+        return None
+    return SonarGeometry(
+        bearings=tuple(map(float, content["bearings"])),
+        places=tuple((float(x), float(y)) for x, y in content["places"]),
+        cone=float(content["cone"]),
+        min_range=float(content["min_range"]),
+        max_range=float(content["max_range"]),
+    )
 
 
 def _numbers(values: Any, count: int) -> np.ndarray:

@@ -13,6 +13,7 @@ Schema = dict[str, Any]
 NUMBER: Schema = {"type": "number"}
 STRING: Schema = {"type": "string"}
 BOOLEAN: Schema = {"type": "boolean"}
+NULL: Schema = {"type": "null"}
 COUNT: Schema = {"type": "integer", "minimum": 0}
 NANOSECONDS: Schema = {"type": "integer", "minimum": 0, "maximum": 999_999_999}
 
@@ -146,9 +147,17 @@ SCENE_UPDATE = _object(
     ),
 )
 
+SONAR_GEOMETRY = _strict(
+    "albot.SonarGeometry",
+    bearings=_list(NUMBER),
+    places=_list(_numbers(2)),
+    cone=NUMBER,
+    min_range=NUMBER,
+    max_range=NUMBER,
+)
 EPISODE_HEADER = _strict(
     "albot.EpisodeHeader",
-    format={"const": 1, "description": "Version of the albot messages."},
+    format={"const": 2, "description": "Version of the albot messages."},
     environment=STRING,
     world=STRING,
     walls=_list(_numbers(4)),
@@ -165,14 +174,20 @@ EPISODE_HEADER = _strict(
         max_range=NUMBER,
         mount=_numbers(3),
     ),
+    sonar={"oneOf": [SONAR_GEOMETRY, NULL], "description": "Null on a robot without sonars."},
 )
 STEP = _strict(
     "albot.Step",
     stamp=NUMBER | {"description": "Simulated time (s), exact; the message's own is in ns."},
-    action={"oneOf": [_numbers(2), {"type": "null"}], "description": "As the agent gave it."},
+    action={"oneOf": [_numbers(2), NULL], "description": "As the agent gave it."},
     reward=NUMBER,
     terms={"type": "object", "additionalProperties": NUMBER},
     motion=_numbers(3) | {"description": "Odometry in the robot's previous frame."},
+    echoes={
+        "oneOf": [_list({"type": ["number", "null"]}), NULL],
+        "description": "Ranges of the sonars (m), null where nothing came back; or no sonars.",
+    },
+    scene={"type": ["integer", "null"], "description": "The visual scene, null where none."},
     pose=_numbers(3) | {"description": "Where the robot truly is, world frame."},
     collided=BOOLEAN,
     room=STRING,
@@ -195,6 +210,7 @@ TOPICS: dict[str, Schema] = {
     "/albot/header": EPISODE_HEADER,
     "/tf": FRAME_TRANSFORMS,
     "/scan": LASER_SCAN,
+    "/sonars": SCENE_UPDATE,
     "/home": POSE_IN_FRAME,
     "/walls": SCENE_UPDATE,
     "/things": SCENE_UPDATE,

@@ -47,7 +47,7 @@ class Robots(NamedTuple):
     wheels: np.ndarray
     """(n, 2) float64: wheel speeds left, right (m/s)."""
     counts: np.ndarray
-    """(n, 5) float64: what the odometers have counted (see `odometer_kernels`)."""
+    """(n, COUNTS) float64: what the odometers have counted (see `odometer_kernels`)."""
     states: np.ndarray
     """(n, 6) float64: x, y, heading, velocity x, y, turn rate (m, rad, s; world frame)."""
     poses: np.ndarray

@@ -1,4 +1,4 @@
-"""The fleet: many robots, each with a laser and an odometer, stepped together.
+"""The fleet: many robots, each with sensors of its own, stepped together.
 
 A single simulator is a fleet of one. What a robot does and senses depends on its own
 world, start, commands and key alone, to the last bit.
@@ -12,17 +12,22 @@ from jaxtyping import Bool, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Pose, Segments
+from albot_core.perception.reading import Readings
 from albot_env.sim.chipmunk_kernels import Robots, advance
 from albot_env.sim.crew import Crew
 from albot_env.sim.drive import RobotConfig
 from albot_env.sim.engine import Bridge
 from albot_env.sim.floors import CROWD, Floors
-from albot_env.sim.laser import LaserConfig, normal_table
-from albot_env.sim.odometer import OdometerConfig
+from albot_env.sim.laser import normal_table
+from albot_env.sim.odometer_kernels import COUNTS
 from albot_env.sim.rays import index_for, make_fan
 from albot_env.sim.register import Register
-from albot_env.sim.sensing_kernels import Devices, Moving, Sensed, sense
+from albot_env.sim.scene_kernels import Scenes
+from albot_env.sim.sensing_kernels import Devices, Sensed, Surroundings, sense
+from albot_env.sim.sensors import Sensors
+from albot_env.sim.sonar import NO_SONARS
 from albot_env.sim.space import PHYSICS_STEP
+from albot_env.sim.wall_index import WallIndex
 from albot_maps.world import World
 
 
@@ -37,8 +42,7 @@ class Fleet:
     Args:
         robots: How many there are.
         robot: Body and drive of the robots.
-        laser: Beams and errors of the lasers.
-        odometer: Errors of the odometers.
+        sensors: What each senses with.
         crew: Threads that share the work.
         movables: Whether things move in worlds that have any; if not, they are left out.
     """
@@ -48,45 +52,49 @@ class Fleet:
         robots: int,
         *,
         robot: RobotConfig,
-        laser: LaserConfig,
-        odometer: OdometerConfig,
+        sensors: Sensors,
         crew: Crew | None = None,
         movables: bool = True,
     ) -> None:
         self.robot = robot
-        self.laser = laser
+        self.sensors = sensors
+        laser, sonar = sensors.laser, sensors.sonar
         self._crew = crew or Crew(1)
         self._robots = Robots(
             targets=np.zeros((robots, 2)),
             wheels=np.zeros((robots, 2)),
-            counts=np.zeros((robots, 5)),
+            counts=np.zeros((robots, COUNTS)),
             states=np.zeros((robots, 6)),
             poses=np.zeros((robots, 3)),
             touched=np.zeros((robots, 2), np.bool_),
             ids=np.zeros(robots, np.int64),
         )
         self._devices = Devices(
-            odometer=odometer.constants(robot.wheel_base),
+            odometer=sensors.odometer.constants(robot.wheel_base),
             fan=make_fan(laser.geometry),
             normals=normal_table(laser.range_noise),
             dropout=laser.dropout_threshold,
+            sonars=NO_SONARS if sonar is None else sonar.constants,
+            scenes=np.empty((0, len(Scenes._fields))),
         )
         self._sensed = Sensed(
             keys=np.zeros(robots, np.uint64),
             readings=np.zeros(robots, np.int64),
             buildings=np.zeros(robots, np.int64),
-            cells=np.zeros(robots, np.int64),
+            seeing=np.zeros(robots, np.int64),
+            hearing=np.zeros(robots, np.int64),
             motions=np.zeros((robots, 3)),
             ranges=np.full((robots, laser.geometry.beams), np.inf),
+            echoes=np.full((robots, len(self._devices.sonars.mounts)), np.inf),
+            scenes=np.full(robots, -1),
         )
         self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
         self._floors = Floors(robots, robot, movables=movables)
         self._bridged = 0
         self._build_bridges(CROWD)
-        self._index = index_for(laser.geometry)
-        self._buildings = Register(
-            robots, lambda world: self._index.add(world.walls), self._index.clear
-        )
+        self._opaque = index_for(laser.geometry)
+        self._solid = WallIndex(self._devices.sonars.horizon, (0.0, 0.0), occlusion=True)
+        self._buildings = Register(robots, self._take_in, self._forget)
 
     @property
     def motions(self) -> Float64[np.ndarray, "robots 3"]:
@@ -97,6 +105,16 @@ class Fleet:
     def ranges(self) -> Float64[np.ndarray, "robots beams"]:
         """What the lasers saw at the last sensing (m); infinite where nothing came back."""
         return self._sensed.ranges
+
+    @property
+    def echoes(self) -> Float64[np.ndarray, "robots sonars"]:
+        """What the sonars heard at the last sensing (m); infinite where nothing came back."""
+        return self._sensed.echoes
+
+    @property
+    def scenes(self) -> Int64[np.ndarray, "robots"]:
+        """The scenes that the cameras recognised at the last sensing; -1 where none."""
+        return self._sensed.scenes
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
@@ -166,6 +184,20 @@ class Fleet:
         self._sensed.keys[row] = key
         self._sensed.readings[row] = 0
 
+    def _take_in(self, world: World) -> int:
+        """Note what there is to be sensed in a world; return its building's number."""
+        self._solid.add(world.walls)
+        if self.sensors.scenes is not None:
+            fields = np.array(self.sensors.scenes.constants(world.bounds), np.float64)
+            scenes = np.concatenate((self._devices.scenes, fields[np.newaxis]))
+            self._devices = self._devices._replace(scenes=scenes)
+        return self._opaque.add(world.opaque)
+
+    def _forget(self) -> None:
+        self._opaque.clear()
+        self._solid.clear()
+        self._devices = self._devices._replace(scenes=self._devices.scenes[:0])
+
     def clear_contacts(self) -> None:
         """From now on a robot counts as collided only when pushed again."""
         self._robots.touched[:] = False
@@ -206,15 +238,36 @@ class Fleet:
             self._bridges = [Bridge(bodies) for _ in range(self._crew.size)]
             self._bridged = bodies
 
+    def readings(self, stamps: Float64[np.ndarray, "robots"]) -> Readings:
+        """What was sensed last, at these times (s). It is written over at the next sensing."""
+        sensors, sensed = self.sensors, self._sensed
+        return Readings(
+            stamps=stamps,
+            motions=sensed.motions,
+            laser=sensors.laser.geometry,
+            ranges=sensed.ranges,
+            sonar=None if sensors.sonar is None else sensors.sonar.geometry,
+            echoes=None if sensors.sonar is None else sensed.echoes,
+            scenes=None if sensors.scenes is None else sensed.scenes,
+        )
+
     def locate(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Find out where in their buildings all robots, or some, are: before `sense`."""
         chosen = self._everyone if rows is None else rows
-        self._index.locate(chosen, self._sensed.buildings, self.poses, self._sensed.cells)
+        sensed, poses = self._sensed, self.poses
+        self._opaque.locate(chosen, sensed.buildings, poses, sensed.seeing)
+        if len(self._devices.sonars.mounts):
+            self._solid.locate(chosen, sensed.buildings, poses, sensed.hearing)
 
     def sense(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
-        """Take the readings of all robots, or some, into `motions` and `ranges`."""
+        """Take the readings of all robots, or some: `motions`, `ranges` and so on."""
         chosen = self._everyone if rows is None else rows
         robots, stage = self._robots, self._floors.things.stage
-        moving = Moving(stage.segments, stage.robots["segments"], stage.robots["segments_end"])
-        walls = self._index.tables
-        sense(chosen, robots.poses, robots.counts, walls, moving, self._devices, self._sensed)
+        around = Surroundings(
+            opaque=self._opaque.tables,
+            solid=self._solid.tables,
+            things=stage.segments,
+            first=stage.robots["segments"],
+            last=stage.robots["segments_end"],
+        )
+        sense(chosen, robots.poses, robots.counts, around, self._devices, self._sensed)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -22,7 +22,8 @@ class OdometerConfig:
     Automation 12(6), 1996): the odometer computes with wheels and a wheel base that
     the robot does not quite have. The random errors are random walks: their variance
     grows with the way, however often the odometer is read (Thrun, Burgard and Fox,
-    Probabilistic Robotics, section 5.4).
+    Probabilistic Robotics, section 5.4; for a wheel of its own: Chong and Kleeman,
+    Accurate odometry and error modelling for a mobile robot, ICRA 1997).
     """
 
     scale_error: float = 0.0
@@ -30,8 +31,8 @@ class OdometerConfig:
     wheel_difference: float = 0.0
     """Right wheel larger than the left: ratio of their true diameters - 1."""
     wheel_base_error: float = 0.0
-    """Wheel base wider than believed: true base / believed base - 1. The caster, which
-    resists in turns, works the same way: the robot turns less than measured."""
+    """Wheel base wider than believed: true base / believed base - 1. The robot turns less
+    than measured."""
     heading_bias: float = 0.0
     """Turn (rad/s) measured in excess while the wheels turn."""
     distance_noise: float = 0.0
@@ -40,41 +41,79 @@ class OdometerConfig:
     """Standard deviation of the heading's random error after one metre (rad/√m)."""
     turn_noise: float = 0.0
     """Standard deviation of the heading's random error after one radian (rad/√rad)."""
+    wheel_noise: float = 0.0
+    """Standard deviation of each wheel's own random slip after one metre (m/√m): an error of
+    distance and of heading together."""
+    tick: float = 0.0
+    """Way of a wheel from one tick of its encoder to the next (m); 0 counts without steps.
+    What is left over from a reading counts in the next."""
+    caster_drag: float = 0.0
+    """How far the swinging caster turns the robot, unmeasured: rad for each rad of swing. It
+    holds turns up at their beginning and throws the tail out when the robot reverses
+    (`caster_kernels` says how it swings)."""
+    slip_rate: float = 0.0
+    """How often a wheel spins: times on a metre, on average (1/m), at random."""
+    slip_length: float = 0.0
+    """How far it spins then, which is measured but not driven: mean length (m) of an
+    exponential distribution. Each wheel is as likely."""
+    distance_spread: float = 0.0
+    """Width E of the range [1 - E/2, 1 + E/2] from which an episode's factor of distance is
+    drawn, each number as likely: measured / true."""
+    turn_spread: float = 0.0
+    """The same of the episode's factor of turn."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not math.isfinite(value):
-                raise InputError(f"OdometerConfig.{name}", "a finite number", str(value))
-            if name.endswith("_noise") and value < 0:
-                raise InputError(f"OdometerConfig.{name}", "at least 0", str(value))
-            if name in ("scale_error", "wheel_difference", "wheel_base_error") and value <= -1:
-                raise InputError(f"OdometerConfig.{name}", "above -1", str(value))
+            expected = _expected(name, value)
+            if expected:
+                raise InputError(f"OdometerConfig.{name}", expected, str(value))
+        if (self.slip_rate > 0) != (self.slip_length > 0):
+            expected = "both slip_rate and slip_length above 0, or neither"
+            raise InputError("OdometerConfig.slip_length", expected, str(self.slip_length))
 
-    def constants(self, wheel_base: float) -> Float64[np.ndarray, "7"]:
+    def constants(self, wheel_base: float) -> Float64[np.ndarray, "15"]:
         """What the compiled odometer computes with, for wheels so far apart (m).
 
         Measured over true distance of the left and of the right wheel, wheels of diameter
         ratio 1 + wheel_difference and given mean diameter; the believed wheel base (m);
-        the heading's bias; the three noises.
+        the heading's bias; the three noises; the wheels' noise; the tick; the caster's drag; the
+        mean way between slips (m) and their mean length; the two spreads; whether any of
+        those after the third noise is not zero.
         """
         mean, ratio = 1 + self.scale_error, 1 + self.wheel_difference
         left, right = (1 + ratio) / 2 / mean, (1 + ratio) / (2 * ratio) / mean
         base = wheel_base / (1 + self.wheel_base_error)
         noises = self.distance_noise, self.drift_noise, self.turn_noise
-        return np.array((left, right, base, self.heading_bias, *noises))
+        slips = 1 / self.slip_rate if self.slip_rate else 0.0, self.slip_length
+        spreads = self.distance_spread, self.turn_spread
+        rarer = (self.wheel_noise, self.tick, self.caster_drag, *slips, *spreads)
+        return np.array((left, right, base, self.heading_bias, *noises, *rarer, any(rarer)))
 
+
+def _expected(name: str, value: float) -> str:
+    """What a field should have been; empty where it is."""
+    if not math.isfinite(value):
+        return "a finite number"
+    if name in ("scale_error", "wheel_difference", "wheel_base_error"):
+        return "" if value > -1 else "above -1"
+    if name.endswith("_spread"):
+        return "" if 0 <= value < 2 else "within [0, 2)"
+    return "" if name == "heading_bias" or value >= 0 else "at least 0"
+
+
+_CALIBRATED = OdometerConfig(
+    scale_error=0.002,
+    wheel_difference=0.0004,
+    wheel_base_error=0.005,
+    distance_noise=0.01,
+    drift_noise=0.023,
+    turn_noise=0.03,
+)
 
 ODOMETERS: Mapping[str, OdometerConfig] = MappingProxyType(
     {
         "ideal": OdometerConfig(),
-        "pioneer": OdometerConfig(
-            scale_error=0.002,
-            wheel_difference=0.0004,
-            wheel_base_error=0.005,
-            distance_noise=0.01,
-            drift_noise=0.023,
-            turn_noise=0.03,
-        ),
+        "pioneer": _CALIBRATED,
         "poor": OdometerConfig(
             scale_error=0.01,
             wheel_difference=0.002,
@@ -83,6 +122,19 @@ ODOMETERS: Mapping[str, OdometerConfig] = MappingProxyType(
             drift_noise=0.03,
             turn_noise=0.05,
         ),
+        "carpet": replace(
+            _CALIBRATED,
+            tick=1 / 128e3,
+            wheel_noise=0.003,
+            caster_drag=0.01,
+            slip_rate=0.02,
+            slip_length=0.02,
+        ),
+        "albot1-disturbed": replace(_CALIBRATED, scale_error=-0.0893, wheel_difference=-0.00484),
+        "stage": OdometerConfig(distance_spread=0.03, turn_spread=0.05),
+        "bias-1.5": OdometerConfig(heading_bias=math.radians(1.5)),
+        "bias-3": OdometerConfig(heading_bias=math.radians(3.0)),
+        "bias-6": OdometerConfig(heading_bias=math.radians(6.0)),
     }
 )
 """The odometers by name.
@@ -98,4 +150,22 @@ than half; the rest is random, 1.3° of heading after a metre, 13° after 100 m.
 `poor`: worn wheels of unequal pressure and a base out of calibration: 10 to 13 m off after
 the same square, by errors of some percent in distance and turn, the order of the
 Stage simulator's default `odom_error` (0.03 0.03 0.00 0.05).
+
+`carpet`: the same Pioneer on carpet, with encoders of 128 ticks a millimetre (nominal), a
+caster that costs a degree at the beginning of a turn and two at a reversal, some slip
+of each wheel, and twice in 100 m one that spins for centimetres. The last three are ours.
+
+`albot1-disturbed`: what Hossain added in experiment 3, 0.1 m and 1° between consecutive
+views, for views a metre apart, on top of `pioneer`.
+
+`stage`: the default of the Stage simulator's position model: proportional errors of
+distance and turn, drawn for an episode and then constant, evenly within ±1.5 % and ±2.5 %
+(its manual: https://player-stage-manual.readthedocs.io/en/latest/WORLDFILES/, `odom_error
+[0.03 0.03 0.00 0.05]`; y and z do not concern a robot on two wheels). A world file's own
+`odom_error` Stage takes for the errors themselves, and its fourth number for degrees,
+whatever its manual says.
+
+`bias-1.5`, `bias-3`, `bias-6`: the constant biases (°/s) of Milford, Prasser and Wyeth's
+simulated loops (Experience mapping, ACRA 2005, section 5.2; figures 8 to 10), and no other
+error. Measured turns to the left are too large by them; the paper does not say which way.
 """

@@ -1,7 +1,8 @@
-"""Compiled sensing: the scans and the odometers of many robots, with their errors.
+"""Compiled sensing: what the sensors of many robots report, with their errors.
 
 Each reading of a robot takes its random numbers from places of its own in the robot's
-stream: two for the odometer, then one for each beam, whatever the ranges are.
+stream, whatever the ranges are: the odometer's and then one for each beam; and, far
+away from these, one for each sonar, and the camera's.
 """
 
 from __future__ import annotations
@@ -12,12 +13,17 @@ import numpy as np
 from numba import njit
 
 from albot_env.sim.noise_kernels import draw
-from albot_env.sim.odometer_kernels import read
+from albot_env.sim.odometer_kernels import ODOMETER_DRAWS, read
 from albot_env.sim.ray_kernels import Fan, make_desk, scan
+from albot_env.sim.scene_kernels import SCENE_DRAWS, Scenes, look
+from albot_env.sim.sonar_arrays import Sonars
+from albot_env.sim.sonar_kernels import SONAR_DRAWS, listen
 from albot_env.sim.wall_index import Walls
 
 NORMALS = 4096
 """Length of the table of normal numbers: as many as 12 bits can choose from."""
+_SONARS, _CAMERAS = 2**40, 2**41
+"""Where in a robot's stream the sonars' and the camera's numbers begin."""
 
 
 class Devices(NamedTuple):
@@ -31,15 +37,24 @@ class Devices(NamedTuple):
     """(NORMALS,) float64: the errors (m) that a beam may have, each as likely as the others."""
     dropout: int
     """The probability that a beam is lost, times 2^32."""
+    sonars: Sonars
+    """The sonars; none of them on a robot without."""
+    scenes: np.ndarray
+    """(buildings, fields) float64: the fields of `Scenes` for each building; no building at
+    all where the robots have no cameras."""
 
 
-class Moving(NamedTuple):
-    """What moves around the robots."""
+class Surroundings(NamedTuple):
+    """What there is around the robots to be sensed."""
 
-    segments: np.ndarray
-    """(n, 4) float64: outlines of things x1, y1, x2, y2 (m)."""
+    opaque: Walls
+    """The walls that lasers see, listed by where they are seen from."""
+    solid: Walls
+    """All walls, listed by where they are near enough to be heard."""
+    things: np.ndarray
+    """(n, 4) float64: outlines of what moves x1, y1, x2, y2 (m)."""
     first: np.ndarray
-    """(robots,) int64: which of them are each robot's: from here…"""
+    """(robots,) int64: which of them are around each robot: from here…"""
     last: np.ndarray
     """(robots,) int64: … up to here, without it."""
 
@@ -53,12 +68,18 @@ class Sensed(NamedTuple):
     """(n,) int64: how many readings each has taken."""
     buildings: np.ndarray
     """(n,) int64: the building that each is in."""
-    cells: np.ndarray
-    """(n,) int64: where in the index of what can be seen each is."""
+    seeing: np.ndarray
+    """(n,) int64: the cell of the opaque walls that each is in."""
+    hearing: np.ndarray
+    """(n,) int64: the cell of the solid walls that each is in."""
     motions: np.ndarray
     """(n, 3) float64: what the odometers measured."""
     ranges: np.ndarray
     """(n, beams) float64: what the lasers saw (m)."""
+    echoes: np.ndarray
+    """(n, sonars) float64: what the sonars heard (m)."""
+    scenes: np.ndarray
+    """(n,) int64: the scenes that the cameras recognised; -1 for none."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -83,28 +104,51 @@ def sense(
     rows: np.ndarray,
     poses: np.ndarray,
     counts: np.ndarray,
-    index: Walls,
-    moving: Moving,
+    around: Surroundings,
     devices: Devices,
     sensed: Sensed,
 ) -> None:
-    """Read the odometers and lasers of the robots `rows`, whose cells are known.
+    """Read the sensors of the robots `rows`, whose cells are known.
 
     `poses` (n, 3) are where they are, `counts` (n, …) what their odometers have counted.
-    The lasers see walls and what moves.
     """
-    fan = devices.fan
-    draws = 2 + fan.beams
-    things = 0
+    fan, sonars, solid = devices.fan, devices.sonars, around.solid
+    draws = ODOMETER_DRAWS + fan.beams
+    most = 0
     for k in range(rows.shape[0]):
-        things = max(things, moving.last[rows[k]] - moving.first[rows[k]])
-    desk = make_desk(fan, index.walls.shape[0] + things)
+        most = max(most, around.last[rows[k]] - around.first[rows[k]])
+    desk = make_desk(fan, around.opaque.walls.shape[0] + most)
     for k in range(rows.shape[0]):
         i = rows[k]
-        key, place = sensed.keys[i], sensed.readings[i] * draws
+        key, reading = sensed.keys[i], sensed.readings[i]
         sensed.readings[i] += 1
+        place = reading * draws
         read(counts[i], devices.odometer, key, place, sensed.motions[i])
-        ranges = sensed.ranges[i]
-        first, last = moving.first[i], moving.last[i]
-        scan(fan, index, sensed.cells[i], moving.segments, first, last, poses[i], desk, ranges)
-        disturb(ranges, key, place + 2, devices.normals, devices.dropout, fan.reach)
+        ranges, first, last = sensed.ranges[i], around.first[i], around.last[i]
+        cell = sensed.seeing[i]
+        scan(fan, around.opaque, cell, around.things, first, last, poses[i], desk, ranges)
+        disturb(ranges, key, place + ODOMETER_DRAWS, devices.normals, devices.dropout, fan.reach)
+        count = sonars.mounts.shape[0]
+        if count > 0:
+            start, end = solid.spans[sensed.hearing[i]]
+            nearby = solid.members[start:end]
+            place = _SONARS + reading * count * SONAR_DRAWS
+            things = around.things[first:last]
+            listen(solid.walls, nearby, things, poses[i], sonars, key, place, sensed.echoes[i])
+        if devices.scenes.shape[0] > 0:
+            scenes = _scenes_of(devices.scenes[sensed.buildings[i]])
+            place = _CAMERAS + reading * SCENE_DRAWS
+            x, y, heading = poses[i]
+            sensed.scenes[i] = look(x, y, heading, scenes, key, place)
+
+
+@njit(cache=True, error_model="numpy")
+def _scenes_of(fields: np.ndarray) -> Scenes:
+    """The scenes of one building."""
+    left, bottom, cell, columns, rows, sectors, scenes, stride, position, heading, missed, false = (
+        fields
+    )
+    return Scenes(
+        left, bottom, cell, int(columns), int(rows), int(sectors), int(scenes), int(stride),
+        position, heading, int(missed), int(false),
+    )  # fmt: skip

@@ -9,12 +9,11 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
-from albot_core.perception.reading import LaserScan, Reading
+from albot_core.perception.reading import Reading
 from albot_env.sim.drive import PIONEER_3DX, STANDSTILL, RobotConfig, Wheels
 from albot_env.sim.drive_kernels import chord
 from albot_env.sim.fleet import Fleet, draw_key
-from albot_env.sim.laser import LMS_200, LaserConfig
-from albot_env.sim.odometer import ODOMETERS, OdometerConfig
+from albot_env.sim.sensors import Sensors
 from albot_env.sim.space import PHYSICS_STEP
 from albot_maps.world import World
 
@@ -24,6 +23,8 @@ CONTROL_STEP = SUBSTEPS * PHYSICS_STEP
 """Duration of a control step (s)."""
 LONGEST_MANOEUVRE = 1000.0
 """Greatest distance (m) of a start-stop move, and angle (rad) of a turn."""
+
+_USUAL = Sensors()
 
 _PATIENCE = 3 * SUBSTEPS
 """Physics steps without progress after which a move is given up: 0.3 s."""
@@ -40,8 +41,7 @@ class Simulator:
     Args:
         world: The world; its walls are what the laser sees and what the robot bumps into.
         robot: Body and drive of the robot.
-        laser: Beams and errors of the laser.
-        odometer: Errors of the odometer.
+        sensors: What it senses with.
         movables: Whether things move in a world that has any; if not, they are left out.
     """
 
@@ -50,12 +50,11 @@ class Simulator:
         world: World,
         *,
         robot: RobotConfig = PIONEER_3DX,
-        laser: LaserConfig = LMS_200,
-        odometer: OdometerConfig = ODOMETERS["pioneer"],
+        sensors: Sensors = _USUAL,
         movables: bool = True,
     ) -> None:
         self._world = world
-        self._fleet = Fleet(1, robot=robot, laser=laser, odometer=odometer, movables=movables)
+        self._fleet = Fleet(1, robot=robot, sensors=sensors, movables=movables)
         self._started = False
         self._start = np.zeros(3)
         self._ticks = 0
@@ -218,12 +217,7 @@ class Simulator:
     def _read(self) -> Reading:
         self._fleet.locate()
         self._fleet.sense()
-        geometry = self._fleet.laser.geometry
-        return Reading(
-            stamp=self.time,
-            motion=self._fleet.motions[0].copy(),
-            laser=LaserScan(ranges=self._fleet.ranges[0].copy(), geometry=geometry),
-        )
+        return self._fleet.readings(np.array((self.time,)))[0]
 
     def _check_reset(self) -> None:
         if not self._started:

@@ -9,12 +9,11 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64
 
-from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
 from albot_core.mapper import MapperBatch
 from albot_core.perception.reading import Readings
 from albot_core.registry import make_mappers
-from albot_env.sim import LMS_200, ODOMETERS, PIONEER_3DX
+from albot_env.sim import PIONEER_3DX, Sensors
 from albot_env.sim.crew import FEWEST, Crew
 from albot_env.sim.fleet import Fleet, draw_key
 from albot_env.sim.simulator import CONTROL_STEP, SUBSTEPS
@@ -36,7 +35,7 @@ class Expedition:
     Args:
         robots: How many.
         mapper: Name of the mapper inside each, or `none`.
-        odometer: Name of the odometer's preset.
+        sensors: What each senses with.
         observations: How they observe.
         weights: What the reward's terms are worth.
         threads: Threads that share the work; 0 for as many as there are processors. What
@@ -44,37 +43,31 @@ class Expedition:
         movables: Whether things move in worlds that have any; if not, they are left out.
 
     Raises:
-        InputError: There is no such mapper or odometer.
+        InputError: There is no such mapper, or the observations are of another laser.
     """
 
     def __init__(
         self,
         robots: int,
         mapper: str,
-        odometer: str,
+        sensors: Sensors,
         observations: ObservationConfig,
         weights: ExploreWeights,
         threads: int = 1,
         *,
         movables: bool = True,
     ) -> None:
-        if odometer not in ODOMETERS:
-            raise InputError("odometer", f"one of {', '.join(ODOMETERS)}", odometer)
         self._mappers: MapperBatch | None = None
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
         if mapper != NO_MAPPER:
             self._mappers = make_mappers(mapper, robots)
         self._crew = Crew(threads)
-        laser = LMS_200
-        self.geometry = laser.geometry
+        self.geometry = sensors.laser.geometry
         """Where the lasers' beams point."""
+        self.sonar = None if sensors.sonar is None else sensors.sonar.geometry
+        """Where the sonars point; None without."""
         self._fleet = Fleet(
-            robots,
-            robot=PIONEER_3DX,
-            laser=laser,
-            odometer=ODOMETERS[odometer],
-            crew=self._crew,
-            movables=movables,
+            robots, robot=PIONEER_3DX, sensors=sensors, crew=self._crew, movables=movables
         )
         self._survey = Survey(robots, observations, self.geometry)
         self._standing = new_standing(robots)
@@ -91,6 +84,7 @@ class Expedition:
             homes=np.zeros((robots, 3)),
             motions=self._fleet.motions,
             ranges=self._fleet.ranges,
+            echoes=self._fleet.echoes,
         )
         length = observations.flat_space.shape[0]
         self.observations: Float32[np.ndarray, "robots length"] = np.zeros(
@@ -157,13 +151,7 @@ class Expedition:
     @property
     def readings(self) -> Readings:
         """What the robots sensed last. It is written over at the next look."""
-        senses = self._senses
-        return Readings(
-            stamps=self.times,
-            motions=senses.motions,
-            laser=self.geometry,
-            ranges=senses.ranges,
-        )
+        return self._fleet.readings(self.times)
 
     def close(self) -> None:
         """Let the threads go."""

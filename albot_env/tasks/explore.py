@@ -15,6 +15,7 @@ from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Rec
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
 from albot_env.rendering.viewer import NullViewer, Viewer
+from albot_env.sim import choose_sensors
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import ActionConfig
 from albot_env.tasks.expedition import Expedition
@@ -45,7 +46,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
     """A robot explores a building with a mapper inside.
 
     Description:
-        A Pioneer 3-DX with a laser and a noisy odometer sets out with an empty map. It
+        A Pioneer 3-DX with a laser, sonars and a noisy odometer sets out with an empty map. It
         is to cover as much ground and enter as many rooms as it can. A step is 0.1 s.
 
     Action space:
@@ -80,7 +81,11 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
     Args:
         world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
         mapper: Name of the mapper inside, or `none`: the robot only adds up its odometer.
-        odometer: Name of the odometer's preset: `ideal`, `pioneer` or `poor`.
+        odometer: Name of the odometer's preset (`albot_env.sim.ODOMETERS`).
+        laser: Name of the laser's preset (`LASERS`).
+        sonar: Name of the sonars' preset (`SONARS`), or `none`.
+        scenes: Name of the camera's preset (`SCENES`), or `none`. Mappers see its scenes;
+            observations do not show them.
         observation: `flat` or `dict`.
         movables: Whether doors, boxes and people move in worlds that have any; if not, they
             are left out.
@@ -88,8 +93,8 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         config: What actions ask for, how observations are scaled, what is rewarded.
 
     Raises:
-        InputError: There is no such world, mapper, odometer, observation or render mode;
-            or `human` where no window opens.
+        InputError: There is no such world, mapper, sensor, observation or render mode; or
+            `human` where no window opens.
     """
 
     metadata = METADATA
@@ -100,6 +105,9 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         *,
         mapper: str = "albot1",
         odometer: str = "pioneer",
+        laser: str = "lms-200",
+        sonar: str = "pioneer",
+        scenes: str = "none",
         observation: str = "flat",
         movables: bool = True,
         render_mode: str | None = None,
@@ -112,8 +120,12 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         self._worlds = load_worlds(world)
         self._config = config
         self._odometer = odometer
-        scaling = config.observations
-        self._robot = Expedition(1, mapper, odometer, scaling, config.weights, movables=movables)
+        sensors = choose_sensors(
+            laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source=ENVIRONMENT
+        )
+        scaling = config.observations.fitted(sensors)
+        self._scaling = scaling
+        self._robot = Expedition(1, mapper, sensors, scaling, config.weights, movables=movables)
         self._mapper_name = mapper
         self._flat = observation == "flat"
         self.action_space = config.actions.space
@@ -223,7 +235,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
 
     def _observe(self) -> Observation:
         row = self._robot.observations[0]
-        return row if self._flat else self._config.observations.split(row)
+        return row if self._flat else self._scaling.split(row)
 
     def _info(self) -> dict[str, Any]:
         robot = self._robot
@@ -254,6 +266,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             odometer=self._odometer,
             seed=seed,
             laser=self._robot.geometry,
+            sonar=self._robot.sonar,
         )
 
     def _show(self) -> None:

@@ -6,7 +6,7 @@ reading, the rest from the mapper, which saw nothing but readings.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,12 +16,13 @@ from jaxtyping import Float, Float32, Float64
 from albot_core.errors import InputError
 from albot_core.mapper import Mapper
 from albot_core.perception.reading import Reading
+from albot_env.sim.sensors import Sensors
 from albot_env.tasks.coverage import Coverage, CoverageConfig
 from albot_env.tasks.kernels import observe_motions, scale_ranges
 from albot_env.tasks.survey_kernel import Scales
 
 Parts = dict[str, Float32[np.ndarray, "..."]]
-"""An observation by part: `laser`, `motion`, `heading`, `home`, `coverage`."""
+"""An observation by part: `laser`, `sonar`, `motion`, `heading`, `home`, `coverage`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,8 +33,12 @@ class ObservationConfig:
     """Number of the laser's beams."""
     laser_range: float = 30.0
     """Range shown as -1, as nothing at all is (m)."""
+    sonars: int = 8
+    """Number of sonars; 0 on a robot without."""
+    sonar_range: float = 4.0
+    """Range of an echo shown as -1, as none at all is (m)."""
     laser_knee: float = 0.5
-    """Range up to which the scale is nearly linear; logarithmic beyond (m)."""
+    """Range of either up to which the scale is nearly linear; logarithmic beyond (m)."""
     home_range: float = 100.0
     """Distance from home shown as 1 (m)."""
     home_knee: float = 1.0
@@ -48,6 +53,7 @@ class ObservationConfig:
     def __post_init__(self) -> None:
         for name in (
             "laser_range",
+            "sonar_range",
             "laser_knee",
             "home_range",
             "home_knee",
@@ -58,12 +64,22 @@ class ObservationConfig:
             if not 0 < value < np.inf:
                 raise InputError(f"ObservationConfig.{name}", "a positive number", str(value))
 
+    def fitted(self, sensors: Sensors) -> ObservationConfig:
+        """The same for a robot with these sensors: as many beams and sonars as it has."""
+        sonar = sensors.sonar
+        return replace(
+            self,
+            beams=sensors.laser.geometry.beams,
+            sonars=0 if sonar is None else len(sonar.geometry.bearings),
+        )
+
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """The shape of each part, in the order of the flat observation."""
         side = self.coverage.patch_cells
         return {
             "laser": (self.beams,),
+            **({"sonar": (self.sonars,)} if self.sonars else {}),
             "motion": (3,),
             "heading": (2,),
             "home": (3,),
@@ -86,7 +102,8 @@ class ObservationConfig:
     def observe(self, reading: Reading, mapper: Mapper, coverage: Coverage) -> Parts:
         """The observation after a reading.
 
-        `laser` is near at 1 and far at -1 (see `ranges`); `motion` the odometer's last
+        `laser` is near at 1 and far at -1 (see `ranges`), and so is `sonar`, which robots
+        without sonars lack; `motion` the odometer's last
         step forward, sideways and round; `heading` cosine and sine of the believed heading
         in the map; `home` the direction of home in the robot's frame as cosine and sine,
         and its distance, -1 at home; `coverage` the patch of `Coverage.patch`.
@@ -99,8 +116,10 @@ class ObservationConfig:
             (self.step_length, self.step_turn, self.home_knee, self.home_range),
             row,
         )
+        sonar = reading.sonar
         return {
             "laser": self.observe_ranges(reading.laser.ranges),
+            **({} if sonar is None else {"sonar": self.observe_echoes(sonar.ranges)}),
             "motion": row[:3].copy(),
             "heading": row[3:5].copy(),
             "home": row[5:].copy(),
@@ -111,6 +130,12 @@ class ObservationConfig:
         """Ranges (m) as the `laser` part shows them: 1 at 0, -1 at `laser_range` and beyond."""
         scaled = np.empty(len(ranges), np.float32)
         scale_ranges(np.asarray(ranges, np.float64), self.laser_knee, self.laser_range, scaled)
+        return scaled
+
+    def observe_echoes(self, ranges: Float[np.ndarray, "sonars"]) -> Float32[np.ndarray, "sonars"]:
+        """Echoes (m) as the `sonar` part shows them: 1 at 0, -1 at `sonar_range` and beyond."""
+        scaled = np.empty(len(ranges), np.float32)
+        scale_ranges(np.asarray(ranges, np.float64), self.laser_knee, self.sonar_range, scaled)
         return scaled
 
     @property
@@ -125,6 +150,7 @@ class ObservationConfig:
             patch_cells=coverage.patch_cells,
             laser_knee=self.laser_knee,
             laser_range=self.laser_range,
+            sonar_range=self.sonar_range,
             step_length=self.step_length,
             step_turn=self.step_turn,
             home_knee=self.home_knee,

@@ -53,6 +53,7 @@ class Scales(NamedTuple):
     patch_cells: int
     laser_knee: float
     laser_range: float
+    sonar_range: float
     step_length: float
     step_turn: float
     home_knee: float
@@ -72,6 +73,8 @@ class Senses(NamedTuple):
     """(n, 3) float64: what the odometers measured."""
     ranges: np.ndarray
     """(n, beams) float64: what the lasers saw (m)."""
+    echoes: np.ndarray
+    """(n, sonars) float64: what the sonars heard (m)."""
 
 
 class Findings(NamedTuple):
@@ -105,7 +108,8 @@ def survey(
 ) -> None:
     """Survey the robots `rows`; each's observation goes into its row of `observations`."""
     s = scales
-    beams = senses.ranges.shape[1]
+    beams, sonars = senses.ranges.shape[1], senses.echoes.shape[1]
+    rest = beams + sonars
     steps = s.step_length, s.step_turn, s.home_knee, s.home_range
     for k in range(rows.shape[0]):
         i = rows[k]
@@ -130,8 +134,9 @@ def survey(
         find_home(belief, senses.homes[i])
         row = observations[i]
         scale_ranges(ranges, s.laser_knee, s.laser_range, row)
-        observe_motions(senses.motions[i], belief[2], senses.homes[i], steps, row[beams:])
+        scale_ranges(senses.echoes[i], s.laser_knee, s.sonar_range, row[beams:rest])
+        observe_motions(senses.motions[i], belief[2], senses.homes[i], steps, row[rest:])
         cut_patch(
             believed.grids[i], side, s.cell, centre, belief,
-            s.patch_cell, s.patch_cells, row[beams + 8 :],
+            s.patch_cell, s.patch_cells, row[rest + 8 :],
         )  # fmt: skip

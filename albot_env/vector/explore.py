@@ -13,6 +13,7 @@ from gymnasium.vector.utils import batch_space
 from jaxtyping import Bool, Float32, Float64, Int64
 
 from albot_core.errors import InputError
+from albot_env.sim import choose_sensors
 from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.explore import ENVIRONMENT, METADATA, ExploreConfig
 from albot_env.tasks.start import choose_start, choose_world
@@ -43,6 +44,9 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
             such for each.
         mapper: Name of the mapper inside each, or `none`.
         odometer: Name of the odometer's preset.
+        laser: Name of the laser's preset.
+        sonar: Name of the sonars' preset, or `none`.
+        scenes: Name of the camera's preset, or `none`.
         observation: `flat` or `dict`.
         movables: Whether doors, boxes and people move in worlds that have any.
         config: What actions ask for, how observations are scaled, what is rewarded.
@@ -67,6 +71,9 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         *,
         mapper: str = "albot1",
         odometer: str = "pioneer",
+        laser: str = "lms-200",
+        sonar: str = "pioneer",
+        scenes: str = "none",
         observation: str = "flat",
         movables: bool = True,
         config: ExploreConfig | None = None,
@@ -85,9 +92,12 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         self._config = config = config or ExploreConfig()
         self._flat = observation == "flat"
         self._limit = max_episode_steps
-        scaling = config.observations
+        sensors = choose_sensors(
+            laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source=ENVIRONMENT
+        )
+        self._scaling = scaling = config.observations.fitted(sensors)
         self._robots = Expedition(
-            num_envs, mapper, odometer, scaling, config.weights, threads, movables=movables
+            num_envs, mapper, sensors, scaling, config.weights, threads, movables=movables
         )
         self.single_action_space = config.actions.space
         self.single_observation_space = scaling.flat_space if self._flat else scaling.dict_space
@@ -188,11 +198,11 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
     def _observation(self, row: int) -> Any:
         """One environment's observation."""
         flat = self._robots.observations[row].copy()
-        return flat if self._flat else self._config.observations.split(flat)
+        return flat if self._flat else self._scaling.split(flat)
 
     def _observe(self) -> Observations:
         rows = self._robots.observations
-        return rows if self._flat else self._config.observations.split_rows(rows)
+        return rows if self._flat else self._scaling.split_rows(rows)
 
     def _infos(self, mask: Bool[np.ndarray, "environments"]) -> dict[str, Any]:
         """The infos as gymnasium batches them: zero and `_key` False where there is none."""

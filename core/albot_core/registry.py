@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from albot_core.errors import InputError
@@ -20,10 +21,11 @@ class MapperEntry:
     """What it does, in one line."""
     paper: str
     """Where it is described."""
-    module: str
-    """The module that is imported when it is first made."""
     factory: str
-    """What in the module makes it: a class, or a class method after a dot."""
+    """What makes it, `module:name`, imported when it is first made."""
+    batch: str | None = None
+    """What makes a batch from a count of robots, `module:name`; None where nothing does, and
+    they are led one after the other."""
 
 
 _HOSSAIN = "Hossain, How Albot1 computes its perceptual map, PhD thesis, AUT 2014"
@@ -35,22 +37,21 @@ MAPPERS = {
             name="albot1",
             summary="Albot1's perceptual map, with our recognition and localisation.",
             paper=_HOSSAIN,
-            module="albot_core.albot1.mapper",
-            factory="Albot1.default",
+            factory="albot_core.albot1.mapper:Albot1.default",
+            batch="albot_core.albot1.batch:Albot1Batch.default",
         ),
         MapperEntry(
             name="albot1-thesis",
             summary="Albot1's perceptual map to the letter of the thesis (algorithms 1 to 4).",
             paper=_HOSSAIN,
-            module="albot_core.albot1.mapper",
-            factory="Albot1.thesis",
+            factory="albot_core.albot1.mapper:Albot1.thesis",
+            batch="albot_core.albot1.batch:Albot1Batch.thesis",
         ),
         MapperEntry(
             name="odometry",
             summary="Every view laid down where the odometer says: what the others must better.",
             paper=f"{_HOSSAIN}, chapter 3",
-            module="albot_core.odometry.mapper",
-            factory="OdometryMapper",
+            factory="albot_core.odometry.mapper:OdometryMapper",
         ),
     )
 }
@@ -68,16 +69,8 @@ def make_mapper(name: str) -> Mapper:
     Raises:
         InputError: There is none of that name; the message names the nearest.
     """
-    entry = MAPPERS.get(name)
-    if entry is None:
-        near = difflib.get_close_matches(name, MAPPERS, n=1, cutoff=0.5)
-        hint = f" (did you mean {near[0]}?)" if near else ""
-        raise InputError("mapper", f"one of {', '.join(MAPPERS)}", f"{name!r}{hint}")
-    made: object = importlib.import_module(entry.module)
-    for part in entry.factory.split("."):
-        made = getattr(made, part)
-    assert callable(made)
-    mapper = made()
+    entry = _entry(name)
+    mapper = _maker(entry.factory)()
     assert isinstance(mapper, Mapper)
     return mapper
 
@@ -88,4 +81,29 @@ def make_mappers(name: str, count: int) -> MapperBatch:
     Raises:
         InputError: As for `make_mapper`.
     """
-    return LoopedMappers([make_mapper(name) for _ in range(count)])
+    entry = _entry(name)
+    if entry.batch is None:
+        return LoopedMappers([make_mapper(name) for _ in range(count)])
+    mappers = _maker(entry.batch)(count)
+    assert isinstance(mappers, MapperBatch)
+    return mappers
+
+
+def _entry(name: str) -> MapperEntry:
+    """The mapping system of a name."""
+    entry = MAPPERS.get(name)
+    if entry is None:
+        near = difflib.get_close_matches(name, MAPPERS, n=1, cutoff=0.5)
+        hint = f" (did you mean {near[0]}?)" if near else ""
+        raise InputError("mapper", f"one of {', '.join(MAPPERS)}", f"{name!r}{hint}")
+    return entry
+
+
+def _maker(where: str) -> Callable[..., object]:
+    """What stands at `module:name`, imported now."""
+    module, name = where.split(":")
+    made: object = importlib.import_module(module)
+    for part in name.split("."):
+        made = getattr(made, part)
+    assert callable(made)
+    return made

@@ -20,6 +20,7 @@ from albot_maps.movable_drawing import draw_movables
 from albot_maps.world import ROBOT_RADIUS, World
 
 _SOLID, _WALL, _TEXT = "#dcdcd8", "#22262b", "#59626d"
+_GLASS = "#8fc4e8"
 _EXIT, _START, _TOUR = "#0a8a5f", "#c8371f", "#3b6fb6"
 _TINTS = ("#e6f0fb", "#fdf1df", "#e5f5e9", "#f4e9f7", "#fdeae6", "#f2f1dc")
 _LONGER_SIDE = 11.0
@@ -59,10 +60,12 @@ def save_sheet(worlds: Sequence[World], path: Path) -> None:
 def draw_world(world: World, axes: Axes, *, tours: Iterable[str] = (), names: bool = True) -> None:
     """Draw floor, rooms, walls, exits, movable things, starts, a scale bar and the tours named.
 
-    Grey is what walls shut off: the inside of furniture and of thick walls, closed rooms.
+    Light blue is glass. Grey is what walls shut off: the inside of furniture and of thick
+    walls, closed rooms.
     """
     _draw_floor(world, axes, names)
-    axes.add_collection(LineCollection(list(world.walls.reshape(-1, 2, 2)), colors=_WALL, lw=1.2))
+    for walls, colour in ((world.opaque, _WALL), (world.walls[world.glass], _GLASS)):
+        axes.add_collection(LineCollection(list(walls.reshape(-1, 2, 2)), colors=colour, lw=1.2))
     for name in tours:
         axes.plot(*world.tours[name].T, color=_TOUR, lw=1.2, alpha=0.7)
     _draw_exits(world, axes, names)

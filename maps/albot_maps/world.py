@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import shapely
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Poses, Segments
@@ -76,6 +76,9 @@ class World:
     """Everything the robot meets: walls and furniture."""
     starts: Poses
     """Poses at which an episode may begin; the first is the default."""
+    glass: Bool[np.ndarray, "panes"] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    """Which walls are glass: light goes through, the robot and sound do not. One for each wall;
+    none given, none is."""
     rooms: tuple[Room, ...] = field(default=())
     exits: tuple[Exit, ...] = field(default=())
     tours: Mapping[str, Points] = field(default_factory=dict)
@@ -96,6 +99,11 @@ class World:
         self._check_tours()
         self._check_reachability()
         self._check_movables()
+
+    @cached_property
+    def opaque(self) -> Segments:
+        """The walls that stop light: all but those of glass."""
+        return _read_only(self.walls[~self.glass])
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
@@ -139,6 +147,9 @@ class World:
         tours = {name: _read_only(waypoints) for name, waypoints in self.tours.items()}
         object.__setattr__(self, "walls", _read_only(self.walls))
         object.__setattr__(self, "starts", _read_only(self.starts))
+        glass = np.array(self.glass if len(self.glass) else np.zeros(len(self.walls)), np.bool_)
+        glass.flags.writeable = False
+        object.__setattr__(self, "glass", glass)
         object.__setattr__(self, "tours", MappingProxyType(tours))
 
     def __getstate__(self) -> dict[str, Any]:
@@ -183,6 +194,9 @@ class World:
         if not len(self.walls):
             raise self._error("walls", "at least one wall", "none")
         self._check_numbers("walls", self.walls)
+        if len(self.glass) != len(self.walls):
+            expected = f"true or false for each of {len(self.walls)} walls"
+            raise self._error("glass", expected, str(len(self.glass)))
         lengths = np.hypot(*(self.walls[:, 2:] - self.walls[:, :2]).T)
         for index in np.flatnonzero(lengths <= SHORTEST_WALL):
             x, y = self.walls[index, :2]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import click
@@ -17,8 +19,12 @@ SUBCOMMANDS = {
     "map": "Run a mapper over a real robot's log.",
     "mappers": "List the mapping systems.",
     "play": "Watch a robot explore and map, or play an episode back.",
+    "stress": "Drive agents through many worlds and check every step.",
     "worlds": "List, show, check and convert worlds.",
 }
+
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""What the system says where a disk, or whatever takes the output, is full or broken."""
 
 
 class LazyGroup(click.Group):
@@ -72,4 +78,20 @@ def exit_status(command: click.Command) -> None:
     except click.Abort:
         click.echo("albot: stopped", err=True)
         sys.exit(130)
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise
+        click.echo(f"albot: cannot write: {error.strerror}", err=True)
+        _drop_output()
+        sys.exit(1)
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _drop_output() -> None:
+    """Let what cannot be written go, or Python would try and fail once more when it ends."""
+    with Path(os.devnull).open("w", encoding="utf-8") as nowhere, suppress(OSError):
+        os.dup2(nowhere.fileno(), sys.stdout.fileno())
+
+
+if __name__ == "__main__":
+    main()

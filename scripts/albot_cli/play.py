@@ -31,7 +31,7 @@ RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "odometer", "record")
 @click.argument("episode", required=False, type=click.Path(path_type=Path))
 @click.option("--world", default="office-ring", show_default=True, help="World: a name or a file.")
 @click.option("--mapper", default="albot1", show_default=True, help="See `albot mappers`.")
-@click.option("--agent", default="gap-explorer", show_default=True, help="Who drives.")
+@click.option("--agent", default="gap-explorer", show_default=True, help="gap-explorer or random.")
 @click.option("--odometer", default="pioneer", show_default=True, help="ideal, pioneer or poor.")
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(min=0))
 @click.option(
@@ -111,8 +111,8 @@ def _run(
 ) -> dict[str, Any]:
     """Run an episode; its summary."""
     import gymnasium
-    import numpy as np
 
+    from albot_agents.episode import begin_episode
     from albot_agents.registry import make_agent
     from albot_cli.stage import open_stage
     from albot_env.recording.writer import EpisodeWriter
@@ -125,10 +125,8 @@ def _run(
     explorer = env.unwrapped
     assert isinstance(explorer, ExploreEnv)
     explorer.recorder = EpisodeWriter(record, agent=agent)
-    # The environment draws from `seed` itself: the driver must not draw the same numbers.
-    driver.reset(np.random.default_rng((seed, 1)))
     try:
-        first, _ = env.reset(seed=seed)
+        first, _ = begin_episode(env, driver, seed)
         title = f"{agent} in {world}"
         with (
             _told_what_is_left(record),

@@ -89,7 +89,29 @@ def convert(spec: str, out: Path, as_json: bool) -> None:
     click.echo(json.dumps(facts) if as_json else f"{out}: {one_line(facts)}")
 
 
-@command.command()
+class _MakeCommand(click.Command):
+    """A command whose help lists the parameters of every kind of random world."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the parameters. The generators are loaded for it, and only for it."""
+        from albot_maps.generators.spec import KINDS, parameters_of
+
+        for kind in KINDS:
+            known = parameters_of(kind)
+            defaults = known.defaults()
+            rows = [
+                (name, f"{allowed}  [default: {_default(defaults[name])}]")
+                for name, allowed in known.ranges().items()
+            ]
+            with formatter.section(f"Parameters of {kind}"):
+                formatter.write_dl(rows)
+
+
+def _default(value: object) -> str:
+    return "what suits the rest" if value is None else str(value).lower()
+
+
+@command.command(cls=_MakeCommand)
 @click.argument("kind")
 @click.option("--count", type=click.IntRange(1), default=1, show_default=True, help="How many.")
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="The first's.")
@@ -108,7 +130,7 @@ def make(
 ) -> None:
     """Make random worlds of a KIND: apartment, hall, maze, office, ring or warehouse.
 
-    The seeds are counted up from --seed. docs/worlds.md lists each kind's parameters.
+    The seeds are counted up from --seed.
     """
     _check_png(png)
     if out is None and png is None:

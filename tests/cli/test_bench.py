@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from albot_cli.bench_report import as_text
 from albot_cli.main import albot
 from albot_core.albot1.mapper import Albot1
 from albot_core.errors import InputError
-from albot_env.benchmarks import laser
+from albot_env.benchmarks import environment, laser, learner, processes
+from albot_env.benchmarks.environment import Case
 from albot_env.benchmarks.mapper import copies_of, knowing, measure_mappers, tour_readings
 from albot_maps import load_world
 
@@ -21,7 +23,17 @@ from albot_maps import load_world
 @pytest.fixture(autouse=True)
 def hurried(monkeypatch: pytest.MonkeyPatch) -> None:
     """Spend little time on each case: what is measured is not what is tested."""
-    monkeypatch.setattr(laser, "measure_laser", partial(laser.measure_laser, 0.05))
+    tiny = Case(mapper="none", num_envs=2, steps=4)
+    for module, name, arguments in (
+        (laser, "measure_laser", {"seconds_per_case": 0.05}),
+        (environment, "measure_environments", {"cases": (tiny, Case(mapper="odometry", steps=3))}),
+        (processes, "measure_processes", {"case": tiny, "seconds": 0.05}),
+        (learner, "measure_learner", {"num_envs": 4, "steps": 2}),
+    ):
+        rounds = "rollouts" if module is learner else "rounds"
+        if module is not laser:
+            arguments |= {rounds: 1}
+        monkeypatch.setattr(module, name, partial(getattr(module, name), **arguments))
 
 
 def bench(*args: str) -> dict[str, object]:
@@ -48,11 +60,36 @@ def test_the_text_has_a_line_a_row() -> None:
     assert all("µs/scan" in line for line in lines[1:])
 
 
+@pytest.mark.filterwarnings("ignore")  # ir-sim's own
+def test_environments_processes_and_learner_have_their_keys_and_lines() -> None:
+    words = [word for part in ("env", "processes", "learner") for word in ("--part", part)]
+    figures = bench(*words)
+    rows = figures["env"]
+    assert isinstance(rows, list)
+    keys = {"id", "mode", "num_envs", "mapper", "steps_per_second", "steps_per_cpu_second"}
+    keys |= {"segments", "ratio"}
+    assert all(keys <= row.keys() for row in rows)
+    assert figures["processes"]["scaling"] > 0  # type: ignore[index]
+    assert len(figures["learner"]["runs"]) == 3  # type: ignore[index]
+    lines = as_text(figures).splitlines()
+    starts = [line.split()[0] for line in lines[1:]]
+    assert starts == ["environment"] * len(rows) + ["processes"] + ["learner"] * 3
+    assert lines[0].startswith(f"{figures['machine']['processor']}, Python")  # type: ignore[index]
+
+
+def test_a_missing_learner_is_a_line() -> None:
+    figures = bench("--part", "laser") | {"learner": {"missing": "torch: pip install it"}}
+    assert as_text(figures).splitlines()[-1] == (
+        "learner     not measured, for want of torch: pip install it"
+    )
+
+
 def test_mappers_are_timed_on_any_readings() -> None:
     readings = tour_readings()[:30]
     rows = measure_mappers(("albot1", "odometry"), readings, rounds=1)
     assert [row["name"] for row in rows] == ["albot1", "odometry"]
-    assert all(row["readings_per_second"] > 0 for row in rows)  # type: ignore[operator]
+    for key in ("readings_per_second", "batch_readings_per_second", "row_readings_per_second"):
+        assert all(row[key] > 0 for row in rows)  # type: ignore[operator]
 
 
 def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from albot_agents.registry import agent_names
 from albot_cli.main import main
 
 ALBOT = f'"{sys.executable}" -c "from albot_cli.main import main; main()"'
@@ -50,3 +51,35 @@ def test_closed_streams_stop_no_work(closed: str, tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     assert {path.name for path in tmp_path.iterdir()} == {"episode.mcap", "episode.png"}
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full on this system")
+@pytest.mark.parametrize("words", ["mappers", "mappers --json", "worlds list", "play --help"])
+def test_a_full_disk_is_one_line_and_status_1(words: str) -> None:
+    done = subprocess.run(
+        f"{ALBOT} {words} > /dev/full", shell=True, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr == "albot: cannot write: No space left on device\n"
+
+
+def test_the_module_is_the_command() -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "albot_cli.main", "mappers"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "albot1" in done.stdout
+
+
+@pytest.mark.parametrize("words", [("play",), ("stress",)])
+def test_help_names_every_agent(
+    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["albot", *words, "--help"])
+    with pytest.raises(SystemExit):
+        main()
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in agent_names())

@@ -12,6 +12,7 @@ from PIL import Image
 
 from albot_cli.main import main
 from albot_maps import catalogue_names, load_world
+from albot_maps.generators.spec import KINDS, parameters_of
 
 GOOD = """\
 albot-world: 1
@@ -240,3 +241,29 @@ def test_make_says_in_one_line_what_cannot_be_made(albot, arguments, words, flag
     assert complaint.count("\n") == 1
     assert words in complaint
     assert not list(Path().iterdir())
+
+
+def test_make_lists_the_parameters_of_every_kind(albot):
+    status, out, err = albot("make", "--help")
+    assert (status, err) == (0, "")
+    words = out.split()
+    for kind in KINDS:
+        assert f"Parameters of {kind}:" in out
+        assert set(parameters_of(kind).ranges()) <= set(words)
+    assert "a whole number from 2 to 200  [default: 20]" in out
+
+
+@pytest.mark.parametrize("name", ["map.pgm", "map.png"])
+def test_a_picture_that_is_none_is_said_to_be_none(albot, name):
+    Path(name).write_text("hello, world\n")
+    Path("map.yaml").write_text(MAP.format(name))
+    status, out, err = albot("check", name)
+    assert (status, out) == (2, "")
+    assert err == f"albot: {name}: expected a whole PGM or PNG picture, found something else\n"
+
+
+def test_a_picture_of_16_bits_is_said_to_be_one(albot):
+    Image.fromarray(np.zeros((4, 4), np.uint16)).save("map.png")
+    Path("map.yaml").write_text(MAP.format("map.png"))
+    _, _, err = albot("check", "map.yaml")
+    assert err == "albot: map.png: expected 8 bits a channel, found the mode I;16\n"

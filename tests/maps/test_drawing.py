@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from albot_maps import load_world
@@ -26,6 +30,19 @@ def colour_at():
         return pixels[len(pixels) - 1 - int(row), int(column)]
 
     return look
+
+
+def test_glass_is_light_blue():
+    world = load_world("office-ring")
+    axes = Figure().add_subplot()
+    draw_world(replace(world, glass=np.arange(len(world.walls)) < 3), axes)
+    drawn = {
+        to_hex(lines.get_colors()[0]): len(lines.get_segments())
+        for lines in axes.collections
+        if isinstance(lines, LineCollection)
+    }
+    assert drawn["#8fc4e8"] == 3
+    assert drawn["#22262b"] == len(world.walls) - 3
 
 
 def test_walls_are_dark_floors_tinted_and_solids_grey(colour_at):

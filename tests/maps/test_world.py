@@ -142,6 +142,19 @@ def test_nothing_in_a_world_can_be_changed():
         world.name = "another"
 
 
+def test_glass_is_one_flag_for_each_wall():
+    assert not make().glass.any() and len(make().glass) == len(DIVIDED)
+    panes = np.arange(len(DIVIDED)) == 1
+    world = deepcopy(make(glass=panes))
+    assert np.array_equal(world.glass, panes)
+    assert np.array_equal(world.opaque, DIVIDED[~panes])
+    for array in (world.glass, world.opaque):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1
+    with pytest.raises(InputError, match="glass: expected true or false for each"):
+        make(glass=np.ones(2, np.bool_))
+
+
 def test_a_world_can_be_copied_as_for_another_process():
     world = make(tours={"t": np.array([[1.0, 1], [2, 2]])})
     assert world.closed

@@ -6,8 +6,9 @@ theory of perceptual mapping (2011). One file a step of its algorithm 4:
 - `recognition`: which landmarks of the last view are in this one (algorithm 1),
 - `localization`: where the robot is in its map (algorithm 2),
 - `updating`: laying a view over the map (algorithm 3),
-- `mapping`: one step of the whole (algorithm 4),
+- `mapping`: one view through the whole (algorithm 4),
 - `turning`, `outlook`, `triangulation`: what `albot1` does in place of algorithms 1 and 2,
 - `memory`: the perceptual map itself, `config`: every threshold,
-- `mapper`: the mapper that users hold.
+- `following`: readings as they come, for many robots; `storage`: where each one's arrays are,
+- `batch`: many robots, `mapper`: a single one, as users hold them.
 """

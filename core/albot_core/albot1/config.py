@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_core.errors import InputError
 from albot_core.perception.view import ViewConfig
+
+TURN_STEP = math.radians(1.0)
+"""Turns are tried this far apart (rad)."""
 
 
 class Limits(NamedTuple):
     """The thresholds as the compiled steps take them (m, rad)."""
 
+    view_spacing: float
+    view_turn: float
     landmark_length: float
     landmark_angle: float
     landmark_gap: float
@@ -21,11 +28,11 @@ class Limits(NamedTuple):
     margin: float
     eye_in_boundary: bool
     remembered: bool
-    turn_search: float
-    turn_cost: float
     reach: float
     motion_error: float
     turn_error: float
+    turns: np.ndarray
+    """(turns, 3) float64: the turns tried, as cosine, sine, and votes that each must make up."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,6 +44,14 @@ class Albot1Config:
 
     view: ViewConfig = field(default_factory=ViewConfig)
     """Thresholds of view construction (section 3.1.3)."""
+    view_spacing: float = 0.0
+    """A reading is a view only from this far from the last view's place on (m)…"""
+    view_turn: float = 0.0
+    """…or from this large a turn since on (rad); one nearer than both only moves the robot.
+
+    At 0 every reading is a view: a log's were taken as far apart as its robot stopped, or,
+    guided in continuous motion, every 10 cm or 1°, or 1 m or 10° (section 3.1.2).
+    """
     landmark_length: float = 0.40
     """Shorter surfaces are no landmarks (m; section 3.1.4)."""
     landmark_angle: float = np.radians(5.0)
@@ -82,7 +97,7 @@ class Albot1Config:
         ):
             if not 0 < getattr(self, name) < np.inf:
                 raise InputError(f"Albot1Config.{name}", "above 0", str(getattr(self, name)))
-        for name in ("margin", "turn_search"):
+        for name in ("view_spacing", "view_turn", "margin", "turn_search"):
             if not 0 <= getattr(self, name) < np.inf:
                 raise InputError(f"Albot1Config.{name}", "0 or above", str(getattr(self, name)))
         if self.fewest_landmarks < 1:
@@ -104,3 +119,16 @@ class Albot1Config:
     def limits(self) -> Limits:
         """The thresholds as the compiled steps take them."""
         return Limits(*(getattr(self, name) for name in Limits._fields))
+
+    @property
+    def turns(self) -> Float64[np.ndarray, "turns 3"]:
+        """The turns tried, as `Limits` holds them."""
+        steps = int(self.turn_search / TURN_STEP + 0.5)
+        turns = [TURN_STEP * step for step in range(-steps, steps + 1)]
+        shares = [turn / self.turn_cost for turn in turns]
+        return np.array(
+            [
+                (math.cos(turn), math.sin(turn), share * share)
+                for turn, share in zip(turns, shares, strict=True)
+            ]
+        )

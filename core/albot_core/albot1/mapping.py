@@ -1,4 +1,4 @@
-"""One step of Albot1 (algorithm 4), compiled."""
+"""One view of Albot1's (algorithm 4), compiled."""
 
 from __future__ import annotations
 
@@ -8,35 +8,22 @@ from numba import njit
 from albot_core.albot1.config import Limits
 from albot_core.albot1.localization import localize
 from albot_core.albot1.memory import Memory
-from albot_core.albot1.recognition import length_of, recognize_landmarks, wrap
+from albot_core.albot1.recognition import moved, recognize_landmarks
 from albot_core.albot1.sight import Sight
 from albot_core.albot1.triangulation import triangulate
 from albot_core.albot1.updating import update_map
-from albot_core.perception.surfaces import NO_EDGE, extract_surfaces
 
 STEP, UPDATED_AT, UPDATES, LOST = 0, 1, 2, 3
-"""Places in `progress`: readings taken in, the reading last laid into the map (the
-thesis's ustep), views laid into the map, and readings without any recognised landmark."""
+"""Places in `progress`: views taken in, the view last laid into the map (the thesis's
+ustep), views laid into the map, and views without any recognised landmark."""
 
 
-@njit(cache=True, error_model="numpy")
-def find_landmarks(current: Sight, limits: Limits) -> None:
-    """Section 3.1.4: long surfaces with an occluding or corner point are landmarks."""
-    for k in range(current.size[0]):
-        current.landmark[k] = length_of(current.surfaces[k]) >= limits.landmark_length and (
-            current.edges[k, 0] != NO_EDGE or current.edges[k, 1] != NO_EDGE
-        )
-
-
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _recognize_and_localize(
     memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
 ) -> int:
     """Set the landmarks recognised in the current view and the pose; return how many."""
-    cos, sin = np.cos(previous.pose[2]), np.sin(previous.pose[2])
-    current.pose[0] = previous.pose[0] + cos * motion[0] - sin * motion[1]
-    current.pose[1] = previous.pose[1] + sin * motion[0] + cos * motion[1]
-    current.pose[2] = wrap(previous.pose[2] + motion[2])
+    moved(previous.pose, motion, current.pose)
     if limits.remembered:
         return int(triangulate(memory, previous, current, motion, limits))
     pairs = np.empty((current.size[0], 4))
@@ -47,34 +34,16 @@ def _recognize_and_localize(
     return int(recognized)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def map_step(
     memory: Memory,
     previous: Sight,
     current: Sight,
-    ranges: np.ndarray,
-    directions: np.ndarray,
-    mount: tuple[float, float],
-    max_range: float,
-    view_thresholds: np.ndarray,
-    fit_lines: bool,
     motion: np.ndarray,
     limits: Limits,
     progress: np.ndarray,
 ) -> None:
-    """Algorithm 4: take in one reading; `current` becomes what is seen now."""
-    current.size[0] = extract_surfaces(  # line 3
-        ranges,
-        directions,
-        mount[0],
-        mount[1],
-        max_range,
-        view_thresholds,
-        fit_lines,
-        current.surfaces,
-        current.edges,
-    )
-    find_landmarks(current, limits)  # line 4
+    """Algorithm 4 from line 5 on: take in the view `current`, a motion away from `previous`."""
     step = progress[STEP]
     progress[STEP] += 1
     recognized = 0

@@ -3,7 +3,8 @@
 Removing what lies in a view must not cost more as the map grows, so every surface's two
 ends are filed in a hashed grid of square cells: the ends near a place are found by looking
 into the cells there. A surface keeps its slot as long as it lives; freed slots are used
-again. Compiled; a `Memory` is a named tuple so that kernels take it whole.
+again. Compiled; a `Memory` is a named tuple so that kernels take it whole. Thousands of
+robots may each have one: it is small, and emptied in no time.
 """
 
 from __future__ import annotations
@@ -19,44 +20,64 @@ from albot_core.errors import InputError
 CELL = 2.0
 """Side of a grid cell (m)."""
 
-ALIVE, FREE, NEXT_ID = 0, 1, 2
-"""Places in `Memory.counts`: surfaces alive, slots on the free list, the next surface id."""
+CAPACITY = 128
+"""Surfaces that a new map has room for; its room is always a power of two."""
 
-NEXT, BEFORE, BUCKET, KEY = 0, 1, 2, 3
-"""Columns of `Memory.links`: the next end in the bucket, the one before, the bucket, the cell."""
+ALIVE, FREE, NEXT_ID, USED = 0, 1, 2, 3
+"""Places in `Memory.counts`: surfaces alive, slots on the free list, the next surface id, and
+how many slots, from the first on, have ever held a surface."""
+
+NEXT, BEFORE = 0, 1
+"""Columns of `Memory.links`: the next end in the bucket, and the one before."""
 
 
 class Memory(NamedTuple):
-    """The arrays of a perceptual map with room for `len(surfaces)` surfaces."""
+    """The arrays of a perceptual map with room for `len(surfaces)` surfaces.
+
+    What they hold for slots never used is of no account.
+    """
 
     surfaces: np.ndarray
-    """(capacity, 4) float64: x1, y1, x2, y2 in the map's frame (m); NaN in free slots."""
+    """(capacity, 4) float64: x1, y1, x2, y2 in the map's frame (m); NaN in freed slots."""
     edges: np.ndarray
     """(capacity, 2) int8: what the two ends are (see `perception.surfaces`)."""
     ids: np.ndarray
-    """(capacity,) int64: the surface's id, never used twice; -1 in free slots."""
+    """(capacity,) int64: the surface's id, never used twice; -1 in freed slots."""
     free: np.ndarray
-    """(capacity,) int64: stack of free slots."""
+    """(capacity,) int32: stack of freed slots."""
     heads: np.ndarray
-    """(buckets,) int64: first end filed in each bucket, -1 where none."""
+    """(2 * capacity,) int32: first end filed in each bucket, -1 where none."""
     links: np.ndarray
-    """(2 * capacity, 4) int64: where every end is filed (see NEXT, BEFORE, BUCKET, KEY)."""
+    """(2 * capacity, 2) int32: the other ends in an end's bucket (see NEXT, BEFORE)."""
     counts: np.ndarray
-    """(3,) int64: see ALIVE, FREE, NEXT_ID."""
+    """(4,) int64: see ALIVE, FREE, NEXT_ID, USED."""
 
 
-def empty_memory(capacity: int = 1024) -> Memory:
-    """A map that remembers nothing, with room for `capacity` surfaces."""
-    buckets = 1 << max(6, int(np.ceil(np.log2(2 * capacity))))
-    return Memory(
-        surfaces=np.full((capacity, 4), np.nan),
-        edges=np.zeros((capacity, 2), np.int8),
-        ids=np.full(capacity, -1, np.int64),
-        free=np.arange(capacity - 1, -1, -1, dtype=np.int64),
-        heads=np.full(buckets, -1, np.int64),
-        links=np.full((2 * capacity, 4), -1, np.int64),
-        counts=np.array([0, capacity, 0], np.int64),
+def empty_memory(capacity: int = CAPACITY) -> Memory:
+    """A map that remembers nothing, with room for `capacity` surfaces or a few more."""
+    capacity = 1 << max(capacity - 1, 1).bit_length()
+    memory = Memory(
+        surfaces=np.empty((capacity, 4)),
+        edges=np.empty((capacity, 2), np.int8),
+        ids=np.empty(capacity, np.int64),
+        free=np.empty(capacity, np.int32),
+        heads=np.empty(2 * capacity, np.int32),
+        links=np.empty((2 * capacity, 2), np.int32),
+        counts=np.empty(4, np.int64),
     )
+    forget(memory)
+    return memory
+
+
+def forget(memory: Memory) -> None:
+    """Make the map remember nothing."""
+    memory.heads[:] = -1
+    memory.counts[:] = 0
+
+
+def living(memory: Memory) -> np.ndarray:
+    """(slots used,) bool: the slots that hold a surface."""
+    return np.asarray(memory.ids[: memory.counts[USED]] >= 0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -66,26 +87,24 @@ def cell_of(coordinate: float) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def cell_key(column: int, row: int) -> int:
-    """One number for a cell; cells less than 2^31 cells apart never share it."""
-    return int((column << 32) ^ (row & 0xFFFFFFFF))
-
-
-@njit(cache=True, error_model="numpy")
 def bucket_of(column: int, row: int, buckets: int) -> int:
     """The bucket in which the ends of a cell are filed; other cells may share it."""
     return int(((column * 73856093) ^ (row * 19349663)) & (buckets - 1))
 
 
 @njit(cache=True, error_model="numpy")
-def _file_end(memory: Memory, end: int) -> None:
+def _bucket_of_end(memory: Memory, end: int) -> int:
     slot, side = end >> 1, end & 1
     column = cell_of(memory.surfaces[slot, 2 * side])
     row = cell_of(memory.surfaces[slot, 2 * side + 1])
-    bucket = bucket_of(column, row, memory.heads.shape[0])
+    return bucket_of(column, row, memory.heads.shape[0])
+
+
+@njit(cache=True, error_model="numpy")
+def _file_end(memory: Memory, end: int) -> None:
+    bucket = _bucket_of_end(memory, end)
     head = memory.heads[bucket]
-    link = memory.links[end]
-    link[NEXT], link[BEFORE], link[BUCKET], link[KEY] = head, -1, bucket, cell_key(column, row)
+    memory.links[end, NEXT], memory.links[end, BEFORE] = head, -1
     if head >= 0:
         memory.links[head, BEFORE] = end
     memory.heads[bucket] = end
@@ -93,13 +112,13 @@ def _file_end(memory: Memory, end: int) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _unfile_end(memory: Memory, end: int) -> None:
-    link = memory.links[end]
-    if link[BEFORE] >= 0:
-        memory.links[link[BEFORE], NEXT] = link[NEXT]
+    after, before = memory.links[end, NEXT], memory.links[end, BEFORE]
+    if before >= 0:
+        memory.links[before, NEXT] = after
     else:
-        memory.heads[link[BUCKET]] = link[NEXT]
-    if link[NEXT] >= 0:
-        memory.links[link[NEXT], BEFORE] = link[BEFORE]
+        memory.heads[_bucket_of_end(memory, end)] = after
+    if after >= 0:
+        memory.links[after, BEFORE] = before
 
 
 @njit(cache=True, error_model="numpy")
@@ -114,9 +133,13 @@ def _write(memory: Memory, slot: int, surface: np.ndarray, edges: np.ndarray) ->
 
 @njit(cache=True, error_model="numpy")
 def add_surface(memory: Memory, surface: np.ndarray, edges: np.ndarray) -> int:
-    """Remember a surface under a new id; return its slot. There must be a free one."""
-    memory.counts[FREE] -= 1
-    slot = int(memory.free[memory.counts[FREE]])
+    """Remember a surface under a new id; return its slot. There must be room."""
+    if memory.counts[FREE] > 0:
+        memory.counts[FREE] -= 1
+        slot = int(memory.free[memory.counts[FREE]])
+    else:
+        slot = int(memory.counts[USED])
+        memory.counts[USED] += 1
     _write(memory, slot, surface, edges)
     memory.ids[slot] = memory.counts[NEXT_ID]
     memory.counts[NEXT_ID] += 1
@@ -162,29 +185,53 @@ def _sort(values: np.ndarray, count: int) -> None:
         gap //= 2
 
 
+@njit(cache=True, error_model="numpy", inline="always")
+def room_left(memory: Memory) -> int:
+    """How many more surfaces there is room for."""
+    counts = memory.counts
+    return int(memory.ids.shape[0] - counts[USED] + counts[FREE])
+
+
 @njit(cache=True, error_model="numpy")
-def surfaces_ending_in(memory: Memory, box: np.ndarray) -> np.ndarray:
-    """Slots of the surfaces with an end in the box (x_min, y_min, x_max, y_max), ascending."""
-    surfaces, heads, links = memory.surfaces, memory.heads, memory.links
-    x_min, y_min, x_max, y_max = box[0], box[1], box[2], box[3]
-    found = np.empty(min(256, 2 * memory.counts[ALIVE] + 1), np.int64)
+def _is_in(box: np.ndarray, x: float, y: float) -> bool:
+    return bool(box[0] <= x and x <= box[2] and box[1] <= y and y <= box[3])
+
+
+@njit(cache=True, error_model="numpy")
+def _search_all(memory: Memory, box: np.ndarray) -> np.ndarray:
+    """Slots of the surfaces with an end in the box, by a look at every surface."""
+    surfaces = memory.surfaces
+    found = np.empty(memory.counts[ALIVE], np.int64)
     count = 0
-    for column in range(cell_of(x_min), cell_of(x_max) + 1):
-        for row in range(cell_of(y_min), cell_of(y_max) + 1):
-            key = cell_key(column, row)
+    for slot in range(memory.counts[USED]):
+        # Freed slots hold NaN, which is in no box.
+        if _is_in(box, surfaces[slot, 0], surfaces[slot, 1]) or _is_in(
+            box, surfaces[slot, 2], surfaces[slot, 3]
+        ):
+            found[count] = slot
+            count += 1
+    return found[:count]
+
+
+@njit(cache=True, error_model="numpy")
+def _search_cells(memory: Memory, box: np.ndarray) -> np.ndarray:
+    """Slots of the surfaces with an end in the box, by a look into its cells."""
+    surfaces, heads, links = memory.surfaces, memory.heads, memory.links
+    found = np.empty(256, np.int64)
+    count = 0
+    for column in range(cell_of(box[0]), cell_of(box[2]) + 1):
+        for row in range(cell_of(box[1]), cell_of(box[3]) + 1):
             end = heads[bucket_of(column, row, heads.shape[0])]
             while end >= 0:
-                if links[end, KEY] == key:
-                    slot, side = end >> 1, end & 1
-                    x, y = surfaces[slot, 2 * side], surfaces[slot, 2 * side + 1]
-                    if x_min <= x <= x_max and y_min <= y <= y_max:
-                        if count == found.shape[0]:
-                            larger = np.empty(2 * count, np.int64)
-                            for i in range(count):
-                                larger[i] = found[i]
-                            found = larger
-                        found[count] = slot
-                        count += 1
+                slot, side = end >> 1, end & 1
+                if _is_in(box, surfaces[slot, 2 * side], surfaces[slot, 2 * side + 1]):
+                    if count == found.shape[0]:
+                        larger = np.empty(2 * count, np.int64)
+                        for i in range(count):
+                            larger[i] = found[i]
+                        found = larger
+                    found[count] = slot
+                    count += 1
                 end = links[end, NEXT]
     _sort(found, count)
     distinct = 0
@@ -195,29 +242,47 @@ def surfaces_ending_in(memory: Memory, box: np.ndarray) -> np.ndarray:
     return found[:distinct]
 
 
-def with_room(memory: Memory, room: int) -> Memory:
-    """The same map with at least `room` free slots; larger arrays only where needed.
-
-    Old free slots are used before the new ones, and the search sorts its answer: a map that
-    has grown behaves exactly as one that was large from the start.
-    """
-    if memory.counts[FREE] >= room:
-        return memory
-    old, unused = len(memory.surfaces), int(memory.counts[FREE])
-    larger = empty_memory(max(2 * old, old + room))
-    larger.surfaces[:old] = memory.surfaces
-    larger.edges[:old] = memory.edges
-    larger.ids[:old] = memory.ids
-    added = len(larger.surfaces) - old
-    larger.free[:added] = np.arange(old + added - 1, old - 1, -1)
-    larger.free[added : added + unused] = memory.free[:unused]
-    larger.counts[:] = memory.counts[ALIVE], added + unused, memory.counts[NEXT_ID]
-    _file_all(larger)
-    return larger
+@njit(cache=True, error_model="numpy")
+def surfaces_ending_in(memory: Memory, box: np.ndarray) -> np.ndarray:
+    """Slots of the surfaces with an end in the box (x_min, y_min, x_max, y_max), ascending."""
+    cells = (box[2] - box[0]) * (box[3] - box[1]) / CELL**2
+    # A surface is looked at several times faster than a cell.
+    if memory.counts[USED] < 4.0 * cells:
+        return _search_all(memory, box)
+    return _search_cells(memory, box)
 
 
 STORED = ("surfaces", "edges", "ids", "free", "counts")
 """The fields from which a memory can be rebuilt; the grid follows from them."""
+
+
+def stored_memory(memory: Memory) -> dict[str, np.ndarray]:
+    """Copies of the STORED fields, as far as they are in use."""
+    used, freed = memory.counts[USED], memory.counts[FREE]
+    return {
+        "surfaces": memory.surfaces[:used].copy(),
+        "edges": memory.edges[:used].copy(),
+        "ids": memory.ids[:used].copy(),
+        "free": memory.free[:freed].copy(),
+        "counts": memory.counts.copy(),
+    }
+
+
+def _filled(stored: Mapping[str, np.ndarray], capacity: int) -> Memory:
+    memory = empty_memory(capacity)
+    for field in STORED:
+        getattr(memory, field)[: len(stored[field])] = stored[field]
+    _file_all(memory)
+    return memory
+
+
+def enlarged(memory: Memory) -> Memory:
+    """The same map with twice the room.
+
+    Slots are used in the same order and the search sorts its answer: a map that has grown
+    behaves exactly as one that was large from the start.
+    """
+    return _filled(stored_memory(memory), 2 * len(memory.ids))
 
 
 def rebuilt_memory(stored: Mapping[str, np.ndarray]) -> Memory:
@@ -226,35 +291,27 @@ def rebuilt_memory(stored: Mapping[str, np.ndarray]) -> Memory:
     Raises:
         InputError: The fields contradict each other.
     """
-    capacity = len(stored["ids"])
-    memory = empty_memory(capacity)
-    for field in STORED:
-        expected = getattr(memory, field)
-        if stored[field].shape != expected.shape:
-            raise InputError(f"memory.{field}", f"shape {expected.shape}", str(stored[field].shape))
-        expected[...] = stored[field]
-    living = memory.ids >= 0
-    unused = int(memory.counts[FREE])
-    if (
-        memory.counts[ALIVE] != living.sum()
-        or unused != capacity - living.sum()
-        or not np.array_equal(np.sort(memory.free[:unused]), np.flatnonzero(~living))
-    ):
+    ids, counts = stored["ids"], stored["counts"]
+    shapes = {"surfaces": (len(ids), 4), "edges": (len(ids), 2), "counts": (4,)}
+    for field, shape in shapes.items():
+        if stored[field].shape != shape:
+            raise InputError(f"memory.{field}", f"shape {shape}", str(stored[field].shape))
+    alive = ids >= 0
+    expected = [alive.sum(), len(ids) - alive.sum(), counts[NEXT_ID], len(ids)]
+    if counts.tolist() != expected:
+        raise InputError("memory.counts", str(expected), str(counts.tolist()))
+    if not np.array_equal(np.sort(stored["free"]), np.flatnonzero(~alive)):
         raise InputError("memory.free", "exactly the slots without a surface", "others")
-    if not np.isfinite(memory.surfaces[living]).all():
-        raise InputError("memory.surfaces", "finite surfaces", "NaN or infinity")
-    if (
-        len(np.unique(memory.ids[living])) != living.sum()
-        or (memory.ids >= memory.counts[NEXT_ID]).any()
-    ):
+    if not (np.isfinite(stored["surfaces"]).all(axis=1) == alive).all():
+        raise InputError("memory.surfaces", "finite surfaces, NaN in freed slots", "others")
+    if len(np.unique(ids[alive])) != alive.sum() or (ids >= counts[NEXT_ID]).any():
         raise InputError("memory.ids", "every id once and below the next", "others")
-    _file_all(memory)
-    return memory
+    return _filled(stored, max(CAPACITY, len(ids)))
 
 
 @njit(cache=True, error_model="numpy")
 def _file_all(memory: Memory) -> None:
-    for slot in range(memory.ids.shape[0]):
+    for slot in range(memory.counts[USED]):
         if memory.ids[slot] >= 0:
             _file_end(memory, 2 * slot)
             _file_end(memory, 2 * slot + 1)

@@ -1,7 +1,8 @@
 """What is in view, was in view, and is remembered, as rows that can be compared.
 
 A row describes a surface as seen from where the robot is expected to be: its ends x1, y1,
-x2, y2 (m), its length (m), its heading (rad), and the unit vector along it.
+x2, y2 (m), its length (m), its heading (rad), and the unit vector along it; in the view also
+how far away the two ends are (m).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from numba import njit
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.memory import Memory, surfaces_ending_in
-from albot_core.albot1.recognition import heading_of, length_of, seen_from
+from albot_core.albot1.recognition import heading_of, length_of, seen_along
 from albot_core.albot1.sight import Sight
 
 
@@ -27,23 +28,25 @@ def describe(surface: np.ndarray, row: np.ndarray) -> None:
     row[7] = (surface[3] - surface[1]) / length
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The surfaces of the view long enough to be recognised: places in it, ends and rows."""
     which = np.empty(current.size[0], np.int64)
     edges = np.empty((current.size[0], 2), np.int8)
-    rows = np.empty((current.size[0], 8))
+    rows = np.empty((current.size[0], 10))
     kept = 0
     for k in range(current.size[0]):
         if length_of(current.surfaces[k]) >= limits.landmark_length:
-            describe(current.surfaces[k], rows[kept])
+            row = rows[kept]
+            describe(current.surfaces[k], row)
+            row[8], row[9] = np.hypot(row[0], row[1]), np.hypot(row[2], row[3])
             edges[kept, 0], edges[kept, 1] = current.edges[k, 0], current.edges[k, 1]
             which[kept] = k
             kept += 1
     return which[:kept], edges[:kept], rows[:kept]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def seen_before(
     previous: Sight, motion: np.ndarray, limits: Limits
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -51,10 +54,11 @@ def seen_before(
     edges = np.empty((previous.size[0], 2), np.int8)
     rows = np.empty((previous.size[0], 8))
     expected = np.empty(4)
+    cos, sin = np.cos(motion[2]), np.sin(motion[2])
     kept = 0
     for i in range(previous.size[0]):
         if length_of(previous.surfaces[i]) >= limits.landmark_length:
-            seen_from(motion, previous.surfaces[i], expected)
+            seen_along(motion, cos, sin, previous.surfaces[i], expected)
             describe(expected, rows[kept])
             edges[kept, 0], edges[kept, 1] = previous.edges[i, 0], previous.edges[i, 1]
             kept += 1
@@ -71,7 +75,7 @@ def remembered_nearby(
     for k in range(seen.shape[0]):
         for end in range(2):
             x, y = seen[k, 2 * end], seen[k, 2 * end + 1]
-            shrink = min(1.0, limits.reach / max(np.hypot(x, y), 1e-9))
+            shrink = min(1.0, limits.reach / max(seen[k, 8 + end], 1e-9))
             east = pose[0] + shrink * (cos * x - sin * y)
             north = pose[1] + shrink * (sin * x + cos * y)
             box[0], box[2] = min(box[0], east), max(box[2], east)
@@ -85,7 +89,7 @@ def remembered_nearby(
     expected = np.empty(4)
     kept = 0
     for slot in slots:
-        seen_from(pose, memory.surfaces[slot], expected)
+        seen_along(pose, cos, sin, memory.surfaces[slot], expected)
         if length_of(expected) >= limits.landmark_length:
             describe(expected, rows[kept])
             edges[kept, 0], edges[kept, 1] = memory.edges[slot, 0], memory.edges[slot, 1]

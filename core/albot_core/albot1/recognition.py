@@ -39,13 +39,30 @@ def wrap(angle: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
+def moved(pose: np.ndarray, motion: np.ndarray, out: np.ndarray) -> None:
+    """Write into `out`, which may be `motion`, where a motion leads from a pose."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    x, y = motion[0], motion[1]
+    out[0] = pose[0] + cos * x - sin * y
+    out[1] = pose[1] + sin * x + cos * y
+    out[2] = wrap(pose[2] + motion[2])
+
+
+@njit(cache=True, error_model="numpy")
 def seen_from(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
     """Write into `out` the surface as seen from a pose (equations 3.1 to 3.4).
 
     The thesis faces +y and writes the displacement as a distance and an angle; here the
     robot faces +x and the pose is x, y, heading.
     """
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    seen_along(pose, np.cos(pose[2]), np.sin(pose[2]), surface, out)
+
+
+@njit(cache=True, error_model="numpy")
+def seen_along(
+    pose: np.ndarray, cos: float, sin: float, surface: np.ndarray, out: np.ndarray
+) -> None:
+    """`seen_from` where cosine and sine of the pose's heading are known."""
     for end in range(2):
         x, y = surface[2 * end] - pose[0], surface[2 * end + 1] - pose[1]
         out[2 * end] = cos * x + sin * y

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from albot_core.errors import InputError
 
@@ -30,7 +31,11 @@ class Sight(NamedTuple):
     """(3,) float64: where in the map the robot believed to see this from."""
 
 
-def empty_sight(room: int) -> Sight:
+ROOM = 64
+"""Surfaces of a view that a new robot has room for."""
+
+
+def empty_sight(room: int = ROOM) -> Sight:
     """A view of nothing with room for `room` surfaces, seen from the map's origin."""
     return Sight(
         surfaces=np.zeros((room, 4)),
@@ -42,21 +47,47 @@ def empty_sight(room: int) -> Sight:
     )
 
 
-def rebuilt_sight(stored: Mapping[str, np.ndarray], capacity: int) -> Sight:
-    """The view with the given fields, whose landmarks are in a map of that capacity.
+@njit(cache=True, error_model="numpy", inline="always")
+def copy_sight(source: Sight, target: Sight) -> None:
+    """Make `target`, which has room for it, the same view."""
+    target.size[0] = source.size[0]
+    for i in range(3):
+        target.pose[i] = source.pose[i]
+    for k in range(source.size[0]):
+        for i in range(4):
+            target.surfaces[k, i] = source.surfaces[k, i]
+        target.edges[k, 0], target.edges[k, 1] = source.edges[k, 0], source.edges[k, 1]
+        target.landmark[k] = source.landmark[k]
+        target.slots[k] = source.slots[k]
+
+
+VIEWED = ("surfaces", "edges", "landmark", "slots")
+"""The fields of a view with one row a surface."""
+
+
+def stored_sight(sight: Sight) -> dict[str, np.ndarray]:
+    """Copies of a view's fields, as far as they are in use."""
+    stored = {field: getattr(sight, field)[: sight.size[0]].copy() for field in VIEWED}
+    return stored | {"pose": sight.pose.copy()}
+
+
+def rebuilt_sight(stored: Mapping[str, np.ndarray], slots: int) -> Sight:
+    """The view with the given fields, whose landmarks are in a map that uses so many slots.
 
     Raises:
         InputError: The fields contradict each other or the map.
     """
-    sight = empty_sight(len(stored["slots"]))
-    for field, array in sight._asdict().items():
-        if stored[field].shape != array.shape:
-            raise InputError(f"sight.{field}", f"shape {array.shape}", str(stored[field].shape))
-        array[...] = stored[field]
-    if not 0 <= sight.size[0] <= len(sight.slots):
-        raise InputError("sight.size", f"0 to {len(sight.slots)}", str(sight.size[0]))
-    if ((sight.slots < NOT_RECOGNIZED) | (sight.slots >= capacity)).any():
-        raise InputError("sight.slots", f"slots of a map of {capacity}", "others")
+    size = len(stored["slots"])
+    sight = empty_sight(max(ROOM, size))
+    sight.size[0] = size
+    for field in (*VIEWED, "pose"):
+        array = getattr(sight, field)
+        shape = (3,) if field == "pose" else (size, *array.shape[1:])
+        if stored[field].shape != shape:
+            raise InputError(f"view.{field}", f"shape {shape}", str(stored[field].shape))
+        array[: shape[0]] = stored[field]
+    if ((sight.slots < NOT_RECOGNIZED) | (sight.slots >= slots)).any():
+        raise InputError("view.slots", f"slots of a map of {slots}", "others")
     if not (np.isfinite(sight.surfaces).all() and np.isfinite(sight.pose).all()):
-        raise InputError("sight.surfaces", "finite surfaces and pose", "NaN or infinity")
+        raise InputError("view.surfaces", "finite surfaces and pose", "NaN or infinity")
     return sight

@@ -99,21 +99,21 @@ def _pull(
 
 @njit(cache=True, error_model="numpy")
 def _pull_point(
-    match: np.ndarray,
+    side: int,
     seen: np.ndarray,
     expected: np.ndarray,
     correction: np.ndarray,
+    cos: float,
+    sin: float,
     normal: np.ndarray,
     slope: np.ndarray,
 ) -> None:
     """Add a recognised landmark's point to the normal equations."""
-    side = match[SIDE]
-    cos, sin = np.cos(correction[2]), np.sin(correction[2])
     px, py = seen[2 * side], seen[2 * side + 1]
     x, y = cos * px - sin * py, sin * px + cos * py
     ex = expected[2 * side] - correction[0] - x
     ey = expected[2 * side + 1] - correction[1] - y
-    noise = POINT_NOISE + POINT_NOISE_GROWTH * np.hypot(px, py)
+    noise = POINT_NOISE + POINT_NOISE_GROWTH * seen[8 + side]
     weight = 1.0 / (1.0 + (ex * ex + ey * ey) / POINT_DOUBT**2) / noise**2
     _pull(normal, slope, x, y, 1.0, 0.0, ex, weight)
     _pull(normal, slope, x, y, 0.0, 1.0, ey, weight)
@@ -124,33 +124,30 @@ def _pull_line(
     seen: np.ndarray,
     wall: np.ndarray,
     correction: np.ndarray,
+    cos: float,
+    sin: float,
     normal: np.ndarray,
     slope: np.ndarray,
 ) -> None:
     """Add a recognised wall to the normal equations: both ends of the common part lie on it."""
-    cos, sin = np.cos(correction[2]), np.sin(correction[2])
     ux, uy = wall[6], wall[7]
-    arm = np.empty((2, 2))
-    along = np.empty(2)
-    for end in range(2):
-        px, py = seen[2 * end], seen[2 * end + 1]
-        arm[end, 0], arm[end, 1] = cos * px - sin * py, sin * px + cos * py
-        along[end] = ux * (correction[0] + arm[end, 0] - wall[0]) + uy * (
-            correction[1] + arm[end, 1] - wall[1]
-        )
-    run = along[1] - along[0]
+    x0, y0 = cos * seen[0] - sin * seen[1], sin * seen[0] + cos * seen[1]
+    x1, y1 = cos * seen[2] - sin * seen[3], sin * seen[2] + cos * seen[3]
+    first = ux * (correction[0] + x0 - wall[0]) + uy * (correction[1] + y0 - wall[1])
+    last = ux * (correction[0] + x1 - wall[0]) + uy * (correction[1] + y1 - wall[1])
+    run = last - first
     if run <= 0.0:
         return
     for end in range(2):
-        part = (min(max(along[end], 0.0), wall[4]) - along[0]) / run
-        x = arm[0, 0] + part * (arm[1, 0] - arm[0, 0])
-        y = arm[0, 1] + part * (arm[1, 1] - arm[0, 1])
+        along = last if end else first
+        part = (min(max(along, 0.0), wall[4]) - first) / run
+        x, y = x0 + part * (x1 - x0), y0 + part * (y1 - y0)
         off = (correction[0] + x - wall[0]) * -uy + (correction[1] + y - wall[1]) * ux
         weight = min(seen[4], 3.0) / (1.0 + (off / LINE_DOUBT) ** 2) / LINE_NOISE**2
         _pull(normal, slope, x, y, -uy, ux, -off, weight)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def _solve(normal: np.ndarray, slope: np.ndarray, step: np.ndarray) -> None:
     """Solve the symmetric 3 x 3 system (upper triangle given) by Cholesky's method."""
     a = np.sqrt(normal[0, 0])
@@ -175,19 +172,23 @@ def _adjust(
     correction: np.ndarray,
 ) -> None:
     """Gauss-Newton on the correction, held by the odometer's motion and the likeliest turn."""
-    step = np.empty(3)
+    normal, slope, step = np.empty((3, 3)), np.empty(3), np.empty(3)
     for _ in range(ITERATIONS):
-        normal, slope = np.zeros((3, 3)), np.zeros(3)
+        cos, sin = np.cos(correction[2]), np.sin(correction[2])
+        for i in range(3):
+            for j in range(3):
+                normal[i, j] = 0.0
         normal[0, 0] = normal[1, 1] = 1.0 / limits.motion_error**2
         normal[2, 2] = 1.0 / limits.turn_error**2
         for i in range(3):
             slope[i] = -normal[i, i] * correction[i]
         for k in range(seen.shape[0]):
             if matches[k, POINT] >= 0:
-                wall = expected[matches[k, POINT]]
-                _pull_point(matches[k], seen[k], wall, correction, normal, slope)
+                wall, side = expected[matches[k, POINT]], matches[k, SIDE]
+                _pull_point(side, seen[k], wall, correction, cos, sin, normal, slope)
             if matches[k, LINE] >= 0:
-                _pull_line(seen[k], expected[matches[k, LINE]], correction, normal, slope)
+                wall = expected[matches[k, LINE]]
+                _pull_line(seen[k], wall, correction, cos, sin, normal, slope)
         _solve(normal, slope, step)
         for i in range(3):
             correction[i] += step[i]

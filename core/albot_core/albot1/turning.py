@@ -9,13 +9,11 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from albot_core.albot1.config import Limits
+from albot_core.albot1.config import TURN_STEP, Limits
 from albot_core.albot1.outlook import beside
 from albot_core.albot1.recognition import wrap
 from albot_core.perception.surfaces import NO_EDGE
 
-TURN_STEP = np.radians(1.0)
-"""Turns are tried this far apart (rad)."""
 LINE_GAP = 0.30
 """A wall is taken for the remembered one when it runs no farther than this beside it (m)."""
 LINE_VOTE = 0.5
@@ -84,13 +82,12 @@ def likeliest_turn(
     Every surface seen votes for the turns that bring it onto an expected one, a landmark
     by its points and a wall by its line, each the more the better it fits.
     """
-    steps = int(limits.turn_search / TURN_STEP + 0.5)
-    bins = 2 * steps + 1
-    turns, votes, own = np.empty((bins, 2)), np.empty(bins), np.empty(bins)
+    turns = limits.turns
+    bins = turns.shape[0]
+    steps = bins // 2
+    votes, own = np.empty(bins), np.empty(bins)
     for b in range(bins):
-        off = (b - steps) * TURN_STEP
-        turns[b, 0], turns[b, 1] = np.cos(off), np.sin(off)
-        votes[b] = -((off / limits.turn_cost) ** 2)
+        votes[b] = -turns[b, 2]
     angle, gap = limits.landmark_angle, limits.landmark_gap
     for k in range(seen.shape[0]):
         for b in range(bins):

@@ -47,7 +47,7 @@ def view_polygon(laid: np.ndarray, pose: np.ndarray, eye: bool) -> np.ndarray:
     return polygon if eye or count == 0 else polygon[: 2 * count]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def box_around(polygon: np.ndarray, margin: float) -> np.ndarray:
     """The box (x_min, y_min, x_max, y_max) that leaves `margin` around the polygon."""
     box = np.array((np.inf, np.inf, -np.inf, -np.inf))

@@ -77,32 +77,42 @@ class LaserScan:
         return np.asarray(np.asarray(self.geometry.mount[:2]) + reach)
 
 
+_BEARINGS = tuple(np.radians((-90, -50, -30, -10, 10, 30, 50, 90)).tolist())
+_ARC = ((0.069, 0.136), (0.114, 0.119), (0.148, 0.078), (0.166, 0.027))
+_PLACES = (*((x, -y) for x, y in _ARC), *reversed(_ARC))
+
+
 @dataclass(frozen=True, kw_only=True)
 class SonarGeometry:
-    """Where the sonars of a ring point. The default is the front ring of a Pioneer 3-DX."""
+    """Where the sonars of a robot sit and point. The default is a Pioneer 3-DX's front array.
 
-    bearings: tuple[float, ...] = tuple(np.radians((-90, -50, -30, -10, 10, 30, 50, 90)).tolist())
+    Places and bearings are those of its parameter file in MobileRobots' ARIA; the cone and
+    the shorter range are as in the papers, whose sonars reached about 4 m.
+    """
+
+    bearings: tuple[float, ...] = _BEARINGS
     """Bearing of every sonar from the robot's heading (rad), counter-clockwise."""
+    places: tuple[tuple[float, float], ...] = _PLACES
+    """Where every sonar sits in the robot's frame: x, y (m)."""
     cone: float = np.pi / 6
     """Full angle of the cone in which a sonar hears echoes (rad)."""
     min_range: float = 0.1
     """Nearer echoes are reported as this (m)."""
     max_range: float = 4.0
     """Distance (m) at and beyond which a range means that nothing came back."""
-    ring: float = 0.2
-    """Distance of every sonar from the robot's middle, along its bearing (m)."""
 
     def __post_init__(self) -> None:
         if not self.bearings or not np.isfinite(self.bearings).all():
             expected = "one finite bearing (rad) or more"
             raise InputError("SonarGeometry.bearings", expected, str(self.bearings))
+        if len(self.places) != len(self.bearings) or not np.isfinite(self.places).all():
+            expected = f"{len(self.bearings)} finite pairs x, y (m), as there are bearings"
+            raise InputError("SonarGeometry.places", expected, str(self.places))
         if not 0 < self.cone < np.pi:
             raise InputError("SonarGeometry.cone", "within (0, pi)", str(self.cone))
         if not 0 <= self.min_range < self.max_range < np.inf:
             found = f"{self.min_range:g} and {self.max_range:g}"
             raise InputError("SonarGeometry.max_range", "lengths above min_range", found)
-        if not 0 <= self.ring < np.inf:
-            raise InputError("SonarGeometry.ring", "at least 0", str(self.ring))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

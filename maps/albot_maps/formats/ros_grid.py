@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import shapely
 from jaxtyping import Bool, Float64
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 from scipy import ndimage
 
 from albot_core.errors import InputError
@@ -137,13 +137,17 @@ def _read_cells(description: _Description) -> tuple[Cells, Cells]:
 def read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
     """The picture's brightness, 0 to 255; that of a coloured one is its channels' mean."""
     content = read_bytes(path)
+    expected = "a whole PGM or PNG picture"
     try:
         with Image.open(BytesIO(content)) as picture:
-            if picture.mode.startswith(("I", "F")):
-                raise InputError(path, "8 bits a channel", f"the mode {picture.mode}")
+            mode = picture.mode
             colours: np.ndarray = np.asarray(picture.convert("RGB"), dtype=np.float64)
+    except UnidentifiedImageError:  # Its message tells where in memory the content is.
+        raise InputError(path, expected, "something else") from None
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(path, "a whole PGM or PNG picture", str(error)) from None
+        raise InputError(path, expected, str(error)) from None
+    if mode.startswith(("I", "F")):
+        raise InputError(path, "8 bits a channel", f"the mode {mode}")
     return np.array(colours.mean(axis=2))
 
 

@@ -16,12 +16,14 @@ from albot_maps.world import World
 def world_text(world: World) -> str:
     """The world as the text of an `albot-world` file; read again it is the same world.
 
-    Chains of walls are written as polylines. Its `source` is not part of a file.
+    Chains of walls are written as polylines, those of glass last. Its `source` is not part
+    of a file.
     """
     lines = ["albot-world: 1", f"name: {_quoted(world.name)}"]
     sections = {
         "notes": [f"- {_quoted(note)}" for note in world.notes],
-        "walls": [f"- {flow(line)}" for line in _chains(world.walls)],
+        "walls": [f"- {flow(line)}" for line in _chains(world.opaque)],
+        "glass": [f"- {flow(line)}" for line in _chains(world.walls[world.glass])],
         "rooms": [f"{_quoted(room.name)}: {flow(room.boundary)}" for room in world.rooms],
         "exits": [
             f"{_quoted(opening.name)}: {{line: {flow(opening.segment.reshape(2, 2))}, "
@@ -43,6 +45,8 @@ def world_text(world: World) -> str:
 
 def _chains(walls: Segments) -> Iterator[Points]:
     """Runs of walls each of which begins where the last one ended."""
+    if not len(walls):
+        return
     breaks = np.flatnonzero((walls[1:, :2] != walls[:-1, 2:]).any(axis=1)) + 1
     for run in np.split(walls, breaks):
         yield np.concatenate((run[:1, :2], run[:, 2:]))

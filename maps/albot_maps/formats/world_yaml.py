@@ -37,6 +37,7 @@ def world_from_document(document: YamlDocument, *, source: str) -> World:
         return World(
             name=data["name"],
             walls=walls.segments,
+            glass=walls.glass,
             starts=np.array(starts),
             rooms=tuple(
                 Room(name=name, boundary=_points(outline))
@@ -68,7 +69,9 @@ class _Walls:
         self._source = source
         self._solids: list[tuple[tuple[str | int, ...], Points]] = []
         pieces = [np.empty((0, 4)), *self._pieces(document.data)]
-        self.segments: Segments = np.concatenate(pieces)
+        panes = [np.empty((0, 4)), *self._lines("glass", document.data)]
+        self.segments: Segments = np.concatenate([*pieces, *panes])
+        self.glass = np.arange(len(self.segments)) >= sum(map(len, pieces))
 
     def check_outside_solids(self, starts: Sequence[Pose]) -> None:
         """Raise InputError where a start lies inside a box or polygon."""
@@ -80,9 +83,12 @@ class _Walls:
                     found = f"the inside of {self._document.place(path)}"
                     raise InputError(self._source, "a start in free space", found, place=place)
 
+    def _lines(self, key: str, data: dict[str, Any]) -> Iterator[Segments]:
+        for index, line in enumerate(data.get(key, ())):
+            yield self._joined((key, index), _points(line))
+
     def _pieces(self, data: dict[str, Any]) -> Iterator[Segments]:
-        for index, line in enumerate(data.get("walls", ())):
-            yield self._joined(("walls", index), _points(line))
+        yield from self._lines("walls", data)
         for index, box in enumerate(data.get("boxes", ())):
             x_min, y_min, x_max, y_max = box
             corners = [[x_min, y_min], [x_max, y_min], [x_max, y_max], [x_min, y_max]]
@@ -101,7 +107,7 @@ class _Walls:
             found = shown(points[index].tolist())
             raise self._error((*path, int(index)), METRES, found)
         for index in np.flatnonzero(np.hypot(*np.diff(points, axis=0).T) <= SHORTEST_WALL):
-            place = (*path, int(index)) if path[0] == "walls" else path
+            place = (*path, int(index)) if path[0] in ("walls", "glass") else path
             found = f"the point {shown(points[index].tolist())} twice"
             raise self._error(place, "a wall longer than 0", found)
         return np.concatenate((points[:-1], points[1:]), axis=1)

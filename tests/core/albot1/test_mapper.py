@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -138,7 +140,7 @@ def test_the_state_shares_no_memory() -> None:
 def test_a_contradictory_state_is_refused_and_nothing_is_lost() -> None:
     run(mapper := Albot1.default(), readings(walk(10)))
     state, before = mapper.state(), mapper.surfaces
-    state["current.slots"][0] = 10**9
+    state["view.slots"][0] = 10**9
     with pytest.raises(InputError, match="slots"):
         mapper.restore(state)
     assert np.array_equal(mapper.surfaces, before)
@@ -164,6 +166,35 @@ def test_a_bare_corridor_is_followed_by_its_walls() -> None:
     assert mapper.lost == 14
 
 
+@pytest.mark.parametrize("make", PRESETS)
+def test_a_reading_near_the_last_view_only_moves_the_robot(make: type[Albot1]) -> None:
+    config = replace(make().config, view_spacing=0.5, view_turn=np.radians(12.0))
+    spaced, seldom = Albot1(config), make()
+    last, since, views = np.zeros(3), np.zeros(3), 0
+    for reading in readings(walk(120), noise=0.01, error=(0.002, 0.0, 0.003)):
+        since = compose(since, reading.motion) if views else since
+        laid = spaced.update(reading)
+        if views == 0 or np.hypot(*since[:2]) >= 0.5 or abs(since[2]) >= np.radians(12.0):
+            # What the mapper makes of a view is what one does that is given the views alone.
+            view = Reading(stamp=reading.stamp, motion=since, laser=reading.laser)
+            assert seldom.update(view) is laid
+            last, since, views = seldom.pose, np.zeros(3), views + 1
+        assert not (since.any() and laid)
+        np.testing.assert_allclose(spaced.pose, compose(last, since), atol=1e-9)
+        np.testing.assert_allclose(spaced.surfaces, seldom.surfaces, atol=1e-9)
+    assert 20 < views < 80
+    assert spaced.updates == seldom.updates > 1
+    assert spaced.lost == seldom.lost
+
+
+@pytest.mark.parametrize("spacing", [(0.0, 1.0), (1.0, 0.0)])
+def test_with_either_spacing_zero_every_reading_is_a_view(spacing: tuple[float, float]) -> None:
+    config = Albot1Config(remembered=True, view_spacing=spacing[0], view_turn=spacing[1])
+    one, other = Albot1(config), Albot1(Albot1Config(remembered=True))
+    given = readings(walk(20), noise=0.01)
+    assert np.array_equal(run(one, given), run(other, given))
+
+
 def test_lasers_may_differ_from_reading_to_reading() -> None:
     fine = LaserGeometry(beams=361, spacing=np.radians(0.5))
     path = walk(10)
@@ -176,7 +207,14 @@ def test_lasers_may_differ_from_reading_to_reading() -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"landmark_gap": 0.0}, {"fewest_landmarks": 0}, {"margin": -0.1}, {"reach": np.nan}]
+    "wrong",
+    [
+        {"landmark_gap": 0.0},
+        {"fewest_landmarks": 0},
+        {"margin": -0.1},
+        {"reach": np.nan},
+        {"view_turn": -0.1},
+    ],
 )
 def test_impossible_thresholds_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(iter(wrong))):

@@ -9,16 +9,20 @@ from hypothesis import strategies as st
 
 from albot_core.albot1.memory import (
     ALIVE,
-    FREE,
-    STORED,
+    CELL,
+    USED,
     Memory,
     add_surface,
     empty_memory,
+    enlarged,
+    forget,
+    living,
     move_surface,
     rebuilt_memory,
     remove_surface,
+    room_left,
+    stored_memory,
     surfaces_ending_in,
-    with_room,
 )
 from albot_core.errors import InputError
 
@@ -33,8 +37,9 @@ def slow_search(memory: Memory, box: np.ndarray) -> list[int]:
 
     return [
         slot
-        for slot, (x1, y1, x2, y2) in enumerate(memory.surfaces)
-        if memory.ids[slot] >= 0 and (inside(x1, y1) or inside(x2, y2))
+        for slot in np.flatnonzero(living(memory)).tolist()
+        for x1, y1, x2, y2 in [memory.surfaces[slot]]
+        if inside(x1, y1) or inside(x2, y2)
     ]
 
 
@@ -48,18 +53,41 @@ def test_the_grid_finds_what_the_slow_search_finds(
 ) -> None:
     memory = empty_memory(4)
     for act, ends, pick in acts:
-        memory = with_room(memory, 1)
-        living = np.flatnonzero(memory.ids >= 0)
-        if act == "a" or len(living) == 0:
+        memory = memory if room_left(memory) else enlarged(memory)
+        slots = np.flatnonzero(living(memory))
+        if act == "a" or len(slots) == 0:
             add_surface(memory, ends, EDGES)
         elif act == "r":
-            remove_surface(memory, int(living[pick % len(living)]))
+            remove_surface(memory, int(slots[pick % len(slots)]))
         else:
-            move_surface(memory, int(living[pick % len(living)]), ends, EDGES)
+            move_surface(memory, int(slots[pick % len(slots)]), ends, EDGES)
     box = np.array([where[0], where[1], where[0] + where[2], where[1] + where[3]])
     assert surfaces_ending_in(memory, box).tolist() == slow_search(memory, box)
-    assert memory.counts[ALIVE] == (memory.ids >= 0).sum()
-    assert memory.counts[FREE] == (memory.ids < 0).sum()
+    assert memory.counts[ALIVE] == living(memory).sum()
+    assert room_left(memory) == len(memory.ids) - living(memory).sum()
+
+
+@pytest.mark.parametrize("side", [4.0, 18.0, 40.0])
+def test_few_and_many_surfaces_are_found_alike(side: float) -> None:
+    # Two ways of searching: through all surfaces, and cell by cell.
+    rng = np.random.default_rng(0)
+    memory = empty_memory(512)
+    for ends in rng.uniform(0, 30, (500, 4)):
+        add_surface(memory, ends, EDGES)
+    box = np.array([5.0, 5.0, 5.0 + side, 5.0 + side])
+    found = surfaces_ending_in(memory, box).tolist()
+    assert found == slow_search(memory, box)
+    assert 0 < len(found) < 500
+    assert (side < 20) == (memory.counts[USED] >= 4 * (side / CELL) ** 2)
+
+
+def test_a_map_that_forgot_is_as_new() -> None:
+    memory = rebuilt_memory(stored())
+    forget(memory)
+    assert len(living(memory)) == 0
+    assert surfaces_ending_in(memory, np.array([-1.0, -1.0, 9.0, 1.5])).tolist() == []
+    assert surfaces_ending_in(memory, np.array([-90.0, -90.0, 90.0, 90.0])).tolist() == []
+    assert add_surface(memory, np.zeros(4), EDGES) == memory.ids[0] == 0
 
 
 def test_ids_are_never_used_twice() -> None:
@@ -75,7 +103,7 @@ def test_ids_are_never_used_twice() -> None:
 def test_a_grown_map_uses_its_slots_in_the_same_order() -> None:
     small, large = empty_memory(2), empty_memory(512)
     for k in range(200):
-        small = with_room(small, 1)
+        small = small if room_left(small) else enlarged(small)
         ends = np.array([k, 0.0, k, 1.0])
         assert add_surface(small, ends, EDGES) == add_surface(large, ends, EDGES)
 
@@ -85,7 +113,7 @@ def stored() -> dict[str, np.ndarray]:
     for k in range(5):
         add_surface(memory, np.array([k, 0.0, k, 1.0]), EDGES)
     remove_surface(memory, 2)
-    return {field: getattr(memory, field).copy() for field in STORED}
+    return stored_memory(memory)
 
 
 def test_a_rebuilt_map_finds_the_same() -> None:
@@ -95,7 +123,15 @@ def test_a_rebuilt_map_finds_the_same() -> None:
 
 @pytest.mark.parametrize(
     ("field", "index", "value"),
-    [("free", 0, 99), ("ids", 0, 1), ("ids", 0, 77), ("counts", 0, 3), ("surfaces", 0, np.nan)],
+    [
+        ("free", 0, 99),
+        ("ids", 0, 1),
+        ("ids", 0, 77),
+        ("counts", 0, 3),
+        ("counts", 3, 4),
+        ("surfaces", 0, np.nan),
+        ("surfaces", 2, 0.0),
+    ],
 )
 def test_contradictions_are_refused(field: str, index: int, value: float) -> None:
     arrays = stored()

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
 from albot_core.albot1.config import Albot1Config
-from albot_core.albot1.memory import Memory, add_surface, empty_memory
+from albot_core.albot1.memory import Memory, add_surface, empty_memory, living
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight, empty_sight
 from albot_core.albot1.updating import is_covered, update_map
 from albot_core.perception.surfaces import CORNER, NO_EDGE
@@ -36,7 +36,7 @@ def after(old: list[list[float]]) -> tuple[Memory, Sight, list[list[float]]]:
         add_surface(memory, np.array(ends), EDGES)
     sight = view_of(BOX)
     update_map(memory, sight, LIMITS)
-    surfaces = memory.surfaces[memory.ids >= 0]
+    surfaces = memory.surfaces[np.flatnonzero(living(memory))]
     others = [s.tolist() for s in surfaces if not any(np.allclose(s, b) for b in BOX)]
     return memory, sight, others
 
@@ -44,7 +44,7 @@ def after(old: list[list[float]]) -> tuple[Memory, Sight, list[list[float]]]:
 def test_the_first_view_is_the_map() -> None:
     memory, sight, others = after([])
     assert others == []
-    assert sorted(sight.slots[:3].tolist()) == np.flatnonzero(memory.ids >= 0).tolist()
+    assert sorted(sight.slots[:3].tolist()) == np.flatnonzero(living(memory)).tolist()
 
 
 def test_what_lies_inside_is_removed() -> None:
@@ -64,7 +64,7 @@ def test_what_lies_outside_stays() -> None:
 def test_a_surface_partly_inside_without_counterpart_is_cut_at_the_boundary() -> None:
     memory, _, others = after([[2.0, 0.5, 6.4, 0.5]])
     assert others == [pytest.approx([4.4, 0.5, 6.4, 0.5], abs=2e-3)]
-    slot = int(np.flatnonzero(memory.ids == 0)[0])
+    slot = int(np.flatnonzero(memory.ids[living(memory).nonzero()] == 0)[0])
     assert memory.edges[slot].tolist() == [NO_EDGE, CORNER]
 
 
@@ -84,7 +84,7 @@ def test_the_robots_own_place_may_close_the_boundary() -> None:
         memory = empty_memory(32)
         add_surface(memory, near, EDGES)
         update_map(memory, view_of(ahead), LIMITS._replace(eye_in_boundary=eye))
-        assert (memory.ids >= 0).sum() == left
+        assert living(memory).sum() == left
 
 
 def test_surfaces_that_are_no_landmarks_are_added_but_not_tracked() -> None:
@@ -92,7 +92,7 @@ def test_surfaces_that_are_no_landmarks_are_added_but_not_tracked() -> None:
     sight = view_of(BOX)
     sight.landmark[1] = False
     update_map(memory, sight, LIMITS)
-    assert (memory.ids >= 0).sum() == 3
+    assert living(memory).sum() == 3
     assert sight.slots[1] == NOT_RECOGNIZED
 
 

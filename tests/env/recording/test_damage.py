@@ -75,9 +75,14 @@ def _write(path: Path, messages: list[tuple[str, bytes]]) -> None:
     path.write_bytes(stream.getvalue())
 
 
+def _sonar(**changes: object) -> dict[str, object]:
+    sonar = {"bearings": [0.0], "places": [[0.0, 0.0]], "cone": 0.5}
+    return {**sonar, "min_range": 0.1, "max_range": 4.0, **changes}
+
+
 def _header(**changes: object) -> bytes:
     header = {
-        "format": 1,
+        "format": 2,
         "environment": "Albot/Explore-v0",
         "world": "w",
         "walls": [[0, 0, 1, 0]],
@@ -93,6 +98,7 @@ def _header(**changes: object) -> bytes:
             "max_range": 30.0,
             "mount": [0, 0, 0],
         },
+        "sonar": None,
     }
     assert set(header) == set(EPISODE_HEADER["required"])
     return json.dumps({**header, **changes}).encode()
@@ -107,10 +113,13 @@ def test_another_mcap_file_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "place"),
     [
-        ({"format": 2}, "header/format"),
+        ({"format": 1}, "header/format"),
         ({"walls": [[0, 0, 1]]}, "header/walls/0"),
         ({"start": None}, "header/start"),
         ({"seed": "one"}, "header/seed"),
+        ({"sonar": {"bearings": [0]}}, "header/sonar"),
+        ({"sonar": _sonar(cone=7.0)}, "header, SonarGeometry.cone"),
+        ({"sonar": _sonar(places=[])}, "header, SonarGeometry.places"),
     ],
 )
 def test_a_wrong_header_says_where(tmp_path: Path, changes: dict, place: str) -> None:

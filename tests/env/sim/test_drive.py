@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.errors import InputError
-from albot_env.sim import LMS_200, ODOMETERS, PIONEER_3DX, RobotConfig
+from albot_env.sim import PIONEER_3DX, RobotConfig, Sensors
 from albot_env.sim.drive import STANDSTILL, Wheels
 from albot_env.sim.fleet import CROWD, Fleet
 from albot_env.sim.space import PHYSICS_STEP
@@ -74,7 +74,7 @@ def test_impossible_robots_are_refused(field: str, value: float) -> None:
 
 def fleet_in(world: World, starts: np.ndarray) -> Fleet:
     """Robots in a world, each placed at its start."""
-    fleet = Fleet(len(starts), robot=PIONEER_3DX, laser=LMS_200, odometer=ODOMETERS["pioneer"])
+    fleet = Fleet(len(starts), robot=PIONEER_3DX, sensors=Sensors())
     for row, start in enumerate(starts):
         fleet.place(row, world, start, row)
     return fleet

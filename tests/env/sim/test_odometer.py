@@ -11,7 +11,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_env.sim import ODOMETERS, PIONEER_3DX, OdometerConfig
 from albot_env.sim.drive import Wheels
-from albot_env.sim.odometer_kernels import read, roll
+from albot_env.sim.odometer_kernels import COUNTS, ODOMETER_DRAWS, read, roll
 
 BASE = PIONEER_3DX.wheel_base
 
@@ -19,18 +19,20 @@ BASE = PIONEER_3DX.wheel_base
 class Odometer:
     """The compiled odometer of one robot."""
 
-    def __init__(self, config: OdometerConfig) -> None:
+    def __init__(self, config: OdometerConfig, key: int = 0) -> None:
         self.errors = config.constants(BASE)
-        self.count = np.zeros(5)
+        self.count = np.zeros(COUNTS)
+        self.key = np.uint64(key)
         self.place = 0
+        self.read()  # as an episode begins
 
     def roll(self, wheels: Wheels, duration: float) -> None:
         roll(self.count, *wheels, duration, self.errors)
 
     def read(self) -> np.ndarray:
         motion = np.empty(3)
-        read(self.count, self.errors, np.uint64(0), self.place, motion)
-        self.place += 2
+        read(self.count, self.errors, self.key, self.place, motion)
+        self.place += ODOMETER_DRAWS
         return motion
 
 
@@ -135,7 +137,14 @@ def test_the_presets_end_as_far_off_after_100_m_as_they_say(
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("drift_noise", -0.1), ("scale_error", math.nan), ("wheel_base_error", -1.0)],
+    [
+        ("drift_noise", -0.1),
+        ("scale_error", math.nan),
+        ("wheel_base_error", -1.0),
+        ("tick", -1e-3),
+        ("turn_spread", 2.0),
+        ("slip_length", 0.1),
+    ],
 )
 def test_impossible_errors_are_refused(field: str, value: float) -> None:
     with pytest.raises(InputError, match=f"OdometerConfig.{field}: expected"):

@@ -9,7 +9,7 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
-from albot_env.sim import LMS_200, ODOMETERS, PIONEER_3DX, LaserConfig, Simulator
+from albot_env.sim import LMS_200, ODOMETERS, PIONEER_3DX, LaserConfig, Sensors, Simulator
 from albot_maps.world import World
 
 EXACT = LaserConfig(range_noise=0.0, dropout=0.0)
@@ -18,13 +18,13 @@ RADIUS = PIONEER_3DX.radius
 
 def simulator(world: World) -> Simulator:
     """A simulator without any noise, reset."""
-    sim = Simulator(world, laser=EXACT, odometer=ODOMETERS["ideal"])
+    sim = Simulator(world, sensors=Sensors(laser=EXACT, odometer=ODOMETERS["ideal"]))
     sim.reset(np.random.default_rng(0))
     return sim
 
 
 def test_first_reading_sees_the_room_and_no_motion(box: World) -> None:
-    sim = Simulator(box, laser=EXACT)
+    sim = Simulator(box, sensors=Sensors(laser=EXACT))
     reading = sim.reset(np.random.default_rng(0))
     np.testing.assert_allclose(reading.laser.ranges[[0, 90, 180]], 5.0)
     np.testing.assert_array_equal(reading.motion, np.zeros(3))
@@ -71,7 +71,7 @@ def test_it_stops_at_a_wall_with_its_hull_on_the_surface(box: World, speed: floa
 
 
 def test_it_slides_along_a_wall_that_it_meets_at_an_angle(box: World) -> None:
-    sim = Simulator(box, laser=EXACT)
+    sim = Simulator(box, sensors=Sensors(laser=EXACT))
     sim.reset(np.random.default_rng(0), np.array([8.0, 2.0, math.pi / 3]))
     for _ in range(60):
         sim.step(1.0, 0.0)
@@ -209,5 +209,6 @@ def test_it_wants_a_reset_first(box: World) -> None:
 
 def test_the_laser_sits_where_its_mount_says(box: World) -> None:
     geometry = type(LMS_200.geometry)(mount=(0.1, 0.0, math.pi))
-    sim = Simulator(box, laser=LaserConfig(geometry=geometry, range_noise=0.0, dropout=0.0))
+    exact = LaserConfig(geometry=geometry, range_noise=0.0, dropout=0.0)
+    sim = Simulator(box, sensors=Sensors(laser=exact))
     assert sim.reset(np.random.default_rng(0)).laser.ranges[90] == pytest.approx(5.1)

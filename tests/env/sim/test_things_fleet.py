@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_env.sim import LMS_200, ODOMETERS, PIONEER_3DX, LaserConfig
+from albot_env.sim import (
+    LMS_200,
+    ODOMETERS,
+    PIONEER_3DX,
+    LaserConfig,
+    Sensors,
+    choose_sensors,
+)
 from albot_env.sim.crew import Crew
 from albot_env.sim.fleet import Fleet
 from albot_env.sim.simulator import SUBSTEPS, Simulator
@@ -32,7 +39,8 @@ def room(**movables) -> World:
 
 
 def simulator(world: World, **options) -> Simulator:
-    return Simulator(world, laser=QUIET, odometer=ODOMETERS["ideal"], **options)
+    sensors = Sensors(laser=QUIET, odometer=ODOMETERS["ideal"])
+    return Simulator(world, sensors=sensors, **options)
 
 
 def ahead(sim: Simulator, reading) -> float:
@@ -48,6 +56,22 @@ def test_the_laser_sees_a_box_and_not_where_things_are_left_out():
     assert ahead(bare, bare.reset(np.random.default_rng(1))) == pytest.approx(7.0, abs=1e-3)
     assert len(bare.things) == 0
     assert len(sim.things) == 4
+
+
+def test_the_sonars_hear_a_box():
+    """The sonar 10° to the left of the front hears its flat face."""
+    ranges = []
+    for movables in (True, False):
+        sensors = choose_sensors(laser="lms-200", odometer="ideal", sonar="ideal")
+        sim = Simulator(
+            room(boxes=[Box(at=(3.5, 3.0), width=2.0)]), sensors=sensors, movables=movables
+        )
+        reading = sim.reset(np.random.default_rng(1))
+        assert reading.sonar is not None
+        ranges.append(float(reading.sonar.ranges.min()))
+    near, far = ranges
+    assert near == pytest.approx(2.0, abs=0.15)
+    assert far > 2.5
 
 
 def test_contact_with_a_box_is_a_collision_and_pushes_it():
@@ -87,18 +111,15 @@ def test_time_passes_for_people_in_manoeuvres_too():
 
 
 def fleet_of(number: int, threads: int = 1) -> Fleet:
-    return Fleet(
-        number,
-        robot=PIONEER_3DX,
-        laser=LMS_200,
-        odometer=ODOMETERS["pioneer"],
-        crew=Crew(threads),
-    )
+    return Fleet(number, robot=PIONEER_3DX, sensors=choose_sensors(), crew=Crew(threads))
 
 
 def record(fleet: Fleet, row: int) -> np.ndarray:
     """All that a robot does and senses, and its things."""
-    parts = (fleet.states[row], fleet.motions[row], fleet.ranges[row], fleet.things(row).ravel())
+    echoes = fleet.readings(np.zeros(len(fleet.poses))).echoes
+    assert echoes is not None
+    sensed = fleet.motions[row], fleet.ranges[row], echoes[row]
+    parts = (fleet.states[row], *sensed, fleet.things(row).ravel())
     return np.concatenate((*parts, fleet.collided[row : row + 1]))
 
 

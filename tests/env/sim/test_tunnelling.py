@@ -12,7 +12,7 @@ import pytest
 
 from albot_core.geometry.types import Points, Segments
 from albot_env.benchmarks.laser import floor_plan
-from albot_env.sim import LMS_200, ODOMETERS, PIONEER_3DX
+from albot_env.sim import PIONEER_3DX, Sensors
 from albot_env.sim.drive import Wheels
 from albot_env.sim.fleet import Fleet
 from albot_env.sim.simulator import SUBSTEPS
@@ -69,7 +69,7 @@ def test_no_robot_gets_through_a_wall(segments: int) -> None:
     side = walls.max()
     places = free_places(Floor(walls, PIONEER_3DX), side, rng)
     world = World(name="plan", walls=walls, starts=places[:1])
-    fleet = Fleet(ROBOTS, robot=PIONEER_3DX, laser=LMS_200, odometer=ODOMETERS["ideal"])
+    fleet = Fleet(ROBOTS, robot=PIONEER_3DX, sensors=Sensors())
     for row, place in enumerate(places):
         fleet.place(row, world, place, row)
     commands = [any_command(rng) for _ in range(ROBOTS)]

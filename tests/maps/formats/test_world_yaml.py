@@ -51,6 +51,7 @@ def same(first: World, second: World) -> bool:
     arrays = [
         (first.walls, second.walls),
         (first.starts, second.starts),
+        (first.glass, second.glass),
         *((a.boundary, b.boundary) for a, b in zip(first.rooms, second.rooms, strict=True)),
         *((a.segment, b.segment) for a, b in zip(first.exits, second.exits, strict=True)),
         *((first.tours[name], second.tours[name]) for name in first.tours),
@@ -62,6 +63,22 @@ def same(first: World, second: World) -> bool:
         and (first.name, first.notes) == (second.name, second.notes)
         and first.movables == second.movables
     )
+
+
+def test_glass_is_wall_that_is_not_opaque():
+    text = SMALL.replace("rooms:", "glass:\n  - [[1, 0], [2, 0.5], [3, 0]]\nrooms:")
+    plain, world = parse_world(SMALL, source="small.yaml"), parse_world(text, source="small.yaml")
+    assert not plain.glass.any()
+    assert np.array_equal(plain.opaque, plain.walls)
+    assert np.array_equal(world.opaque, plain.walls)
+    assert world.walls[world.glass].tolist() == [[1, 0, 2, 0.5], [2, 0.5, 3, 0]]
+    assert same(world, parse_world(world_text(world), source="again"))
+
+
+def test_a_pane_without_length_is_refused_with_its_line():
+    text = SMALL.replace("rooms:", "glass:\n  - [[1, 0], [1, 0]]\nrooms:")
+    with pytest.raises(InputError, match=r"line 10, .*a wall longer than 0"):
+        parse_world(text, source="small.yaml")
 
 
 def test_polylines_boxes_and_polygons_become_walls_in_order():

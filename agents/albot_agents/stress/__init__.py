@@ -1,0 +1,1 @@
+"""Agents in many worlds, watched at every step, in processes of their own."""

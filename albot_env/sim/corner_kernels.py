@@ -1,0 +1,115 @@
+"""Compiled echoes of corners and edges, the points where walls meet or end.
+
+What a point echoes depends on its opening: the angle, on the sonar's side, between the two
+walls next to the line of sight. A right angle sends sound back the way it came, off one
+wall and then the other, from wherever it comes; a corner that is off a right angle by δ
+sends it 2 δ off, as a wall does that is hit δ from its perpendicular, so that the same limit
+holds. Beyond a half turn the point is an edge or a wall's end, which sound bends around:
+weakly, so that it is heard from near only (Kuc and Siegel, Physically based simulation model
+for acoustic sensor robot navigation, IEEE Trans. Pattern Analysis and Machine Intelligence
+9(6), 1987: echoes of planes and right-angled corners alike, those of edges far weaker).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY
+
+_BEYOND = 1.0 + 1e-9
+"""A wall is between when the point is this much farther, so not one that touches it."""
+_TOUCH = 1e-6
+"""A wall that passes a point no farther than this (m) touches it."""
+
+
+@njit(cache=True, error_model="numpy")
+def corner_echo(
+    seen: np.ndarray,
+    count: int,
+    slope: float,
+    limit: float,
+    reaches: tuple[float, float],
+    best: float,
+    best_tangent: float,
+) -> tuple[float, float]:
+    """Range (m) and tangent of the nearest corner or edge that echoes, or else the best so far.
+
+    Args:
+        seen: The surfaces in the cone, in the sonar's frame (5, n).
+        count: How many there are.
+        slope: Tangent of half the cone.
+        limit: The specular limit (rad).
+        reaches: Distances (m) up to which corners and edges echo.
+        best: Range (m) of the nearest echo so far.
+        best_tangent: Tangent of its bearing.
+    """
+    farthest = max(reaches[0], reaches[1])
+    for j in range(count):
+        for end in range(2):
+            x, y = seen[2 * end, j], seen[2 * end + 1, j]
+            bound = min(best, farthest)
+            if x <= 0.0 or abs(y) > slope * x or x * x + y * y >= bound * bound:
+                continue
+            if _hidden(seen, count, x, y):
+                continue
+            distance = math.sqrt(x * x + y * y)
+            if distance < _reach_of(_opening(seen, count, j, x, y), limit, reaches):
+                best, best_tangent = distance, y / x
+    return best, best_tangent
+
+
+@njit(cache=True, error_model="numpy")
+def _reach_of(opening: float, limit: float, reaches: tuple[float, float]) -> float:
+    """From how far (m) a point with this opening (rad) is heard."""
+    if abs(opening - math.pi / 2) <= limit and opening < math.pi - _TOUCH:
+        return reaches[0]
+    return reaches[1] if opening > math.pi + _TOUCH else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _opening(seen: np.ndarray, count: int, wall: int, x: float, y: float) -> float:
+    """Angle (rad), on the sonar's side, between the walls that touch a wall's end (x, y).
+
+    A full turn at the end of a single wall; 0 where a wall before it ends there too, with
+    which the point was looked at.
+    """
+    left = right = 2 * math.pi  # from the line to the sonar to the next wall on either side
+    for j in range(count):
+        ax, ay, bx, by = seen[AX, j] - x, seen[AY, j] - y, seen[BX, j] - x, seen[BY, j] - y
+        if not _touches(ax, ay, bx, by):
+            continue
+        for end in range(2):
+            px, py = (ax, ay) if end == 0 else (bx, by)
+            if j < wall and px == 0.0 and py == 0.0:
+                return 0.0
+            if px * px + py * py > _TOUCH * _TOUCH:
+                # Counter-clockwise from the direction to the sonar, (-x, -y).
+                turn = math.atan2(y * px - x * py, -x * px - y * py) % (2 * math.pi)
+                left, right = min(left, turn), min(right, 2 * math.pi - turn)
+    return left + right
+
+
+@njit(cache=True, error_model="numpy")
+def _touches(ax: float, ay: float, bx: float, by: float) -> bool:
+    """Whether the wall from a to b passes the origin no farther than _TOUCH (m)."""
+    if min(ax, bx) > _TOUCH or max(ax, bx) < -_TOUCH or min(ay, by) > _TOUCH:
+        return False
+    if max(ay, by) < -_TOUCH:
+        return False
+    return abs(ax * by - ay * bx) <= _TOUCH * math.hypot(bx - ax, by - ay)
+
+
+@njit(cache=True, error_model="numpy")
+def _hidden(seen: np.ndarray, count: int, x: float, y: float) -> bool:
+    """Whether a wall stands between the sonar and the point (x, y)."""
+    for j in range(count):
+        ax, ay, bx, by = seen[AX, j], seen[AY, j], seen[BX, j], seen[BY, j]
+        area = seen[AREA, j]
+        if ax * y < ay * x or by * x < bx * y or area == 0.0:
+            continue
+        if ((by - ay) * x + (ax - bx) * y) > area * _BEYOND:
+            return True
+    return False

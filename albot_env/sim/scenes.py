@@ -1,0 +1,112 @@
+"""The scene sensor: RatSLAM's simulated camera, which gives numbers of visual scenes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from albot_core.errors import InputError
+from albot_env.sim.scene_kernels import Scenes
+
+_GOLDEN = (math.sqrt(5) - 1) / 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneConfig:
+    """How scenes are numbered, and how wrongly they are seen.
+
+    After the simulator of Milford, Prasser and Wyeth (Experience mapping, ACRA 2005, section
+    5.1): noisy, ambiguous scene numbers made from the robot's pose, and at random times a
+    false match. Its algorithm is not given; this one is ours. The world is cut into square
+    places, and each is viewed in equal sectors of the heading. A view has a number
+    that depends on the world's extent only, and may share it with views elsewhere.
+    """
+
+    cell: float = 1.0
+    """Side of a place (m)."""
+    sectors: int = 8
+    """How many views a place has, all round."""
+    sharing: int = 1
+    """How many views share a number; they lie scattered over the world."""
+    position_noise: float = 0.0
+    """Standard deviation of x and of y (m) when it is decided which place is seen."""
+    heading_noise: float = 0.0
+    """Standard deviation of the heading (rad) when it is decided which view is seen."""
+    missed_rate: float = 0.0
+    """Probability that a look recognises no scene."""
+    false_rate: float = 0.0
+    """Probability that a look recognises any scene of the world instead, each as likely."""
+
+    def __post_init__(self) -> None:
+        for name in ("sectors", "sharing"):
+            if getattr(self, name) < 1:
+                raise InputError(f"SceneConfig.{name}", "at least 1", str(getattr(self, name)))
+        if not 0 < self.cell < math.inf:
+            raise InputError("SceneConfig.cell", "a length above 0", str(self.cell))
+        for name in ("position_noise", "heading_noise"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise InputError(f"SceneConfig.{name}", "at least 0", str(getattr(self, name)))
+        for name in ("missed_rate", "false_rate"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise InputError(f"SceneConfig.{name}", "within [0, 1]", str(getattr(self, name)))
+
+    def constants(self, bounds: tuple[float, float, float, float]) -> Scenes:
+        """What the compiled scenes compute with in a world of these bounds (`World.bounds`)."""
+        left, bottom, right, top = bounds
+        columns = max(math.ceil((right - left) / self.cell), 1)
+        rows = max(math.ceil((top - bottom) / self.cell), 1)
+        views = columns * rows * self.sectors
+        stride = 1
+        if self.sharing > 1:
+            # Coprime, so that no two views meet; near the golden section, so that
+            # neighbours' numbers lie far apart and those who share one are scattered.
+            stride = max(round(views * _GOLDEN), 1)
+            while math.gcd(stride, views) > 1:
+                stride += 1
+        return Scenes(
+            left=float(left),
+            bottom=float(bottom),
+            cell=float(self.cell),
+            columns=columns,
+            rows=rows,
+            sectors=self.sectors,
+            scenes=math.ceil(views / self.sharing),
+            stride=stride,
+            position_noise=float(self.position_noise),
+            heading_noise=float(self.heading_noise),
+            missed=round(self.missed_rate * 2**32),
+            false=round(self.false_rate * 2**32),
+        )
+
+
+SCENES: Mapping[str, SceneConfig] = MappingProxyType(
+    {
+        "ideal": SceneConfig(),
+        "paper": SceneConfig(
+            sharing=2,
+            position_noise=0.1,
+            heading_noise=math.radians(5),
+            missed_rate=0.05,
+            false_rate=0.005,
+        ),
+        "ambiguous": SceneConfig(
+            sharing=10,
+            position_noise=0.2,
+            heading_noise=math.radians(10),
+            missed_rate=0.1,
+            false_rate=0.02,
+        ),
+    }
+)
+"""The scene sensors by name.
+
+`ideal`: every view has a number of its own, and is always recognised.
+
+`paper`: some of everything that the paper names. Places of 1 m seen in 8 sectors make
+about 4,500 views of its floor of 43 × 13 m, the few thousand that it speaks of (section 3.4);
+the rates, which it does not give, are ours.
+
+`ambiguous`: a building whose rooms look alike.
+"""

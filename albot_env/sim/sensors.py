@@ -1,0 +1,73 @@
+"""What a robot senses with: one configuration of each sensor, chosen by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import TypeVar
+
+from albot_core.errors import InputError
+from albot_env.sim.laser import LASERS, LMS_200, LaserConfig
+from albot_env.sim.odometer import ODOMETERS, OdometerConfig
+from albot_env.sim.scenes import SCENES, SceneConfig
+from albot_env.sim.sonar import SONARS, SonarConfig
+
+NONE = "none"
+"""The name of the sensor that a robot does not carry."""
+
+Config = TypeVar("Config")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensors:
+    """The sensors of a robot."""
+
+    laser: LaserConfig = LMS_200
+    """Beams and errors of the laser."""
+    odometer: OdometerConfig = ODOMETERS["pioneer"]
+    """Errors of the odometer."""
+    sonar: SonarConfig | None = None
+    """Places and errors of the sonars; None without sonars."""
+    scenes: SceneConfig | None = None
+    """How scenes are numbered and seen; None without a camera."""
+
+
+def choose_sensors(
+    *,
+    laser: str = "lms-200",
+    odometer: str = "pioneer",
+    sonar: str = "pioneer",
+    scenes: str = NONE,
+    source: str = "sensors",
+) -> Sensors:
+    """The sensors of these names.
+
+    Args:
+        laser: One of `LASERS`.
+        odometer: One of `ODOMETERS`.
+        sonar: One of `SONARS`, or `none`.
+        scenes: One of `SCENES`, or `none`.
+        source: Whose choice it is, for the error.
+
+    Raises:
+        InputError: A name is not known; it says which there are, and which may be meant.
+    """
+    return Sensors(
+        laser=_chosen(LASERS, laser, source, "laser"),
+        odometer=_chosen(ODOMETERS, odometer, source, "odometer"),
+        sonar=None if sonar == NONE else _chosen(SONARS, sonar, source, "sonar", NONE),
+        scenes=None if scenes == NONE else _chosen(SCENES, scenes, source, "scenes", NONE),
+    )
+
+
+def _chosen(
+    presets: Mapping[str, Config], name: str, source: str, place: str, *others: str
+) -> Config:
+    """The preset of this name."""
+    if name in presets:
+        return presets[name]
+    names = [*others, *presets]
+    close = get_close_matches(name, names, 1)
+    hint = f" (did you mean {close[0]}?)" if close else ""
+    raise InputError(source, f"one of {', '.join(names)}", f"{name!r}{hint}", place=place)

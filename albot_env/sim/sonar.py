@@ -1,0 +1,127 @@
+"""The sonars: a ring of ultrasonic rangers that hear the nearest echo in a wide cone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.perception.reading import SonarGeometry
+from albot_env.sim.laser import normal_table
+from albot_env.sim.sonar_arrays import Sonars
+
+
+@dataclass(frozen=True, kw_only=True)
+class SonarConfig:
+    """The sonars' places, what echoes, and their errors.
+
+    A sonar reports the nearest point that lies in its cone, echoes, and is not hidden. A
+    wall echoes where it is hit within the specular limit of its perpendicular; a wall
+    hit more aslant throws the sound away, and still hides what is behind it. Corners
+    and edges are points that echo by rules of their own (`corner_kernels`).
+    """
+
+    geometry: SonarGeometry = field(default_factory=SonarGeometry)
+    """Where the sonars sit and point, their cone, and how far they reach."""
+    specular_limit: float = math.pi / 2
+    """Greatest angle from a wall's perpendicular at which it echoes (rad); pi/2 from anywhere."""
+    corner_reach: float = 0.0
+    """Distance (m) up to which concave corners of about a right angle echo; 0 not at all."""
+    edge_reach: float = 0.0
+    """Distance (m) up to which convex corners and the ends of walls echo; 0 not at all."""
+    range_noise: float = 0.0
+    """Standard deviation of a range (m)."""
+    proportional_noise: float = 0.0
+    """Standard deviation of a further, independent error of a range, as a share of it."""
+    crosstalk: float = 0.0
+    """Probability that at a reading a sonar listens while a neighbour's pulse is under way.
+
+    Each neighbour is as likely; one that a sonar at the ring's end lacks sends none. The
+    sonar then hears the neighbour's echo too, after half the way from the neighbour to the
+    point that echoes to it and on to this sonar, and reports the first of both (Borenstein
+    and Koren, Error eliminating rapid ultrasonic firing for mobile robot obstacle
+    avoidance, IEEE Trans. Robotics and Automation 11(1), 1995, on the direct path).
+    """
+    dropout: float = 0.0
+    """Probability that an echo is missed."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.specular_limit <= math.pi / 2:
+            found = str(self.specular_limit)
+            raise InputError("SonarConfig.specular_limit", "within (0, pi/2]", found)
+        for name in ("corner_reach", "edge_reach", "range_noise", "proportional_noise"):
+            value = getattr(self, name)
+            if not 0 <= value < math.inf:
+                raise InputError(f"SonarConfig.{name}", "at least 0", str(value))
+        for name in ("crosstalk", "dropout"):
+            value = getattr(self, name)
+            if not 0 <= value <= 1:
+                raise InputError(f"SonarConfig.{name}", "within [0, 1]", str(value))
+
+    @property
+    def constants(self) -> Sonars:
+        """What the compiled sonars compute with."""
+        geometry = self.geometry
+        bearings = np.array(geometry.bearings)
+        directions = np.stack((np.cos(bearings), np.sin(bearings)), axis=1)
+        places = np.array(geometry.places, np.float64)
+        return Sonars(
+            mounts=np.hstack((places, directions)),
+            horizon=float(geometry.max_range + np.hypot(*places.T).max()),
+            slope=math.tan(geometry.cone / 2),
+            min_range=float(geometry.min_range),
+            max_range=float(geometry.max_range),
+            cos_limit=math.cos(self.specular_limit),
+            sin_limit=math.sin(self.specular_limit),
+            limit=float(self.specular_limit),
+            corner_reach=float(self.corner_reach),
+            edge_reach=float(self.edge_reach),
+            noise=float(self.range_noise),
+            proportional_noise=float(self.proportional_noise),
+            crosstalk=round(self.crosstalk * 2**25),
+            dropout=round(self.dropout * 2**26),
+            normals=normal_table(1.0),
+        )
+
+
+NO_SONARS = SonarConfig().constants._replace(mounts=np.empty((0, 4)))
+"""The sonars of a robot without any."""
+
+SONARS: Mapping[str, SonarConfig] = MappingProxyType(
+    {
+        "ideal": SonarConfig(),
+        "pioneer": SonarConfig(
+            specular_limit=math.radians(25),
+            corner_reach=4.0,
+            edge_reach=1.0,
+            range_noise=0.005,
+            proportional_noise=0.01,
+            crosstalk=0.005,
+            dropout=0.01,
+        ),
+        "poor": SonarConfig(
+            specular_limit=math.radians(15),
+            corner_reach=2.0,
+            edge_reach=0.5,
+            range_noise=0.02,
+            proportional_noise=0.02,
+            crosstalk=0.05,
+            dropout=0.05,
+        ),
+    }
+)
+"""The sonars by name.
+
+`ideal`: the nearest surface in the cone, from whatever angle, exactly.
+
+`pioneer`: on painted walls, with the one percent of range error that rangers of the
+Polaroid kind are sold with. Where the specular limit lies depends on the wall; 25°, the
+rates of misses and cross-talk, and the edges' reach are ours.
+
+`poor`: smooth walls, which echo only when hit within the half of the cone, and sonars that
+fire too fast and hear each other.
+"""

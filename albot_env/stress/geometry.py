@@ -1,0 +1,52 @@
+"""Walls in plain numpy: slow, and independent of the simulator's ray casting and physics."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Bool, Float64
+
+from albot_core.geometry.types import Pose, Ranges, Segments
+
+Point = Float64[np.ndarray, "2"]
+
+
+def wall_distances(walls: Segments, point: Point) -> Float64[np.ndarray, "walls"]:
+    """Distance (m) from a point to every wall."""
+    starts, ways = walls[:, :2] - point, walls[:, 2:] - walls[:, :2]
+    along = -(starts * ways).sum(axis=1) / (ways * ways).sum(axis=1)
+    nearest = starts + np.clip(along, 0, 1)[:, np.newaxis] * ways
+    return np.asarray(np.hypot(nearest[:, 0], nearest[:, 1]))
+
+
+def walls_crossed(walls: Segments, before: Point, after: Point) -> Bool[np.ndarray, "walls"]:
+    """Which walls the straight way between two points crosses."""
+    way = after - before
+    starts, ends = walls[:, :2] - before, walls[:, 2:] - before
+    # On which side of the way a wall's ends lie, and of the wall the way's.
+    apart = _cross(way, starts) * _cross(way, ends) < 0
+    between = _cross(starts, ends) * _cross(starts - way, ends - way) < 0
+    return np.asarray(apart & between)
+
+
+def free_ways(walls: Segments, pose: Pose, bearings: Ranges) -> Ranges:
+    """Distance (m) along every beam to the nearest wall; infinite where none is met.
+
+    Args:
+        walls: The walls (world frame).
+        pose: Where the beams begin (world frame), and their bearings count from.
+        bearings: Where they point (rad).
+    """
+    angles = pose[2] + bearings
+    across = np.stack((-np.sin(angles), np.cos(angles)), axis=-1)
+    starts, ends = walls[:, :2] - pose[:2], walls[:, 2:] - pose[:2]
+    # A wall's ends lie on two sides of a beam that meets it: d × a and d × b differ in
+    # sign, and the beam meets it after a × b / (d × (b - a)).
+    of_start, of_end = across @ starts.T, across @ ends.T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ways = _cross(starts, ends) / (of_end - of_start)
+    met = (of_start * of_end <= 0) & (ways >= 0)
+    return np.asarray(np.where(met, ways, np.inf).min(axis=1))
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

@@ -1,0 +1,45 @@
+"""How far from the ideal a robot and its laser may be before something is wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_maps.world import ROBOT_RADIUS
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What a step may show. The defaults are those of the default robot and its laser."""
+
+    radius: float = ROBOT_RADIUS
+    """Radius of the robot's body (m)."""
+    overlap: float = 0.025
+    """How deep the body may be in a wall (m). Chipmunk finds a contact only once bodies
+    overlap: at the 1 m/s that actions ask for at most, 2 cm after one step of 0.02 s."""
+    range_error: float = 0.04
+    """Greatest error of a range (m): the outermost of the laser's 4096 errors of 1 cm
+    standard deviation is 3.7 cm."""
+    max_range: float = 30.0
+    """Range shown where nothing came back (m)."""
+    dropout: float = 0.001
+    """Probability that a beam which meets a wall brings nothing back."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0 <= value < np.inf:
+                raise InputError(f"Limits.{name}", "a number from 0", str(value))
+        if self.dropout >= 1:
+            raise InputError("Limits.dropout", "below 1", str(self.dropout))
+
+    def most_lost(self, beams: int) -> int:
+        """How many of so many beams may be lost by chance: more is less likely than 1e-12."""
+        odds = self.dropout / (1 - self.dropout)
+        share = (1 - self.dropout) ** beams
+        beyond, lost = 1 - share, 0
+        while beyond > 1e-12 and lost < beams:
+            share *= odds * (beams - lost) / (lost + 1)
+            beyond, lost = beyond - share, lost + 1
+        return lost

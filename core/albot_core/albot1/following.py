@@ -1,0 +1,148 @@
+"""Readings as they come, for many robots: each is a view, or only moves its robot."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from albot_core.albot1.config import Limits
+from albot_core.albot1.mapping import STEP, map_step
+from albot_core.albot1.memory import ALIVE, room_left
+from albot_core.albot1.recognition import length_of, moved
+from albot_core.albot1.sight import Sight, copy_sight
+from albot_core.albot1.storage import ROOM, memory_at, sight_at
+from albot_core.perception.surfaces import NO_EDGE, extract_surfaces
+
+
+class Lens(NamedTuple):
+    """What views are constructed with."""
+
+    directions: np.ndarray
+    """(beams, 2) float64: unit vectors of the beams in the robot's frame."""
+    mount: tuple[float, float]
+    """Where the laser is in the robot's frame (m)."""
+    max_range: float
+    """Points at or beyond this distance are dropped (m)."""
+    thresholds: np.ndarray
+    """(4,) float64: see `ViewConfig.thresholds`."""
+    fit_lines: bool
+    """See `ViewConfig`."""
+
+
+class Robots(NamedTuple):
+    """The arrays of all robots; a row each."""
+
+    places: np.ndarray
+    """(n, PLACES) int64: where the robot's map and last view are (see `storage`)."""
+    progress: np.ndarray
+    """(n, 4) int64: how far it has come (see `mapping`)."""
+    since: np.ndarray
+    """(n, 3) float64: how it has moved since its last view (m, rad; the view's frame)."""
+    poses: np.ndarray
+    """(n, 3) float64: where it believes to be (m, rad; the map's frame)."""
+    surfaces: np.ndarray
+    """(n,) int64: how many surfaces it remembers."""
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _desk(room: int) -> Sight:
+    """A view to work on, which every robot of a call uses in turn."""
+    return Sight(
+        np.empty((room, 4)),
+        np.empty((room, 2), np.int8),
+        np.empty(room, np.bool_),
+        np.empty(room, np.int64),
+        np.zeros(1, np.int64),
+        np.zeros(3),
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def find_landmarks(current: Sight, limits: Limits) -> None:
+    """Section 3.1.4: long surfaces with an occluding or corner point are landmarks."""
+    for k in range(current.size[0]):
+        current.landmark[k] = length_of(current.surfaces[k]) >= limits.landmark_length and (
+            current.edges[k, 0] != NO_EDGE or current.edges[k, 1] != NO_EDGE
+        )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _look(ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight) -> None:
+    """Construct the view from a scan (algorithm 4, lines 3 and 4)."""
+    current.size[0] = extract_surfaces(
+        ranges,
+        lens.directions,
+        lens.mount[0],
+        lens.mount[1],
+        lens.max_range,
+        lens.thresholds,
+        lens.fit_lines,
+        current.surfaces,
+        current.edges,
+    )
+    find_landmarks(current, limits)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _is_near(motion: np.ndarray, limits: Limits) -> bool:
+    """Whether the last view was taken so near that the robot does not look again."""
+    square = motion[0] * motion[0] + motion[1] * motion[1]
+    return bool(square < limits.view_spacing**2 and abs(motion[2]) < limits.view_turn)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _follow(
+    robots: Robots,
+    row: int,
+    ranges: np.ndarray,
+    motion: np.ndarray,
+    lens: Lens,
+    limits: Limits,
+    current: Sight,
+) -> bool:
+    """Let a robot take in its reading; false, with nothing done, where its room is too small."""
+    progress, since = robots.progress[row], np.zeros(3)
+    previous = sight_at(robots.places[row])
+    if progress[STEP] > 0:
+        moved(robots.since[row], motion, since)
+    if progress[STEP] == 0 or not _is_near(since, limits):
+        _look(ranges, lens, limits, current)
+        memory = memory_at(robots.places[row])
+        # A view is laid over the map when it is new and when the next is, but once.
+        surfaces = previous.size[0] + current.size[0]
+        if room_left(memory) < surfaces or current.size[0] > robots.places[row, ROOM]:
+            return False
+        map_step(memory, previous, current, since, limits, progress)
+        copy_sight(current, previous)
+        robots.surfaces[row] = memory.counts[ALIVE]
+        for i in range(3):
+            since[i] = 0.0
+    for i in range(3):
+        robots.since[row, i] = since[i]
+    moved(previous.pose, since, robots.poses[row])
+    return True
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def follow(
+    robots: Robots,
+    rows: np.ndarray,
+    first: int,
+    ranges: np.ndarray,
+    motions: np.ndarray,
+    lens: Lens,
+    limits: Limits,
+) -> int:
+    """Let the robots in rows[first:] take in their readings; return how many rows are done.
+
+    That is all of them, but where the next has too little room for what it sees: then it has
+    taken in nothing yet. `ranges` (n, beams) and `motions` (n, 3) are the readings of all robots.
+    """
+    current = _desk(ranges.shape[1])
+    for k in range(first, rows.shape[0]):
+        row = rows[k]
+        if not _follow(robots, row, ranges[row], motions[row], lens, limits, current):
+            return k
+    return int(rows.shape[0])

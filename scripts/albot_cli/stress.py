@@ -1,0 +1,167 @@
+"""`albot stress`: agents in many worlds, every step checked."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterable
+from contextlib import closing
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from albot_cli.progress import progress
+
+if TYPE_CHECKING:
+    from albot_agents.stress.plan import Episode
+    from albot_agents.stress.run import Outcome
+
+_STOPPED = 130
+
+
+@click.command()
+@click.option(
+    "--worlds",
+    default="random",
+    show_default=True,
+    metavar="SPEC",
+    help="random:KIND or random:KIND?KEY=VALUE&…; random for all kinds in turn; or one world.",
+)
+@click.option("--count", default=100, show_default=True, type=click.IntRange(1), help="Worlds.")
+@click.option(
+    "--steps",
+    default=300,
+    show_default=True,
+    type=click.IntRange(1),
+    help="Length of an episode, in steps of 0.1 s.",
+)
+@click.option(
+    "--seed",
+    default=0,
+    show_default=True,
+    type=click.IntRange(0),
+    help="The first seed, of worlds and episodes.",
+)
+@click.option(
+    "--agent", "agents", multiple=True, help="gap-explorer or random; repeatable.  [default: all]"
+)
+@click.option("--mapper", default="none", show_default=True, help="See `albot mappers`; or none.")
+@click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+def command(
+    worlds: str,
+    count: int,
+    steps: int,
+    seed: int,
+    agents: tuple[str, ...],
+    mapper: str,
+    jobs: int | None,
+    as_json: bool,
+) -> int:
+    """Drive agents through many worlds and check every step.
+
+    Nothing may be NaN or outside its space, no reward other than the sum of its terms, no
+    robot inside or behind a wall, and no laser beam longer than the way to the nearest
+    wall. What is wrong is printed with the command that shows it again. The exit status is
+    0 where nothing is, 1 where something is, and 130 where Ctrl-C ended it before.
+    """
+    from albot_agents.registry import agent_names, make_agent
+    from albot_agents.stress.plan import plan_episodes
+
+    _check_mapper(mapper)
+    chosen = tuple(dict.fromkeys(agents)) or agent_names()
+    for name in chosen:
+        make_agent(name)
+    episodes = plan_episodes(worlds, chosen, count=count, first=seed, mapper=mapper, steps=steps)
+    tally = _Tally()
+    _run(episodes, jobs or os.cpu_count() or 1, tally)
+    click.echo(json.dumps(tally.facts(chosen)) if as_json else tally.text())
+    if tally.violations:
+        return 1
+    return _STOPPED if tally.stopped else 0
+
+
+def _check_mapper(name: str) -> None:
+    from albot_core.registry import make_mapper
+
+    if name != "none":
+        make_mapper(name)
+
+
+class _Tally:
+    """What has been found so far."""
+
+    def __init__(self) -> None:
+        self._began = time.perf_counter()
+        self._worlds: set[tuple[str, int]] = set()
+        self._episodes = 0
+        self._steps = 0
+        self._seconds = 0.0
+        self.violations: list[dict[str, Any]] = []
+        """What was wrong, by the keys of the JSON."""
+        self.stopped = False
+        """Whether Ctrl-C ended the run."""
+
+    def add(self, outcome: Outcome) -> None:
+        """One more episode has ended."""
+        episode = outcome.episode
+        self._worlds.add((episode.world, episode.seed))
+        self._episodes += 1
+        self._steps += outcome.steps
+        self._seconds = time.perf_counter() - self._began
+        for violation in outcome.violations:
+            self.violations.append(
+                {
+                    "world": episode.world,
+                    "agent": episode.agent,
+                    "seed": episode.seed,
+                    "step": violation.step,
+                    "what": violation.what,
+                    "command": violation.command,
+                }
+            )
+
+    def facts(self, agents: Iterable[str]) -> dict[str, Any]:
+        """The JSON object."""
+        return {
+            "worlds": len(self._worlds),
+            "agents": list(agents),
+            "episodes": self._episodes,
+            "steps": self._steps,
+            "seconds": self._seconds,
+            "steps_per_second": self._steps / self._seconds if self._seconds else 0.0,
+            "stopped": self.stopped,
+            "violations": self.violations,
+        }
+
+    def text(self) -> str:
+        """The same for people."""
+        facts = self.facts(())
+        lines = [
+            f"step {each['step']}: {each['what']}\n  {each['command']}" for each in self.violations
+        ]
+        found = len(self.violations)
+        lines.append(
+            f"{facts['worlds']:,d} worlds, {facts['episodes']:,d} episodes, "
+            f"{facts['steps']:,d} steps in {facts['seconds']:.0f} s "
+            f"({facts['steps_per_second']:,.0f} steps/s): "
+            f"{found or 'no'} violation{'' if found == 1 else 's'}"
+            f"{', stopped before the end' if self.stopped else ''}"
+        )
+        return "\n".join(lines)
+
+
+def _run(episodes: list[Episode], jobs: int, tally: _Tally) -> None:
+    """Run the episodes, or as many as there are before Ctrl-C."""
+    from albot_agents.stress.workers import run_episodes
+
+    length = episodes[0].steps
+    outcomes = run_episodes(episodes, jobs)
+    try:
+        with progress("stress", len(episodes) * length, "steps") as tell, closing(outcomes):
+            for done, outcome in enumerate(outcomes, start=1):
+                tally.add(outcome)
+                tell(done * length)
+    except KeyboardInterrupt:
+        tally.stopped = True

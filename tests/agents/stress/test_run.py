@@ -1,0 +1,176 @@
+"""A watched episode: sound ones pass, and whatever is broken is found, and shown by `play`."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import shlex
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from albot_agents.registry import agent_names
+from albot_agents.stress.plan import Episode
+from albot_agents.stress.run import Outcome, run_episode
+from albot_cli.main import main
+from albot_env.recording.reader import EpisodeReader
+from albot_env.stress.limits import Limits
+from albot_env.tasks import explore
+from albot_env.tasks.explore import ExploreEnv
+from albot_maps import World, load_world, load_worlds
+from albot_maps.generators.spec import KINDS
+
+SOUND = Episode(world="square-loop", agent="random", mapper="none", seed=3, steps=30)
+Step = tuple[Any, float, bool, bool, dict[str, Any]]
+
+
+def run(episode: Episode = SOUND) -> Outcome:
+    return run_episode(episode, lambda step: None, Limits())
+
+
+@pytest.mark.parametrize("agent", agent_names())
+@pytest.mark.parametrize("kind", KINDS)
+def test_nothing_is_wrong_in_random_worlds(kind: str, agent: str):
+    episode = dataclasses.replace(SOUND, world=f"random:{kind}:1", agent=agent)
+    assert run(episode) == Outcome(episode=episode, steps=30, violations=())
+
+
+@pytest.mark.parametrize("mapper", ["albot1", "odometry"])
+def test_nor_with_a_mapper_inside(mapper: str):
+    assert run(dataclasses.replace(SOUND, mapper=mapper)).violations == ()
+
+
+def test_each_step_is_told_before_it_is_taken():
+    told: list[int] = []
+    run_episode(dataclasses.replace(SOUND, steps=3), told.append, Limits())
+    assert told[:4] == [0, 1, 2, 3]
+
+
+def no_number(step: Step) -> Step:
+    return step[0], step[1], step[2], step[3], {**step[4], "position_error": np.nan}
+
+
+def no_observation(step: Step) -> Step:
+    return step[0] + np.float32(3), *step[1:]
+
+
+def wrong_sum(step: Step) -> Step:
+    return step[0], step[1] + 1, *step[2:]
+
+
+def lost_key(step: Step) -> Step:
+    return *step[:4], {key: value for key, value in step[4].items() if key != "room"}
+
+
+def far_away(step: Step) -> Step:
+    return *step[:4], {**step[4], "pose": step[4]["pose"] + (20, 0, 0)}
+
+
+def in_a_wall(step: Step) -> Step:
+    pose = step[4]["pose"].copy()
+    walls = load_world(SOUND.world).walls
+    pose[0] = walls[:, [0, 2]].min() + 0.1
+    return *step[:4], {**step[4], "pose": pose}
+
+
+def dying(step: Step) -> Step:
+    raise RuntimeError("the wheels\nfell off")
+
+
+@pytest.mark.parametrize(
+    ("broken", "found"),
+    [
+        (no_number, "info position_error holds nan"),
+        (no_observation, "the observation lies outside its space"),
+        (wrong_sum, r"the reward is .*, its terms add up to"),
+        (lost_key, "info lacks the key room of the reset"),
+        (far_away, "went through wall"),
+        (in_a_wall, "deep in wall"),
+        (dying, r"RuntimeError: the wheels fell off \(test_run.py:\d+\)"),
+    ],
+)
+def test_what_is_broken_is_found_at_its_step(
+    broken: Callable[[Step], Step], found: str, monkeypatch: pytest.MonkeyPatch
+):
+    whole = ExploreEnv.step
+
+    def step(self: ExploreEnv, action: Any) -> Step:
+        result = whole(self, action)
+        return broken(result) if round(10 * result[4]["time"]) == 8 else result
+
+    monkeypatch.setattr(ExploreEnv, "step", step)
+    outcome = run()
+    assert outcome.steps == 8
+    assert {violation.step for violation in outcome.violations} == {8}
+    assert re.search(found, outcome.violations[0].what)
+    assert "\n" not in outcome.violations[0].what
+
+
+def test_a_world_that_cannot_be_made_is_found():
+    outcome = run(dataclasses.replace(SOUND, world="random:office:5?rooms=200&width=8"))
+    assert outcome.steps == 0
+    assert outcome.violations[0].what.startswith("InputError: random:office:5?")
+
+
+def lacking(spec: str) -> World:
+    """A world without its inner walls, for the environment alone."""
+    world = load_world(spec)
+    middle = world.walls.reshape(-1, 2, 2).mean(axis=1)
+    x_min, y_min, x_max, y_max = world.bounds
+    outer = np.isin(middle[:, 0], (x_min, x_max)) | np.isin(middle[:, 1], (y_min, y_max))
+    return dataclasses.replace(world, walls=world.walls[outer])
+
+
+def test_a_wall_that_is_not_there_is_seen_through_and_play_shows_the_same(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    monkeypatch.setattr(explore, "load_worlds", lambda spec: load_worlds(lacking(spec)))
+    monkeypatch.chdir(tmp_path)
+    [violation, *_] = run().violations
+    seen = re.search(r"beam (\d+) sees (\S+) m, through a wall at (\S+) m", violation.what)
+    assert seen is not None, violation.what
+    shown = played(violation.command, monkeypatch)
+    beam, length = int(seen[1]), float(seen[2])
+    assert abs(shown[violation.step].reading.laser.ranges[beam] - length) < 0.002
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize("agent", agent_names())
+def test_play_runs_the_same_episode(
+    agent: str,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+):
+    """The poses of an episode that stops in the middle are those that `play` records."""
+    episode = dataclasses.replace(SOUND, world="random:office:4", agent=agent, mapper="odometry")
+    poses: list[np.ndarray] = []
+    whole = ExploreEnv.step
+
+    def step(self: ExploreEnv, action: Any) -> Step:
+        result = whole(self, action)
+        poses.append(result[4]["pose"])
+        return wrong_sum(result) if len(poses) == 25 else result
+
+    with monkeypatch.context() as breaking:
+        breaking.setattr(ExploreEnv, "step", step)
+        [violation] = run(episode).violations
+    monkeypatch.chdir(tmp_path)
+    shown = played(violation.command, monkeypatch)
+    assert len(shown) == 26
+    assert all(np.array_equal(a.pose, b) for a, b in zip(shown[1:], poses, strict=True))
+    assert np.hypot(*(poses[-1] - poses[0])[:2]) + abs(poses[-1] - poses[0])[2] > 0.1
+    capsys.readouterr()
+
+
+def played(command: str, monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """What `albot play` records when called by this command."""
+    monkeypatch.setattr(sys, "argv", [*shlex.split(command), "--json"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    return list(EpisodeReader(Path("episode.mcap")).moments())

@@ -1,0 +1,156 @@
+"""`albot stress` as people call it, its worker processes included."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+KEYS = {
+    "worlds", "agents", "episodes", "steps", "seconds", "steps_per_second", "violations",
+}  # fmt: skip
+ALBOT = [sys.executable, "-c", "from albot_cli.main import main; main()"]
+
+BROKEN = """
+import os, signal
+from albot_env.tasks.explore import ExploreEnv
+
+whole = ExploreEnv.step
+
+def step(self, action):
+    result = whole(self, action)
+    if round(10 * result[4]["time"]) == 4:
+        {what}
+    return result
+
+ExploreEnv.step = step
+"""
+"""What Python runs by itself before the command, in the worker processes too."""
+
+
+def environment(folder: Path, what: str = "") -> dict[str, str]:
+    (folder / "sitecustomize.py").write_text(BROKEN.format(what=what) if what else "")
+    paths = [str(folder), *(path for path in sys.path if path)]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "100"}
+
+
+def albot(folder: Path, *words: str, what: str = "") -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*ALBOT, *words],
+        cwd=folder,
+        env=environment(folder, what),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_sound_worlds_pass(tmp_path: Path):
+    done = albot(tmp_path, "stress", "--worlds", "random:maze", "--count", "2", "--steps", "10",
+                 "--seed", "4", "--jobs", "2", "--json")  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    found = json.loads(done.stdout)
+    assert found.keys() >= KEYS
+    assert found["worlds"] == 2
+    assert found["agents"] == ["gap-explorer", "random"]
+    assert (found["episodes"], found["steps"], found["violations"]) == (4, 40, [])
+    assert found["steps_per_second"] == pytest.approx(40 / found["seconds"])
+    assert list(tmp_path.iterdir()) == [tmp_path / "sitecustomize.py"]
+
+
+SHORT = ("stress", "--worlds", "square-loop", "--count", "3", "--steps", "6", "--agent", "random",
+         "--jobs", "1")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        ("raise RuntimeError('lost')", "RuntimeError: lost"),
+        ("os.kill(os.getpid(), signal.SIGKILL)", "the process died: signal SIGKILL"),
+        ("os._exit(3)", "the process died: exit status 3"),
+        ("result[4]['time'] = float('nan')", "info time holds nan"),
+    ],
+)
+def test_what_is_broken_is_found_in_every_episode(what: str, said: str, tmp_path: Path):
+    done = albot(tmp_path, *SHORT, "--json", what=what)
+    assert (done.returncode, done.stderr) == (1, "")
+    found = json.loads(done.stdout)
+    assert found["episodes"] == 3
+    assert [each["seed"] for each in found["violations"]] == [0, 1, 2]
+    for each in found["violations"]:
+        assert each.keys() >= {"world", "agent", "seed", "step", "what", "command"}
+        assert each["step"] == 4
+        assert each["what"].startswith(said)
+
+
+def test_the_command_that_is_printed_shows_it_again(tmp_path: Path):
+    what = "raise RuntimeError('lost')"
+    done = albot(tmp_path, *SHORT, what=what)
+    assert done.returncode == 1
+    lines = done.stdout.splitlines()
+    assert len(lines) == 7
+    assert lines[0].startswith("step 4: RuntimeError: lost")
+    assert "3 violations" in lines[-1]
+    again = albot(tmp_path, *shlex.split(lines[1])[1:], "--headless", what=what)
+    assert again.returncode == 1
+    assert "RuntimeError: lost" in again.stderr
+
+
+def test_ctrl_c_tells_what_was_found_so_far(tmp_path: Path):
+    process = subprocess.Popen(
+        [*ALBOT, *SHORT, "--count", "100000", "--json"],
+        cwd=tmp_path,
+        env=environment(tmp_path, "open('going', 'w').close()"),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 120
+    while not (tmp_path / "going").exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGINT)  # As the terminal does: the workers get it too.
+    out, told = process.communicate(timeout=60)
+    found: dict[str, Any] = json.loads(out)
+    assert (process.returncode, told) == (130, b"")
+    assert found["stopped"] is True
+    assert found["violations"] == []
+    assert found["episodes"] < 100000
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("--worlds", "random:ofice"), "did you mean office"),
+        (("--worlds", "gone.yaml"), "gone.yaml"),
+        (("--agent", "randm"), "did you mean random"),
+        (("--mapper", "albot2"), "albot2"),
+        (("--count", "0"), "count"),
+        (("--steps", "0"), "steps"),
+        (("--jobs", "0"), "jobs"),
+        (("--seed", "-1"), "seed"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_2(
+    words: tuple[str, ...],
+    found: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+):
+    from albot_cli.main import main
+
+    monkeypatch.setattr(sys, "argv", ["albot", "stress", *words])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    shown = capsys.readouterr()
+    assert (ended.value.code, shown.out) == (2, "")
+    assert shown.err.startswith("albot: ")
+    assert len(shown.err.splitlines()) == 1
+    assert found in shown.err

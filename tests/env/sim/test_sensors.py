@@ -1,0 +1,51 @@
+"""Sensors are chosen by name, and a wrong name is answered with the right ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from albot_core.errors import InputError
+from albot_env.sim.laser import LASERS
+from albot_env.sim.odometer import ODOMETERS
+from albot_env.sim.rays import RayCaster
+from albot_env.sim.scenes import SCENES
+from albot_env.sim.sensors import Sensors, choose_sensors
+from albot_env.sim.sonar import SONARS
+
+
+def test_the_default_robot_has_laser_odometer_and_sonars() -> None:
+    sensors = choose_sensors()
+    assert sensors == Sensors(sonar=SONARS["pioneer"])
+    assert choose_sensors(sonar="none") == Sensors()
+
+
+@pytest.mark.parametrize(
+    ("kind", "presets"),
+    [("laser", LASERS), ("odometer", ODOMETERS), ("sonar", SONARS), ("scenes", SCENES)],
+)
+def test_every_preset_can_be_chosen(kind: str, presets) -> None:
+    for name, config in presets.items():
+        assert getattr(choose_sensors(**{kind: name}), kind) is config
+
+
+def test_an_unknown_name_is_answered_with_those_there_are() -> None:
+    with pytest.raises(InputError) as error:
+        choose_sensors(sonar="pionere", source="play.yaml")
+    assert str(error.value) == (
+        "play.yaml, sonar: expected one of none, ideal, pioneer, poor, "
+        "found 'pionere' (did you mean pioneer?)"
+    )
+    with pytest.raises(InputError, match=r"sensors, laser: expected one of ideal.*found 'x'$"):
+        choose_sensors(laser="x")
+
+
+@pytest.mark.parametrize("name", LASERS)
+def test_every_laser_looks_a_half_turn_ahead_and_as_far_as_it_says(name: str) -> None:
+    geometry = LASERS[name].geometry
+    assert geometry.bearings[[0, -1]] == pytest.approx((-np.pi / 2, np.pi / 2))
+    reach = {"long": 80.0, "short": 8.0}.get(name, 30.0)
+    for distance, seen in ((0.99 * reach, True), (1.01 * reach, False)):
+        wall = np.array([[distance, -9.0, distance, 9.0]])
+        ranges = RayCaster(wall, geometry, indexed=False).scan(np.zeros(3))
+        assert np.isfinite(ranges[geometry.beams // 2]) == seen
