@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -68,6 +68,8 @@ class Moment:
     """How often the mapper has added a view to its map."""
     surfaces: Segments | None
     """The surfaces remembered, map frame; None where they are those of the moment before."""
+    things: Float64[np.ndarray, "things 4"] = field(default_factory=lambda: np.empty((0, 4)))
+    """The outlines of what moves around the robot, where it is now, world frame."""
 
 
 @runtime_checkable

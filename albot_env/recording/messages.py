@@ -17,6 +17,7 @@ FORMAT = 2
 """Version of our own messages."""
 
 WALL_COLOUR = {"r": 0.83, "g": 0.85, "b": 0.89, "a": 1.0}
+THING_COLOUR = {"r": 0.83, "g": 0.55, "b": 0.86, "a": 1.0}
 ECHO_COLOUR = {"r": 0.31, "g": 0.72, "b": 0.84, "a": 1.0}
 SURFACE_COLOUR = {"r": 0.96, "g": 0.72, "b": 0.26, "a": 1.0}
 
@@ -72,6 +73,9 @@ def moment_messages(moment: Moment, start: Pose) -> Iterator[Message]:
         "/home",
         {"timestamp": _time(stamp), "frame_id": "robot_believed", "pose": _pose(moment.home)},
     )
+    if len(moment.things):
+        yield "/things", _lines("things", "world", moment.things, THING_COLOUR, stamp)
+        yield "/albot/things", {"segments": moment.things.tolist()}
     if moment.surfaces is not None:
         yield "/surfaces", _lines("map", "map", moment.surfaces, SURFACE_COLOUR, stamp)
         yield "/albot/map", {"surfaces": moment.surfaces.tolist()}

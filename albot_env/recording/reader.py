@@ -12,6 +12,7 @@ from typing import Any, BinaryIO
 
 import jsonschema
 import numpy as np
+from jaxtyping import Float64
 from mcap.exceptions import McapError
 from mcap.records import Channel, McapRecord, Message
 from mcap.stream_reader import CRCValidationError, StreamReader
@@ -59,22 +60,27 @@ class EpisodeReader:
         """
         scan: list[float] | None = None
         surfaces: Segments | None = None
+        things: Segments = np.empty((0, 4))
         for topic, time, content in self._messages():
             if topic == "/scan":
                 scan = content["ranges"]
             elif topic == "/albot/map":
                 surfaces = np.array(content["surfaces"], np.float64).reshape(-1, 4)
+            elif topic == "/albot/things":
+                with self._as_its_schema(f"albot.Things at {time / 1e9:g} s"):
+                    things = np.array(content["segments"], np.float64).reshape(-1, 4)
             elif topic == "/albot/step":
                 with self._as_its_schema(f"albot.Step at {time / 1e9:g} s"):
-                    moment = self._moment(content, scan, surfaces)
+                    moment = self._moment(content, scan, surfaces, things)
                 yield moment
-                surfaces = None
+                surfaces, things = None, np.empty((0, 4))
 
     def _moment(
         self,
         step: dict[str, Any],
         ranges: list[float] | None,
         surfaces: Segments | None,
+        things: Float64[np.ndarray, "things 4"],
     ) -> Moment:
         reach = np.array(ranges, np.float64)
         reach[reach == 0] = np.inf
@@ -98,6 +104,7 @@ class EpisodeReader:
             home=_numbers(step["home"], 3),
             updates=int(step["updates"]),
             surfaces=surfaces,
+            things=things,
         )
 
     def _sonar(self, echoes: list[float | None] | None) -> SonarScan | None:

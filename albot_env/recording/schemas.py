@@ -201,6 +201,11 @@ MAP = _strict(
     surfaces=_list(_numbers(4)) | {"description": "Surfaces remembered, map frame."},
 )
 
+THINGS = _strict(
+    "albot.Things",
+    segments=_list(_numbers(4)) | {"description": "Outlines of what moves, world frame."},
+)
+
 TOPICS: dict[str, Schema] = {
     "/albot/header": EPISODE_HEADER,
     "/tf": FRAME_TRANSFORMS,
@@ -208,7 +213,9 @@ TOPICS: dict[str, Schema] = {
     "/sonars": SCENE_UPDATE,
     "/home": POSE_IN_FRAME,
     "/walls": SCENE_UPDATE,
+    "/things": SCENE_UPDATE,
     "/surfaces": SCENE_UPDATE,
+    "/albot/things": THINGS,
     "/albot/map": MAP,
     "/albot/step": STEP,
 }

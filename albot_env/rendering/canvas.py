@@ -19,6 +19,7 @@ TEXT: Colour = (222, 226, 233)
 FAINT: Colour = (128, 136, 150)
 PALETTE: dict[str, Colour] = {
     "wall": (214, 219, 228),
+    "thing": (212, 140, 219),
     "laser": (204, 96, 84),
     "path": (90, 160, 240),
     "surface": (244, 185, 66),

@@ -30,6 +30,8 @@ class Frame:
     """How often the mapper has added a view to its map."""
     walls: Float64[np.ndarray, "walls 4"]
     """The world's walls, world frame."""
+    things: Float64[np.ndarray, "things 4"]
+    """The outlines of what moves around the robot, world frame."""
     start: Pose
     """Where the robot truly set out, world frame."""
     pose: Pose

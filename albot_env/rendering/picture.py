@@ -16,6 +16,7 @@ from albot_env.rendering.scene import Panel, Scene, Shape, lay_out, scale_bar
 
 PALETTE = {
     "wall": "#2b2f36",
+    "thing": "#7b3fa0",
     "laser": "#e8927c",
     "path": "#2a6fbb",
     "surface": "#c77700",

@@ -61,6 +61,11 @@ def lay_out(frame: Frame) -> Scene:
     """Lay a frame out as a scene. The map is drawn as if laid down at the true start."""
     start = frame.start
     believed = compose(start, frame.belief)
+    things = (
+        (Shape(kind="segments", style="thing", label="what moves", data=frame.things),)
+        if len(frame.things)
+        else ()
+    )
     truth = Panel(
         title="truth",
         shapes=(
@@ -71,6 +76,7 @@ def lay_out(frame: Frame) -> Scene:
                 data=transform_points(frame.pose, frame.hits),
             ),
             Shape(kind="segments", style="wall", label="walls", data=frame.walls),
+            *things,
             Shape(kind="line", style="path", label="path driven", data=frame.path),
             Shape(kind="home", style="home", label="home", data=start),
             Shape(kind="robot", style="robot", label="robot", data=frame.pose),

@@ -15,6 +15,7 @@ from albot_env.rendering.scene import Panel, Scene, Shape, lay_out
 
 STYLES = {
     "wall": "white",
+    "thing": "magenta",
     "laser": "red",
     "path": "bright_blue",
     "surface": "yellow",

@@ -43,6 +43,7 @@ class Trace:
             path_length=moment.path_length,
             updates=moment.updates,
             walls=header.walls,
+            things=moment.things,
             start=header.start,
             pose=moment.pose,
             path=np.array(self._path),

@@ -15,7 +15,7 @@ from albot_env.sim.chipmunk_calls import load, take_step, visit
 from albot_env.sim.drive_kernels import chord, ramped
 from albot_env.sim.odometer_kernels import roll
 
-STEP, EACH_BODY, EACH_CONTACT, GET_BODY, SET_BODY, GET_CONTACT = range(6)
+STEP, EACH_BODY, EACH_CONTACT, GET_BODY, SET_BODY, GET_CONTACT, SET_SPIN = range(7)
 """Places in `Engine.calls`."""
 HEADINGS, STATES, PUSHES, CONTACTS = range(4)
 """Places in `Engine.requests`."""
@@ -25,7 +25,7 @@ class Engine(NamedTuple):
     """Addresses and buffers with which the kernel drives Chipmunk."""
 
     calls: np.ndarray
-    """(6,) int64: addresses of functions (see STEP and so on)."""
+    """(7,) int64: addresses of functions (see STEP and so on)."""
     requests: np.ndarray
     """(4,) int64: addresses of pymunk's structures that say what is read or written where."""
     buffer: np.ndarray

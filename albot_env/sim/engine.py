@@ -17,6 +17,7 @@ _CALLS = (
     "pmSpaceBodyGetIteratorFuncBatched",
     "pmSpaceBodySetIteratorFuncBatched",
     "pmSpaceArbiterIteratorFuncBatched",
+    "cpBodySetAngularVelocity",
 )
 _HEADINGS = BodyFields.ANGLE | BodyFields.ANGULAR_VELOCITY
 _VELOCITIES = BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
@@ -33,24 +34,24 @@ class Bridge:
     """Owns the buffers through which compiled code and pymunk exchange numbers.
 
     Args:
-        robots: Most robots on a floor.
+        bodies: Most robots and things on a floor.
     """
 
-    def __init__(self, robots: int) -> None:
+    def __init__(self, bodies: int) -> None:
         # pymunk also reads the body that the walls belong to, and it asks the system for a
         # larger array, which this is none of, as soon as one is full: let it never be.
-        buffer = np.zeros(6 * (robots + 1) + 1)
+        buffer = np.zeros(6 * (bodies + 1) + 1)
         floats = ffi.new("pmFloatArray *")
         floats.arr = ffi.from_buffer("cpFloat[]", buffer)
         floats.max = len(buffer)
         # There is no telling how many walls robots touch: pymunk's own arrays grow.
         impulses = ffi.gc(lib.pmFloatArrayNew(16), lib.pmFloatArrayFree)
-        bodies = ffi.gc(lib.pmIntArrayNew(16), lib.pmIntArrayFree)
-        requests = [_request(fields, floats, bodies) for fields in (_HEADINGS, _STATES)]
-        requests.append(_request(_VELOCITIES, floats, bodies))
-        requests.append(_request(_CONTACTS, impulses, bodies))
-        self._kept = (floats, impulses, bodies, requests)
-        self._arrays = [_words(impulses), _words(bodies)]
+        pairs = ffi.gc(lib.pmIntArrayNew(16), lib.pmIntArrayFree)
+        requests = [_request(fields, floats, pairs) for fields in (_HEADINGS, _STATES)]
+        requests.append(_request(_VELOCITIES, floats, pairs))
+        requests.append(_request(_CONTACTS, impulses, pairs))
+        self._kept = (floats, impulses, pairs, requests)
+        self._arrays = [_words(impulses), _words(pairs)]
         calls = [address(ffi.addressof(lib, name)) for name in _CALLS]
         self.engine = Engine(
             calls=np.array(calls, np.int64),
@@ -58,7 +59,7 @@ class Bridge:
             buffer=buffer,
             filled=np.frombuffer(ffi.buffer(floats), np.int32)[:1],
             impulses=_words(impulses),
-            bodies=_words(bodies),
+            bodies=_words(pairs),
         )
 
 

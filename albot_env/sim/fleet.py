@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import wrap_angle
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Pose, Segments
 from albot_core.perception.reading import Readings
 from albot_env.sim.chipmunk_kernels import Robots, advance
 from albot_env.sim.crew import Crew
@@ -44,6 +44,7 @@ class Fleet:
         robot: Body and drive of the robots.
         sensors: What each senses with.
         crew: Threads that share the work.
+        movables: Whether things move in worlds that have any; if not, they are left out.
     """
 
     def __init__(
@@ -53,6 +54,7 @@ class Fleet:
         robot: RobotConfig,
         sensors: Sensors,
         crew: Crew | None = None,
+        movables: bool = True,
     ) -> None:
         self.robot = robot
         self.sensors = sensors
@@ -87,10 +89,9 @@ class Fleet:
             scenes=np.full(robots, -1),
         )
         self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
-        self._no_things = np.empty((0, 4))
-        self._no_thing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
-        self._floors = Floors(robots, robot)
-        self._bridges = [Bridge(CROWD) for _ in range(self._crew.size)]
+        self._floors = Floors(robots, robot, movables=movables)
+        self._bridged = 0
+        self._build_bridges(CROWD)
         self._opaque = index_for(laser.geometry)
         self._solid = WallIndex(self._devices.sonars.horizon, (0.0, 0.0), occlusion=True)
         self._buildings = Register(robots, self._take_in, self._forget)
@@ -122,12 +123,12 @@ class Fleet:
 
     @property
     def collided(self) -> Bool[np.ndarray, "robots"]:
-        """Whether a wall pushed the robot back since `clear_contacts`."""
+        """Whether a wall or a thing pushed the robot back since `clear_contacts`."""
         return self._robots.touched[:, 1]
 
     @property
     def pushed(self) -> Bool[np.ndarray, "robots"]:
-        """Whether a wall pushed the robot back in the last physics step."""
+        """Whether a wall or a thing pushed the robot back in the last physics step."""
         return self._robots.touched[:, 0]
 
     @property
@@ -144,11 +145,15 @@ class Fleet:
         """Refuse a start.
 
         Raises:
-            InputError: It is not finite, or the robot would touch a wall there.
+            InputError: It is not finite, or the robot would touch a wall there, a box, or a
+                door as it swings.
         """
         if not np.isfinite(pose).all():
             raise InputError("start", "a finite pose", str(pose.tolist()))
         radius = self.robot.radius
+        if self._floors.moves(world) and world.movables.gap(*pose[:2].tolist()) < radius:
+            expected = f"a pose {radius:g} m clear of the boxes and doors of {world.name}"
+            raise InputError("start", expected, str(pose.tolist()))
         room = self._floors.clearance(world, pose, radius)
         if room < radius:
             raise InputError(
@@ -168,7 +173,8 @@ class Fleet:
             key: 64 bits, of which all its random numbers are a function from now on.
         """
         robots = self._robots
-        self._floors.place(row, world, pose, robots.ids)
+        self._floors.place(row, world, pose, key, robots.ids)
+        self._build_bridges(1 + self._floors.things.most_bodies)
         for other, building in self._buildings.enter(row, world):
             self._sensed.buildings[other] = building
         for array in (robots.targets, robots.wheels, robots.counts, robots.touched):
@@ -207,12 +213,30 @@ class Fleet:
         drive = self.robot.wheel_base, np.inf if at_once else self.robot.acceleration
         errors = self._devices.odometer
 
+        things, tables = self._floors.things, self._floors.tables
+
         def move(floors: Int64[np.ndarray, "some"], member: int) -> None:
             engine = self._bridges[member].engine
-            tables = self._floors.tables
+            # Where things move there is one robot alone on a floor.
+            among = tables.members[floors, 0]
+            among = among[things.present[among]]
+            if len(among):
+                things.command(among, engine, self.states, steps * PHYSICS_STEP)
             advance(floors, engine, tables, self._robots, errors, drive, PHYSICS_STEP, steps)
+            if len(among):
+                things.observe(among, engine)
 
         self._crew.share(self._floors.inhabited, move)
+
+    def things(self, row: int) -> Segments:
+        """The outlines of the things around a robot, where they are now (world frame)."""
+        return self._floors.things.segments(row)
+
+    def _build_bridges(self, bodies: int) -> None:
+        """Have bridges to pymunk for so many robots and things on a floor."""
+        if bodies > self._bridged:
+            self._bridges = [Bridge(bodies) for _ in range(self._crew.size)]
+            self._bridged = bodies
 
     def readings(self, stamps: Float64[np.ndarray, "robots"]) -> Readings:
         """What was sensed last, at these times (s). It is written over at the next sensing."""
@@ -238,12 +262,12 @@ class Fleet:
     def sense(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Take the readings of all robots, or some: `motions`, `ranges` and so on."""
         chosen = self._everyone if rows is None else rows
+        robots, stage = self._robots, self._floors.things.stage
         around = Surroundings(
             opaque=self._opaque.tables,
             solid=self._solid.tables,
-            things=self._no_things,
-            first=self._no_thing,
-            last=self._no_thing,
+            things=stage.segments,
+            first=stage.robots["segments"],
+            last=stage.robots["segments_end"],
         )
-        robots = self._robots
         sense(chosen, robots.poses, robots.counts, around, self._devices, self._sensed)

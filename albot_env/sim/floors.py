@@ -11,6 +11,7 @@ from albot_core.geometry.types import Pose
 from albot_env.sim.chipmunk_kernels import Floors as Tables
 from albot_env.sim.drive import RobotConfig
 from albot_env.sim.space import Floor
+from albot_env.sim.things import Things
 from albot_maps.world import World
 
 CROWD = 16
@@ -23,13 +24,18 @@ NOWHERE = -1
 class Floors:
     """Robots that drive in one and the same world (which goes by the object) share floors.
 
+    Where things move a robot has a floor of its own, for the things are there for it alone.
+
     Args:
         robots: How many robots there are. None is anywhere at first.
         robot: Body and drive of all of them.
+        movables: Whether anything moves; if not, worlds are as if nothing did.
     """
 
-    def __init__(self, robots: int, robot: RobotConfig) -> None:
+    def __init__(self, robots: int, robot: RobotConfig, *, movables: bool) -> None:
         self._robot = robot
+        self._movables = movables
+        self.things = Things(robots, robot.radius)
         self._worlds: list[World | None] = []
         self._floors: list[Floor | None] = []
         self._slots: list[list[int]] = []
@@ -52,8 +58,23 @@ class Floors:
         assert floor is not None
         return floor.clearance(pose, reach)
 
-    def place(self, row: int, world: World, pose: Pose, ids: Int64[np.ndarray, "robots"]) -> None:
-        """Put a robot at rest at a pose in a world; `ids` takes pymunk's ids of the bodies."""
+    def moves(self, world: World) -> bool:
+        """Whether anything moves in a world."""
+        return self._movables and bool(world.movables)
+
+    def place(
+        self, row: int, world: World, pose: Pose, key: int, ids: Int64[np.ndarray, "robots"]
+    ) -> None:
+        """Put a robot at rest at a pose in a world, and the world's things about it.
+
+        Args:
+            row: The robot.
+            world: The world.
+            pose: Where in the world's frame.
+            key: 64 bits, of which all random numbers of the things are a function.
+            ids: Takes pymunk's ids of the robots' bodies.
+        """
+        self.things.leave(row)
         number = int(self.of[row])
         if number == NOWHERE or self._worlds[number] is not world:
             self._leave(row, ids)
@@ -63,6 +84,8 @@ class Floors:
         x, y, heading = pose.tolist()
         floor.place(int(self.tables.places[row]), (x, y, heading))
         self._enlist(number, ids)
+        if self.moves(world):
+            self.things.begin(row, world, floor, pose, key)
 
     def _enter(self, row: int, world: World) -> int:
         number = self._vacant(world)
@@ -71,7 +94,7 @@ class Floors:
         slots[place : place + 1] = [row]
         self.of[row], self.tables.places[row] = number, place
         self._empty.pop(number, None)
-        if len(slots) == CROWD and NOWHERE not in slots:
+        if self._is_full(number):
             self._open[id(world)].remove(number)
         return number
 
@@ -81,7 +104,7 @@ class Floors:
             return
         floor, world, slots = self._floors[number], self._worlds[number], self._slots[number]
         assert floor is not None and world is not None
-        if len(slots) == CROWD and NOWHERE not in slots:
+        if self._is_full(number):
             self._open.setdefault(id(world), []).append(number)
         place = int(self.tables.places[row])
         slots[place] = NOWHERE
@@ -92,6 +115,12 @@ class Floors:
             self._empty[number] = None
             if len(self._empty) > _KEPT:
                 self._close(self._empty.popitem(last=False)[0])
+
+    def _is_full(self, number: int) -> bool:
+        world, slots = self._worlds[number], self._slots[number]
+        assert world is not None
+        most = 1 if self.moves(world) else CROWD
+        return len(slots) == most and NOWHERE not in slots
 
     def _vacant(self, world: World) -> int:
         """A floor of this world with room for one more robot."""

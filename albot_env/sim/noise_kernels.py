@@ -26,10 +26,15 @@ def draw(key: np.uint64, place: int) -> np.uint64:
 
 
 @njit(cache=True, error_model="numpy")
+def draw_share(key: np.uint64, place: int) -> float:
+    """A number in [0, 1), each as likely, from a place of the stream."""
+    return np.float64(draw(key, place) >> np.uint64(11)) * 2.0**-53
+
+
+@njit(cache=True, error_model="numpy")
 def draw_normals(key: np.uint64, place: int) -> tuple[float, float]:
     """Two independent normal numbers, from two places on (Box and Muller's transform)."""
-    first = np.float64(draw(key, place) >> np.uint64(11)) * 2.0**-53
-    second = np.float64(draw(key, place + 1) >> np.uint64(11)) * 2.0**-53
+    first, second = draw_share(key, place), draw_share(key, place + 1)
     radius = np.sqrt(-2.0 * np.log(1.0 - first))
     angle = 2.0 * np.pi * second
     return radius * np.cos(angle), radius * np.sin(angle)

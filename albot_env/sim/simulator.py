@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Pose, Segments
 from albot_core.perception.reading import Reading
 from albot_env.sim.drive import PIONEER_3DX, STANDSTILL, RobotConfig, Wheels
 from albot_env.sim.drive_kernels import chord
@@ -42,6 +42,7 @@ class Simulator:
         world: The world; its walls are what the laser sees and what the robot bumps into.
         robot: Body and drive of the robot.
         sensors: What it senses with.
+        movables: Whether things move in a world that has any; if not, they are left out.
     """
 
     def __init__(
@@ -50,9 +51,10 @@ class Simulator:
         *,
         robot: RobotConfig = PIONEER_3DX,
         sensors: Sensors = _USUAL,
+        movables: bool = True,
     ) -> None:
         self._world = world
-        self._fleet = Fleet(1, robot=robot, sensors=sensors)
+        self._fleet = Fleet(1, robot=robot, sensors=sensors, movables=movables)
         self._started = False
         self._start = np.zeros(3)
         self._ticks = 0
@@ -87,8 +89,13 @@ class Simulator:
         return self._ticks * PHYSICS_STEP
 
     @property
+    def things(self) -> Segments:
+        """The outlines of what moves around the robot, where it is now (world frame)."""
+        return self._fleet.things(0)
+
+    @property
     def collided(self) -> bool:
-        """Whether a wall pushed the robot back during the last step, move or turn."""
+        """Whether a wall or a thing pushed the robot back during the last step, move or turn."""
         return bool(self._fleet.collided[0])
 
     def reset(self, rng: np.random.Generator, start: Pose | None = None) -> Reading:
@@ -102,7 +109,8 @@ class Simulator:
             The first reading; its motion is that of an odometer that has not moved.
 
         Raises:
-            InputError: The start is not finite, or the robot would touch a wall there.
+            InputError: The start is not finite, or the robot would touch a wall there, a box,
+                or a door as it swings.
         """
         pose = self.world.starts[0] if start is None else np.asarray(start, dtype=np.float64)
         self._fleet.check_start(self._world, pose)

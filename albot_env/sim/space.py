@@ -69,14 +69,18 @@ class Floor:
     def order(self) -> list[tuple[int, int]]:
         """The robots in the order in which pymunk visits their bodies, and the bodies' ids.
 
-        Both are others after each `place` and `remove`.
-
-        The body that the walls belong to comes after all of them.
+        Both are others after each `place` and `remove`. The body that the walls belong to
+        comes after all of them, and so do things that were put on the floor after the robots.
         """
+        return [(self._robots[id_], id_) for id_ in self.body_ids if id_ in self._robots]
+
+    @property
+    def body_ids(self) -> list[int]:
+        """Pymunk's ids of all bodies in the order in which it visits them."""
         buffer = Buffer()
         get_space_bodies(self.space, BodyFields.BODY_ID, buffer)
-        ids = memoryview(buffer.int_buf()).cast("P").tolist()
-        return [(self._robots[id_], id_) for id_ in ids if id_ != self.space.static_body.id]
+        ids: list[int] = memoryview(buffer.int_buf()).cast("P").tolist()
+        return ids
 
     def clearance(self, pose: Pose, reach: float) -> float:
         """Distance (m) from a pose to the nearest wall; infinite where none is within reach."""

@@ -40,6 +40,7 @@ class Expedition:
         weights: What the reward's terms are worth.
         threads: Threads that share the work; 0 for as many as there are processors. What
             comes of it is the same with any number.
+        movables: Whether things move in worlds that have any; if not, they are left out.
 
     Raises:
         InputError: There is no such mapper, or the observations are of another laser.
@@ -53,6 +54,8 @@ class Expedition:
         observations: ObservationConfig,
         weights: ExploreWeights,
         threads: int = 1,
+        *,
+        movables: bool = True,
     ) -> None:
         self._mappers: MapperBatch | None = None
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
@@ -63,7 +66,9 @@ class Expedition:
         """Where the lasers' beams point."""
         self.sonar = None if sensors.sonar is None else sensors.sonar.geometry
         """Where the sonars point; None without."""
-        self._fleet = Fleet(robots, robot=PIONEER_3DX, sensors=sensors, crew=self._crew)
+        self._fleet = Fleet(
+            robots, robot=PIONEER_3DX, sensors=sensors, crew=self._crew, movables=movables
+        )
         self._survey = Survey(robots, observations, self.geometry)
         self._standing = new_standing(robots)
         self._weights = weights.values
@@ -230,6 +235,10 @@ class Expedition:
     def surfaces(self, row: int) -> Segments:
         """The surfaces that a robot remembers, in its map's frame (m)."""
         return np.empty((0, 4)) if self._mappers is None else self._mappers.surfaces(row)
+
+    def things(self, row: int) -> Segments:
+        """The outlines of what moves around a robot, where it is now (world frame)."""
+        return self._fleet.things(row)
 
     def world(self, row: int) -> World:
         """The world that a robot is in."""

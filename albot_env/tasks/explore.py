@@ -87,6 +87,8 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         scenes: Name of the camera's preset (`SCENES`), or `none`. Mappers see its scenes;
             observations do not show them.
         observation: `flat` or `dict`.
+        movables: Whether doors, boxes and people move in worlds that have any; if not, they
+            are left out.
         render_mode: `human`, `rgb_array` or None.
         config: What actions ask for, how observations are scaled, what is rewarded.
 
@@ -107,6 +109,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         sonar: str = "pioneer",
         scenes: str = "none",
         observation: str = "flat",
+        movables: bool = True,
         render_mode: str | None = None,
         config: ExploreConfig = ExploreConfig(),
     ) -> None:
@@ -122,7 +125,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         )
         scaling = config.observations.fitted(sensors)
         self._scaling = scaling
-        self._robot = Expedition(1, mapper, sensors, scaling, config.weights)
+        self._robot = Expedition(1, mapper, sensors, scaling, config.weights, movables=movables)
         self._mapper_name = mapper
         self._flat = observation == "flat"
         self.action_space = config.actions.space
@@ -227,6 +230,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             home=robot.homes[0].copy(),
             updates=updates,
             surfaces=robot.surfaces(0) if changed else None,
+            things=robot.things(0),
         )
 
     def _observe(self) -> Observation:

@@ -48,6 +48,7 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         sonar: Name of the sonars' preset, or `none`.
         scenes: Name of the camera's preset, or `none`.
         observation: `flat` or `dict`.
+        movables: Whether doors, boxes and people move in worlds that have any.
         config: What actions ask for, how observations are scaled, what is rewarded.
         max_episode_steps: Steps after which an episode is truncated; None for never.
         autoreset_mode: `NextStep`: the step after an episode's last one resets, whatever the
@@ -74,6 +75,7 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         sonar: str = "pioneer",
         scenes: str = "none",
         observation: str = "flat",
+        movables: bool = True,
         config: ExploreConfig | None = None,
         max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
@@ -94,7 +96,9 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
             laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source=ENVIRONMENT
         )
         self._scaling = scaling = config.observations.fitted(sensors)
-        self._robots = Expedition(num_envs, mapper, sensors, scaling, config.weights, threads)
+        self._robots = Expedition(
+            num_envs, mapper, sensors, scaling, config.weights, threads, movables=movables
+        )
         self.single_action_space = config.actions.space
         self.single_observation_space = scaling.flat_space if self._flat else scaling.dict_space
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -2,13 +2,18 @@
 
 from albot_maps.formats.reader import read_world
 from albot_maps.load import catalogue_names, load_world
+from albot_maps.movables import Box, Door, Movables, Walker
 from albot_maps.world import ROBOT_RADIUS, Exit, Room, World
 from albot_maps.world_set import WorldSet, load_worlds
 
 __all__ = [
     "ROBOT_RADIUS",
+    "Box",
+    "Door",
     "Exit",
+    "Movables",
     "Room",
+    "Walker",
     "World",
     "WorldSet",
     "catalogue_names",

@@ -16,6 +16,7 @@ from shapely.plotting import patch_from_polygon
 
 from albot_core.files import replacing
 from albot_maps.freespace import FreeSpace
+from albot_maps.movable_drawing import draw_movables
 from albot_maps.world import ROBOT_RADIUS, World
 
 _SOLID, _WALL, _TEXT = "#dcdcd8", "#22262b", "#59626d"
@@ -57,7 +58,7 @@ def save_sheet(worlds: Sequence[World], path: Path) -> None:
 
 
 def draw_world(world: World, axes: Axes, *, tours: Iterable[str] = (), names: bool = True) -> None:
-    """Draw floor, rooms, walls, exits, starts, a scale bar and the tours named.
+    """Draw floor, rooms, walls, exits, movable things, starts, a scale bar and the tours named.
 
     Light blue is glass. Grey is what walls shut off: the inside of furniture and of thick
     walls, closed rooms.
@@ -68,6 +69,7 @@ def draw_world(world: World, axes: Axes, *, tours: Iterable[str] = (), names: bo
     for name in tours:
         axes.plot(*world.tours[name].T, color=_TOUR, lw=1.2, alpha=0.7)
     _draw_exits(world, axes, names)
+    draw_movables(world.movables, axes)
     for x, y, heading in world.starts:
         axes.add_patch(Circle((x, y), ROBOT_RADIUS, color=_START))
         nose = 2.5 * ROBOT_RADIUS * np.array([np.cos(heading), np.sin(heading)])

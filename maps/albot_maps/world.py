@@ -15,6 +15,8 @@ from jaxtyping import Bool, Float64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Poses, Segments
 from albot_maps.freespace import FreeSpace, wall_lines
+from albot_maps.movable_rules import Surroundings, faults
+from albot_maps.movables import Movables
 
 ROBOT_RADIUS = 0.25
 """Radius (m) of the disc that stands for the Pioneer 3-DX wherever a world is checked."""
@@ -61,8 +63,9 @@ class World:
 
     A world that exists is valid: every number is finite and in metres, no wall is a
     point, names are unique, every start is free at the robot's radius, every room can be
-    entered from the first start by a disc of that radius, every tour keeps it clear of
-    the walls. Its arrays are read-only copies of those given.
+    entered from the first start by a disc of that radius (doors open, boxes give way),
+    every tour keeps it clear of the walls, movable things have room. Its arrays are
+    read-only copies of those given.
 
     Raises:
         InputError: One of these does not hold; the place is as `walls[3]`, `exits[0]`.
@@ -82,6 +85,8 @@ class World:
     """Routes by name: waypoints (m) joined by straight legs that a robot can drive."""
     notes: tuple[str, ...] = ()
     """What a reader of a foreign format left out or decided, one sentence each."""
+    movables: Movables = field(default_factory=Movables)
+    """Doors that open and close, boxes that can be pushed, people who walk."""
     source: str = ""
     """Where the world came from: a file, a catalogue name, a generator's spec."""
 
@@ -93,6 +98,7 @@ class World:
         self._check_starts()
         self._check_tours()
         self._check_reachability()
+        self._check_movables()
 
     @cached_property
     def opaque(self) -> Segments:
@@ -278,6 +284,13 @@ class World:
                 f"rooms that a robot of radius {ROBOT_RADIUS} m reaches from starts[0]",
                 f"no way into {names}",
             )
+
+    def _check_movables(self) -> None:
+        if not self.movables:
+            return
+        around = Surroundings(self.walls, self.starts[:, :2], ROBOT_RADIUS)
+        for place, expected, found in faults(self.movables, around):
+            raise self._error(place, expected, found)
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:

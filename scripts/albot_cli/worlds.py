@@ -17,6 +17,7 @@ from albot_maps.formats.world_text import world_text
 
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object, no more.")
 _MOST_ON_A_SHEET = 100
+_SINGULAR = {"boxes": "box"}
 _WORLD = click.argument("spec", metavar="WORLD")
 
 
@@ -178,6 +179,9 @@ def summary(world: World) -> dict[str, Any]:
         "exits": {opening.name: list(opening.rooms) for opening in world.exits},
         "starts": world.starts.tolist(),
         "tours_m": {name: round(_length(points), 2) for name, points in world.tours.items()},
+        "movables": {
+            name: len(getattr(world.movables, name)) for name in ("doors", "boxes", "walkers")
+        },
         "notes": list(world.notes),
     }
 
@@ -203,6 +207,7 @@ def in_full(facts: dict[str, Any]) -> str:
         "exits": ", ".join(f"{name} ({'–'.join(ends)})" for name, ends in facts["exits"].items()),
         "start": f"({x:.2f}, {y:.2f}) m, heading {np.rad2deg(heading):.0f}°",
         "tours": ", ".join(f"{name} ({length:.1f} m)" for name, length in facts["tours_m"].items()),
+        "moving": ", ".join(_count(n, name) for name, n in facts["movables"].items() if n),
         "notes": "; ".join(facts["notes"]),
         "png": facts.get("png", ""),
     }
@@ -210,7 +215,9 @@ def in_full(facts: dict[str, Any]) -> str:
 
 
 def _count(number: int, plural: str) -> str:
-    return f"{number} {plural if number != 1 else plural.removesuffix('s')}"
+    if number != 1:
+        return f"{number} {plural}"
+    return f"1 {_SINGULAR.get(plural, plural.removesuffix('s'))}"
 
 
 def _length(points: np.ndarray) -> float:

@@ -8,6 +8,8 @@ import numpy as np
 import yaml
 
 from albot_core.geometry.types import Points, Segments
+from albot_maps.formats.world_movables import movable_lines
+from albot_maps.formats.yaml_numbers import angle, flow
 from albot_maps.world import World
 
 
@@ -20,18 +22,20 @@ def world_text(world: World) -> str:
     lines = ["albot-world: 1", f"name: {_quoted(world.name)}"]
     sections = {
         "notes": [f"- {_quoted(note)}" for note in world.notes],
-        "walls": [f"- {_flow(line)}" for line in _chains(world.opaque)],
-        "glass": [f"- {_flow(line)}" for line in _chains(world.walls[world.glass])],
-        "rooms": [f"{_quoted(room.name)}: {_flow(room.boundary)}" for room in world.rooms],
+        "walls": [f"- {flow(line)}" for line in _chains(world.opaque)],
+        "glass": [f"- {flow(line)}" for line in _chains(world.walls[world.glass])],
+        "rooms": [f"{_quoted(room.name)}: {flow(room.boundary)}" for room in world.rooms],
         "exits": [
-            f"{_quoted(opening.name)}: {{line: {_flow(opening.segment.reshape(2, 2))}, "
+            f"{_quoted(opening.name)}: {{line: {flow(opening.segment.reshape(2, 2))}, "
             f"rooms: [{', '.join(map(_quoted, opening.rooms))}]}}"
             for opening in world.exits
         ],
         "starts": [
-            f"- {{at: {_flow(start[:2])}, {_heading(float(start[2]))}}}" for start in world.starts
+            f"- {{at: {flow(start[:2])}, {angle('heading', float(start[2]))}}}"
+            for start in world.starts
         ],
-        "tours": [f"{_quoted(name)}: {_flow(line)}" for name, line in world.tours.items()],
+        "tours": [f"{_quoted(name)}: {flow(line)}" for name, line in world.tours.items()],
+        "movables": movable_lines(world.movables),
     }
     for name, entries in sections.items():
         if entries:
@@ -46,25 +50,6 @@ def _chains(walls: Segments) -> Iterator[Points]:
     breaks = np.flatnonzero((walls[1:, :2] != walls[:-1, 2:]).any(axis=1)) + 1
     for run in np.split(walls, breaks):
         yield np.concatenate((run[:1, :2], run[:, 2:]))
-
-
-def _flow(values: np.ndarray) -> str:
-    if values.ndim > 1:
-        return f"[{', '.join(map(_flow, values))}]"
-    return f"[{', '.join(map(_number, values.tolist()))}]"
-
-
-def _number(value: float) -> str:
-    return repr(value).removesuffix(".0")
-
-
-def _heading(heading: float) -> str:
-    """In degrees where they say exactly the same angle, else in radians."""
-    degrees = float(np.rad2deg(heading))
-    for candidate in (round(degrees, 6), degrees):
-        if np.deg2rad(candidate) == heading:
-            return f"heading: {_number(candidate)}"
-    return f"heading_rad: {_number(heading)}"
 
 
 def _quoted(text: str) -> str:

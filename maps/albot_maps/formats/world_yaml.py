@@ -10,6 +10,7 @@ import shapely
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Segments
+from albot_maps.formats.world_movables import MovablesReader
 from albot_maps.formats.world_schema import check_schema
 from albot_maps.formats.yaml_document import YamlDocument, shown
 from albot_maps.world import LARGEST_COORDINATE, METRES, SHORTEST_WALL, Exit, Room, World
@@ -31,6 +32,7 @@ def world_from_document(document: YamlDocument, *, source: str) -> World:
     walls = _Walls(document, source)
     starts = [_start(start) for start in data["starts"]]
     walls.check_outside_solids(starts)
+    movables = MovablesReader(document, source).read()
     try:
         return World(
             name=data["name"],
@@ -51,6 +53,7 @@ def world_from_document(document: YamlDocument, *, source: str) -> World:
             ),
             tours={name: _points(line) for name, line in data.get("tours", {}).items()},
             notes=tuple(data.get("notes", ())),
+            movables=movables,
             source=source,
         )
     except InputError as error:
@@ -130,5 +133,7 @@ def _path_in_file(place: str, data: dict[str, Any]) -> list[str | int]:
     if not rest:
         return [kind]
     index = int(rest.partition("]")[0])
+    if kind.startswith("movables."):
+        return ["movables", kind.removeprefix("movables."), index]
     keys = list(data[kind]) if isinstance(data.get(kind), dict) else None
     return [kind, keys[index] if keys else index]

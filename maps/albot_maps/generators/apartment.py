@@ -41,6 +41,8 @@ class ApartmentParameters(Parameters):
     """Width of the doors (m)."""
     clutter: float = share(0.4)
     """Furniture: 0 none, 1 one piece for every 2.2 m² or as much as leaves the ways free."""
+    doors: int = count(0, 0, 100)
+    """How many of the doorways have a door that opens and closes."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,6 +37,8 @@ class HallParameters(Parameters):
     """Things: 0 none, 1 one for every 5 m² or as many as leave the ways free."""
     symmetry: bool = switch(False)
     """Whether the right half mirrors the left one; porches, being few, do not."""
+    doors: int = count(0, 0, 100)
+    """How many of the doorways have a door that opens and closes."""
 
 
 def draw_hall(parameters: HallParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:

@@ -42,6 +42,8 @@ class OfficeParameters(Parameters):
     """Furniture: 0 none, 1 one piece for every 2.5 m² or as much as leaves the ways free."""
     symmetry: bool = switch(False)
     """Whether the rooms along a corridor are all alike, mirrored on its other side."""
+    doors: int = count(0, 0, 100)
+    """How many of the doorways have a door that opens and closes."""
 
 
 def draw_office(parameters: OfficeParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:

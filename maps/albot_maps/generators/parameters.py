@@ -81,6 +81,11 @@ class Parameters:
     kind: ClassVar[str]
     """The kind's name in a world spec."""
 
+    people: int = count(0, 0, 50)
+    """How many people walk through the rooms."""
+    boxes: int = count(0, 0, 50)
+    """How many boxes stand about that can be pushed."""
+
     def __post_init__(self) -> None:
         for name, allowed in self.ranges().items():
             value = getattr(self, name)
@@ -90,9 +95,16 @@ class Parameters:
     @classmethod
     def ranges(cls) -> dict[str, Range]:
         """What each parameter may be, by its name."""
-        return {item.name: item.metadata["range"] for item in dataclasses.fields(cls)}
+        return {name: item.metadata["range"] for name, item in cls._fields().items()}
 
     @classmethod
     def defaults(cls) -> dict[str, Any]:
         """What each parameter is where nothing is said; None: what suits the rest."""
-        return {item.name: item.default for item in dataclasses.fields(cls)}
+        return {name: item.default for name, item in cls._fields().items()}
+
+    @classmethod
+    def _fields(cls) -> dict[str, dataclasses.Field[Any]]:
+        """The kind's own parameters, and then those that all kinds have."""
+        common = {item.name: item for item in dataclasses.fields(Parameters)}
+        own = {item.name: item for item in dataclasses.fields(cls) if item.name not in common}
+        return own | common

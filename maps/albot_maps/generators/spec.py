@@ -13,6 +13,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_maps.generators.dice import Dice
 from albot_maps.generators.parameters import Parameters
+from albot_maps.generators.things import populate
 from albot_maps.world import World
 
 KINDS = ("apartment", "hall", "maze", "office", "ring", "warehouse")
@@ -55,8 +56,8 @@ class RandomSpec:
         draw = getattr(_module(self.kind), f"draw_{self.kind}")
         dice = Dice(np.random.Generator(np.random.PCG64(self.seed)))
         plan, start = draw(self.parameters, dice, str(self))
-        world: World = plan.world(f"{self.kind}-{self.seed}", str(self), start)
-        return world
+        world = plan.world(f"{self.kind}-{self.seed}", str(self), start)
+        return populate(world, self.parameters, dice)
 
 
 def parse_spec(text: str) -> RandomSpec:

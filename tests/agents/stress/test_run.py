@@ -122,7 +122,7 @@ def lacking(spec: str) -> World:
     middle = world.walls.reshape(-1, 2, 2).mean(axis=1)
     x_min, y_min, x_max, y_max = world.bounds
     outer = np.isin(middle[:, 0], (x_min, x_max)) | np.isin(middle[:, 1], (y_min, y_max))
-    return dataclasses.replace(world, walls=world.walls[outer])
+    return dataclasses.replace(world, walls=world.walls[outer], glass=world.glass[outer])
 
 
 def test_a_wall_that_is_not_there_is_seen_through_and_play_shows_the_same(

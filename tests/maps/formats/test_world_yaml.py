@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.errors import InputError
-from albot_maps import Exit, Room, World, catalogue_names, load_world
+from albot_maps import Box, Door, Exit, Movables, Room, Walker, World, catalogue_names, load_world
 from albot_maps.formats.world_text import world_text
 from albot_maps.formats.world_yaml import parse_world
 
@@ -30,6 +30,16 @@ rooms:
   only: [[0, 0], [4, 0], [4, 4], [0, 4]]
 starts:
   - {at: [1, 1], heading: 90}
+"""
+
+MOVING = """\
+movables:
+  doors:
+    - {hinge: [3, 1], heading: 90, width: 0.5, opening: -90}
+  boxes:
+    - {at: [2, 2], length: 0.4, width: 0.3}
+  walkers:
+    - {route: [[0.5, 0.5], [0.5, 2.5]]}
 """
 
 
@@ -51,6 +61,7 @@ def same(first: World, second: World) -> bool:
         and [(e.name, e.rooms) for e in first.exits] == [(e.name, e.rooms) for e in second.exits]
         and list(first.tours) == list(second.tours)
         and (first.name, first.notes) == (second.name, second.notes)
+        and first.movables == second.movables
     )
 
 
@@ -133,6 +144,62 @@ def test_any_world_comes_back_exactly(name, walls, heading, corners, labels, not
     assert same(parse_world(world_text(world), source="again"), world)
 
 
+angles = st.floats(-3.1, 3.1)
+spans = st.tuples(st.floats(0.1, 2), st.floats(0.1, 2)).map(lambda span: (min(span), max(span)))
+doors = st.fixed_dictionaries(
+    {
+        "hinge": st.tuples(metres, metres),
+        "heading": angles,
+        "width": st.floats(0.3, 3),
+        "opening": angles.filter(lambda angle: abs(angle) > 0.1),
+        "turn_rate": st.floats(0.1, 3),
+        "open_for": spans,
+        "shut_for": spans,
+    }
+)
+boxes = st.fixed_dictionaries(
+    {
+        "at": st.tuples(st.floats(200, 300), metres),
+        "heading": st.floats(-10, 10),
+        "length": st.floats(0.3, 3),
+        "width": st.floats(0.3, 3),
+        "mass": st.floats(0.5, 1000),
+    }
+)
+walkers = st.fixed_dictionaries(
+    {
+        "route": st.tuples(*(st.tuples(st.floats(x, x + 9), metres) for x in (400, 420, 440))),
+        "closed": st.booleans(),
+        "speed": spans,
+        "radius": st.floats(0.15, 0.5),
+    }
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(doors, boxes, walkers)
+def test_any_movable_things_come_back_exactly(door, box, walker):
+    world = World(
+        name="moving",
+        walls=FAR_WALLS,
+        starts=np.array([[800.0, 0, 0]]),
+        movables=Movables(doors=(Door(**door),), boxes=(Box(**box),), walkers=(Walker(**walker),)),
+    )
+    assert same(parse_world(world_text(world), source="again"), world)
+
+
+def test_things_have_defaults_and_angles_in_degrees():
+    world = parse_world(SMALL + MOVING, source="small.yaml")
+    (door,), (box,), (walker,) = (
+        world.movables.doors,
+        world.movables.boxes,
+        world.movables.walkers,
+    )
+    assert door == Door(hinge=(3.0, 1.0), heading=np.pi / 2, width=0.5, opening=-np.pi / 2)
+    assert box == Box(at=(2.0, 2.0), length=0.4, width=0.3)
+    assert walker == Walker(route=((0.5, 0.5), (0.5, 2.5)))
+
+
 def replaced(old: str, new: str) -> str:
     assert old in SMALL
     return SMALL.replace(old, new)
@@ -179,6 +246,13 @@ def replaced(old: str, new: str) -> str:
         (SMALL + "exits: {A: {line: [[0, 0], [1, 1]], rooms: [only, x]}}", "line 13, exits.A", "x"),
         (SMALL + "exits: {A: {line: [[0, 0], [1, 1]]}}", "line 13, exits.A", "the key rooms"),
         (SMALL + "tours:\n  t: [[1, 1], [1, 3.9]]", "line 14, tours.t", "0.25 m clear"),
+        (SMALL + MOVING.replace("hinge", "hing"), "line 15, movables.doors[0].hing", "hinge?"),
+        (SMALL + MOVING.replace("-90", "0"), "line 15, movables.doors[0].opening", "0.1 to pi"),
+        (SMALL + MOVING.replace("0.4", "0.1"), "line 17, movables.boxes[0].length", "0.3 to 3 (m)"),
+        (SMALL + MOVING.replace("[2, 2]", "[1, 3.5]"), "line 17, movables.boxes[0]", "a wall at"),
+        (SMALL + MOVING.replace("[2, 2]", "[2]"), "line 17, movables.boxes[0].at", "a point [x"),
+        (SMALL + MOVING.replace(", 2.5]]", ", 3.5]]"), "line 19, movables.walkers[0]", "clear of"),
+        (SMALL + MOVING.replace("walkers", "people"), "line 18, movables.people", "walkers"),
         ("[" * 5000, "", "nested a few levels"),
     ],
 )
@@ -228,4 +302,5 @@ def test_the_example_in_the_documentation_is_a_valid_world():
     world = parse_world(example, source="docs/worlds.md")
     assert world.closed
     assert [room.name for room in world.rooms] == ["lab", "office"]
+    assert all((world.movables.doors, world.movables.boxes, world.movables.walkers))
     assert all(key in page for key in ("heading_rad", "notes"))

@@ -21,6 +21,7 @@ from albot_maps.generators.spec import KINDS, RandomSpec, parameters_of, parse_s
 SEEDS = st.integers(0, 2**64 - 1)
 LARGEST = {"rooms": 40, "columns": 12, "rows": 12, "aisles": 8, "bays": 8, "cross_aisles": 3}
 """Counts that the search does not go beyond, for the sake of its time."""
+WITH_DOORS = ("apartment", "hall", "office")
 DIGESTS = {
     "apartment": "dca0228731990917",
     "hall": "f3be5ada704f5a9e",
@@ -182,6 +183,29 @@ def test_a_maze_has_the_loops_asked_for(loops):
         assert len(world.exits) - (len(world.rooms) - 1) == loops
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_moves_is_as_much_as_was_asked_and_changes_nothing_else(kind):
+    asked = {"people": 2, "boxes": 3} | ({"doors": 2} if kind in WITH_DOORS else {})
+    query = "&".join(f"{name}={number}" for name, number in asked.items())
+    for seed in range(6):
+        world = load_world(f"random:{kind}:{seed}?{query}")
+        moving = world.movables
+        assert (len(moving.walkers), len(moving.boxes)) == (2, 3)
+        assert len(moving.doors) == asked.get("doors", 0)
+        assert digest(world) == digest(load_world(f"random:{kind}:{seed}"))
+        assert load_world(world.source).movables == moving
+        assert not load_world(f"random:{kind}:{seed}").movables
+
+
+def test_doors_fill_their_doorways():
+    world = load_world("random:office:3?doors=5")
+    openings = np.array([opening.segment for opening in world.exits])
+    for door in world.movables.doors:
+        gaps = np.hypot(*(openings.reshape(-1, 2) - door.hinge).T)
+        assert gaps.min() == pytest.approx(0.075)
+        assert door.width == pytest.approx(0.9)
+
+
 def mirrored(world: World) -> set[tuple[float, ...]]:
     """Ends of the walls, seen in a mirror that stands at the middle of the building."""
     x_min, _, x_max, _ = world.bounds
@@ -271,6 +295,12 @@ def test_the_spec_of_a_world_says_what_differs_from_the_defaults():
         ("random:maze:1?columns=4&rows=4&loops=10", "loops: expected at most 9 in 4 x 4 cells"),
         ("random:hall:1?pillars=1", "pillars: expected 0, or at least 3 m"),
         ("random:ring:1?growth=3&loops=10", "growth: expected loops at most 5000 m wide"),
+        ("random:apartment:1?doors=50", "doors: expected no more than find room, which"),
+        (
+            "random:maze:1?columns=2&rows=2&loops=0&boxes=50",
+            "boxes: expected no more than find room",
+        ),
+        ("random:maze:1?doors=1", "found doors"),
         ("random:ring:1?length=9", "length: expected at least 12 with corridors of 2 m"),
     ],
 )

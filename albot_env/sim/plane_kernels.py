@@ -1,0 +1,45 @@
+"""Compiled geometry of the plane: distances of points, segments and sectors."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, error_model="numpy")
+def nearest_on(
+    x: float, y: float, x1: float, y1: float, x2: float, y2: float
+) -> tuple[float, float]:
+    """The point of a segment that is nearest to a point."""
+    along_x, along_y = x2 - x1, y2 - y1
+    squared = along_x * along_x + along_y * along_y
+    share = ((x - x1) * along_x + (y - y1) * along_y) / squared if squared > 0.0 else 0.0
+    share = min(max(share, 0.0), 1.0)
+    return x1 + share * along_x, y1 + share * along_y
+
+
+@njit(cache=True, error_model="numpy")
+def gap_to_ray(x: float, y: float, angle: float, length: float) -> float:
+    """Distance of a point from a segment that leaves the origin at an angle."""
+    end_x, end_y = length * math.cos(angle), length * math.sin(angle)
+    near_x, near_y = nearest_on(x, y, 0.0, 0.0, end_x, end_y)
+    return math.hypot(x - near_x, y - near_y)
+
+
+@njit(cache=True, error_model="numpy")
+def gap_to_sector(x: float, y: float, first: float, turn: float, radius: float) -> float:
+    """Distance of a point from the sector about the origin that a ray sweeps."""
+    ahead = (math.atan2(y, x) - first) * (1.0 if turn >= 0.0 else -1.0)
+    if ahead % (2.0 * math.pi) <= abs(turn):
+        return max(0.0, math.hypot(x, y) - radius)
+    gap = gap_to_ray(x, y, first, radius)
+    return min(gap, gap_to_ray(x, y, first + turn, radius))
+
+
+@njit(cache=True, error_model="numpy")
+def put_side(segments: np.ndarray, row: int, x1: float, y1: float, x2: float, y2: float) -> None:
+    """Write a segment into a row of `segments` (n, 4)."""
+    segments[row, 0], segments[row, 1] = x1, y1
+    segments[row, 2], segments[row, 3] = x2, y2

@@ -1,0 +1,212 @@
+"""Doors, people and boxes, put into a random building."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import islice, pairwise
+from typing import TypeVar
+
+import numpy as np
+import shapely
+
+from albot_core.errors import InputError
+from albot_maps.freespace import wall_lines
+from albot_maps.generators.dice import Dice
+from albot_maps.generators.parameters import Parameters
+from albot_maps.generators.plan import WALL
+from albot_maps.movable_rules import TOLERANCE
+from albot_maps.movables import Box, Door, Movables, Point, Walker
+from albot_maps.world import ROBOT_RADIUS, Exit, World
+
+Thing = TypeVar("Thing", Box, Door, Walker)
+
+_TRIES = 80
+"""How often a place is sought for each thing."""
+_BEFORE_EXIT = 0.5
+"""How far before and behind an exit a route bends (m)."""
+_SPARE = 0.05
+"""What routes and boxes keep from walls beyond what they must (m)."""
+_AWAY = {"start": 1.3, "doorways": 0.3, "routes": 0.35, "boxes": 0.1}
+"""What boxes keep from all else (m): from the start so much that they never wall it in."""
+_LEAST_ROUTE = 2.0
+"""The shortest way from the first to another waypoint (m)."""
+
+
+def populate(world: World, parameters: Parameters, dice: Dice) -> World:
+    """The world with as many doors, people and boxes as the parameters ask for.
+
+    Raises:
+        InputError: There is no room for so many.
+    """
+    asked = {name: getattr(parameters, name, 0) for name in ("doors", "people", "boxes")}
+    if not any(asked.values()):
+        return world
+    places = _Places(world, dice)
+    doors = _taken(places.doors(), asked["doors"], world, "doors")
+    people = _taken(places.walkers(), asked["people"], world, "people")
+    boxes = _taken(places.boxes(doors, people), asked["boxes"], world, "boxes")
+    return replace(world, movables=Movables(doors=doors, boxes=boxes, walkers=people))
+
+
+def _taken(things: Iterator[Thing], number: int, world: World, name: str) -> tuple[Thing, ...]:
+    found = tuple(islice(things, number))
+    if len(found) < number:
+        expected = f"no more than find room, which {len(found)} did"
+        raise InputError(world.source, expected, str(number), place=name)
+    return found
+
+
+class _Places:
+    """Seeks places in one building."""
+
+    def __init__(self, world: World, dice: Dice) -> None:
+        self._world = world
+        self._dice = dice
+        self._walls = wall_lines(world.walls)
+        shapely.prepare(self._walls)
+        self._start = shapely.Point(world.starts[0, :2])
+        self._boxes_of = {room.name: _bounds(room.boundary) for room in world.rooms}
+        self._exits_of: dict[str, list[Exit]] = {room.name: [] for room in world.rooms}
+        for opening in world.exits:
+            for room in opening.rooms:
+                self._exits_of[room].append(opening)
+
+    def doors(self) -> Iterator[Door]:
+        """A leaf for each doorway in which one can swing, in any order."""
+        sweeps: list[shapely.Polygon] = []
+        openings = [opening for opening in self._world.exits if _is_doorway(opening)]
+        for opening in self._dice.shuffled(openings):
+            for door in self._dice.shuffled(_leaves(opening)):
+                sweep = door.sweep
+                inner = sweep.buffer(-TOLERANCE)
+                if (
+                    sweep.distance(self._start) > ROBOT_RADIUS + _SPARE
+                    and not self._walls.intersects(inner)
+                    and not any(sweep.intersects(other) for other in sweeps)
+                ):
+                    sweeps.append(sweep)
+                    yield door
+                    break
+
+    def walkers(self) -> Iterator[Walker]:
+        """People who walk through some rooms, without end where there is room at all."""
+        tries = 0
+        while tries < _TRIES:
+            walker = self._walker()
+            tries += 1
+            if walker is not None:
+                tries = 0
+                yield walker
+
+    def _walker(self) -> Walker | None:
+        room = self._dice.pick(self._world.rooms).name
+        route = [self._point(room)]
+        for _ in range(self._dice.whole(2, 12)):
+            beyond, points = self._onward(room)
+            if self._is_clear([route[-1], *points]):
+                room = beyond
+                route += points
+        if max(math.dist(route[0], point) for point in route) < _LEAST_ROUTE:
+            return None
+        closed = len(route) > 2 and self._dice.chance(0.5)
+        closed = closed and self._is_clear([route[-1], route[0]])
+        return Walker(route=tuple(route), closed=closed)
+
+    def _onward(self, room: str) -> tuple[str, list[Point]]:
+        """A step of a route: through an exit, or to a point of the same room."""
+        exits = self._exits_of[room]
+        if not exits or self._dice.chance(0.4):
+            return room, [self._point(room)]
+        opening = self._dice.pick(exits)
+        (beyond,) = set(opening.rooms) - {room}
+        sides = _sides(opening)
+        sides.sort(key=lambda point: self._world.room_at(*point) != room)
+        return beyond, sides
+
+    def _point(self, room: str) -> Point:
+        x1, y1, x2, y2 = self._boxes_of[room]
+        return self._dice.length(x1, x2) / 100, self._dice.length(y1, y2) / 100
+
+    def _is_clear(self, points: Sequence[Point]) -> bool:
+        """Whether a walker of ordinary size gets along straight legs of 10 cm or more."""
+        steps = [math.dist(first, second) for first, second in pairwise(points)]
+        room = Walker.radius + _SPARE
+        return min(steps) > 0.1 and shapely.LineString(points).distance(self._walls) >= room
+
+    def boxes(self, doors: Sequence[Door], people: Sequence[Walker]) -> Iterator[Box]:
+        """Boxes on free floor, without end where there is room at all."""
+        sweeps = shapely.union_all([door.sweep for door in doors])
+        legs = [shapely.linestrings(walker.legs.reshape(-1, 2, 2)) for walker in people]
+        routes = shapely.union_all(np.concatenate(legs) if legs else [])
+        doorways = [opening.segment for opening in self._world.exits if _is_doorway(opening)]
+        kept = [
+            (self._walls, _SPARE),
+            (self._start, _AWAY["start"]),
+            (wall_lines(np.reshape(doorways, (-1, 4))), _AWAY["doorways"]),
+            (routes, _AWAY["routes"]),
+            (sweeps, _SPARE),
+        ]
+        tries = 0
+        while tries < _TRIES:
+            box = self._box()
+            tries += 1
+            outline = box.outline
+            # An empty shape is at no distance (nan).
+            if any(outline.distance(other) < gap for other, gap in kept):
+                continue
+            kept.append((outline, _AWAY["boxes"]))
+            tries = 0
+            yield box
+
+    def _box(self) -> Box:
+        at = self._point(self._dice.pick(self._world.rooms).name)
+        return Box(
+            at=at,
+            heading=float(np.deg2rad(15.0 * self._dice.whole(0, 11))),
+            length=self._dice.length(40, 70) / 100,
+            width=self._dice.length(30, 50) / 100,
+            mass=float(self._dice.whole(2, 10)),
+        )
+
+
+def _is_doorway(opening: Exit) -> bool:
+    return opening.name.startswith("D")
+
+
+def _leaves(opening: Exit) -> list[Door]:
+    """The four ways to hang a door that lies flush with a face of the wall."""
+    ends = opening.segment.reshape(2, 2)
+    doors = []
+    for hinge, tip in ((ends[0], ends[1]), (ends[1], ends[0])):
+        along = (tip - hinge) / np.abs(tip - hinge).sum()
+        quarter = round(2 * math.atan2(along[1], along[0]) / math.pi)
+        for side in (1, -1):
+            face = side * WALL / 200 * np.array([-along[1], along[0]])
+            x, y = (hinge + face).tolist()
+            doors.append(
+                Door(
+                    hinge=(x, y),
+                    heading=float(np.deg2rad(90.0 * quarter)),
+                    width=float(np.abs(tip - hinge).sum()),
+                    opening=side * math.pi / 2,
+                )
+            )
+    return doors
+
+
+def _sides(opening: Exit) -> list[Point]:
+    """The points before and behind the middle of an exit."""
+    first, second = opening.segment.reshape(2, 2)
+    along = (second - first) / np.abs(second - first).sum()
+    middle, across = (first + second) / 2, np.array([-along[1], along[0]])
+    sides = (middle - _BEFORE_EXIT * across, middle + _BEFORE_EXIT * across)
+    return [(float(x), float(y)) for x, y in sides]
+
+
+def _bounds(boundary: np.ndarray) -> tuple[int, int, int, int]:
+    """The rectangle of a room (cm)."""
+    (x1, y1), (x2, y2) = boundary.min(axis=0), boundary.max(axis=0)
+    x1, y1, x2, y2 = (round(100 * float(value)) for value in (x1, y1, x2, y2))
+    return x1, y1, x2, y2

@@ -1,0 +1,194 @@
+"""What moves in a world: doors, boxes that can be pushed, and people who walk."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Points, Segments
+
+Point = tuple[float, float]
+"""x, y (m)."""
+Span = tuple[float, float]
+"""The least and the greatest value of what is drawn for each episode."""
+
+NARROWEST_LEAF, WIDEST_LEAF = 0.3, 3.0
+"""Widths of a door's leaf (m)."""
+SMALLEST_SIDE = 0.3
+"""Of a box (m): one much thinner could be pushed through a wall in one physics step."""
+SHORTEST_LEG = 0.1
+"""Of a walker's route (m)."""
+_ARC = math.radians(5)
+"""The arc that a leaf sweeps is drawn by chords of at most so much (rad)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Door:
+    """A leaf that swings about its hinge, open for a while and shut for a while.
+
+    It opens by itself. Where somebody or something is in its way it waits.
+
+    Raises:
+        InputError: A number is not finite or out of its range; the place is the field.
+    """
+
+    hinge: Point
+    """Where it hangs (m)."""
+    heading: float
+    """Direction of the shut leaf as seen from the hinge (rad)."""
+    width: float
+    """From the hinge to the leaf's other end (m)."""
+    opening: float = math.pi / 2
+    """How far it opens (rad), counter-clockwise positive; at most half a turn."""
+    turn_rate: float = 1.0
+    """How fast it swings (rad/s)."""
+    open_for: Span = (5.0, 20.0)
+    """How long it stays open (s), drawn each time."""
+    shut_for: Span = (5.0, 20.0)
+    """How long it stays shut (s), drawn each time."""
+
+    def __post_init__(self) -> None:
+        _check_finite("Door", hinge=self.hinge, heading=self.heading)
+        _check_range("Door", "width", self.width, NARROWEST_LEAF, WIDEST_LEAF, "m")
+        _check_range("Door", "turn_rate", self.turn_rate, 0.1, 3.0, "rad/s")
+        if not 0.1 <= abs(self.opening) <= math.pi:
+            expected = "an angle from 0.1 to pi rad to either side"
+            raise InputError("Door", expected, f"{self.opening:g} rad", place="opening")
+        for name in ("open_for", "shut_for"):
+            _check_span("Door", name, getattr(self, name), 0.0, 3600.0, "s")
+
+    @property
+    def sweep(self) -> shapely.Polygon:
+        """All that the leaf passes between shut and open."""
+        steps = max(2, math.ceil(abs(self.opening) / _ARC) + 1)
+        angles = self.heading + np.linspace(0.0, self.opening, steps)
+        arc = np.stack((np.cos(angles), np.sin(angles)), axis=1) * self.width + self.hinge
+        return shapely.Polygon([self.hinge, *arc.tolist()])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Box:
+    """A box that stands on the floor until something pushes it.
+
+    Raises:
+        InputError: A number is not finite or out of its range; the place is the field.
+    """
+
+    at: Point
+    """Its middle when an episode begins (m)."""
+    heading: float = 0.0
+    """Direction of its length (rad)."""
+    length: float = 0.5
+    """One side (m)."""
+    width: float = 0.5
+    """The other side (m)."""
+    mass: float = 5.0
+    """Mass (kg); the robot's tyres push about 20 kg at most."""
+
+    def __post_init__(self) -> None:
+        _check_finite("Box", at=self.at, heading=self.heading)
+        for name in ("length", "width"):
+            _check_range("Box", name, getattr(self, name), SMALLEST_SIDE, 3.0, "m")
+        _check_range("Box", "mass", self.mass, 0.5, 1000.0, "kg")
+
+    @property
+    def corners(self) -> Points:
+        """Its four corners when an episode begins (m), counter-clockwise."""
+        half = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (self.length / 2, self.width / 2)
+        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        corners: Points = half @ np.array([[cos, sin], [-sin, cos]]) + self.at
+        return corners
+
+    @property
+    def outline(self) -> shapely.Polygon:
+        """The floor that it covers when an episode begins."""
+        return shapely.Polygon(self.corners)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walker:
+    """Somebody who walks along a route, to and fro or round and round.
+
+    Raises:
+        InputError: A number is not finite or out of its range; the place is the field.
+    """
+
+    route: tuple[Point, ...]
+    """Waypoints (m) joined by straight legs."""
+    closed: bool = False
+    """Whether the last waypoint is joined to the first; else it is walked to and fro."""
+    speed: Span = (0.8, 1.4)
+    """Speed when nothing is in the way (m/s), drawn for each episode."""
+    radius: float = 0.25
+    """Radius of the body (m)."""
+
+    def __post_init__(self) -> None:
+        if len(self.route) < (3 if self.closed else 2):
+            expected = "3 waypoints or more" if self.closed else "2 waypoints or more"
+            raise InputError("Walker", expected, str(len(self.route)), place="route")
+        _check_finite("Walker", route=[value for point in self.route for value in point])
+        _check_range("Walker", "radius", self.radius, 0.15, 0.5, "m")
+        _check_span("Walker", "speed", self.speed, 0.1, 2.0, "m/s")
+        shortest = float(np.hypot(*(self.legs[:, 2:] - self.legs[:, :2]).T).min())
+        if shortest < SHORTEST_LEG:
+            expected, found = f"legs of {SHORTEST_LEG} m or more", f"one of {shortest:.3g} m"
+            raise InputError("Walker", expected, found, place="route")
+
+    @property
+    def legs(self) -> Segments:
+        """The legs of the route (n, 4): x1, y1, x2, y2 (m)."""
+        points = np.array(self.route)
+        ahead = np.roll(points, -1, axis=0) if self.closed else points[1:]
+        legs: Segments = np.concatenate((points[: len(ahead)], ahead), axis=1)
+        return legs
+
+
+@dataclass(frozen=True, kw_only=True)
+class Movables:
+    """All that moves in a world."""
+
+    doors: tuple[Door, ...] = ()
+    boxes: tuple[Box, ...] = ()
+    walkers: tuple[Walker, ...] = ()
+
+    def __bool__(self) -> bool:
+        return bool(self.doors or self.boxes or self.walkers)
+
+    def gap(self, x: float, y: float) -> float:
+        """Distance (m) of a point from where no robot may begin.
+
+        That is what doors sweep and where boxes stand at first.
+        """
+        here = shapely.Point(x, y)
+        return min((here.distance(shape) for shape in self._barred), default=math.inf)
+
+    @cached_property
+    def _barred(self) -> tuple[shapely.Polygon, ...]:
+        return tuple([door.sweep for door in self.doors] + [box.outline for box in self.boxes])
+
+
+def _check_finite(kind: str, **fields: float | Sequence[float]) -> None:
+    for name, value in fields.items():
+        numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
+        if not np.isfinite(numbers).all():
+            found = f"{numbers[~np.isfinite(numbers)][0]:g}"
+            raise InputError(kind, "finite numbers", found, place=name)
+
+
+def _check_range(kind: str, name: str, value: float, least: float, most: float, unit: str) -> None:
+    if not least <= value <= most:
+        expected = f"a number from {least:g} to {most:g} ({unit})"
+        raise InputError(kind, expected, f"{value:g}", place=name)
+
+
+def _check_span(kind: str, name: str, span: Span, least: float, most: float, unit: str) -> None:
+    low, high = span
+    if not least <= low <= high <= most:
+        expected = f"two numbers from {least:g} to {most:g} ({unit}), the smaller first"
+        raise InputError(kind, expected, f"{low:g}, {high:g}", place=name)
