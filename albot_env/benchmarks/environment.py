@@ -144,6 +144,7 @@ def make_batch(case: Case, world: World) -> Any:
         world=world,
         mapper=case.mapper,
         max_episode_steps=_ENDLESS,
+        threads=1,
     )
 
 

@@ -16,9 +16,9 @@ class Limits:
 
     radius: float = ROBOT_RADIUS
     """Radius of the robot's body (m)."""
-    overlap: float = 0.025
+    overlap: float = 0.055
     """How deep the body may be in a wall (m). Chipmunk finds a contact only once bodies
-    overlap: at the 1 m/s that actions ask for at most, 2 cm after one step of 0.02 s."""
+    overlap: at the 1 m/s that actions ask for at most, 5 cm after one step of 0.05 s."""
     range_error: float = 0.04
     """Greatest error of a range (m): the outermost of the laser's 4096 errors of 1 cm
     standard deviation is 3.7 cm."""

@@ -14,6 +14,8 @@ from albot_maps.world import World
 KEPT = 256
 """Worlds of a set that are kept once they were needed; others are made again."""
 
+_MOST = 1_000_000_000
+"""Largest set of random worlds."""
 _RANGE = re.compile(
     re.escape(PREFIX) + r"(?P<kind>[^:?]*):(?P<first>\d+)\.\.(?P<last>\d+)(?P<rest>\?.*)?"
 )
@@ -73,11 +75,11 @@ def load_worlds(spec: str | World | WorldSet) -> WorldSet:
     if found is None:
         return WorldSet((spec,))
     first, last = int(found["first"]), int(found["last"])
-    if last < first:
-        raise InputError(spec, "a range of seeds A..B with B at least A", f"{first}..{last}")
-    specs = _Specs(found["kind"], range(first, last + 1), found["rest"] or "")
-    parse_spec(specs[len(specs) - 1])
-    return WorldSet(specs)
+    parse_spec(f"{PREFIX}{found['kind']}:{last}{found['rest'] or ''}")
+    if not 0 <= last - first < _MOST:
+        expected = f"a range of seeds A..B with B at least A, of {_MOST:,} seeds at most"
+        raise InputError(str(spec), expected, f"{first}..{last}")
+    return WorldSet(_Specs(found["kind"], range(first, last + 1), found["rest"] or ""))
 
 
 class _Specs(Sequence[str]):

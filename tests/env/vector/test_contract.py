@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
 import albot_env
 from albot_core.errors import InputError
+from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
 
 assert albot_env.__doc__  # Importing it registers the environments.
 IDS = sorted(
@@ -83,13 +84,52 @@ def test_a_batch_gives_what_single_environments_give(
 
 
 @pytest.mark.parametrize("environment", IDS)
-def test_it_does_so_for_long_with_contacts_resets_and_worlds_of_their_own(
-    environment: str,
-) -> None:
-    options = {"world": ["square-loop", "office-ring", "square-loop"], "max_episode_steps": 400}
-    batch = _drive(_vector(environment, **options), 1000, seed=[3, 1, 4])
-    single = _drive(_singles(environment, AutoresetMode.NEXT_STEP, **options), 1000, [3, 1, 4])
-    assert_same(batch, single)
+def test_it_does_so_for_ten_thousand_steps_in_worlds_that_change(environment: str) -> None:
+    """With contacts, every sensor, and at each reset another world of a set."""
+    options = {
+        "world": ["random:office:0..3?rooms=4", "square-loop", "random:maze:0..2?rows=3&columns=3"],
+        "max_episode_steps": 250,
+        "odometer": "carpet",
+        "sonar": "poor",
+        "scenes": "paper",
+    }
+    batch = _vector(environment, **options)
+    singles = _singles(environment, AutoresetMode.NEXT_STEP, **options)
+    rng, worlds, bumps = np.random.default_rng(1), set(), 0
+    assert_same(batch.reset(seed=[3, 1, 4]), singles.reset(seed=[3, 1, 4]))
+    for step in range(10_000):
+        if step % 20 == 0:  # Held for a while, so that robots come to the walls.
+            actions = rng.uniform(-1, 1, (COUNT, 2)).astype(np.float32)
+        many = batch.step(actions)
+        assert_same(many, singles.step(actions), f"step {step}")
+        worlds |= set(many[4]["world"])
+        bumps += int(many[4]["collided"].sum())
+    assert len(worlds) == 4 + 1 + 3
+    assert bumps > 100
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize(
+    "sensors",
+    [
+        *({"laser": name} for name in LASERS),
+        *({"sonar": name} for name in ["none", *SONARS]),
+        *({"odometer": name} for name in ODOMETERS),
+        *({"scenes": name} for name in SCENES),
+    ],
+    ids=lambda sensors: "-".join(*sensors.items()),
+)
+def test_it_does_so_with_every_sensor(environment: str, sensors: dict[str, str]) -> None:
+    batch = _drive(_vector(environment, **sensors), 16)
+    assert_same(batch, _drive(_singles(environment, AutoresetMode.NEXT_STEP, **sensors), 16))
+
+
+@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("mapper", ["none", "albot1"])
+def test_threads_change_nothing(environment: str, mapper: str) -> None:
+    options = {"world": "random:office:0..9?rooms=4", "mapper": mapper, "max_episode_steps": 20}
+    alone = _drive(_vector(environment, 80, threads=1, **options), 50)
+    assert_same(alone, _drive(_vector(environment, 80, threads=3, **options), 50))
 
 
 @pytest.mark.parametrize("environment", IDS)
