@@ -30,7 +30,7 @@ class CoverageConfig:
     """…unless it turns by this much before (rad)."""
     patch_cells: int = 16
     """Cells along each side of the egocentric patch."""
-    patch_cell: float = 1.0
+    patch_cell: float = 0.5
     """Side of a cell of the egocentric patch (m)."""
 
     def __post_init__(self) -> None:

@@ -245,6 +245,16 @@ def test_a_walker_gets_through_the_narrowest_door_and_keeps_off_the_walls():
     assert shapely.distance(shapely.points(states[:, :2]), lines).min() > 0.25
 
 
+def test_a_walker_keeps_off_a_wall_along_which_its_route_leads():
+    """5 cm of room on the route; a step further off it there is more."""
+    walker = Walker(route=((1.0, 0.3), (7.0, 0.3)), speed=(1.0, 1.0))
+    states = walk(Scene(world_of(start=(4.0, 5.0, 0.0), walkers=[walker])), 300)
+    settled = states[100:]
+    midway = settled[np.abs(settled[:, 0] - 4.0) < 2.0]
+    assert midway[:, 1].min() > 0.45
+    assert midway[:, 1].max() < 0.8
+
+
 def test_a_walker_turns_round_where_it_gets_no_further():
     """A corridor that the robot bars."""
     walls = [[2.0, 2.5, 6.0, 2.5], [2.0, 3.2, 6.0, 3.2]]
