@@ -11,6 +11,7 @@ readings take in turn, so that one with them draws the same two numbers a readin
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -39,9 +40,9 @@ ERRORS = 15
 ODOMETER_DRAWS = 2
 """Places in the robot's stream that a reading takes."""
 
-_EPISODE = 2**62
+_EPISODE: Any = np.int64(2**62)
 """Where in the stream the episode's two numbers are."""
-_SLIPS = 2**62 + 2
+_SLIPS: Any = np.int64(2**62 + 2)
 """Where in the stream the slips' numbers begin: three for each."""
 
 

@@ -12,7 +12,7 @@ two walls share are the same arithmetic, so that no beam slips between them.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -21,6 +21,9 @@ from albot_env.sim.wall_index import Walls
 
 BLOCK = 16
 """Beams are taken by so many at a time."""
+
+_ZERO: Any = np.int64(0)
+"""A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 
 _GRAZING = 1000.0
 """Float32 costs less than 0.2 mm while range² / distance to the wall's line is below (m)."""
@@ -119,7 +122,7 @@ def scan(
         for k in range(BLOCK):
             nearest[block, k] = horizon
     walls, members, ends = index.walls, index.members, desk.ends
-    count = 0
+    count = _ZERO
     for m in range(index.spans[cell, 0], index.spans[cell, 1]):
         for column in range(4):
             ends[count, column] = walls[members[m], column]

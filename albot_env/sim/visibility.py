@@ -12,7 +12,7 @@ the line meets the chain before.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit
@@ -20,6 +20,8 @@ from numba import njit
 if TYPE_CHECKING:
     from albot_env.sim.wall_index import Walls
 
+_ZERO: Any = np.int64(0)
+"""A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 _MARGIN = 1e-6
 """How deep (m) in the shadow an end must lie: more than rounding can move it."""
 
@@ -98,11 +100,13 @@ def _list_cell(
     for j in range(first, last):
         distances[j - first] = _distance(index.walls[j], x, y)
     screens = np.empty((last - first if occlusion else 0, 3, 3))
-    in_use = 0
-    for k in np.argsort(distances):
+    order = np.empty(last - first, np.int64)
+    _sort(distances, order)
+    in_use = _ZERO
+    for k in order:
         if distances[k] > reach + cell * math.sqrt(0.5):
             break
-        j = first + k
+        j = first + int(k)
         if occlusion and _hidden(index.walls[j], screens, in_use):
             continue
         index.members[index.used[0]] = j
@@ -118,6 +122,25 @@ def _distance(wall: np.ndarray, x: float, y: float) -> float:
     along = ((x - wall[0]) * ex + (y - wall[1]) * ey) / (ex * ex + ey * ey)
     along = min(max(along, 0.0), 1.0)
     return math.hypot(wall[0] + along * ex - x, wall[1] + along * ey - y)
+
+
+@njit(cache=True, error_model="numpy")
+def _sort(keys: np.ndarray, order: np.ndarray) -> None:
+    """Fill `order` with the places of the keys, ascending (Shell's method).
+
+    numba takes seconds to compile its own sort.
+    """
+    for k in range(order.shape[0]):
+        order[k] = k
+    gap = order.shape[0] // 2
+    while gap > 0:
+        for i in range(gap, order.shape[0]):
+            moved, at = order[i], i
+            while at >= gap and keys[order[at - gap]] > keys[moved]:
+                order[at] = order[at - gap]
+                at -= gap
+            order[at] = moved
+        gap //= 2
 
 
 @njit(cache=True, error_model="numpy")

@@ -13,6 +13,7 @@ import click
 from click.core import ParameterSource
 
 from albot_cli.outputs import check_file
+from albot_cli.warm_up import warm_up
 from albot_core.errors import InputError
 from albot_env.rendering.frame import Frame
 
@@ -122,6 +123,7 @@ def _run(
     env = gymnasium.make(
         ENVIRONMENT, world=world, mapper=mapper, odometer=odometer, max_episode_steps=steps
     )
+    warm_up(mapper)
     explorer = env.unwrapped
     assert isinstance(explorer, ExploreEnv)
     explorer.recorder = EpisodeWriter(record, agent=agent)

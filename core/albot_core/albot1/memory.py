@@ -10,7 +10,7 @@ robots may each have one: it is small, and emptied in no time.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -29,6 +29,9 @@ how many slots, from the first on, have ever held a surface."""
 
 NEXT, BEFORE = 0, 1
 """Columns of `Memory.links`: the next end in the bucket, and the one before."""
+
+_ZERO: Any = np.int64(0)
+"""A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 
 
 class Memory(NamedTuple):
@@ -218,7 +221,7 @@ def _search_cells(memory: Memory, box: np.ndarray) -> np.ndarray:
     """Slots of the surfaces with an end in the box, by a look into its cells."""
     surfaces, heads, links = memory.surfaces, memory.heads, memory.links
     found = np.empty(256, np.int64)
-    count = 0
+    count = _ZERO
     for column in range(cell_of(box[0]), cell_of(box[2]) + 1):
         for row in range(cell_of(box[1]), cell_of(box[3]) + 1):
             end = heads[bucket_of(column, row, heads.shape[0])]

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numba import njit
 
 NO_EDGE, OCCLUDING, CORNER = 0, 1, 2
 """What an end of a surface is: nothing stable, an occluding point, or a corner point."""
+
+_ZERO: Any = np.int64(0)
+"""A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -29,7 +34,7 @@ def scan_points(
             points[count, 0] = mount_x + reach * directions[i, 0]
             points[count, 1] = mount_y + reach * directions[i, 1]
             count += 1
-    return count
+    return int(count)
 
 
 @njit(cache=True, error_model="numpy")
@@ -230,7 +235,7 @@ def extract_surfaces(
     raw = np.empty((formed, 4))
     form_surfaces(points, spans, formed, fit, height, raw)
     clusters = np.empty(formed, np.int64)
-    count = 0
+    count = _ZERO
     for k in range(formed):
         if count == surfaces.shape[0]:
             break
@@ -240,4 +245,4 @@ def extract_surfaces(
             clusters[count] = spans[k, 2]
             count += 1
     mark_edges(surfaces, clusters, count, mount_x, mount_y, edges)
-    return count
+    return int(count)
