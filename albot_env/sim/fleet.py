@@ -6,6 +6,8 @@ world, start, commands and key alone, to the last bit.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
@@ -25,7 +27,7 @@ from albot_env.sim.register import Register
 from albot_env.sim.scene_kernels import Scenes
 from albot_env.sim.sensing_kernels import Devices, Sensed, Surroundings, sense
 from albot_env.sim.sensors import Sensors
-from albot_env.sim.sonar import NO_SONARS
+from albot_env.sim.sonar import NO_SONARS, SonarConfig
 from albot_env.sim.space import PHYSICS_STEP
 from albot_env.sim.wall_index import WallIndex
 from albot_maps.world import World
@@ -34,6 +36,14 @@ from albot_maps.world import World
 def draw_key(rng: np.random.Generator) -> int:
     """64 bits from a generator: the key to all of a robot's noise."""
     return int(rng.integers(2**64, dtype=np.uint64))
+
+
+def _audible(sonar: SonarConfig | None) -> WallIndex:
+    """An index of what sonars can hear from where."""
+    if sonar is None:
+        return WallIndex(0.0, (0.0, 0.0))
+    spread = max(math.hypot(x, y) for x, y in sonar.geometry.places)
+    return WallIndex(sonar.constants.horizon, (0.0, 0.0), spread=spread)
 
 
 class Fleet:
@@ -93,7 +103,7 @@ class Fleet:
         self._bridged = 0
         self._build_bridges(CROWD)
         self._opaque = index_for(laser.geometry)
-        self._solid = WallIndex(self._devices.sonars.horizon, (0.0, 0.0), occlusion=True)
+        self._solid = _audible(sensors.sonar)
         self._buildings = Register(robots, self._take_in, self._forget)
 
     @property

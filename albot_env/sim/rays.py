@@ -54,7 +54,7 @@ def _blocks(directions: Float64[np.ndarray, "2 beams"]) -> Int64[np.ndarray, "2 
 
 def index_for(geometry: LaserGeometry, *, indexed: bool = True) -> WallIndex:
     """An index of what such a laser can see from where."""
-    return WallIndex(geometry.max_range, geometry.mount[:2], occlusion=True, grid=indexed)
+    return WallIndex(geometry.max_range, geometry.mount[:2], grid=indexed)
 
 
 class RayCaster:

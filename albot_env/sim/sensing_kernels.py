@@ -22,7 +22,7 @@ from albot_env.sim.wall_index import Walls
 
 NORMALS = 4096
 """Length of the table of normal numbers: as many as 12 bits can choose from."""
-_SONARS, _CAMERAS = 2**40, 2**41
+SONAR_PLACES, CAMERA_PLACES = 2**40, 2**41
 """Where in a robot's stream the sonars' and the camera's numbers begin."""
 
 
@@ -132,12 +132,12 @@ def sense(
         if count > 0:
             start, end = solid.spans[sensed.hearing[i]]
             nearby = solid.members[start:end]
-            place = _SONARS + reading * count * SONAR_DRAWS
+            place = SONAR_PLACES + reading * count * SONAR_DRAWS
             things = around.things[first:last]
             listen(solid.walls, nearby, things, poses[i], sonars, key, place, sensed.echoes[i])
         if devices.scenes.shape[0] > 0:
             scenes = _scenes_of(devices.scenes[sensed.buildings[i]])
-            place = _CAMERAS + reading * SCENE_DRAWS
+            place = CAMERA_PLACES + reading * SCENE_DRAWS
             x, y, heading = poses[i]
             sensed.scenes[i] = look(x, y, heading, scenes, key, place)
 

@@ -29,8 +29,7 @@ _MARGIN = 1e-6
 @njit(cache=True, error_model="numpy")
 def list_here(
     index: Walls,
-    reach: float,
-    occlusion: bool,
+    reach: tuple[float, float],
     rows: np.ndarray,
     done: int,
     buildings: np.ndarray,
@@ -42,8 +41,8 @@ def list_here(
 
     Args:
         index: The walls.
-        reach: Walls farther away (m) are not listed.
-        occlusion: Whether walls that are hidden from all of a cell are left out.
+        reach: Walls farther away (m) are not listed; and how far from the mount, in any
+            direction, a sensor may be (m).
         rows: The robots.
         done: How many of them are done.
         buildings: The building of each robot (n,).
@@ -75,7 +74,7 @@ def list_here(
         if inside:
             x = frame[0] + frame[2] * (column + 0.5)
             y = frame[1] + frame[2] * (line + 0.5)
-            _list_cell(index, first, last, x, y, frame[2], reach, occlusion)
+            _list_cell(index, first, last, x, y, frame[2], reach)
         else:
             for j in range(first, last):
                 index.members[index.used[0]] = j
@@ -92,26 +91,26 @@ def _list_cell(
     x: float,
     y: float,
     cell: float,
-    reach: float,
-    occlusion: bool,
+    reach: tuple[float, float],
 ) -> None:
     """List the walls of a building that may matter in the cell about (x, y), near to far."""
+    half = cell / 2 + reach[1]
     distances = np.empty(last - first)
     for j in range(first, last):
         distances[j - first] = _distance(index.walls[j], x, y)
-    screens = np.empty((last - first if occlusion else 0, 3, 3))
+    screens = np.empty((last - first, 3, 3))
     order = np.empty(last - first, np.int64)
     _sort(distances, order)
     in_use = _ZERO
     for k in order:
-        if distances[k] > reach + cell * math.sqrt(0.5):
+        if distances[k] > reach[0] + cell * math.sqrt(0.5):
             break
         j = first + int(k)
-        if occlusion and _hidden(index.walls[j], screens, in_use):
+        if _hidden(index.walls[j], screens, in_use):
             continue
         index.members[index.used[0]] = j
         index.used[0] += 1
-        if occlusion and _shadow(index.walls, index.neighbours, j, x, y, cell / 2, screens[in_use]):
+        if _shadow(index.walls, index.neighbours, j, x, y, half, screens[in_use]):
             in_use += 1
 
 

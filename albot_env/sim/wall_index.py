@@ -1,4 +1,4 @@
-"""The index of walls: for every square metre of many buildings, the walls that matter there."""
+"""The index of walls: for every place in many buildings, the walls that matter there."""
 
 from __future__ import annotations
 
@@ -42,21 +42,27 @@ class Walls(NamedTuple):
 class WallIndex:
     """Lists, for each cell of a grid over each building, the walls that may matter from there.
 
-    A cell's list is made when a robot first comes there.
+    A wall does not matter where it is out of reach or where others hide it from all of the
+    cell. A cell's list is made when a robot first comes there.
 
     Args:
-        reach: Walls farther away than this do not matter (m).
+        reach: Walls farther from there than this do not matter (m).
         mount: Where on the robot the sensor is, for which walls matter: x, y (m).
-        occlusion: Whether a wall that others hide from all of a cell does not matter there.
+        spread: How far from there it may be, where there are several (m).
         grid: Whether to list by cells at all; if not, every wall matters everywhere.
     """
 
     def __init__(
-        self, reach: float, mount: tuple[float, float], *, occlusion: bool, grid: bool = True
+        self,
+        reach: float,
+        mount: tuple[float, float],
+        *,
+        spread: float = 0.0,
+        grid: bool = True,
     ) -> None:
         self._reach = reach
         self._mount = mount
-        self._occlusion = occlusion
+        self._spread = spread
         self._grid = grid
         self.clear()
 
@@ -110,8 +116,7 @@ class WallIndex:
         while True:
             done = list_here(
                 self.tables,
-                self._reach,
-                self._occlusion,
+                (self._reach, self._spread),
                 rows,
                 done,
                 buildings,

@@ -6,15 +6,19 @@ import math
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.perception.reading import SonarGeometry
-from albot_env.sim.near_kernels import near_cell
+from albot_env.sim import PIONEER_3DX, Sensors
+from albot_env.sim.fleet import Fleet
+from albot_env.sim.sensing_kernels import SONAR_PLACES
 from albot_env.sim.sonar import SONARS, SonarConfig
 from albot_env.sim.sonar_kernels import listen
+from albot_maps import load_world
 
 CONE = math.pi / 6
 NOTHING = np.empty((0, 4))
@@ -189,32 +193,26 @@ def test_the_order_of_the_walls_does_not_matter_nor_those_too_far() -> None:
     for pose in rng.uniform(-4, 4, (60, 3)):
         echoes = heard(SONARS["pioneer"], walls, pose)
         assert np.array_equal(echoes, heard(SONARS["pioneer"], walls[::-1].copy(), pose))
-        members = np.empty(40, np.int32)
-        count = near_cell(walls, pose[0], pose[1], 4.2, members)
-        near = np.empty(8)
-        constants = SONARS["pioneer"].constants
-        listen(walls, members[:count], NOTHING, pose, constants, np.uint64(1), 0, near)
-        assert np.array_equal(echoes, near)
+        near = [k for k, wall in enumerate(walls) if distance(wall, pose[:2]) < 4.2]
+        assert np.array_equal(echoes, heard(SONARS["pioneer"], walls[near], pose))
 
 
-def test_near_walls_are_listed_nearest_first() -> None:
+def distance(wall: np.ndarray, point: np.ndarray) -> float:
+    return float(shapely.distance(shapely.LineString(wall.reshape(2, 2)), shapely.Point(point)))
+
+
+def test_a_fleet_hears_as_if_it_listened_to_every_wall() -> None:
+    world = load_world("random:office:42?rooms=8")
     rng = np.random.default_rng(5)
-    walls = rng.uniform(-9, 9, (200, 4))
-    # Distance of the origin to a wall, by a thousand points of it.
-    points = walls[:, None, :2] + np.linspace(0, 1, 1001)[:, None] * (
-        walls[:, None, 2:] - walls[:, None, :2]
-    )
-    distances = np.hypot(points[..., 0], points[..., 1]).min(axis=1)
-    members = np.empty(200, np.int32)
-    count = near_cell(walls, 0.0, 0.0, 5.0, members)
-    listed = members[:count]
-    assert (
-        set(np.flatnonzero(distances < 4.99)) <= set(listed) <= set(np.flatnonzero(distances < 5))
-    )
-    assert (np.diff(distances[listed]) > -0.01).all()
-    few = np.empty(7, np.int32)
-    assert near_cell(walls, 0.0, 0.0, 5.0, few) == count
-    assert np.array_equal(few, listed[:7])
+    x_min, y_min, x_max, y_max = world.bounds
+    fleet = Fleet(1, robot=PIONEER_3DX, sensors=Sensors(sonar=SONARS["pioneer"]))
+    for _ in range(200):
+        pose = rng.uniform((x_min, y_min, -3), (x_max, y_max, 3))
+        fleet.place(0, world, pose, 1)
+        fleet.locate()
+        fleet.sense()
+        every = heard(SONARS["pioneer"], world.walls, pose, place=SONAR_PLACES)
+        np.testing.assert_allclose(fleet.echoes[0], every, atol=1e-9)
 
 
 @pytest.mark.parametrize(
