@@ -16,7 +16,7 @@ from albot_env.stress.geometry import Point, free_ways, wall_distances, walls_cr
 from albot_env.stress.limits import Limits
 
 _SIDEWAYS = 1e-4
-"""A beam that meets no wall when turned by so little (rad) only grazed one."""
+"""A beam that meets a surface, and none when turned by so little (rad), only grazes it."""
 
 
 def check_observation(observation: Any, space: spaces.Space[Any]) -> list[str]:
@@ -80,13 +80,29 @@ def check_body(walls: Segments, before: Point, after: Point, limits: Limits) -> 
     return wrong
 
 
-def check_laser(
-    walls: Segments, pose: Pose, bearings: Ranges, ranges: Ranges, limits: Limits
-) -> list[str]:
-    """No range is longer than the way to the nearest wall, but for its error and drop-outs.
+def check_things(things: Segments, place: Point, limits: Limits) -> list[str]:
+    """The robot overlaps nothing that moves by more than it may.
 
     Args:
-        walls: The walls.
+        things: Outlines of what moves, where it is.
+        place: Where the robot is (m).
+        limits: What may be.
+    """
+    if not len(things) or not np.isfinite(place).all():
+        return []
+    depth = float(limits.radius - wall_distances(things, place).min())
+    if depth <= limits.thing_overlap:
+        return []
+    return [f"stands {depth:.3f} m deep in something that moves, at {_spot(place)}"]
+
+
+def check_laser(
+    surfaces: Segments, pose: Pose, bearings: Ranges, ranges: Ranges, limits: Limits
+) -> list[str]:
+    """Every range is the way to the nearest surface, but for its error and drop-outs.
+
+    Args:
+        surfaces: The walls, and what moves.
         pose: True pose of the laser (world frame).
         bearings: Where the beams point (rad).
         ranges: What the laser says (m); `limits.max_range` where nothing came back.
@@ -94,21 +110,39 @@ def check_laser(
     """
     if not np.isfinite(pose).all():
         return []  # There is no such place; the check of the info tells it.
-    ways = free_ways(walls, pose, bearings)
-    longer = np.flatnonzero(ranges > ways + limits.range_error)
-    for turn in (-_SIDEWAYS, _SIDEWAYS) if len(longer) else ():
-        beside = free_ways(walls, pose, bearings[longer] + turn)
-        ways[longer] = np.maximum(ways[longer], beside)
+    ways = free_ways(surfaces, pose, bearings)
     silent = ranges >= limits.max_range * (1 - 1e-6)
+    least, most = _ways_beside(surfaces, pose, bearings, ranges, ways, limits)
     wrong = [
-        f"beam {beam} sees {ranges[beam]:.3f} m, through a wall at {ways[beam]:.3f} m"
-        for beam in np.flatnonzero(~silent & (ranges > ways + limits.range_error)).tolist()
+        f"beam {beam} sees {ranges[beam]:.3f} m, through a surface at {most[beam]:.3f} m"
+        for beam in np.flatnonzero(~silent & (ranges > most + limits.range_error)).tolist()
     ]
-    in_reach = ways < limits.max_range - limits.range_error
-    lost, most = int((silent & in_reach).sum()), limits.most_lost(int(in_reach.sum()))
-    if lost > most:
-        wrong.append(f"{lost} beams see nothing where walls are; {most} may be lost by chance")
+    wrong += [
+        f"beam {beam} sees {ranges[beam]:.3f} m, nothing is before {least[beam]:.3f} m"
+        for beam in np.flatnonzero(~silent & (ranges < least - limits.range_error)).tolist()
+    ]
+    in_reach = most < limits.max_range - limits.range_error
+    lost, chance = int((silent & in_reach).sum()), limits.most_lost(int(in_reach.sum()))
+    if lost > chance:
+        wrong.append(f"{lost} beams see nothing where surfaces are; {chance} may be lost by chance")
     return wrong
+
+
+def _ways_beside(
+    surfaces: Segments,
+    pose: Pose,
+    bearings: Ranges,
+    ranges: Ranges,
+    ways: Ranges,
+    limits: Limits,
+) -> tuple[Ranges, Ranges]:
+    """The least and the most that beams may see: those that are off are turned a little."""
+    least, most = ways.copy(), ways.copy()
+    off = np.flatnonzero(~(np.abs(ranges - ways) <= limits.range_error))
+    for turn in (-_SIDEWAYS, _SIDEWAYS) if len(off) else ():
+        beside = free_ways(surfaces, pose, bearings[off] + turn)
+        least[off], most[off] = np.minimum(least[off], beside), np.maximum(most[off], beside)
+    return least, most
 
 
 def _not_finite(value: Any, name: str = "") -> Iterator[str]:

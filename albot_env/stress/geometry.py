@@ -1,11 +1,11 @@
-"""Walls in plain numpy: slow, and independent of the simulator's ray casting and physics."""
+"""Surfaces in plain numpy: slow, and independent of the simulator's ray casting and physics."""
 
 from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from albot_core.geometry.types import Pose, Ranges, Segments
+from albot_core.geometry.types import Points, Pose, Poses, Ranges, Segments
 
 Point = Float64[np.ndarray, "2"]
 
@@ -46,6 +46,46 @@ def free_ways(walls: Segments, pose: Pose, bearings: Ranges) -> Ranges:
         ways = _cross(starts, ends) / (of_end - of_start)
     met = (of_start * of_end <= 0) & (ways >= 0)
     return np.asarray(np.where(met, ways, np.inf).min(axis=1))
+
+
+def nearest_in_cones(
+    surfaces: Segments, ears: Poses, half_angle: float
+) -> Float64[np.ndarray, "ears"]:
+    """Distance (m) from every ear to the nearest surface in its cone; infinite where none is.
+
+    Nothing hides the nearest: what hid it would be in the cone, and nearer.
+
+    Args:
+        surfaces: The surfaces (world frame).
+        ears: Where the cones begin and point (world frame).
+        half_angle: Angle (rad) from a cone's axis to its edge, below a right angle.
+    """
+    starts = _seen_from(ears, surfaces[:, :2])
+    ways = _seen_from(ears, surfaces[:, 2:]) - starts
+    # The cone is where sin h · x ± cos h · y >= 0; along a surface each is linear, and the
+    # share of its way that lies inside runs from `first` to `last`.
+    first, last = np.zeros(starts.shape[:2]), np.ones(starts.shape[:2])
+    for side in (-1.0, 1.0):
+        inward = np.array((np.sin(half_angle), side * np.cos(half_angle)))
+        height, slope = starts @ inward, ways @ inward
+        with np.errstate(divide="ignore", invalid="ignore"):
+            crossing = -height / slope
+        first = np.where(slope > 0, np.maximum(first, crossing), first)
+        last = np.where(slope < 0, np.minimum(last, crossing), last)
+        last = np.where((slope == 0) & (height < 0), -1.0, last)
+    along = -(starts * ways).sum(axis=2) / (ways * ways).sum(axis=2)
+    share = np.clip(along, first, np.maximum(first, last))
+    distances = np.hypot(*np.moveaxis(starts + share[..., np.newaxis] * ways, 2, 0))
+    return np.asarray(np.where(first <= last, distances, np.inf).min(axis=1, initial=np.inf))
+
+
+def _seen_from(ears: Poses, points: Points) -> Float64[np.ndarray, "ears points 2"]:
+    """Points in the frame of every ear."""
+    away = points[np.newaxis] - ears[:, np.newaxis, :2]
+    cos, sin = np.cos(ears[:, 2:]), np.sin(ears[:, 2:])
+    ahead = cos * away[..., 0] + sin * away[..., 1]
+    left = cos * away[..., 1] - sin * away[..., 0]
+    return np.stack((ahead, left), axis=-1)
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

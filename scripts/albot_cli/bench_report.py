@@ -35,9 +35,15 @@ def _laser(row: Figures) -> str:
 
 
 def _mapper(row: Figures) -> str:
+    batch = (
+        f"; {row['batch']} at once {row['batch_readings_per_second']:,.0f} in sum, "
+        f"{row['row_readings_per_second']:,.0f} where each is asked by itself"
+        if "batch" in row
+        else ""
+    )
     return (
         f"mapper      {row['surfaces']:7,d} surfaces  "
-        f"{row['readings_per_second']:8,.0f} readings/s  {row['name']}"
+        f"{row['readings_per_second']:8,.0f} readings/s  {row['name']}{batch}"
     )
 
 

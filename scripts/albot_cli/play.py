@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from albot_cli.stage import Stage
     from albot_env.tasks.explore import ExploreEnv
 
-RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "odometer", "record")
+SENSORS = ("laser", "odometer", "sonar", "scenes")
+"""Options that choose a sensor's preset, named as the environment's arguments."""
+RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "record", "no_movables", *SENSORS)
 """Options that a recorded episode has already decided."""
 
 
@@ -33,7 +35,25 @@ RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "odometer", "record")
 @click.option("--world", default="office-ring", show_default=True, help="World: a name or a file.")
 @click.option("--mapper", default="albot1", show_default=True, help="See `albot mappers`.")
 @click.option("--agent", default="gap-explorer", show_default=True, help="gap-explorer or random.")
-@click.option("--odometer", default="pioneer", show_default=True, help="ideal, pioneer or poor.")
+@click.option(
+    "--laser",
+    default="lms-200",
+    show_default=True,
+    help="ideal, lms-200, lms-200-fine, long or short.",
+)
+@click.option(
+    "--odometer",
+    default="pioneer",
+    show_default=True,
+    help="ideal, pioneer, poor, carpet, stage, albot1-disturbed, bias-1.5, bias-3 or bias-6.",
+)
+@click.option("--sonar", default="pioneer", show_default=True, help="ideal, pioneer, poor or none.")
+@click.option(
+    "--scenes", default="none", show_default=True, help="ideal, paper, ambiguous or none."
+)
+@click.option(
+    "--no-movables", is_flag=True, help="Leave out the doors, boxes and people that worlds have."
+)
 @click.option("--seed", default=1, show_default=True, type=click.IntRange(min=0))
 @click.option(
     "--steps",
@@ -83,11 +103,17 @@ def command(
     else:
         if png is not None:
             _check_picture(png, episode)
-        for name in RUN_ONLY:
-            if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-                raise InputError(f"--{name}", "no such option when an episode is played back")
+        _check_play_back(ctx)
         summary = _play_back(episode, png, options["speed"], options["headless"])
     click.echo(json.dumps(summary) if as_json else _as_text(summary))
+
+
+def _check_play_back(ctx: click.Context) -> None:
+    """Raise InputError where an option was given that the recorded episode has decided."""
+    for name in RUN_ONLY:
+        if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            option = f"--{name.replace('_', '-')}"
+            raise InputError(option, "no such option when an episode is played back")
 
 
 def _check_picture(png: Path, episode: Path) -> None:
@@ -102,15 +128,16 @@ def _run(
     world: str,
     mapper: str,
     agent: str,
-    odometer: str,
     seed: int,
     steps: int,
     record: Path,
     png: Path,
     speed: float,
     headless: bool,
+    no_movables: bool,
+    **sensors: Any,
 ) -> dict[str, Any]:
-    """Run an episode; its summary."""
+    """Run an episode; its summary. `sensors` holds the presets of `SENSORS`."""
     import gymnasium
 
     from albot_agents.episode import begin_episode
@@ -121,7 +148,12 @@ def _run(
 
     driver = make_agent(agent)
     env = gymnasium.make(
-        ENVIRONMENT, world=world, mapper=mapper, odometer=odometer, max_episode_steps=steps
+        ENVIRONMENT,
+        world=world,
+        mapper=mapper,
+        movables=not no_movables,
+        max_episode_steps=steps,
+        **sensors,
     )
     warm_up(mapper)
     explorer = env.unwrapped

@@ -62,8 +62,9 @@ def command(
     """Drive agents through many worlds and check every step.
 
     Nothing may be NaN or outside its space, no reward other than the sum of its terms, no
-    robot inside or behind a wall, and no laser beam longer than the way to the nearest
-    wall. What is wrong is printed with the command that shows it again. The exit status is
+    robot inside or behind a wall or inside something that moves, no laser beam longer or
+    shorter than the way to the nearest surface, and no echo of a sonar from where none can
+    be. What is wrong is printed with the command that shows it again. The exit status is
     0 where nothing is, 1 where something is, and 130 where Ctrl-C ended it before.
     """
     from albot_agents.registry import agent_names, make_agent

@@ -92,6 +92,16 @@ def test_mappers_are_timed_on_any_readings() -> None:
         assert all(row[key] > 0 for row in rows)  # type: ignore[operator]
 
 
+def test_a_mappers_line_tells_what_a_batch_does() -> None:
+    row = {"name": "odometry", "surfaces": 7, "readings_per_second": 1500.0}
+    batch = {"batch": 4, "batch_readings_per_second": 2e6, "row_readings_per_second": 3e4}
+    figures = {**bench("--part", "laser"), "mapper": [row | batch, row]}
+    told = [line for line in as_text(figures).splitlines() if line.startswith("mapper")]
+    alone = "mapper            7 surfaces     1,500 readings/s  odometry"
+    assert told[0] == f"{alone}; 4 at once 2,000,000 in sum, 30,000 where each is asked by itself"
+    assert told[1] == alone
+
+
 def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:
     floor = load_world("office-ring").walls
     walls = copies_of(floor, 1500)

@@ -9,14 +9,17 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from albot_cli.main import main
 from albot_env.recording.reader import EpisodeReader
+from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
 
 KEYS = {
     "world", "agent", "mapper", "seed", "steps", "path_m", "updates", "surfaces",
@@ -124,6 +127,9 @@ def test_a_torn_episode_plays_its_beginning_and_says_so(play: Play, tmp_path: Pa
         (("--mapper", "albot2"), "albot2"),
         (("--agent", "gap-explorer2"), "did you mean gap-explorer"),
         (("--odometer", "perfect"), "perfect"),
+        (("--laser", "lms-20"), "did you mean lms-200"),
+        (("--sonar", "loud"), "one of none, ideal, pioneer, poor"),
+        (("--scenes", "papr"), "did you mean paper"),
         (("--seed", "-1"), "seed"),
         (("--steps", "0"), "steps"),
         (("--speed", "0"), "speed"),
@@ -157,10 +163,48 @@ def test_a_picture_never_takes_the_place_of_the_episode(play: Play, tmp_path: Pa
     assert (tmp_path / "episode.mcap").read_bytes() == before
 
 
-def test_options_of_a_run_do_not_go_with_a_recorded_one(play: Play) -> None:
-    done = play("a.mcap", "--world", "square-loop")
+@pytest.mark.parametrize(
+    "option",
+    [("--world", "square-loop"), ("--laser", "short"), ("--sonar", "none"), ("--no-movables",)],
+)
+def test_options_of_a_run_do_not_go_with_a_recorded_one(
+    play: Play, option: tuple[str, ...]
+) -> None:
+    done = play("a.mcap", *option)
     assert done.returncode == 2
-    assert "--world" in done.stderr
+    assert f"{option[0]}: expected no such option" in done.stderr
+
+
+def test_the_robots_sensors_are_those_asked_for(play: Play) -> None:
+    sensors = ("--laser", "lms-200-fine", "--sonar", "none", "--scenes", "ideal")
+    assert play(*SHORT, "--agent", "random", *sensors).returncode == 0
+    moments = list(EpisodeReader(Path("episode.mcap")).moments())
+    assert {len(moment.reading.laser.ranges) for moment in moments} == {361}
+    assert {moment.reading.sonar for moment in moments} == {None}
+    assert any(moment.reading.scene is not None for moment in moments)
+    assert play(*SHORT, "--sonar", "ideal").returncode == 0
+    reader = EpisodeReader(Path("episode.mcap"))
+    assert reader.header.sonar is not None
+    assert all(moment.reading.scene is None for moment in reader.moments())
+
+
+def test_things_move_unless_they_are_left_out(play: Play) -> None:
+    world = ("--world", "random:apartment:1?people=1&boxes=1", "--mapper", "none", "--steps", "9")
+    assert play(*world).returncode == 0
+    moving = [moment.things for moment in EpisodeReader(Path("episode.mcap")).moments()]
+    assert len(moving[0]) > 4
+    assert not np.array_equal(moving[0], moving[-1])
+    assert play(*world, "--no-movables").returncode == 0
+    assert not any(len(moment.things) for moment in EpisodeReader(Path("episode.mcap")).moments())
+
+
+@pytest.mark.parametrize(
+    ("option", "presets"),
+    [("--laser", LASERS), ("--odometer", ODOMETERS), ("--sonar", SONARS), ("--scenes", SCENES)],
+)
+def test_the_help_names_every_preset(play: Play, option: str, presets: Mapping[str, Any]) -> None:
+    told = play("--help").stdout.split(f" {option} TEXT")[1].split(" --")[0]
+    assert set(presets) <= {word.strip(",.") for word in told.split()}
 
 
 def test_ctrl_c_leaves_a_readable_file(tmp_path: Path) -> None:

@@ -17,6 +17,8 @@ from albot_agents.registry import make_agent
 from albot_agents.scripted.senses import LASER
 from albot_agents.stress.plan import Episode, Violation
 from albot_core.geometry.poses import compose
+from albot_core.geometry.types import Pose
+from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.stress.checks import (
     all_keys,
     check_body,
@@ -24,7 +26,9 @@ from albot_env.stress.checks import (
     check_laser,
     check_observation,
     check_reward,
+    check_things,
 )
+from albot_env.stress.echoes import check_sonar
 from albot_env.stress.limits import Limits
 from albot_env.tasks.observation import ObservationConfig
 from albot_maps import World, load_world
@@ -44,17 +48,35 @@ class Outcome:
     """All that was wrong in the last of them."""
 
 
+class Witness:
+    """A recorder of the last moment alone: where things are, and what the sonars said."""
+
+    def begin(self, header: EpisodeHeader) -> None:
+        """Begin an episode."""
+
+    def close(self) -> None:
+        """Do nothing: there is no file."""
+
+    def add(self, moment: Moment) -> None:
+        """Take down the next moment."""
+        self.last = moment
+
+
 class Watch:
     """Looks on, and says what is wrong after a step.
 
     Args:
         world: The world that the robot is in.
+        witness: The environment's recorder.
         space: The space of its observations.
         limits: What may be.
     """
 
-    def __init__(self, world: World, space: gymnasium.Space[Any], limits: Limits) -> None:
+    def __init__(
+        self, world: World, witness: Witness, space: gymnasium.Space[Any], limits: Limits
+    ) -> None:
         self._walls = world.walls
+        self._witness = witness
         self._space = space
         self._limits = limits
         self._scaling = ObservationConfig()
@@ -77,11 +99,21 @@ class Watch:
         wrong = check_observation(observation, self._space)
         wrong += check_info(info, self._keys)
         wrong += check_body(self._walls, before, self._place, self._limits)
+        wrong += check_things(self._witness.last.things, self._place, self._limits)
         if wrong:
             return wrong  # An observation that is none has no ranges to look at.
+        return self._listen(observation, info["pose"])
+
+    def _listen(self, observation: Any, pose: Pose) -> list[str]:
+        """What is wrong with what the robot senses."""
+        moment = self._witness.last
+        surfaces = np.concatenate((self._walls, moment.things))
         ranges = self._scaling.ranges(self._scaling.split(observation)["laser"])
-        laser = compose(info["pose"], np.array(LASER.mount))
-        return check_laser(self._walls, laser, LASER.bearings, ranges, self._limits)
+        laser = compose(pose, np.array(LASER.mount))
+        wrong = check_laser(surfaces, laser, LASER.bearings, ranges, self._limits)
+        if moment.reading.sonar is not None:
+            wrong += check_sonar(surfaces, pose, moment.reading.sonar, self._limits)
+        return wrong
 
 
 def run_episode(episode: Episode, tell: Callable[[int], None], limits: Limits) -> Outcome:
@@ -118,7 +150,9 @@ def _watched(episode: Episode, limits: Limits) -> Iterator[list[str]]:
         disable_env_checker=True,
     )
     try:
-        watch = Watch(load_world(episode.world), env.observation_space, limits)
+        witness = Witness()
+        env.set_wrapper_attr("recorder", witness)
+        watch = Watch(load_world(episode.world), witness, env.observation_space, limits)
         observation, info = begin_episode(env, agent, episode.seed)
         yield watch.start(observation, info)
         over = False

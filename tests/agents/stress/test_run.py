@@ -20,6 +20,7 @@ from albot_cli.main import main
 from albot_env.recording.reader import EpisodeReader
 from albot_env.stress.limits import Limits
 from albot_env.tasks import explore
+from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.explore import ExploreEnv
 from albot_maps import World, load_world, load_worlds
 from albot_maps.generators.spec import KINDS
@@ -37,6 +38,27 @@ def run(episode: Episode = SOUND) -> Outcome:
 def test_nothing_is_wrong_in_random_worlds(kind: str, agent: str):
     episode = dataclasses.replace(SOUND, world=f"random:{kind}:1", agent=agent)
     assert run(episode) == Outcome(episode=episode, steps=30, violations=())
+
+
+@pytest.mark.parametrize("agent", agent_names())
+def test_nor_where_things_move(agent: str):
+    world = "random:apartment:1?people=3&boxes=4&doors=2"
+    episode = dataclasses.replace(SOUND, world=world, agent=agent, steps=60)
+    assert run(episode) == Outcome(episode=episode, steps=60, violations=())
+
+
+def test_a_thing_that_sensors_miss_is_found(monkeypatch: pytest.MonkeyPatch):
+    """As if the robot's senses met its things where they were before."""
+    whole, first = Expedition.things, []
+
+    def things(self: Expedition, row: int) -> np.ndarray:
+        first.append(whole(self, row))
+        return first[0]
+
+    monkeypatch.setattr(Expedition, "things", things)
+    world = "random:apartment:1?people=3&boxes=4&doors=2"
+    [violation, *_] = run(dataclasses.replace(SOUND, world=world, steps=200)).violations
+    assert re.search(r"(beam|sonar) \d+ (sees|hears)", violation.what)
 
 
 @pytest.mark.parametrize("mapper", ["albot1", "odometry"])
@@ -131,7 +153,7 @@ def test_a_wall_that_is_not_there_is_seen_through_and_play_shows_the_same(
     monkeypatch.setattr(explore, "load_worlds", lambda spec: load_worlds(lacking(spec)))
     monkeypatch.chdir(tmp_path)
     [violation, *_] = run().violations
-    seen = re.search(r"beam (\d+) sees (\S+) m, through a wall at (\S+) m", violation.what)
+    seen = re.search(r"beam (\d+) sees (\S+) m, through a surface at (\S+) m", violation.what)
     assert seen is not None, violation.what
     shown = played(violation.command, monkeypatch)
     beam, length = int(seen[1]), float(seen[2])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from albot_env.stress.checks import (
     check_laser,
     check_observation,
     check_reward,
+    check_things,
 )
 from albot_env.stress.geometry import free_ways
 from albot_env.stress.limits import Limits
@@ -89,15 +91,35 @@ def test_a_body_that_has_gone_through_a_wall():
 
 def test_what_a_laser_may_say():
     ways = free_ways(BOX, POSE, BEARINGS)
-    assert check_laser(BOX, POSE, BEARINGS, ways + 0.039, LIMITS) == []
-    assert check_laser(BOX, POSE, BEARINGS, ways * 0.5, LIMITS) == []
+    for error in (-0.039, 0.039):
+        assert check_laser(BOX, POSE, BEARINGS, ways + error, LIMITS) == []
 
 
 def test_a_beam_through_a_wall():
     ranges = free_ways(BOX, POSE, BEARINGS)
-    expected = f"beam 17 sees {ranges[17] + 0.05:.3f} m, through a wall at {ranges[17]:.3f} m"
+    beyond = f"beam 17 sees {ranges[17] + 0.05:.3f} m, through a surface at {ranges[17]:.3f} m"
     ranges[17] += 0.05
-    assert check_laser(BOX, POSE, BEARINGS, ranges, LIMITS) == [expected]
+    assert check_laser(BOX, POSE, BEARINGS, ranges, LIMITS) == [beyond]
+
+
+def test_a_beam_is_shorter_only_because_of_a_thing():
+    thing = np.array([[2.0, 0.5, 2.0, 1.5]])
+    ahead, seen = np.zeros(1), np.array((1.0,))
+    pose = np.array((1.0, 1.0, 0.0))
+    assert check_laser(np.concatenate((BOX, thing)), pose, ahead, seen, LIMITS) == []
+    assert check_laser(BOX, pose, ahead, seen, LIMITS) == [
+        "beam 0 sees 1.000 m, nothing is before 3.000 m"
+    ]
+    [through] = check_laser(np.concatenate((BOX, thing)), pose, ahead, seen * 3, LIMITS)
+    assert through == "beam 0 sees 3.000 m, through a surface at 1.000 m"
+
+
+def test_a_body_that_touches_a_thing_is_not_in_it():
+    thing = np.array([[0.0, 0, 1, 0]])
+    touching = np.array((0.5, LIMITS.radius - LIMITS.thing_overlap + 1e-6))
+    assert check_things(thing, touching, LIMITS) == []
+    assert "deep in something that moves" in check_things(thing, touching - (0, 2e-6), LIMITS)[0]
+    assert check_things(np.empty((0, 4)), touching, LIMITS) == []
 
 
 def test_a_beam_that_grazes_the_end_of_a_wall_may_miss_it():
@@ -115,7 +137,7 @@ def test_a_few_lost_beams_are_chance_and_many_are_a_hole():
     assert check_laser(BOX, POSE, BEARINGS, ranges, LIMITS) == []
     ranges[most] = LIMITS.max_range
     assert check_laser(BOX, POSE, BEARINGS, ranges, LIMITS) == [
-        f"{most + 1} beams see nothing where walls are; {most} may be lost by chance"
+        f"{most + 1} beams see nothing where surfaces are; {most} may be lost by chance"
     ]
 
 
@@ -130,7 +152,7 @@ def test_how_many_may_be_lost_is_the_binomial_distributions():
     assert LIMITS.most_lost(0) == 0
 
 
-@pytest.mark.parametrize("name", ["radius", "overlap", "range_error", "max_range", "dropout"])
+@pytest.mark.parametrize("name", [field.name for field in fields(Limits)])
 @pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
 def test_limits_are_numbers_from_0(name: str, value: float):
     with pytest.raises(InputError, match=name):

@@ -7,7 +7,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from albot_env.stress.geometry import free_ways, wall_distances, walls_crossed
+from albot_env.stress.geometry import free_ways, nearest_in_cones, wall_distances, walls_crossed
 
 BOX = np.array([[0.0, 0, 4, 0], [4, 0, 4, 3], [4, 3, 0, 3], [0, 3, 0, 0]])
 
@@ -62,3 +62,24 @@ def test_distances_and_crossings_are_shapelys(seed: int):
 def test_standing_still_crosses_nothing():
     point = np.array((2.0, 1e-9))
     assert not walls_crossed(BOX, point, point).any()
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_nearest_in_a_cone_is_shapelys(seed: int):
+    rng = np.random.default_rng((seed, 2))
+    walls, half = any_walls(seed, 8), rng.uniform(0.1, 1.4)
+    ears = np.column_stack((rng.uniform(-5, 5, (3, 2)), rng.uniform(-4, 4, 3)))
+    edges = ears[:, 2:] + np.array((-half, half))
+    far = ears[:, None, :2] + 1e3 * np.stack((np.cos(edges), np.sin(edges)), axis=-1)
+    cones = shapely.polygons(np.concatenate((ears[:, None, :2], far), axis=1))
+    inside = shapely.intersection(cones[:, None], lines(walls)[None])
+    found = shapely.distance(inside, shapely.points(ears[:, None, :2]))
+    expected = np.where(np.isnan(found), np.inf, found).min(axis=1)
+    assert np.allclose(nearest_in_cones(walls, ears, half), expected, atol=1e-6)
+
+
+def test_no_surface_is_nearest_where_there_is_none():
+    ears = np.array([[1.0, 1.0, 0.0]])
+    assert nearest_in_cones(np.empty((0, 4)), ears, 0.3)[0] == np.inf
+    assert nearest_in_cones(BOX[3:], ears, 0.3)[0] == np.inf
+    assert nearest_in_cones(BOX[1:2], ears, 0.3)[0] == 3.0
