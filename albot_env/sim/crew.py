@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
 from jaxtyping import Int64
@@ -30,6 +30,7 @@ class Crew:
             raise InputError("threads", "0 or more", str(size))
         self.size = size or _processors()
         self._pool: ThreadPoolExecutor | None = None
+        self._owner = 0
 
     def share(
         self,
@@ -48,21 +49,23 @@ class Crew:
         if threads == 1:
             work(rows, 0)
             return
-        if self._pool is None:
+        if self._pool is None or self._owner != os.getpid():  # A fork leaves threads behind.
+            self._owner = os.getpid()
             self._pool = ThreadPoolExecutor(self.size - 1, thread_name_prefix="albot")
         parts = np.array_split(rows, threads)
         others = [self._pool.submit(work, part, k) for k, part in enumerate(parts) if k]
         try:
             work(parts[0], 0)
         finally:
-            for other in others:
-                other.result()
+            wait(others)
+        for other in others:
+            other.result()
 
     def close(self) -> None:
         """Let the threads go."""
-        if self._pool is not None:
+        if self._pool is not None and self._owner == os.getpid():
             self._pool.shutdown()
-            self._pool = None
+        self._pool = None
 
 
 def _processors() -> int:

@@ -171,6 +171,9 @@ class Fleet:
                 f"a pose {radius:g} m clear of the walls of {world.name}",
                 f"{pose.tolist()}, {room:.3f} m from one",
             )
+        if not world.reaches(pose[:2]):
+            expected = f"a pose that a robot can come to from a start of {world.name}"
+            raise InputError("start", expected, str(pose.tolist()))
 
     def place(self, row: int, world: World, pose: Pose, key: int) -> None:
         """Put a robot at rest and begin anew.
@@ -196,7 +199,8 @@ class Fleet:
 
     def _take_in(self, world: World) -> int:
         """Note what there is to be sensed in a world; return its building's number."""
-        self._solid.add(world.walls)
+        if self.sensors.sonar is not None:
+            self._solid.add(world.walls)
         if self.sensors.scenes is not None:
             fields = np.array(self.sensors.scenes.constants(world.bounds), np.float64)
             scenes = np.concatenate((self._devices.scenes, fields[np.newaxis]))
@@ -279,5 +283,6 @@ class Fleet:
             things=stage.segments,
             first=stage.robots["segments"],
             last=stage.robots["segments_end"],
+            most_walls=self._opaque.most,
         )
         sense(chosen, robots.poses, robots.counts, around, self._devices, self._sensed)

@@ -113,8 +113,6 @@ class Floors:
         self._enlist(number, ids)
         if not self.tables.crews[number]:
             self._empty[number] = None
-            if len(self._empty) > _KEPT:
-                self._close(self._empty.popitem(last=False)[0])
 
     def _is_full(self, number: int) -> bool:
         world, slots = self._worlds[number], self._slots[number]
@@ -131,6 +129,8 @@ class Floors:
 
     def _lay(self, world: World) -> int:
         """Make a floor; return its number."""
+        while len(self._empty) >= _KEPT:
+            self._close(self._empty.popitem(last=False)[0])
         floor = Floor(world.walls, self._robot)
         if None in self._floors:
             number = self._floors.index(None)

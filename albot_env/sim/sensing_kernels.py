@@ -57,6 +57,8 @@ class Surroundings(NamedTuple):
     """(robots,) int64: which of them are around each robot: from here…"""
     last: np.ndarray
     """(robots,) int64: … up to here, without it."""
+    most_walls: int
+    """Walls of the building that has most."""
 
 
 class Sensed(NamedTuple):
@@ -117,7 +119,7 @@ def sense(
     most = 0
     for k in range(rows.shape[0]):
         most = max(most, around.last[rows[k]] - around.first[rows[k]])
-    desk = make_desk(fan, around.opaque.walls.shape[0] + most)
+    desk = make_desk(fan, around.most_walls + most)
     for k in range(rows.shape[0]):
         i = rows[k]
         key, reading = sensed.keys[i], sensed.readings[i]

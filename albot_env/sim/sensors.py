@@ -68,6 +68,6 @@ def _chosen(
     if name in presets:
         return presets[name]
     names = [*others, *presets]
-    close = get_close_matches(name, names, 1)
+    close = get_close_matches(str(name), names, 1)
     hint = f" (did you mean {close[0]}?)" if close else ""
     raise InputError(source, f"one of {', '.join(names)}", f"{name!r}{hint}", place=place)

@@ -68,6 +68,8 @@ class WallIndex:
 
     def clear(self) -> None:
         """Forget all buildings."""
+        self.most = 0
+        """Walls of the building that has most."""
         self.tables = Walls(
             walls=np.empty((0, 4)),
             neighbours=np.empty((0, 2), np.int64),
@@ -79,6 +81,7 @@ class WallIndex:
 
     def add(self, walls: Segments) -> int:
         """Take in a building; return its number."""
+        self.most = max(self.most, len(walls))
         old = self.tables
         first = len(old.walls)
         neighbours = _neighbours(walls)

@@ -1,4 +1,4 @@
-"""The expedition: robots that explore, each on its own, all in one compiled step.
+"""The expedition: robots that explore, each on its own, all in the same compiled loops.
 
 An environment is an expedition of one, a batch one of many: what a robot finds is
 the same to the last bit.
@@ -43,7 +43,7 @@ class Expedition:
         movables: Whether things move in worlds that have any; if not, they are left out.
 
     Raises:
-        InputError: There is no such mapper, or the observations are of another laser.
+        InputError: There is no such mapper.
     """
 
     def __init__(
@@ -57,6 +57,9 @@ class Expedition:
         *,
         movables: bool = True,
     ) -> None:
+        observations = observations.fitted(sensors)
+        self.observing = observations
+        """How they observe, with their sensors."""
         self._mappers: MapperBatch | None = None
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
         if mapper != NO_MAPPER:
@@ -92,13 +95,20 @@ class Expedition:
         )
         """What each observes, in one row; after each `drive` another array."""
 
+    def check_start(self, world: World, start: Pose) -> None:
+        """Refuse a start that is none.
+
+        Raises:
+            InputError: It is not finite, too near to something, or nowhere that a robot can
+                come to from the world's starts.
+        """
+        self._fleet.check_start(world, start)
+
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
         """Let a robot set out anew with an empty map; look around before all else.
 
-        Raises:
-            InputError: The start is none.
+        The start must be one (see `check_start`).
         """
-        self._fleet.check_start(world, start)
         self._fleet.place(row, world, start, draw_key(rng))
         standing = self._standing
         standing.reachable[row] = self._survey.begin(row, world)

@@ -123,9 +123,10 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         sensors = choose_sensors(
             laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source=ENVIRONMENT
         )
-        scaling = config.observations.fitted(sensors)
-        self._scaling = scaling
-        self._robot = Expedition(1, mapper, sensors, scaling, config.weights, movables=movables)
+        self._robot = Expedition(
+            1, mapper, sensors, config.observations, config.weights, movables=movables
+        )
+        self._scaling = scaling = self._robot.observing
         self._mapper_name = mapper
         self._flat = observation == "flat"
         self.action_space = config.actions.space
@@ -147,6 +148,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         super().reset(seed=seed)
         world = choose_world(self._worlds, self.np_random, options or {}, ENVIRONMENT)
         start = choose_start(world, self.np_random, options or {}, ENVIRONMENT)
+        self._robot.check_start(world, start)
         self._robot.begin(0, world, start, self.np_random)
         self._robot.turn_page()
         self._robot.look()
@@ -206,6 +208,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         """Close the window and the recording."""
         self._viewer.close()
         self.recorder.close()
+        self._robot.close()
 
     @property
     def _followed(self) -> bool:

@@ -1,21 +1,13 @@
-"""The ground of a world: how much can be reached, and how large a square holds it."""
+"""The ground of a world: how large a square holds it."""
 
 from __future__ import annotations
 
 import math
 
-import shapely
-
-from albot_maps import ROBOT_RADIUS, World
+from albot_maps import World
 
 MARGIN = 5.0
 """How far beyond the building's own size a belief may stray and still be kept (m)."""
-
-
-def reachable_area(world: World) -> float:
-    """The ground that the robot's body can touch, coming from the first start (m²)."""
-    middle = world.free_space.region_at(world.starts[0, :2])
-    return float(shapely.buffer(middle, ROBOT_RADIUS).area)
 
 
 def world_centre(world: World) -> tuple[float, float]:

@@ -26,6 +26,8 @@ def choose_world(
     Raises:
         InputError: Another option than `world` and `start`, or a world that is none.
     """
+    if not isinstance(options, Mapping):
+        raise InputError(environment, "a mapping", repr(options), place="options")
     unknown = sorted(set(options) - {"start", "world"})
     if unknown:
         expected = "the options start and world"
@@ -33,7 +35,7 @@ def choose_world(
     number = options.get("world")
     if number is None:
         number = rng.integers(len(worlds)) if len(worlds) > 1 else 0
-    if not isinstance(number, int | np.integer) or not 0 <= number < len(worlds):
+    if not _is_whole(number) or not 0 <= number < len(worlds):
         expected = f"a world's number below {len(worlds)}"
         raise InputError(environment, expected, repr(number), place="options.world")
     return worlds[int(number)]
@@ -63,8 +65,12 @@ def choose_start(
         pose = np.asarray(start, np.float64)
     except (TypeError, ValueError):
         raise InputError(environment, expected, repr(start), place="options.start") from None
-    if isinstance(start, int | np.integer) and 0 <= start < count:
+    if _is_whole(start) and 0 <= start < count:
         return np.asarray(world.starts[start], np.float64)
     if pose.shape != (3,):
         raise InputError(environment, expected, repr(start), place="options.start")
     return pose
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)

@@ -9,7 +9,7 @@ from jaxtyping import Float32, Int64
 
 from albot_core.perception.reading import LaserGeometry
 from albot_env.sim.register import Register
-from albot_env.tasks.ground import map_extent, reachable_area, world_centre, world_extent
+from albot_env.tasks.ground import map_extent, world_centre, world_extent
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.rooms import outlines_of
 from albot_env.tasks.survey_kernel import Findings, Ground, Rooms, Senses, survey
@@ -99,7 +99,7 @@ class Survey:
         )
         names = np.array([room.name for room in world.rooms], object)
         self._names = np.concatenate((self._names, names))
-        return _Plot((first, first + len(spans)), reachable_area(world))
+        return _Plot((first, first + len(spans)), world.reachable_area)
 
     def _forget_rooms(self) -> None:
         rooms = self._rooms

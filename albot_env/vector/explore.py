@@ -13,6 +13,7 @@ from gymnasium.vector.utils import batch_space
 from jaxtyping import Bool, Float32, Float64, Int64
 
 from albot_core.errors import InputError
+from albot_core.geometry.types import Pose
 from albot_env.sim import choose_sensors
 from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.explore import ENVIRONMENT, METADATA, ExploreConfig
@@ -51,8 +52,8 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         movables: Whether doors, boxes and people move in worlds that have any.
         config: What actions ask for, how observations are scaled, what is rewarded.
         max_episode_steps: Steps after which an episode is truncated; None for never.
-        autoreset_mode: `NextStep`: the step after an episode's last one resets, whatever the
-            action. `SameStep`: the last step itself resets; the info then holds
+        autoreset_mode: `NextStep`: the step after an episode's last one resets, whatever (valid)
+            action it is given. `SameStep`: the last step itself resets; the info then holds
             `final_obs` and `final_info`. `Disabled`: who steps must call
             `reset(options={"reset_mask": finished})` before.
         threads: Threads that share the work; 0 for as many as there are processors. They
@@ -83,11 +84,14 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
     ) -> None:
         if num_envs < 1:
             raise InputError(ENVIRONMENT, "at least 1", str(num_envs), place="num_envs")
+        if max_episode_steps is not None and max_episode_steps < 1:
+            found = str(max_episode_steps)
+            raise InputError(ENVIRONMENT, "at least 1", found, place="max_episode_steps")
         if observation not in ("flat", "dict"):
             raise InputError(ENVIRONMENT, "flat or dict", str(observation), place="observation")
         self.num_envs = num_envs
         self._mode = _mode(autoreset_mode)
-        self.metadata = {**METADATA, "autoreset_mode": self._mode}
+        self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
         self._worlds = _worlds(world, num_envs)
         self._config = config = config or ExploreConfig()
         self._flat = observation == "flat"
@@ -95,10 +99,16 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         sensors = choose_sensors(
             laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source=ENVIRONMENT
         )
-        self._scaling = scaling = config.observations.fitted(sensors)
         self._robots = Expedition(
-            num_envs, mapper, sensors, scaling, config.weights, threads, movables=movables
+            num_envs,
+            mapper,
+            sensors,
+            config.observations,
+            config.weights,
+            threads,
+            movables=movables,
         )
+        self._scaling = scaling = self._robots.observing
         self.single_action_space = config.actions.space
         self.single_observation_space = scaling.flat_space if self._flat else scaling.dict_space
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -128,10 +138,10 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         for row, its_seed in zip(rows.tolist(), _seeds(seed, self.num_envs, rows), strict=True):
             if its_seed is not None or self._generators[row] is None:
                 self._generators[row], _ = seeding.np_random(its_seed)
-            self._begin(row, settings)
-        self._over[rows] = False
         self._robots.turn_page()
+        self._begin(rows, settings)
         self._robots.look(None if mask.all() else rows)
+        self._begun[rows], self._over[rows] = True, False
         return self._observe(), self._infos(mask)
 
     def step(self, actions: Any) -> Steps:
@@ -145,9 +155,9 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         commands = self._config.actions.commands(actions, self.num_envs, ENVIRONMENT)
         robots = self._robots
         robots.drive(commands)
-        for row in np.flatnonzero(resetting).tolist():
-            self._begin(row, {})
+        self._begin(np.flatnonzero(resetting), {})
         robots.look()
+        self._begun[:] = True
         rewards = robots.rewards.copy()
         truncated = np.zeros(self.num_envs, np.bool_)
         if self._limit is not None:
@@ -160,6 +170,10 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
         terminated = np.zeros(self.num_envs, np.bool_)
         return self._observe(), rewards, terminated, truncated, infos
 
+    def close_extras(self, **_: Any) -> None:
+        """Let the threads go; called by `close`."""
+        self._robots.close()
+
     def _check_begun(self) -> Bool[np.ndarray, "environments"]:
         """Which environments this step resets."""
         if not self._begun.all():
@@ -171,14 +185,25 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
             )
         return self._over & (self._mode is AutoresetMode.NEXT_STEP)
 
-    def _begin(self, row: int, options: dict[str, Any]) -> None:
+    def _begin(self, rows: Int64[np.ndarray, "some"], options: dict[str, Any]) -> None:
+        """Let some set out anew: none of them, and none can go on, where one cannot."""
+        self._begun[rows] = False
+        chosen = [self._choose(row, options) for row in rows.tolist()]
+        for row, (world, start, generator) in zip(rows.tolist(), chosen, strict=True):
+            self._robots.begin(row, world, start, generator)
+
+    def _choose(self, row: int, options: dict[str, Any]) -> tuple[World, Pose, np.random.Generator]:
+        """Draw one's world and start."""
         generator = self._generators[row]
         assert generator is not None
         name = f"{ENVIRONMENT}, environment {row}"
-        world = choose_world(self._worlds[row], generator, options, name)
-        start = choose_start(world, generator, options, name)
-        self._robots.begin(row, world, start, generator)
-        self._begun[row] = True
+        try:
+            world = choose_world(self._worlds[row], generator, options, name)
+            start = choose_start(world, generator, options, name)
+            self._robots.check_start(world, start)
+        except InputError as error:
+            raise _told(error, name) from None
+        return world, start, generator
 
     def _start_over(self, over: Bool[np.ndarray, "environments"]) -> dict[str, Any]:
         """Reset the environments that are over; the infos hold what they ended with."""
@@ -187,9 +212,9 @@ class ExploreVectorEnv(VectorEnv[Any, Any, np.ndarray]):
             final_obs[row] = self._observation(row)
         final = self._infos(over)
         rows = np.flatnonzero(over)
-        for row in rows.tolist():
-            self._begin(row, {})
+        self._begin(rows, {})
         self._robots.look(rows)
+        self._begun[:] = True
         self._over[:] = False
         infos = self._infos(np.ones(self.num_envs, np.bool_))
         infos |= {"final_obs": final_obs, "_final_obs": over.copy()}
@@ -262,10 +287,16 @@ def _worlds(world: Worlds | Sequence[Worlds], count: int) -> list[WorldSet]:
         try:
             loaded[spec] = loaded.get(spec) or load_worlds(spec)
         except InputError as error:
-            place = f"{error.source}, {error.place}" if error.place else error.source
-            source = f"{ENVIRONMENT}, world of environment {row}"
-            raise InputError(source, error.expected, error.found, place=place) from None
+            raise _told(error, f"{ENVIRONMENT}, world of environment {row}") from None
     return [loaded[spec] for spec in specs]
+
+
+def _told(error: InputError, environment: str) -> InputError:
+    """The same error, which says in which environment."""
+    if error.source == environment:
+        return error
+    place = f"{error.source}, {error.place}" if error.place else error.source
+    return InputError(environment, error.expected, error.found, place=place)
 
 
 def _mask(mask: Any, count: int) -> Bool[np.ndarray, "environments"]:
@@ -279,16 +310,20 @@ def _mask(mask: Any, count: int) -> Bool[np.ndarray, "environments"]:
     return mask
 
 
-def _seeds(
-    seed: int | Sequence[int | None] | None, count: int, rows: Int64[np.ndarray, "some"]
-) -> list[int | None]:
+def _seeds(seed: Any, count: int, rows: Int64[np.ndarray, "some"]) -> list[int | None]:
     """The seeds of some environments out of `count`."""
     if seed is None:
         seeds: list[int | None] = [None] * count
     elif isinstance(seed, int | np.integer):
         seeds = [int(seed) + k for k in range(count)]
     else:
-        seeds = list(seed)
+        seeds = list(np.atleast_1d(np.asarray(seed, object)))
     if len(seeds) != count:
         raise InputError(ENVIRONMENT, f"{count} seeds", str(len(seeds)), place="seed")
+    for row, its_seed in enumerate(seeds):
+        whole = isinstance(its_seed, int | np.integer) and not isinstance(its_seed, bool)
+        if its_seed is not None and not (whole and its_seed >= 0):
+            place = f"seed of environment {row}"
+            raise InputError(ENVIRONMENT, "a whole number from 0", repr(its_seed), place=place)
+    seeds = [None if its_seed is None else int(its_seed) for its_seed in seeds]
     return [seeds[row] for row in rows.tolist()]

@@ -93,7 +93,7 @@ def _entry(name: str) -> MapperEntry:
     """The mapping system of a name."""
     entry = MAPPERS.get(name)
     if entry is None:
-        near = difflib.get_close_matches(name, MAPPERS, n=1, cutoff=0.5)
+        near = difflib.get_close_matches(str(name), MAPPERS, n=1, cutoff=0.5)
         hint = f" (did you mean {near[0]}?)" if near else ""
         raise InputError("mapper", f"one of {', '.join(MAPPERS)}", f"{name!r}{hint}")
     return entry

@@ -27,6 +27,9 @@ LARGEST_COORDINATE = 10_000.0
 SHORTEST_WALL = 1e-6
 """A wall no longer than this (m) is a point."""
 
+_ROUNDING = 0.002
+"""How far (m) outside the free space drawn with polygons a point may be and still be free."""
+
 METRES = f"finite numbers in metres, within ±{LARGEST_COORDINATE:g}"
 """What errors expect of coordinates."""
 
@@ -121,6 +124,17 @@ class World:
     def closed(self) -> bool:
         """Whether the walls keep a robot that sets out from the first start inside them."""
         return self.free_space.is_enclosed(self.starts[0, :2])
+
+    @cached_property
+    def reachable_area(self) -> float:
+        """The ground that a robot's body can touch, coming from the starts (m²)."""
+        middle = self.free_space.region_at(self.starts[0, :2])
+        return float(shapely.buffer(middle, ROBOT_RADIUS).area)
+
+    def reaches(self, point: Float64[np.ndarray, "2"]) -> bool:
+        """Whether a robot's middle can come to a point (m) from the starts."""
+        middle = self.free_space.region_at(self.starts[0, :2])
+        return bool(middle.distance(shapely.Point(point)) < _ROUNDING)
 
     def room_at(self, x: float, y: float) -> str | None:
         """Name of the room in which the point (m) lies; None outside all rooms.

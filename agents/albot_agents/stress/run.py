@@ -75,7 +75,7 @@ class Watch:
     def __init__(
         self, world: World, witness: Witness, space: gymnasium.Space[Any], limits: Limits
     ) -> None:
-        self._walls = world.walls
+        self._walls, self._opaque = world.walls, world.opaque
         self._witness = witness
         self._space = space
         self._limits = limits
@@ -107,11 +107,12 @@ class Watch:
     def _listen(self, observation: Any, pose: Pose) -> list[str]:
         """What is wrong with what the robot senses."""
         moment = self._witness.last
-        surfaces = np.concatenate((self._walls, moment.things))
+        seen = np.concatenate((self._opaque, moment.things))
         ranges = self._scaling.ranges(self._scaling.split(observation)["laser"])
         laser = compose(pose, np.array(LASER.mount))
-        wrong = check_laser(surfaces, laser, LASER.bearings, ranges, self._limits)
+        wrong = check_laser(seen, laser, LASER.bearings, ranges, self._limits)
         if moment.reading.sonar is not None:
+            surfaces = np.concatenate((self._walls, moment.things))
             wrong += check_sonar(surfaces, pose, moment.reading.sonar, self._limits)
         return wrong
 

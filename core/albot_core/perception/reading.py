@@ -32,6 +32,9 @@ class LaserGeometry:
             raise InputError("LaserGeometry.beams", "at least 2", str(self.beams))
         if not 0 < self.spacing <= np.pi / 2:
             raise InputError("LaserGeometry.spacing", "within (0, pi/2]", str(self.spacing))
+        if (self.beams - 1) * self.spacing > 2 * np.pi + 1e-9:
+            found = f"{self.beams} beams {self.spacing:g} rad apart"
+            raise InputError("LaserGeometry.beams", "a full turn at most", found)
         if not 0 < self.max_range < np.inf:
             raise InputError("LaserGeometry.max_range", "a positive length", str(self.max_range))
 

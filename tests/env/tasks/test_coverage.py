@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_core.perception.reading import LaserGeometry, LaserScan
 from albot_env.tasks.coverage import Coverage, CoverageConfig
-from albot_env.tasks.ground import reachable_area
 from albot_env.tasks.rooms import RoomLog
 from albot_maps import load_world
 
@@ -86,7 +85,7 @@ def test_sizes_that_are_none_are_refused() -> None:
 
 def test_reachable_ground_of_two_rooms(two_rooms) -> None:
     # 40 m² of floor; the body reaches all but a little in each of the sixteen corners.
-    assert reachable_area(two_rooms) == pytest.approx(40.0, rel=0.01)
+    assert two_rooms.reachable_area == pytest.approx(40.0, rel=0.01)
 
 
 @given(st.floats(0, 30), st.floats(0, 30))

@@ -1,0 +1,97 @@
+"""What a batch says of bad input, and in what state it is afterwards."""
+
+from __future__ import annotations
+
+import os
+import threading
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+
+import albot_env
+from albot_core.errors import InputError
+from albot_maps import WorldSet
+
+assert albot_env.__doc__  # Importing it registers the environments.
+STILL = np.zeros((2, 2), np.float32)
+
+
+def _batch(**options: Any) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
+    settings = {"world": "square-loop", "mapper": "none", **options}
+    return gymnasium.make_vec("Albot/Explore-v0", num_envs=settings.pop("num_envs", 2), **settings)
+
+
+@pytest.mark.parametrize(
+    ("options", "seed", "message"),
+    [
+        ({"start": 2}, None, "environment 0, options.start: .*index below"),
+        ({"start": (0.0, 0.0, 0.0)}, None, r"environment 0, start: .*clear of the walls"),
+        ({"start": (90.0, 90.0, 0.0)}, None, r"environment 0, start: .*can come to"),
+        ({"start": True}, None, "environment 0, options.start"),
+        ({"world": True}, None, "environment 0, options.world"),
+        ({"world": 1}, None, "environment 0, options.world: .*below 1"),
+        ({}, [1, -2], "seed of environment 1: expected a whole number from 0, found -2"),
+        ({}, [1.5, 2], "seed of environment 0"),
+        ({}, [1], "2 seeds, found 1"),
+    ],
+)
+def test_a_reset_that_cannot_be_says_where_and_must_be_made_good(
+    options: dict[str, Any], seed: Any, message: str
+) -> None:
+    env = _batch()
+    env.reset(seed=0)
+    env.step(STILL)
+    with pytest.raises(InputError, match=message):
+        env.reset(seed=seed, options=options)
+    if seed is None:
+        with pytest.raises(gymnasium.error.ResetNeeded):
+            env.step(STILL)
+    env.reset(seed=0)
+    env.step(STILL)
+
+
+def test_a_world_that_is_none_is_told_of_its_environment_when_it_is_drawn() -> None:
+    env = _batch(world=[WorldSet(["square-loop", "nope"]), "square-loop"])
+    with pytest.raises(InputError, match="environment 0, .*found nope"):
+        env.reset(seed=0, options={"world": 1})
+    with pytest.raises(InputError, match="world of environment 1, .*found nope"):
+        _batch(world=["square-loop", "nope"])
+
+
+@pytest.mark.parametrize("wrong", [{"sonar": "sonic"}, {"laser": "lms"}, {"mapper": "non"}])
+def test_sensors_and_mappers_that_are_none_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match="expected one of"):
+        _batch(**wrong)
+
+
+def test_episodes_without_steps_are_refused() -> None:
+    with pytest.raises(InputError, match="max_episode_steps: expected at least 1"):
+        _batch(max_episode_steps=0)
+
+
+def test_closing_lets_the_threads_go() -> None:
+    before = threading.active_count()
+    env = _batch(num_envs=80, threads=2)
+    env.reset(seed=0)
+    env.step(np.zeros((80, 2), np.float32))
+    assert threading.active_count() == before + 1
+    env.close()
+    assert threading.active_count() == before
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
+def test_a_forked_child_steps_with_threads_of_its_own() -> None:
+    env = _batch(num_envs=80, threads=2)
+    env.reset(seed=0)
+    actions = np.zeros((80, 2), np.float32)
+    env.step(actions)
+    child = os.fork()
+    if child == 0:
+        env.step(actions)
+        os._exit(7)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == 7
+    env.close()
