@@ -64,6 +64,7 @@ def test_every_task_is_registered() -> None:
 
 KINDS_AND_SENSORS = [
     *({"world": f"random:{kind}:1"} for kind in KINDS),
+    {"world": "random:apartment:1?people=1&boxes=1&doors=1"},
     *({"laser": name} for name in LASERS),
     *({"sonar": name} for name in ["none", *SONARS]),
     *({"odometer": name} for name in ODOMETERS),
