@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from albot_core.geometry.directions import turned
 from albot_env.sim.wall_index import Walls
 
 BLOCK = 16
@@ -53,14 +54,6 @@ class Fan(NamedTuple):
     blocks: np.ndarray
     """(2, n) int64: for directions, finely divided, the block of the first beam not clockwise
     of it and the one behind the block of the last not counter-clockwise (see `turned`)."""
-
-
-@njit(cache=True, error_model="numpy")
-def turned(u: float, v: float) -> float:
-    """Grows with the direction of (u, v), from -2 to 2 through the x axis at 0."""
-    part = v / max(abs(u) + abs(v), 1e-300)
-    behind = 2.0 - part if v >= 0.0 else -2.0 - part
-    return part if u >= 0.0 else behind
 
 
 class Desk(NamedTuple):

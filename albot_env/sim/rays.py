@@ -7,9 +7,10 @@ import math
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from albot_core.geometry.directions import turned
 from albot_core.geometry.types import Pose, Ranges, Segments
 from albot_core.perception.reading import LaserGeometry
-from albot_env.sim.ray_kernels import BLOCK, Fan, scan_poses, turned
+from albot_env.sim.ray_kernels import BLOCK, Fan, scan_poses
 from albot_env.sim.wall_index import WallIndex
 
 _PARTS = 1024

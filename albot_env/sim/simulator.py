@@ -1,4 +1,4 @@
-"""The simulator: a robot with a laser and an odometer in a world with real contacts."""
+"""The simulator: a robot with sensors in a world with real contacts."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Simulator:
     readings to the last bit.
 
     Args:
-        world: The world; its walls are what the laser sees and what the robot bumps into.
+        world: The world; its walls are what is sensed and what the robot bumps into.
         robot: Body and drive of the robot.
         sensors: What it senses with.
         movables: Whether things move in a world that has any; if not, they are left out.

@@ -70,7 +70,10 @@ def _numbers(action: Any, shape: tuple[int, ...], environment: str) -> np.ndarra
     """An action as numbers of the shape wanted."""
     expected = _EXPECTED if len(shape) == 1 else f"{_EXPECTED} for each of {shape[0]}"
     try:
-        numbers = np.asarray(action, np.float64)
+        numbers = np.asarray(action)
+        if np.iscomplexobj(numbers):
+            raise TypeError
+        numbers = numbers.astype(np.float64)
     except (TypeError, ValueError):
         raise InputError(environment, expected, repr(action), place="action") from None
     if numbers.shape != shape:

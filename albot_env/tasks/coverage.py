@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float32, UInt64
 
 from albot_core.errors import InputError
+from albot_core.geometry.directions import angles_of
 from albot_core.geometry.types import Pose
 from albot_core.perception.reading import LaserGeometry, LaserScan
 from albot_env.tasks.kernels import Sight, cover, cut_patch, is_time_to_look
@@ -50,11 +51,9 @@ class CoverageConfig:
 
     def sight(self, laser: LaserGeometry) -> Sight:
         """What such a laser shows of the ground, as the compiled loops take it."""
-        # The middles of the parts into which `turned` divides the full turn, as angles.
-        turned = (np.arange(_PARTS) + 0.5) * 4 / _PARTS - 2
-        sideways = np.where(np.abs(turned) <= 1, turned, np.sign(turned) * 2 - turned)
-        ahead = np.where(np.abs(turned) <= 1, 1, -1) * (1 - np.abs(sideways))
-        bearings = np.arctan2(sideways, ahead) - laser.mount[2] - laser.first_bearing
+        # The middles of the parts into which `turned` divides the full turn.
+        middles = angles_of((np.arange(_PARTS) + 0.5) * 4 / _PARTS - 2)
+        bearings = middles - laser.mount[2] - laser.first_bearing
         half = laser.spacing / 2
         beams = np.floor(((bearings + half) % (2 * np.pi)) / laser.spacing).astype(np.int64)
         beams[beams >= laser.beams] = -1

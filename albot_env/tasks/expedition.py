@@ -57,9 +57,6 @@ class Expedition:
         *,
         movables: bool = True,
     ) -> None:
-        observations = observations.fitted(sensors)
-        self.observing = observations
-        """How they observe, with their sensors."""
         self._mappers: MapperBatch | None = None
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
         if mapper != NO_MAPPER:
@@ -69,6 +66,8 @@ class Expedition:
         """Where the lasers' beams point."""
         self.sonar = None if sensors.sonar is None else sensors.sonar.geometry
         """Where the sonars point; None without."""
+        self.observing = observations = observations.fitted(self.geometry, self.sonar)
+        """How they observe with these sensors."""
         self._fleet = Fleet(
             robots, robot=PIONEER_3DX, sensors=sensors, crew=self._crew, movables=movables
         )

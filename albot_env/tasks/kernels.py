@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from albot_env.sim.ray_kernels import turned
+from albot_core.geometry.directions import turned
 
 _ONE = 2.0**32
 """A cell in fixed-point numbers, in which loops over cells need no conversions: a negative

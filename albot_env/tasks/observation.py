@@ -15,8 +15,7 @@ from jaxtyping import Float, Float32, Float64
 
 from albot_core.errors import InputError
 from albot_core.mapper import Mapper
-from albot_core.perception.reading import Reading
-from albot_env.sim.sensors import Sensors
+from albot_core.perception.reading import LaserGeometry, Reading, SonarGeometry
 from albot_env.tasks.coverage import Coverage, CoverageConfig
 from albot_env.tasks.kernels import observe_motions, scale_ranges
 from albot_env.tasks.survey_kernel import Scales
@@ -64,14 +63,10 @@ class ObservationConfig:
             if not 0 < value < np.inf:
                 raise InputError(f"ObservationConfig.{name}", "a positive number", str(value))
 
-    def fitted(self, sensors: Sensors) -> ObservationConfig:
+    def fitted(self, laser: LaserGeometry, sonar: SonarGeometry | None) -> ObservationConfig:
         """The same for a robot with these sensors: as many beams and sonars as it has."""
-        sonar = sensors.sonar
-        return replace(
-            self,
-            beams=sensors.laser.geometry.beams,
-            sonars=0 if sonar is None else len(sonar.geometry.bearings),
-        )
+        sonars = 0 if sonar is None else len(sonar.bearings)
+        return replace(self, beams=laser.beams, sonars=sonars)
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:

@@ -79,9 +79,11 @@ def appraise(
         standing.position_errors[i] = math.hypot(x - pose[0], y - pose[1])
         share = findings.ground[i] * cell_area / standing.reachable[i]
         standing.coverages[i] = min(1.0, share)
-        moved = 1.0 if standing.steps[i] > 0 else 0.0
-        terms[0] = moved * weights[0] * findings.new_ground[i] * cell_area
-        terms[1] = moved * weights[1] if findings.new_room[i] else 0.0
-        terms[2] = moved * weights[2] if collided[i] else 0.0
-        terms[3] = moved * weights[3] * elapsed
+        for k in range(terms.shape[0]):
+            terms[k] = 0.0
+        if standing.steps[i] > 0:
+            terms[0] = weights[0] * findings.new_ground[i] * cell_area
+            terms[1] = weights[1] if findings.new_room[i] else 0.0
+            terms[2] = weights[2] if collided[i] else 0.0
+            terms[3] = weights[3] * elapsed
         standing.rewards[i] = terms[0] + terms[1] + terms[2] + terms[3]

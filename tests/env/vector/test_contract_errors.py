@@ -26,12 +26,12 @@ def _batch(**options: Any) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
 @pytest.mark.parametrize(
     ("options", "seed", "message"),
     [
-        ({"start": 2}, None, "environment 0, options.start: .*index below"),
+        ({"start": 2}, None, r"environment 0, options.start: .*index below"),
         ({"start": (0.0, 0.0, 0.0)}, None, r"environment 0, start: .*clear of the walls"),
         ({"start": (90.0, 90.0, 0.0)}, None, r"environment 0, start: .*can come to"),
         ({"start": True}, None, "environment 0, options.start"),
         ({"world": True}, None, "environment 0, options.world"),
-        ({"world": 1}, None, "environment 0, options.world: .*below 1"),
+        ({"world": 1}, None, r"environment 0, options.world: .*below 1"),
         ({}, [1, -2], "seed of environment 1: expected a whole number from 0, found -2"),
         ({}, [1.5, 2], "seed of environment 0"),
         ({}, [1], "2 seeds, found 1"),
