@@ -54,9 +54,9 @@ def test_a_reset_that_cannot_be_says_where_and_must_be_made_good(
 
 def test_a_world_that_is_none_is_told_of_its_environment_when_it_is_drawn() -> None:
     env = _batch(world=[WorldSet(["square-loop", "nope"]), "square-loop"])
-    with pytest.raises(InputError, match="environment 0, .*found nope"):
+    with pytest.raises(InputError, match=r"environment 0, .*found nope"):
         env.reset(seed=0, options={"world": 1})
-    with pytest.raises(InputError, match="world of environment 1, .*found nope"):
+    with pytest.raises(InputError, match=r"world of environment 1, .*found nope"):
         _batch(world=["square-loop", "nope"])
 
 
