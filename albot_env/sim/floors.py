@@ -129,7 +129,7 @@ class Floors:
 
     def _lay(self, world: World) -> int:
         """Make a floor; return its number."""
-        while len(self._empty) >= _KEPT:
+        while self._empty and len(self._empty) >= _KEPT:
             self._close(self._empty.popitem(last=False)[0])
         floor = Floor(world.walls, self._robot)
         if None in self._floors:
