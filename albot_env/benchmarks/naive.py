@@ -9,18 +9,18 @@ import pymunk
 from jaxtyping import Float32
 
 from albot_core.perception.reading import LaserGeometry
+from albot_env.sim.simulator import SUBSTEPS
+from albot_env.sim.space import PHYSICS_STEP
 from albot_maps import World
 from albot_maps.world import ROBOT_RADIUS
 
-_STEP = 0.02
-_SUBSTEPS = 5
 _NOISE = 0.01
 _OVERLAP_LEFT = 0.2
 _ROBOT = pymunk.ShapeFilter(group=1)
 
 
 class NaiveEnv:
-    """A disc among walls, stepped as our robots are (5 times 0.02 s), and its laser's scan.
+    """A disc among walls, stepped as our robots are (`SUBSTEPS` of `PHYSICS_STEP`), and its laser.
 
     It has no odometer, no map, no reward and no checks.
 
@@ -36,7 +36,7 @@ class NaiveEnv:
         self._space = pymunk.Space()
         # By default pymunk parts what overlaps so late that robots drive through walls.
         self._space.collision_slop = 0.001
-        self._space.collision_bias = _OVERLAP_LEFT ** (1 / _STEP)
+        self._space.collision_bias = _OVERLAP_LEFT ** (1 / PHYSICS_STEP)
         for x1, y1, x2, y2 in world.walls.tolist():
             wall = pymunk.Segment(self._space.static_body, (x1, y1), (x2, y2), 0.0)
             self._space.add(wall)
@@ -52,11 +52,11 @@ class NaiveEnv:
         """Drive for 0.1 s at a speed and a turn rate of 1 m/s and 2 rad/s at most; the scan."""
         speed, turn_rate = action.tolist()
         body = self._body
-        for _ in range(_SUBSTEPS):
+        for _ in range(SUBSTEPS):
             along = math.cos(body.angle), math.sin(body.angle)
             body.velocity = speed * along[0], speed * along[1]
             body.angular_velocity = 2 * turn_rate
-            self._space.step(_STEP)
+            self._space.step(PHYSICS_STEP)
         return self.scan()
 
     def scan(self) -> Float32[np.ndarray, "beams"]:
