@@ -10,11 +10,8 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_core.perception.reading import LaserGeometry, LaserScan
 from albot_env.tasks.coverage import Coverage, CoverageConfig
-from albot_env.tasks.rooms import RoomLog
-from albot_maps import load_world
 
 CONFIG = CoverageConfig()
-OFFICE = load_world("office-ring")
 NOWHERE = LaserScan(ranges=np.full(181, np.inf), geometry=LaserGeometry())
 
 
@@ -86,22 +83,3 @@ def test_sizes_that_are_none_are_refused() -> None:
 def test_reachable_ground_of_two_rooms(two_rooms) -> None:
     # 40 m² of floor; the body reaches all but a little in each of the sixteen corners.
     assert two_rooms.reachable_area == pytest.approx(40.0, rel=0.01)
-
-
-@given(st.floats(0, 30), st.floats(0, 30))
-@settings(deadline=None, max_examples=300)
-def test_rooms_are_those_of_the_world(x: float, y: float) -> None:
-    world = OFFICE
-    name, new = RoomLog(world.rooms).enter(np.array((x, y, 0.0)))
-    outlines = [room.boundary for room in world.rooms]
-    corners = np.concatenate(outlines)
-    if np.abs(corners - (x, y)).min() > 1e-6:  # On an outline either answer will do.
-        assert name == (world.room_at(x, y) or "")
-    assert new == bool(name)
-
-
-def test_a_room_is_new_once(two_rooms) -> None:
-    rooms = RoomLog(two_rooms.rooms)
-    visits = [rooms.enter(np.array((x, 2.0, 0.0))) for x in (1.0, 2.0, 7.0, 1.0, 11.0)]
-    assert visits == [("west", True), ("west", False), ("east", True), ("west", False), ("", False)]
-    assert rooms.entered == 2
