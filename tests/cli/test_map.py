@@ -1,31 +1,25 @@
-"""`albot map` and `albot mappers`, as they are called."""
+"""`albot map` and `albot mappers`: figures, files and errors."""
 
 from __future__ import annotations
 
 import json
-import os
-import pty
 import re
-import subprocess
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 from PIL import Image
 
 import albot_cli.map_files
-from albot_cli.main import albot
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
-from albot_core.geometry.poses import compose
 from albot_core.logs.reference import read_reference
 from albot_core.logs.tum import write_tum
 from albot_core.mapfile import load_map
 from albot_core.registry import mapper_names
+from tests.cli.conftest import FILES, figures
 
 KEYS = {
     "log",
@@ -50,77 +44,6 @@ RELATION_KEYS = {
     "rotation_mean_deg",
     "rotation_std_deg",
 }
-FILES = {"trajectory.tum", "surfaces.geojson", "map.png", "map.albot"}
-
-WIDTH, LENGTH = 2.0, 14.0
-"""A corridor from (0, -1) to (14, 1), with a niche in its left wall (m)."""
-
-
-def corridor_ranges(x: float, y: float, heading: float) -> np.ndarray:
-    """What 180 beams meet in the corridor; the slow way, wall by wall."""
-    walls = [
-        (0, -1, 14, -1),
-        (14, -1, 14, 1),
-        (14, 1, 8, 1),
-        (8, 1, 8, 1.6),
-        (8, 1.6, 6, 1.6),
-        (6, 1.6, 6, 1),
-        (6, 1, 0, 1),
-        (0, 1, 0, -1),
-    ]
-    angles = heading + np.deg2rad(np.arange(-90, 90))
-    directions = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
-    nearest = np.full(180, 40.0)
-    for x1, y1, x2, y2 in walls:
-        run = np.array((x2 - x1, y2 - y1), np.float64)
-        offset = np.array((x1 - x, y1 - y))
-        across = directions[:, 0] * run[1] - directions[:, 1] * run[0]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            reach = (offset[0] * run[1] - offset[1] * run[0]) / across
-            part = (offset[0] * directions[:, 1] - offset[1] * directions[:, 0]) / across
-        hit = (reach > 0) & (part >= 0) & (part <= 1)
-        nearest[hit] = np.minimum(nearest[hit], reach[hit])
-    return nearest
-
-
-@pytest.fixture
-def corridor(tmp_path: Path) -> tuple[Path, Trajectory]:
-    """A log of a drive along the corridor, its odometer 4 % short, and where it truly went."""
-    truth, odometry, lines = np.array((1.0, 0, 0)), np.array((1.0, 0, 0)), []
-    poses = []
-    for k in range(28):
-        step = np.array((0.4, 0, 0.02 * np.cos(k)))
-        if k:
-            truth, odometry = compose(truth, step), compose(odometry, step * (0.96, 1, 1.3))
-        poses.append(truth)
-        ranges = " ".join(f"{r:.3f}" for r in corridor_ranges(*truth))
-        pose = " ".join(f"{value:.6f}" for value in odometry)
-        lines.append(f"FLASER 180 {ranges} {pose} {pose} {k}.5 robot {k}.5")
-    path = tmp_path / "corridor.log"
-    path.write_text("\n".join(lines) + "\n")
-    return path, Trajectory(stamps=np.arange(28) + 0.5, poses=np.stack(poses))
-
-
-@pytest.fixture
-def truth_file(corridor: tuple[Path, Trajectory]) -> Path:
-    path = corridor[0].with_name("truth.tum")
-    write_tum(corridor[1], path)
-    return path
-
-
-@pytest.fixture
-def call() -> Callable[..., Result]:
-    """Calls `albot` with arguments; errors of input come out as they are."""
-    return lambda *arguments: CliRunner().invoke(
-        albot, [str(argument) for argument in arguments], standalone_mode=False
-    )
-
-
-def figures(result: Result) -> dict[str, Any]:
-    assert result.exception is None, result.exception
-    parsed = json.loads(result.stdout)
-    assert isinstance(parsed, dict)
-    return parsed
 
 
 @pytest.mark.parametrize("mapper", mapper_names())
@@ -281,108 +204,3 @@ def test_the_list_of_mappers(call):
     told = figures(call("mappers", "--json"))
     assert [entry["name"] for entry in told["mappers"]] == list(mapper_names())
     assert all(entry["summary"] and entry["paper"] for entry in told["mappers"])
-
-
-ALBOT = (sys.executable, "-c", "from albot_cli.main import main; main()")
-
-
-def test_one_line_and_status_2_for_bad_input(corridor, tmp_path):
-    path = tmp_path / "torn.log"
-    path.write_text(corridor[0].read_text()[:5000])
-    out = tmp_path / "out"
-    done = subprocess.run(
-        [*ALBOT, "map", path, "--out", out, "--json"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.count("\n") == 1
-    assert done.stderr.startswith(f"albot: {path}, line ")
-    assert not out.exists()
-
-
-def test_json_alone_on_stdout_and_nothing_on_a_quiet_stderr(corridor):
-    done = subprocess.run(
-        [*ALBOT, "map", corridor[0], "--json"], capture_output=True, text=True, check=True
-    )
-    assert json.loads(done.stdout)["scans"] == 28
-    assert done.stderr == ""
-
-
-def test_a_progress_bar_on_a_terminal(corridor):
-    main, terminal = pty.openpty()
-    with subprocess.Popen(
-        [*ALBOT, "map", corridor[0], "--json"], stdout=subprocess.PIPE, stderr=terminal
-    ) as process:
-        os.close(terminal)
-        shown = _read_all(main)
-        assert process.stdout is not None
-        assert json.loads(process.stdout.read())["scans"] == 28
-    assert process.returncode == 0
-    assert b"albot1 on corridor.log" in shown
-
-
-def _read_all(terminal: int) -> bytes:
-    shown = b""
-    try:
-        while piece := os.read(terminal, 4096):
-            shown += piece
-    except OSError:
-        pass
-    os.close(terminal)
-    return shown
-
-
-def test_stopping_leaves_nothing_half_written(corridor, tmp_path):
-    # The signal comes when three of the four files are written.
-    code = (
-        "import os, signal, albot_cli.map_files as files\n"
-        "from albot_cli.main import main\n"
-        "files.write_picture = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)\n"
-        "main()"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code, "map", corridor[0], "--out", tmp_path / "out"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 130
-    assert "Traceback" not in done.stderr
-    assert done.stderr.strip() == "albot: stopped"
-    assert list(tmp_path.iterdir()) == [corridor[0]]
-
-
-@pytest.mark.parametrize(
-    ("name", "odometry", "limit"),
-    [
-        ("intel_raw.json.gz", 24.0, 4.0),
-        ("aces-corrected.log.gz", 5.4, 5.0),
-        ("freiburg-101-corrected.log.gz", 8.6, 2.0),
-    ],
-)
-def test_albot1_betters_the_odometer_on_real_logs(name, odometry, limit, call, data):
-    logs = data / "logs"
-    intel = [
-        "--reference",
-        logs / "intel_reference.json.gz",
-        "--relations",
-        logs / "intel.relations",
-    ]
-    told = figures(call("map", logs / name, *(intel if "intel" in name else []), "--json"))
-    assert told["odometry_ate_rmse_m"] == pytest.approx(odometry, abs=0.1)
-    assert told["ate_rmse_m"] < limit
-    if "intel" in name:
-        assert told["relations"]["count"] == 90
-        assert told["relations"]["translation_mean_m"] < 1.0
-
-
-@pytest.mark.parametrize(
-    ("name", "scans"),
-    [("wean_robotdata1.log.xz", 713), ("wean_robotdata2.log.xz", 2251), ("duke_loop5.log.xz", 551)],
-)
-def test_raw_logs_without_a_reference(name, scans, call, data, tmp_path):
-    told = figures(call("map", data / "logs" / name, "--out", tmp_path / "out", "--json"))
-    assert told["scans"] == scans
-    assert told["ate_rmse_m"] is None
-    assert told["map_entropy"] < told["odometry_map_entropy"] - 0.1
-    assert {path.name for path in (tmp_path / "out").iterdir()} == FILES

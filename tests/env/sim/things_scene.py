@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,7 +13,7 @@ from albot_env.sim.chipmunk_kernels import Floors, Robots, advance
 from albot_env.sim.engine import Bridge
 from albot_env.sim.space import PHYSICS_STEP, Floor
 from albot_env.sim.things import Things
-from albot_maps import Movables, World
+from albot_maps import Box, Door, Movables, Walker, World
 
 CONTROL_STEP = 0.1
 SUBSTEPS = round(CONTROL_STEP / PHYSICS_STEP)
@@ -129,3 +130,42 @@ class Scene:
         self.things.observe(np.array([0]), self.bridge.engine)
         if index == 0:
             self.robots.states[0, :2] = x, y
+
+
+def gap_of(scene: Scene, x: float, y: float) -> float:
+    """Distance of the robot's middle from a point."""
+    return math.hypot(scene.robot[0] - x, scene.robot[1] - y)
+
+
+def inside(scene: Scene, clearance: float) -> bool:
+    """Whether the robot's middle is so far inside the outer walls (m)."""
+    x, y = scene.robot[:2]
+    left, low, right, high = scene.world.bounds
+    return min(x - left, y - low, right - x, high - y) >= clearance
+
+
+def crowd(key: int) -> Scene:
+    """A robot among two doors, three boxes and three people."""
+    doors = [
+        Door(
+            hinge=(4.0, 2.5),
+            heading=math.pi / 2,
+            width=1.0,
+            shut_for=(0.5, 3.0),
+            open_for=(0.5, 3.0),
+        )
+    ]
+    boxes = [
+        Box(at=(1.5, 2.2)),
+        Box(at=(6.0, 2.0), heading=0.4, length=1.0, width=0.3, mass=8.0),
+        Box(at=(6.0, 5.4), mass=2.0),
+    ]
+    walkers = [
+        Walker(route=((0.6, 3.0), (7.4, 3.0))),
+        Walker(route=((1.0, 5.0), (3.0, 5.0), (3.0, 1.0)), closed=True, speed=(0.5, 2.0)),
+        Walker(route=((7.0, 0.5), (7.0, 5.0)), radius=0.2),
+    ]
+    walls = [[4.0, 0.0, 4.0, 2.5], [4.0, 3.5, 4.0, 6.0]]
+    return Scene(
+        world_of(walls=walls, doors=doors, boxes=boxes, walkers=walkers), key, (1.0, 1.0, 0.0)
+    )

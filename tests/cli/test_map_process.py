@@ -1,0 +1,77 @@
+"""`albot map` in a process of its own: its streams, its exit status, and Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import subprocess
+import sys
+
+ALBOT = (sys.executable, "-c", "from albot_cli.main import main; main()")
+
+
+def test_one_line_and_status_2_for_bad_input(corridor, tmp_path):
+    path = tmp_path / "torn.log"
+    path.write_text(corridor[0].read_text()[:5000])
+    out = tmp_path / "out"
+    done = subprocess.run(
+        [*ALBOT, "map", path, "--out", out, "--json"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith(f"albot: {path}, line ")
+    assert not out.exists()
+
+
+def test_json_alone_on_stdout_and_nothing_on_a_quiet_stderr(corridor):
+    done = subprocess.run(
+        [*ALBOT, "map", corridor[0], "--json"], capture_output=True, text=True, check=True
+    )
+    assert json.loads(done.stdout)["scans"] == 28
+    assert done.stderr == ""
+
+
+def test_a_progress_bar_on_a_terminal(corridor):
+    main, terminal = pty.openpty()
+    with subprocess.Popen(
+        [*ALBOT, "map", corridor[0], "--json"], stdout=subprocess.PIPE, stderr=terminal
+    ) as process:
+        os.close(terminal)
+        shown = _read_all(main)
+        assert process.stdout is not None
+        assert json.loads(process.stdout.read())["scans"] == 28
+    assert process.returncode == 0
+    assert b"albot1 on corridor.log" in shown
+
+
+def _read_all(terminal: int) -> bytes:
+    shown = b""
+    try:
+        while piece := os.read(terminal, 4096):
+            shown += piece
+    except OSError:
+        pass
+    os.close(terminal)
+    return shown
+
+
+def test_stopping_leaves_nothing_half_written(corridor, tmp_path):
+    # The signal comes when three of the four files are written.
+    code = (
+        "import os, signal, albot_cli.map_files as files\n"
+        "from albot_cli.main import main\n"
+        "files.write_picture = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)\n"
+        "main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "map", corridor[0], "--out", tmp_path / "out"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 130
+    assert "Traceback" not in done.stderr
+    assert done.stderr.strip() == "albot: stopped"
+    assert list(tmp_path.iterdir()) == [corridor[0]]
