@@ -7,6 +7,7 @@ world, start, commands and key alone, to the last bit.
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
@@ -225,22 +226,29 @@ class Fleet:
         """
         self._robots.targets[:] = targets
         drive = self.robot.wheel_base, np.inf if at_once else self.robot.acceleration
-        errors = self._devices.odometer
+        self._crew.share(self._floors.inhabited, partial(self._move, drive, steps))
 
+    def _move(
+        self,
+        drive: tuple[float, float],
+        steps: int,
+        floors: Int64[np.ndarray, "some"],
+        member: int,
+    ) -> None:
+        """Let some physics steps pass on some floors, by the bridge of a member of the crew.
+
+        `drive` is the wheels' base (m) and acceleration (m/s²).
+        """
         things, tables = self._floors.things, self._floors.tables
-
-        def move(floors: Int64[np.ndarray, "some"], member: int) -> None:
-            engine = self._bridges[member].engine
-            # Where things move there is one robot alone on a floor.
-            among = tables.members[floors, 0]
-            among = among[things.present[among]]
-            if len(among):
-                things.command(among, engine, self.states, steps * PHYSICS_STEP)
-            advance(floors, engine, tables, self._robots, errors, drive, PHYSICS_STEP, steps)
-            if len(among):
-                things.observe(among, engine)
-
-        self._crew.share(self._floors.inhabited, move)
+        engine, errors = self._bridges[member].engine, self._devices.odometer
+        # Where things move there is one robot alone on a floor.
+        among = tables.members[floors, 0]
+        among = among[things.present[among]]
+        if len(among):
+            things.command(among, engine, self.states, steps * PHYSICS_STEP)
+        advance(floors, engine, tables, self._robots, errors, drive, PHYSICS_STEP, steps)
+        if len(among):
+            things.observe(among, engine)
 
     def things(self, row: int) -> Segments:
         """The outlines of the things around a robot, where they are now (world frame)."""
