@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Int64
 
 from albot_core.errors import InputError
+from albot_core.ranges import COUNT
 
 FEWEST = 32
 """Rows below which a thread of its own costs more than it brings."""
@@ -22,12 +23,12 @@ class Crew:
         size: How many threads; 0 for as many as this process may use processors.
 
     Raises:
-        InputError: Fewer than none.
+        InputError: No whole number, or fewer than none.
     """
 
     def __init__(self, size: int) -> None:
-        if size < 0:
-            raise InputError("threads", "0 or more", str(size))
+        if size not in COUNT:
+            raise InputError("threads", COUNT.expected, str(size))
         self.size = size or _processors()
         self._pool: ThreadPoolExecutor | None = None
         self._owner = 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,6 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
 from albot_env.sim.drive_kernels import aim, ramped, wheels_for
 from albot_maps.world import ROBOT_RADIUS
 
@@ -57,10 +57,8 @@ class RobotConfig:
     """Top turn rate of a start-stop turn (rad/s)."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            least = "at least 0" if name == "hull_friction" else "above 0"
-            if not math.isfinite(value) or value < 0 or (value == 0 and least == "above 0"):
-                raise InputError(f"RobotConfig.{name}", f"a number {least}", str(value))
+        check_fields(self, NOT_NEGATIVE, "hull_friction")
+        check_fields(self, POSITIVE, *(name for name in vars(self) if name != "hull_friction"))
         if self.cruise_speed > self.max_speed:
             raise InputError(
                 "RobotConfig.cruise_speed", "at most max_speed", str(self.cruise_speed)

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.special import ndtri
 
-from albot_core.errors import InputError
 from albot_core.perception.reading import LaserGeometry
+from albot_core.ranges import NOT_NEGATIVE, SHARE, check_fields
 from albot_env.sim.sensing_kernels import NORMALS
 
 
@@ -31,10 +31,8 @@ class LaserConfig:
     """Probability that a beam which meets a wall brings nothing back."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.range_noise < np.inf:
-            raise InputError("LaserConfig.range_noise", "at least 0", str(self.range_noise))
-        if not 0 <= self.dropout <= 1:
-            raise InputError("LaserConfig.dropout", "within [0, 1]", str(self.dropout))
+        check_fields(self, NOT_NEGATIVE, "range_noise")
+        check_fields(self, SHARE, "dropout")
 
     @property
     def dropout_threshold(self) -> int:

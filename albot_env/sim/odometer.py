@@ -11,6 +11,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
+from albot_core.ranges import NOT_NEGATIVE, Range, check_fields
+
+_FINITE = Range("a finite number", -math.inf)
+_RATIO = Range("a number above -1", -1.0, beyond=True)
+_SPREAD = Range("a number within [0, 2)", 0.0, math.nextafter(2.0, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,10 +68,13 @@ class OdometerConfig:
     """The same of the episode's factor of turn."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            expected = _expected(name, value)
-            if expected:
-                raise InputError(f"OdometerConfig.{name}", expected, str(value))
+        ratios = "scale_error", "wheel_difference", "wheel_base_error"
+        spreads = "distance_spread", "turn_spread"
+        check_fields(self, _RATIO, *ratios)
+        check_fields(self, _SPREAD, *spreads)
+        check_fields(self, _FINITE, "heading_bias")
+        rest = (name for name in vars(self) if name not in (*ratios, *spreads, "heading_bias"))
+        check_fields(self, NOT_NEGATIVE, *rest)
         if (self.slip_rate > 0) != (self.slip_length > 0):
             expected = "both slip_rate and slip_length above 0, or neither"
             raise InputError("OdometerConfig.slip_length", expected, str(self.slip_length))
@@ -88,17 +96,6 @@ class OdometerConfig:
         spreads = self.distance_spread, self.turn_spread
         rarer = (self.wheel_noise, self.tick, self.caster_drag, *slips, *spreads)
         return np.array((left, right, base, self.heading_bias, *noises, *rarer, any(rarer)))
-
-
-def _expected(name: str, value: float) -> str:
-    """What a field should have been; empty where it is."""
-    if not math.isfinite(value):
-        return "a finite number"
-    if name in ("scale_error", "wheel_difference", "wheel_base_error"):
-        return "" if value > -1 else "above -1"
-    if name.endswith("_spread"):
-        return "" if 0 <= value < 2 else "within [0, 2)"
-    return "" if name == "heading_bias" or value >= 0 else "at least 0"
 
 
 _CALIBRATED = OdometerConfig(

@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from albot_core.errors import InputError
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from albot_env.sim.scene_kernels import Scenes
 
 _GOLDEN = (math.sqrt(5) - 1) / 2
+_COUNT = Range("a whole number from 1", 1.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,17 +41,10 @@ class SceneConfig:
     """Probability that a look recognises any scene of the world instead, each as likely."""
 
     def __post_init__(self) -> None:
-        for name in ("sectors", "sharing"):
-            if getattr(self, name) < 1:
-                raise InputError(f"SceneConfig.{name}", "at least 1", str(getattr(self, name)))
-        if not 0 < self.cell < math.inf:
-            raise InputError("SceneConfig.cell", "a length above 0", str(self.cell))
-        for name in ("position_noise", "heading_noise"):
-            if not 0 <= getattr(self, name) < math.inf:
-                raise InputError(f"SceneConfig.{name}", "at least 0", str(getattr(self, name)))
-        for name in ("missed_rate", "false_rate"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"SceneConfig.{name}", "within [0, 1]", str(getattr(self, name)))
+        check_fields(self, _COUNT, "sectors", "sharing")
+        check_fields(self, POSITIVE, "cell")
+        check_fields(self, NOT_NEGATIVE, "position_noise", "heading_noise")
+        check_fields(self, SHARE, "missed_rate", "false_rate")
 
     def constants(self, bounds: tuple[float, float, float, float]) -> Scenes:
         """What the compiled scenes compute with in a world of these bounds (`World.bounds`)."""

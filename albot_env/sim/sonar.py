@@ -9,10 +9,12 @@ from types import MappingProxyType
 
 import numpy as np
 
-from albot_core.errors import InputError
 from albot_core.perception.reading import SonarGeometry
+from albot_core.ranges import NOT_NEGATIVE, SHARE, Range, check_fields
 from albot_env.sim.laser import normal_table
 from albot_env.sim.sonar_arrays import Sonars
+
+_SPECULAR = Range("a number within (0, pi/2]", 0.0, math.pi / 2, beyond=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,17 +52,11 @@ class SonarConfig:
     """Probability that an echo is missed."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.specular_limit <= math.pi / 2:
-            found = str(self.specular_limit)
-            raise InputError("SonarConfig.specular_limit", "within (0, pi/2]", found)
-        for name in ("corner_reach", "edge_reach", "range_noise", "proportional_noise"):
-            value = getattr(self, name)
-            if not 0 <= value < math.inf:
-                raise InputError(f"SonarConfig.{name}", "at least 0", str(value))
-        for name in ("crosstalk", "dropout"):
-            value = getattr(self, name)
-            if not 0 <= value <= 1:
-                raise InputError(f"SonarConfig.{name}", "within [0, 1]", str(value))
+        check_fields(self, _SPECULAR, "specular_limit")
+        check_fields(
+            self, NOT_NEGATIVE, "corner_reach", "edge_reach", "range_noise", "proportional_noise"
+        )
+        check_fields(self, SHARE, "crosstalk", "dropout")
 
     @property
     def constants(self) -> Sonars:

@@ -8,6 +8,7 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Ranges
+from albot_core.ranges import NOT_NEGATIVE, check_fields
 from albot_maps.world import ROBOT_RADIUS
 
 
@@ -38,9 +39,7 @@ class Limits:
     """Greatest error of a sonar's range, in standard deviations: the outermost of 4096."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not 0 <= value < np.inf:
-                raise InputError(f"Limits.{name}", "a number from 0", str(value))
+        check_fields(self, NOT_NEGATIVE, *vars(self))
         if self.dropout >= 1:
             raise InputError("Limits.dropout", "below 1", str(self.dropout))
 

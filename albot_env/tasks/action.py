@@ -10,6 +10,7 @@ from gymnasium import spaces
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
+from albot_core.ranges import POSITIVE, check_fields
 
 _EXPECTED = "2 numbers in [-1, 1] (speed, turn rate)"
 
@@ -24,9 +25,7 @@ class ActionConfig:
     """Turn rate at 1, counter-clockwise (rad/s); clockwise at -1."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not 0 < value < np.inf:
-                raise InputError(f"ActionConfig.{name}", "a positive number", str(value))
+        check_fields(self, POSITIVE, *vars(self))
 
     @property
     def space(self) -> spaces.Box:

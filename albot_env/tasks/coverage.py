@@ -11,6 +11,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.directions import angles_of
 from albot_core.geometry.types import Pose
 from albot_core.perception.reading import LaserGeometry, LaserScan
+from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.kernels import Sight, cover, cut_patch, is_time_to_look
 
 _PARTS = 2048
@@ -35,10 +36,7 @@ class CoverageConfig:
     """Side of a cell of the egocentric patch (m)."""
 
     def __post_init__(self) -> None:
-        for name in ("radius", "cell", "patch_cell", "spacing", "turn"):
-            value = getattr(self, name)
-            if not 0 < value < np.inf:
-                raise InputError(f"CoverageConfig.{name}", "a positive number", str(value))
+        check_fields(self, POSITIVE, "radius", "cell", "patch_cell", "spacing", "turn")
         if self.patch_cells < 2:
             raise InputError("CoverageConfig.patch_cells", "at least 2", str(self.patch_cells))
 

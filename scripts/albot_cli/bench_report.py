@@ -19,10 +19,10 @@ def as_text(figures: Figures) -> str:
     lines += map(_laser, figures["laser"])
     lines += map(_mapper, figures["mapper"])
     lines += map(_environment, figures["env"])
-    lines += _processes(figures["processes"])
+    lines += map(_processes, filter(None, [figures["processes"]]))
     lines += _learner(figures["learner"])
     lines += map(_generator, figures["generator"])
-    lines += _startup(figures.get("startup", {}))
+    lines += map(_startup, filter(None, [figures.get("startup")]))
     return "\n".join(lines)
 
 
@@ -58,13 +58,12 @@ def _environment(row: Figures) -> str:
     )
 
 
-def _processes(row: Figures) -> Iterator[str]:
-    if row:
-        yield (
-            f"processes   {row['processes']:7,d} at once   {row['together']:8,.0f} steps/s in "
-            f"sum, {row['scaling']:.2f} times one alone ({row['scaling_cpu']:.2f} on cores of "
-            f"their own): {row['num_envs']} {row['id']} each"
-        )
+def _processes(row: Figures) -> str:
+    return (
+        f"processes   {row['processes']:7,d} at once   {row['together']:8,.0f} steps/s in "
+        f"sum, {row['scaling']:.2f} times one alone ({row['scaling_cpu']:.2f} on cores of "
+        f"their own): {row['num_envs']} {row['id']} each"
+    )
 
 
 def _learner(row: Figures) -> Iterator[str]:
@@ -86,9 +85,8 @@ def _generator(row: Figures) -> str:
     )
 
 
-def _startup(row: Figures) -> Iterator[str]:
-    if row:
-        yield (
-            f"start       {row['first_s']:.1f} s compiling everything, "
-            f"{row['later_s']:.2f} s from the cache"
-        )
+def _startup(row: Figures) -> str:
+    return (
+        f"start       {row['first_s']:.1f} s compiling everything, "
+        f"{row['later_s']:.2f} s from the cache"
+    )

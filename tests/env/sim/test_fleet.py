@@ -85,5 +85,5 @@ def test_a_crew_does_all_rows_once_and_raises_what_its_threads_raise() -> None:
     with pytest.raises(ValueError, match="three"):
         crew.share(np.arange(100), fail)
     crew.close()
-    with pytest.raises(InputError, match="0 or more"):
+    with pytest.raises(InputError, match="a whole number from 0, found -1"):
         Crew(-1)

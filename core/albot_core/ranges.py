@@ -1,0 +1,54 @@
+"""What numbers of a configuration may be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from numbers import Integral, Real
+
+from albot_core.errors import InputError
+
+
+@dataclass(frozen=True)
+class Range:
+    """Finite numbers from `least` to `most`."""
+
+    expected: str
+    """The range in words, for the error."""
+    least: float
+    """No number is below it."""
+    most: float = math.inf
+    """None is above it."""
+    beyond: bool = False
+    """Whether `least` itself is none of them."""
+    whole: bool = False
+    """Whether only whole numbers are."""
+
+    def __contains__(self, value: object) -> bool:
+        if not isinstance(value, Integral if self.whole else Real) or not math.isfinite(value):
+            return False
+        number = float(value)
+        return self.least < number <= self.most or (number == self.least and not self.beyond)
+
+
+POSITIVE = Range("a positive number", 0.0, beyond=True)
+NOT_NEGATIVE = Range("a number from 0", 0.0)
+COUNT = Range("a whole number from 0", 0.0, whole=True)
+SHARE = Range("a number within [0, 1]", 0.0, 1.0)
+
+
+def check_fields(config: object, allowed: Range, *names: str) -> None:
+    """Refuse a configuration with a number out of range.
+
+    Args:
+        config: The configuration, a dataclass.
+        allowed: What the numbers may be.
+        names: Its fields with these numbers.
+
+    Raises:
+        InputError: A field is no number or out of range; it names the first.
+    """
+    for name in names:
+        value = getattr(config, name)
+        if value not in allowed:
+            raise InputError(f"{type(config).__name__}.{name}", allowed.expected, str(value))

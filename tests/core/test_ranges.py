@@ -1,0 +1,43 @@
+"""What numbers of a configuration may be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from albot_core.errors import InputError
+from albot_core.ranges import COUNT, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
+
+TINY = math.nextafter(0.0, 1.0)
+
+
+@dataclass
+class Settings:
+    first: object = 1.0
+    second: object = 1.0
+
+
+@pytest.mark.parametrize(
+    ("allowed", "inside", "outside"),
+    [
+        (POSITIVE, (TINY, 1, 1e300, np.float32(2)), (0, 0.0, -TINY)),
+        (NOT_NEGATIVE, (0, 0.0, 1e300), (-TINY, -1)),
+        (SHARE, (0, 0.5, 1), (-TINY, math.nextafter(1.0, 2.0))),
+        (COUNT, (0, 3, np.int64(4)), (-1, 1.5, 2.0)),
+        (Range("between", -1.0, 2.0, beyond=True), (-0.999, 0, 2), (-1, 2.001)),
+    ],
+)
+def test_a_range_holds_what_it_says(allowed, inside, outside) -> None:
+    assert all(value in allowed for value in inside)
+    for value in (*outside, math.nan, math.inf, -math.inf, "1", None):
+        assert value not in allowed
+
+
+def test_the_first_wrong_field_is_named() -> None:
+    check_fields(Settings(), POSITIVE, "first", "second")
+    with pytest.raises(InputError, match=r"Settings\.second: expected a positive number, found -3"):
+        check_fields(Settings(second=-3), POSITIVE, "first", "second")
+    check_fields(Settings(second=-3), POSITIVE, "first")
