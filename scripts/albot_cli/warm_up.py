@@ -32,9 +32,8 @@ def warm_up(mapper: str) -> None:
             env.step(env.action_space.sample())
             env.close()
             process.wait()
-        except BaseException:
-            process.kill()
-            raise
+        finally:
+            process.kill()  # Where this was interrupted; one that has ended stays as it is.
 
 
 def _is_compiled(function: object) -> bool:
