@@ -6,13 +6,17 @@ import difflib
 from collections.abc import Callable
 
 from albot_agents.agent import Agent
-from albot_agents.scripted.gap_explorer import GapExplorer
+from albot_agents.scripted.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_agents.scripted.wanderer import Wanderer
 from albot_core.errors import InputError
+from albot_env.tasks.observation import ObservationConfig
 
-_MAKERS: dict[str, Callable[[], Agent]] = {
-    GapExplorer.name: GapExplorer,
-    Wanderer.name: Wanderer,
+USUAL = ObservationConfig()
+"""How the environments make observations with the sensors that they have by default."""
+
+_MAKERS: dict[str, Callable[[ObservationConfig], Agent]] = {
+    GapExplorer.name: lambda observing: GapExplorer(GapExplorerConfig(observations=observing)),
+    Wanderer.name: lambda _: Wanderer(),
 }
 
 
@@ -21,8 +25,13 @@ def agent_names() -> tuple[str, ...]:
     return tuple(sorted(_MAKERS))
 
 
-def make_agent(name: str) -> Agent:
+def make_agent(name: str, observing: ObservationConfig = USUAL) -> Agent:
     """A new agent.
+
+    Args:
+        name: One of `agent_names`.
+        observing: How the environment that it is to act in makes observations (its
+            `observing`).
 
     Raises:
         InputError: There is no agent of this name.
@@ -31,4 +40,4 @@ def make_agent(name: str) -> Agent:
         close = difflib.get_close_matches(name, _MAKERS, n=1)
         hint = f" (did you mean {close[0]}?)" if close else ""
         raise InputError("agent", f"one of {', '.join(agent_names())}", f"{name}{hint}")
-    return _MAKERS[name]()
+    return _MAKERS[name](observing)

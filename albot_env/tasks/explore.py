@@ -111,14 +111,14 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         observation: str = "flat",
         movables: bool = True,
         render_mode: str | None = None,
-        config: ExploreConfig = ExploreConfig(),
+        config: ExploreConfig | None = None,
     ) -> None:
         if observation not in ("flat", "dict"):
             raise InputError(ENVIRONMENT, "flat or dict", str(observation), place="observation")
         self.render_mode = render_mode
         self._viewer = _open_viewer(render_mode)
         self._worlds = load_worlds(world)
-        self._config = config
+        self._config = config = config or ExploreConfig()
         self._odometer = odometer
         sensors = choose_sensors(
             laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source=ENVIRONMENT
@@ -126,7 +126,8 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         self._robot = Expedition(
             1, mapper, sensors, config.observations, config.weights, movables=movables
         )
-        self._scaling = scaling = self._robot.observing
+        self.observing = scaling = self._robot.observing
+        """How observations are made of readings, with the sensors chosen."""
         self._mapper_name = mapper
         self._flat = observation == "flat"
         self.action_space = config.actions.space
@@ -238,7 +239,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
 
     def _observe(self) -> Observation:
         row = self._robot.observations[0]
-        return row if self._flat else self._scaling.split(row)
+        return row if self._flat else self.observing.split(row)
 
     def _info(self) -> dict[str, Any]:
         robot = self._robot

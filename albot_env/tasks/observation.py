@@ -16,6 +16,7 @@ from jaxtyping import Float, Float32, Float64
 from albot_core.errors import InputError
 from albot_core.mapper import Mapper
 from albot_core.perception.reading import LaserGeometry, Reading, SonarGeometry
+from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.coverage import Coverage, CoverageConfig
 from albot_env.tasks.kernels import observe_motions, scale_ranges
 from albot_env.tasks.survey_kernel import Scales
@@ -28,12 +29,12 @@ Parts = dict[str, Float32[np.ndarray, "..."]]
 class ObservationConfig:
     """How readings and beliefs become numbers in [-1, 1]."""
 
-    beams: int = 181
-    """Number of the laser's beams."""
+    laser: LaserGeometry = field(default_factory=LaserGeometry)
+    """Where the laser's beams point."""
     laser_range: float = 30.0
     """Range shown as -1, as nothing at all is (m)."""
-    sonars: int = 8
-    """Number of sonars; 0 on a robot without."""
+    sonar: SonarGeometry | None = field(default_factory=SonarGeometry)
+    """Where the sonars point; None on a robot without."""
     sonar_range: float = 4.0
     """Range of an echo shown as -1, as none at all is (m)."""
     laser_knee: float = 0.5
@@ -50,31 +51,20 @@ class ObservationConfig:
     """The egocentric patch of ground covered."""
 
     def __post_init__(self) -> None:
-        for name in (
-            "laser_range",
-            "sonar_range",
-            "laser_knee",
-            "home_range",
-            "home_knee",
-            "step_length",
-            "step_turn",
-        ):
-            value = getattr(self, name)
-            if not 0 < value < np.inf:
-                raise InputError(f"ObservationConfig.{name}", "a positive number", str(value))
+        ranges = "laser_range", "sonar_range", "laser_knee", "home_range", "home_knee"
+        check_fields(self, POSITIVE, *ranges, "step_length", "step_turn")
 
     def fitted(self, laser: LaserGeometry, sonar: SonarGeometry | None) -> ObservationConfig:
-        """The same for a robot with these sensors: as many beams and sonars as it has."""
-        sonars = 0 if sonar is None else len(sonar.bearings)
-        return replace(self, beams=laser.beams, sonars=sonars)
+        """The same for a robot with these sensors."""
+        return replace(self, laser=laser, sonar=sonar)
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """The shape of each part, in the order of the flat observation."""
         side = self.coverage.patch_cells
         return {
-            "laser": (self.beams,),
-            **({"sonar": (self.sonars,)} if self.sonars else {}),
+            "laser": (self.laser.beams,),
+            **({"sonar": (len(self.sonar.bearings),)} if self.sonar else {}),
             "motion": (3,),
             "heading": (2,),
             "home": (3,),

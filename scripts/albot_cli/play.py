@@ -146,7 +146,6 @@ def _run(
     from albot_env.recording.writer import EpisodeWriter
     from albot_env.tasks.explore import ENVIRONMENT, ExploreEnv
 
-    driver = make_agent(agent)
     env = gymnasium.make(
         ENVIRONMENT,
         world=world,
@@ -155,6 +154,7 @@ def _run(
         max_episode_steps=steps,
         **sensors,
     )
+    driver = make_agent(agent, env.get_wrapper_attr("observing"))
     warm_up(mapper)
     explorer = env.unwrapped
     assert isinstance(explorer, ExploreEnv)

@@ -9,13 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from albot_agents.scripted.braking_kernels import least_distance
 from albot_agents.scripted.gaps import find_gaps
 from albot_agents.scripted.patience import Patience
 from albot_agents.scripted.prospects import Prospects
-from albot_agents.scripted.senses import LASER, Senses, make_sense
+from albot_agents.scripted.senses import Senses, make_sense
 from albot_agents.scripted.sketch import Sketch
 from albot_agents.scripted.sketch_kernels import BLOCKED, FREE, flood, straight_is_free
-from albot_agents.scripted.steering import DIRECTIONS, SteeringConfig, free_way, steer
+from albot_agents.scripted.steering import (
+    DIRECTIONS,
+    SteeringConfig,
+    free_way,
+    hold_back,
+    steer,
+)
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
 from albot_core.perception.reading import LaserGeometry
@@ -23,6 +30,7 @@ from albot_env.sim import RayCaster
 from albot_env.tasks.observation import ObservationConfig
 from tests.env.conftest import drive
 
+LASER = LaserGeometry()
 WALL_WITH_DOOR = np.array(((2, -4, 2, 0.5), (2, 1.5, 2, 4), (5, -4, 5, 4)), float)
 """A wall 2 m ahead with a doorway of 1 m, and another wall 3 m behind it."""
 
@@ -36,9 +44,9 @@ def _senses(walls: np.ndarray, pose: tuple[float, float, float] = (0, 0, 0)) -> 
     ranges = RayCaster(walls, LaserGeometry()).scan(np.array(pose, float))
     return Senses(
         ranges=np.minimum(ranges, 30.0),
+        laser=LASER,
         pose=np.array(pose, float),
-        patch=np.full((32, 32), -1, np.float32),
-        patch_cell=0.5,
+        motion=np.zeros(3),
     )
 
 
@@ -98,6 +106,25 @@ def test_steering_slows_before_a_wall_and_never_drives_into_it() -> None:
         for x in (6.0, 1.3, 0.5, 0.34)
     ]
     assert speeds[0] > speeds[1] > speeds[2] == speeds[3] == 0
+
+
+def test_the_least_distance_while_braking_is_the_stopping_distance() -> None:
+    """A robot at v that brakes at a stands after v² / 2a; one step more at v before that."""
+    wall = np.array(((3.0, 0.0),))
+    for speed in (0.2, 0.5, 1.0):
+        least = least_distance(wall, (speed, 0.0), (speed, 0.0), 0.33, 1.0, 0.1)
+        assert 3.0 - least == pytest.approx(0.1 * speed + speed**2 / 2, abs=0.015)
+    assert least_distance(wall, (0.0, 2.0), (0.0, 2.0), 0.33, 1.0, 0.1) == pytest.approx(3.0)
+
+
+def test_the_robot_holds_back_before_a_wall_and_not_before_nothing() -> None:
+    ahead = np.array((1.0, 0.0), np.float32)
+    fast, slow = np.array((0.1, 0.0, 0.0)), np.zeros(3)
+    wall = _points(np.array(((0.75, -3, 0.75, 3),), float))
+    assert hold_back(ahead, wall, fast)[0] < 0.8
+    assert np.array_equal(hold_back(ahead, wall, slow), ahead)
+    far = _points(np.array(((9.0, -3, 9.0, 3),), float))
+    assert np.array_equal(hold_back(ahead, far, fast), ahead)
 
 
 def test_steering_settings_that_are_none_are_refused() -> None:
@@ -180,27 +207,50 @@ def test_the_sketch_grows_where_the_robot_goes_far() -> None:
 
 
 def test_prospects_are_kept_until_covered_and_not_twice() -> None:
-    prospects, senses = Prospects(), _senses(WALL_WITH_DOOR)
+    prospects, sketch, far = Prospects(), Sketch(), np.array((9.0, 9.0, 0.0))
     places = np.array(((1.0, 1.0), (1.2, 1.1), (3.0, 1.0)))
-    prospects.note(places, places, senses)
-    prospects.note(places, places, senses)
+    prospects.note(places, places)
+    prospects.note(places, places)
     assert prospects.goals == pytest.approx(np.array(((1.0, 1.0), (3.0, 1.0))))
     goal = prospects.goals[1]
     assert prospects.holds(goal)
     prospects.give_up(goal)
-    prospects.note(places, places, senses)
+    prospects.note(places, places)
     assert prospects.goals == pytest.approx(np.array(((1.0, 1.0),)))
     prospects.pardon()
-    prospects.note(places, places, senses)
+    prospects.note(places, places)
     assert len(prospects.goals) == 2
-    covered = Senses(
-        ranges=senses.ranges,
-        pose=senses.pose,
-        patch=np.ones((32, 32), np.float32),
-        patch_cell=0.5,
-    )
-    prospects.forget_covered(covered)
+    prospects.forget_covered(sketch, far)
+    assert len(prospects.goals) == 2
+    sketch.draw(_senses(WALL_WITH_DOOR))
+    prospects.forget_covered(sketch, far)
+    assert prospects.goals == pytest.approx(np.array(((3.0, 1.0),)))
+    prospects.forget_covered(sketch, np.array((3.1, 1.0, 0.0)))
     assert not len(prospects.goals)
+
+
+def test_ground_is_covered_where_it_is_in_view_and_near() -> None:
+    sketch = Sketch()
+    sketch.draw(_senses(WALL_WITH_DOOR))
+    ahead, far, behind, hidden, wall, beyond = (
+        (1.5, 0.05),
+        (3.0, 1.2),
+        (-1.0, 0.0),
+        (2.5, -1.0),
+        (2.05, 0.0),
+        (900.0, 0.0),
+    )
+    places = np.array((ahead, far, behind, hidden, wall, beyond))
+    assert sketch.covered(places).tolist() == [True, False, False, False, True, False]
+
+
+def test_obstacles_near_by_are_remembered() -> None:
+    sketch, senses = Sketch(), _senses(WALL_WITH_DOOR)
+    sketch.draw(senses)
+    things = sketch.obstacles(np.array((1.8, 0.0, 0.0)), 1.0)
+    assert len(things) > 8
+    assert things[:, 0] == pytest.approx(2.05, abs=0.11)
+    assert np.abs(things[:, 1]).max() <= 1.1
 
 
 def test_patience_ends_on_the_spot_and_on_long_ways() -> None:
@@ -212,9 +262,11 @@ def test_patience_ends_on_the_spot_and_on_long_ways() -> None:
     assert walk.index(True) == 140
     assert patience.recovery() is None
     patience.recover(np.random.default_rng(0))
-    backwards = [patience.recovery() for _ in range(13)]
-    assert backwards[-1] is None
-    assert all(action is not None and action[0] < 0 for action in backwards[:-1])
+    turning = [patience.recovery() for _ in range(13)]
+    assert turning[-1] is None
+    assert all(
+        action is not None and action[0] == 0 and abs(action[1]) == 0.5 for action in turning[:-1]
+    )
 
 
 def test_senses_undo_the_observation(make_env) -> None:
@@ -224,8 +276,6 @@ def test_senses_undo_the_observation(make_env) -> None:
         start = np.array((2.0, 2.0, 0.0))
         assert senses.pose == pytest.approx(relative(start, info["pose"]), abs=0.02)
         assert senses.ranges.min() > 0.2
-        # The cell on which the robot stands and looks ahead is covered.
-        assert senses.covered(np.array((0.6, 0.0)))
-        assert senses.covered(np.array(((50.0, 0.0), (0.6, 0.1)))).tolist() == [True, True]
+        assert senses.motion[:2] == pytest.approx(np.zeros(2), abs=0.12)
         back = senses.to_robot(senses.to_map(np.array(((1.0, 2.0),))))
         assert back == pytest.approx(np.array(((1.0, 2.0),)))

@@ -17,11 +17,11 @@ from albot_agents.agent import Action
 from albot_agents.scripted.gaps import find_gaps
 from albot_agents.scripted.patience import Patience
 from albot_agents.scripted.prospects import Prospects
-from albot_agents.scripted.senses import LASER, Senses, make_sense
-from albot_agents.scripted.sketch import Sketch, Ways
-from albot_agents.scripted.steering import SteeringConfig, steer
-from albot_core.errors import InputError
+from albot_agents.scripted.senses import Senses, make_sense
+from albot_agents.scripted.sketch import Sketch, SketchConfig, Ways
+from albot_agents.scripted.steering import SteeringConfig, hold_back, steer
 from albot_core.geometry.poses import wrap_angle
+from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.observation import ObservationConfig
 
 
@@ -45,10 +45,7 @@ class GapExplorerConfig:
     """How the environment scales its observations."""
 
     def __post_init__(self) -> None:
-        for name in ("gap_width", "reach", "clearance"):
-            value = getattr(self, name)
-            if not 0 < value < np.inf:
-                raise InputError(f"GapExplorerConfig.{name}", "a positive length (m)", str(value))
+        check_fields(self, POSITIVE, "gap_width", "reach", "clearance")
 
 
 class GapExplorer:
@@ -64,6 +61,10 @@ class GapExplorer:
     """Steps between two looks for prospects: the robot moves two hand's breadths meanwhile."""
     _PLAN_EVERY = 9
     """Steps between two searches for the way."""
+    _FAN = np.radians(6.0)
+    """Angle between the beams along which it looks for open ground (rad)."""
+    _BEHIND = 1.0
+    """How far away (m) it minds things that are out of view."""
     _SIGHT = 3.0
     """The farthest stretch (m) that is driven straight at once (Yeap et al.: 3 m)."""
 
@@ -73,7 +74,8 @@ class GapExplorer:
     def reset(self, rng: np.random.Generator) -> None:
         """Begin anew, by looking all around."""
         self._rng = rng
-        self._sketch = Sketch()
+        near = self._config.observations.coverage.radius
+        self._sketch = Sketch(SketchConfig(near=near))
         self._prospects = Prospects()
         self._patience = Patience()
         self._goal: Float64[np.ndarray, "2"] | None = None
@@ -86,16 +88,29 @@ class GapExplorer:
         """The next action."""
         senses = make_sense(observation, self._config.observations)
         self._take_in(senses)
+        steering = self._config.steering
+        return hold_back(self._wanted(senses), senses.points, senses.motion, steering)
+
+    def _wanted(self, senses: Senses) -> Action:
+        """The next action but for what the robot must brake for."""
         if self._to_turn > 0:
             return np.array((0, 0.8), np.float32)
-        backing_off = self._patience.recovery()
-        if backing_off is not None:
-            return backing_off
+        turning_away = self._patience.recovery()
+        if turning_away is not None:
+            return turning_away
         self._give_up_where_vain(senses)
         if self._goal is None or self._steps % self._PLAN_EVERY == 0:
             self._plan(senses)
         waypoint = senses.to_robot(self._waypoint(senses))
-        return steer(senses.points, waypoint, self._config.steering)
+        return steer(self._things(senses), waypoint, self._config.steering)
+
+    def _things(self, senses: Senses) -> Float64[np.ndarray, "points 2"]:
+        """What is in view, and what was seen near by but lies behind now (m, robot's frame)."""
+        known = senses.to_robot(self._sketch.obstacles(senses.pose, self._BEHIND))
+        bearings = np.arctan2(known[:, 1], known[:, 0])
+        first, last = senses.laser.bearings[[0, -1]] + senses.laser.mount[2]
+        behind = (bearings < first) | (bearings > last)
+        return np.concatenate((senses.points, known[behind]))
 
     def _take_in(self, senses: Senses) -> None:
         """Draw what is in view, note what is worth going to, and how far it has turned."""
@@ -107,8 +122,8 @@ class GapExplorer:
         if self._steps % self._LOOK_EVERY == 0:
             self._note_gaps(senses)
             ground = self._open_ground(senses)
-            self._prospects.note(ground, ground, senses)
-            self._prospects.forget_covered(senses)
+            self._prospects.note(ground, ground)
+            self._prospects.forget_covered(self._sketch, senses.pose)
             if self._goal is not None and not self._prospects.holds(self._goal):
                 self._goal = None
         self._steps += 1
@@ -120,18 +135,24 @@ class GapExplorer:
         if gaps:
             centres = np.stack([gap.centre for gap in gaps])
             hidden = np.stack([gap.beyond(2 * config.clearance) for gap in gaps])
-            self._prospects.note(centres, hidden, senses)
+            centres, hidden = senses.to_map(centres), senses.to_map(hidden)
+            new = ~self._sketch.covered(hidden)
+            self._prospects.note(centres[new], hidden[new])
 
     def _open_ground(self, senses: Senses) -> Float64[np.ndarray, "places 2"]:
-        """Points in view, on a fan of beams, at which the robot could stand (m, robot's frame)."""
-        config = self._config
+        """Points in view, on a fan of beams, not covered yet, at which the robot could stand.
+
+        In the map's frame (m).
+        """
+        config, laser = self._config, senses.laser
         distances = np.arange(1.0, config.reach, 1.0)
-        beams = np.arange(0, LASER.beams, 6)
+        beams = np.arange(0, laser.beams, max(1, round(self._FAN / laser.spacing)))
         free = senses.ranges[beams, None] - config.clearance > distances
-        fan = (LASER.directions[beams, None] * distances[:, None])[free]
+        fan = (laser.directions[beams, None] * distances[:, None])[free]
+        fan = fan[~self._sketch.covered(senses.to_map(fan))]
         apart = fan[:, None] - senses.points
         clear = (np.hypot(apart[..., 0], apart[..., 1]) > config.clearance).all(axis=1)
-        return np.asarray(fan[clear])
+        return senses.to_map(fan[clear])
 
     def _give_up_where_vain(self, senses: Senses) -> None:
         """Drop a goal that cannot be come nearer, or that takes too long."""

@@ -18,7 +18,7 @@ class Patience:
     _STEPS_PER_METRE = 40
     """Steps allowed for each metre of the way."""
     _RECOVERY_STEPS = 12
-    """Steps of backing off."""
+    """Steps of turning away."""
 
     def __init__(self) -> None:
         self._allowed = 0
@@ -41,13 +41,13 @@ class Patience:
         return self._allowed < 0 or self._still > self._STANDSTILL_STEPS
 
     def recover(self, rng: np.random.Generator) -> None:
-        """Back off for a while, turning to a side drawn at random."""
+        """Turn for a while, to a side drawn at random."""
         self._recovering = self._RECOVERY_STEPS
         self._spin = float(rng.choice((-0.5, 0.5)))
 
     def recovery(self) -> Action | None:
-        """The next action of backing off; None when done."""
+        """The next action of turning away; None when done."""
         if self._recovering == 0:
             return None
         self._recovering -= 1
-        return np.array((-0.2, self._spin), np.float32)
+        return np.array((0, self._spin), np.float32)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float64
 
-from albot_agents.scripted.senses import Senses
+from albot_agents.scripted.sketch import Sketch
+from albot_core.geometry.types import Pose
 
 
 class Prospects:
@@ -22,27 +23,18 @@ class Prospects:
         self._ground: Float64[np.ndarray, "prospects 2"] = np.empty((0, 2))
         self._given_up: Float64[np.ndarray, "places 2"] = np.empty((0, 2))
 
-    def note(
-        self,
-        goals: Float64[np.ndarray, "n 2"],
-        ground: Float64[np.ndarray, "n 2"],
-        senses: Senses,
-    ) -> None:
-        """Keep those whose ground is not covered (m, robot's frame)."""
-        fresh = ~senses.covered(ground)
-        goals, ground = senses.to_map(goals[fresh]), senses.to_map(ground[fresh])
+    def note(self, goals: Float64[np.ndarray, "n 2"], ground: Float64[np.ndarray, "n 2"]) -> None:
+        """Keep those whose ground is apart from what is kept or given up (m, map frame)."""
         for goal, spot in zip(goals, ground, strict=True):
             known = np.concatenate((self._ground, self._given_up)) - spot
             if not (np.hypot(known[:, 0], known[:, 1]) < self._spacing).any():
                 self.goals = np.vstack((self.goals, goal))
                 self._ground = np.vstack((self._ground, spot))
 
-    def forget_covered(self, senses: Senses) -> None:
-        """Drop those near by whose ground is covered by now, or on whose goal the robot is."""
-        near = np.hypot(*(self._ground - senses.pose[:2]).T) < senses.patch_radius
-        covered = near & senses.covered(senses.to_robot(self._ground))
-        here = np.hypot(*(self.goals - senses.pose[:2]).T) < 0.3
-        self._keep(~covered & ~here)
+    def forget_covered(self, sketch: Sketch, pose: Pose) -> None:
+        """Drop those whose ground is covered by now, or on whose goal the robot is."""
+        here = np.hypot(*(self.goals - pose[:2]).T) < 0.3
+        self._keep(~sketch.covered(self._ground) & ~here)
 
     def holds(self, goal: Float64[np.ndarray, "2"]) -> bool:
         """Whether a goal is still one."""

@@ -1,16 +1,17 @@
-"""The sketch: where the robot has seen free ground and obstacles, to find its way on."""
+"""The sketch: where the robot has seen free ground and obstacles, and what it has covered."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64, Int
+from jaxtyping import Bool, Float64, Int
 
-from albot_agents.scripted.senses import LASER, Senses
-from albot_agents.scripted.sketch_kernels import draw_scan, flood, straight_is_free
-from albot_core.errors import InputError
+from albot_agents.scripted.senses import Senses
+from albot_agents.scripted.sketch_kernels import BLOCKED, draw_scan, flood, straight_is_free
+from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Points, Pose
+from albot_core.ranges import POSITIVE, check_fields
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,15 +22,15 @@ class SketchConfig:
     """Side of a cell (m)."""
     reach: float = 7.0
     """What lies farther away is not drawn (m)."""
+    near: float = 2.0
+    """Ground in view and no farther away than this is covered (m)."""
     extent: float = 40.0
     """Half the side of the first sheet (m); it grows with the way."""
     radius: float = 0.28
     """Ways keep the robot's middle so far from obstacles (m)."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not 0 < value < np.inf:
-                raise InputError(f"SketchConfig.{name}", "a positive length (m)", str(value))
+        check_fields(self, POSITIVE, *vars(self))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,7 +57,8 @@ class Sketch:
         self._config = config
         half = int(np.ceil(config.extent / config.cell))
         self._grid = np.zeros((2 * half, 2 * half), np.int8)
-        self._radius = int(np.ceil(config.radius / config.cell))
+        self._covered = np.zeros((2 * half, 2 * half), np.bool_)
+        self._radius = config.radius / config.cell
 
     def draw(self, senses: Senses) -> None:
         """Draw what is in view."""
@@ -64,13 +66,32 @@ class Sketch:
         self._make_room(senses.pose)
         draw_scan(
             self._grid,
+            self._covered,
             config.cell,
-            senses.pose,
+            compose(senses.pose, np.array(senses.laser.mount)),
             senses.ranges,
-            LASER.first_bearing,
-            LASER.spacing,
-            config.reach,
+            senses.laser.bearings,
+            (config.near, config.reach),
         )
+
+    def covered(self, points: Points) -> Bool[np.ndarray, "*points"]:
+        """Whether the ground at points (m, map frame) is covered, or nothing to stand on."""
+        size = len(self._grid)
+        cells = np.floor(points / self._config.cell).astype(np.int64) + size // 2
+        column, row = np.clip(np.moveaxis(cells, -1, 0), 0, size - 1)
+        inside = ((cells >= 0) & (cells < size)).all(axis=-1)
+        done = self._covered[row, column] | (self._grid[row, column] == BLOCKED)
+        return np.asarray(inside & done)
+
+    def obstacles(self, pose: Pose, reach: float) -> Float64[np.ndarray, "cells 2"]:
+        """The middles of blocked cells about a pose, as far as `reach` (m), in the map's frame."""
+        row, column = self._cell(pose[:2])
+        around = int(reach / self._config.cell)
+        low_row, low_column = max(0, row - around), max(0, column - around)
+        window = self._grid[low_row : row + around + 1, low_column : column + around + 1]
+        rows, columns = np.nonzero(window == BLOCKED)
+        cells = np.stack((columns + low_column, rows + low_row), axis=1)
+        return (cells + 0.5 - len(self._grid) // 2) * self._config.cell
 
     def ways(self, pose: Pose) -> Ways:
         """The ways from a pose."""
@@ -122,4 +143,5 @@ class Sketch:
         """Take a larger sheet where the robot comes near the edge of this one."""
         needed = np.abs(pose[:2]).max() + self._config.reach + 1.0
         while needed > len(self._grid) / 2 * self._config.cell:
-            self._grid = np.pad(self._grid, len(self._grid) // 2)
+            border = len(self._grid) // 2
+            self._grid, self._covered = np.pad(self._grid, border), np.pad(self._covered, border)

@@ -11,53 +11,62 @@ UNKNOWN, FREE, BLOCKED = 0, 1, 2
 @njit(cache=True)
 def draw_scan(
     grid: np.ndarray,
+    covered: np.ndarray,
     cell: float,
-    pose: np.ndarray,
+    eye: np.ndarray,
     ranges: np.ndarray,
-    first_bearing: float,
-    spacing: float,
-    reach: float,
+    bearings: np.ndarray,
+    reaches: tuple[float, float],
 ) -> None:
-    """Mark the ground along the beams free up to `reach` (m), and blocked where they end."""
+    """Mark the ground along the beams free, and blocked where they end.
+
+    `eye` is the laser's pose in the map's frame. Ground is covered up to the first of
+    the reaches (m), and drawn up to the second.
+    """
+    near, reach = reaches
     half = grid.shape[0] // 2
     for blocked in (False, True):  # Ends last: a beam that grazes a wall must not erase it.
         for k in range(ranges.shape[0]):
-            angle = pose[2] + first_bearing + k * spacing
+            angle = eye[2] + bearings[k]
             dx, dy = np.cos(angle), np.sin(angle)
             if blocked:
                 if ranges[k] < reach:
-                    row = int(np.floor((pose[1] + ranges[k] * dy) / cell)) + half
-                    column = int(np.floor((pose[0] + ranges[k] * dx) / cell)) + half
+                    row = int(np.floor((eye[1] + ranges[k] * dy) / cell)) + half
+                    column = int(np.floor((eye[0] + ranges[k] * dx) / cell)) + half
                     grid[row, column] = BLOCKED
                 continue
             free = min(ranges[k] - cell, reach)
             steps = int(free / cell)
             for j in range(steps + 1):
-                row = int(np.floor((pose[1] + j * cell * dy) / cell)) + half
-                column = int(np.floor((pose[0] + j * cell * dx) / cell)) + half
+                row = int(np.floor((eye[1] + j * cell * dy) / cell)) + half
+                column = int(np.floor((eye[0] + j * cell * dx) / cell)) + half
                 grid[row, column] = FREE
+                covered[row, column] |= j * cell <= near
 
 
 @njit(cache=True)
-def _passable(grid: np.ndarray, row: int, column: int, radius: int) -> bool:
-    """Whether a disc about a free cell meets no blocked one."""
+def _passable(grid: np.ndarray, row: int, column: int, radius: float) -> bool:
+    """Whether a disc about a free cell holds the middle of no blocked one."""
     if grid[row, column] != FREE:
         return False
-    for i in range(-radius, radius + 1):
-        for j in range(-radius, radius + 1):
+    around = int(radius)
+    for i in range(-around, around + 1):
+        for j in range(-around, around + 1):
             if i * i + j * j <= radius * radius and grid[row + i, column + j] == BLOCKED:
                 return False
     return True
 
 
 @njit(cache=True)
-def flood(grid: np.ndarray, start: tuple[int, int], radius: int, before: np.ndarray) -> np.ndarray:
+def flood(
+    grid: np.ndarray, start: tuple[int, int], radius: float, before: np.ndarray
+) -> np.ndarray:
     """Flood the passable cells from `start`, nearest first; return steps to each, -1 beyond.
 
     `before` receives the flat index of the cell before each. Near the start only blocked
     cells stop the flood, so that a robot close to a wall can leave it.
     """
-    size = grid.shape[0]
+    size, border = grid.shape[0], int(radius)
     steps = np.full((size, size), -1, np.int32)
     queue = np.empty(size * size, np.int64)
     queue[0] = start[0] * size + start[1]
@@ -70,7 +79,7 @@ def flood(grid: np.ndarray, start: tuple[int, int], radius: int, before: np.ndar
         row, column = here // size, here % size
         for i in range(9):
             r, c = row + (i // 3) - 1, column + (i % 3) - 1
-            inside = radius <= r < size - radius and radius <= c < size - radius
+            inside = border <= r < size - border and border <= c < size - border
             if not inside or steps[r, c] >= 0:
                 continue
             near = (r - start[0]) ** 2 + (c - start[1]) ** 2 <= (radius + 1) ** 2
@@ -84,7 +93,7 @@ def flood(grid: np.ndarray, start: tuple[int, int], radius: int, before: np.ndar
 
 @njit(cache=True)
 def straight_is_free(
-    grid: np.ndarray, start: tuple[int, int], end: tuple[int, int], radius: int
+    grid: np.ndarray, start: tuple[int, int], end: tuple[int, int], radius: float
 ) -> bool:
     """Whether a disc can go straight from cell to cell; near the start as in `flood`."""
     rows, columns = end[0] - start[0], end[1] - start[1]

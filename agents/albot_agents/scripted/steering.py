@@ -8,7 +8,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_agents.agent import Action
-from albot_core.errors import InputError
+from albot_agents.scripted.braking_kernels import least_distance
+from albot_core.geometry.poses import wrap_angle
+from albot_core.geometry.types import Pose
+from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.action import ActionConfig
 from albot_maps import ROBOT_RADIUS
 
@@ -19,6 +22,8 @@ class SteeringConfig:
 
     radius: float = 0.33
     """The robot's own radius and what it keeps clear beside it (m)."""
+    tight: float = 0.28
+    """The same where there is no way otherwise that leads more or less to the target (m)."""
     lookahead: float = 1.0
     """Free way wanted in a direction before it is taken (m)."""
     braking: float = 0.5
@@ -33,15 +38,26 @@ class SteeringConfig:
     """Turn rate asked for each radian off the direction (1/s)."""
     pivot: float = 0.7
     """Farther off the direction than this the robot turns on the spot (rad)."""
+    margin: float = 0.04
+    """What is left between the robot and anything, at least, should it brake now (m)."""
+    acceleration: float = 1.0
+    """Greatest change of a wheel's speed in a second, of a Pioneer 3-DX (m/s²)."""
+    wheel_base: float = 0.33
+    """Distance between its driven wheels (m)."""
+    step: float = 0.1
+    """Duration of a step (s)."""
 
     def __post_init__(self) -> None:
-        for name in ("radius", "lookahead", "braking", "creep", "ease", "gain", "pivot"):
-            value = getattr(self, name)
-            if not 0 < value < np.inf:
-                raise InputError(f"SteeringConfig.{name}", "a positive number", str(value))
+        check_fields(self, POSITIVE, *(name for name in vars(self) if name != "actions"))
 
 
-DIRECTIONS = np.radians(np.arange(-90.0, 91.0, 3.0))
+_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
+"""Shares of the speed wanted that are tried where braking would come too late."""
+_SAME = 0.005
+"""Things that come nearer by no more than this (m) count as no nearer: ranges are noisy."""
+_FARTHEST = 1.5
+"""Within this the robot comes to a stand from any speed (m)."""
+DIRECTIONS = np.radians(np.arange(-180.0, 180.0, 2.0))
 """The directions that are weighed (rad)."""
 
 
@@ -56,7 +72,7 @@ def free_way(
     reach = np.minimum(radius, 0.97 * np.hypot(points[:, 0], points[:, 1]))
     meets = (np.abs(aside) < reach) & (along > 0)
     way = along - np.sqrt(np.maximum(reach**2 - aside**2, 0))
-    return np.asarray(np.maximum(np.where(meets, way, np.inf).min(axis=1), 0))
+    return np.asarray(np.maximum(np.where(meets, way, np.inf).min(axis=1, initial=np.inf), 0))
 
 
 def steer(
@@ -66,34 +82,79 @@ def steer(
 ) -> Action:
     """The action that brings the robot towards `target` without touching anything.
 
-    Of the directions with enough free way it takes the one nearest to the target's; it
-    turns on the spot where that is far off or where there is none.
+    Of the directions with enough free way it takes the one nearest to the target's, and
+    turns on the spot where that is far off or where there is none. All round: one who
+    forgot the corner that he has turned away from would turn back to it.
 
     Args:
-        points: Where the laser's beams end (m, robot's frame).
+        points: Things in view, and remembered ones behind (m, robot's frame).
         target: Where to go (m, robot's frame).
         config: How closely to pass, and how fast.
     """
     distance = float(np.hypot(target[0], target[1]))
     bearing = float(np.arctan2(target[1], target[0]))
-    way = free_way(points, config.radius)
-    open_ways = way >= min(config.lookahead, distance)
-    if abs(bearing) > np.pi / 2 or not open_ways.any():
+    away = np.hypot(points[:, 0], points[:, 1])
+    near = points[away < _FARTHEST]
+    for radius in (config.radius, config.tight):
+        way = free_way(near, radius)
+        open_ways = way >= min(config.lookahead, distance)
+        off = np.where(open_ways, np.abs(wrap_angle(DIRECTIONS - bearing)), np.inf)
+        if off.min() <= config.pivot:
+            break
+    if not open_ways.any():
         return _action(0.0, np.copysign(config.actions.turn_rate, bearing), config)
-    off = np.where(open_ways, np.abs(DIRECTIONS - bearing), np.inf)
     direction = float(DIRECTIONS[off.argmin()])
     turn_rate = config.gain * direction
     if abs(direction) > config.pivot:
         return _action(0.0, turn_rate, config)
     ahead = float(way[len(way) // 2])
     room = min(ahead, distance + 0.2)
-    nearest = float(np.hypot(points[:, 0], points[:, 1]).min())
     speed = min(
         config.actions.speed,
         float(np.sqrt(2 * config.braking * room)),
-        config.creep + config.ease * max(0.0, nearest - ROBOT_RADIUS),
+        config.creep + config.ease * max(0.0, float(away.min()) - ROBOT_RADIUS),
     )
     return _action(speed * np.cos(direction) ** 2, turn_rate, config)
+
+
+def hold_back(
+    action: Action,
+    points: Float64[np.ndarray, "beams 2"],
+    motion: Pose,
+    config: SteeringConfig = SteeringConfig(),
+) -> Action:
+    """The action, or one near it after which the robot can still stop before all that is in view.
+
+    After the dynamic window of Fox, Burgard and Thrun (The dynamic window approach to
+    collision avoidance, IEEE Robotics & Automation Magazine 4(1), 1997): commands from
+    which the robot cannot brake in time are not admissible. It gives up speed first, then
+    the turn, which bends the way on which it brakes.
+
+    Args:
+        action: What is wanted.
+        points: Where the laser's beams end (m, robot's frame).
+        motion: How the robot moved in the last step.
+        config: How closely it may pass, and how it brakes.
+    """
+    near = points[np.hypot(points[:, 0], points[:, 1]) < _FARTHEST]
+    if not len(near):
+        return action
+    now = motion[0] / config.step, motion[2] / config.step
+    held = float(np.hypot(near[:, 0], near[:, 1]).min()) - _SAME
+    enough = min(ROBOT_RADIUS + config.margin, held)
+    best, most = action, -np.inf
+    for turning in (1.0, 0.0):
+        for share in _SHARES:
+            tried = np.asarray(action * (share, turning), np.float32)
+            command = tried[0] * config.actions.speed, tried[1] * config.actions.turn_rate
+            distance = least_distance(
+                near, now, command, config.wheel_base, config.acceleration, config.step
+            )
+            if distance >= enough:
+                return tried
+            if distance > most:
+                best, most = tried, distance
+    return best
 
 
 def _action(speed: float, turn_rate: float, config: SteeringConfig) -> Action:

@@ -14,7 +14,6 @@ import numpy as np
 import albot_env  # noqa: F401  (registers the environments)
 from albot_agents.episode import begin_episode
 from albot_agents.registry import make_agent
-from albot_agents.scripted.senses import LASER
 from albot_agents.stress.plan import Episode, Violation
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose
@@ -69,17 +68,23 @@ class Watch:
         world: The world that the robot is in.
         witness: The environment's recorder.
         space: The space of its observations.
+        observing: How they are made of readings.
         limits: What may be.
     """
 
     def __init__(
-        self, world: World, witness: Witness, space: gymnasium.Space[Any], limits: Limits
+        self,
+        world: World,
+        witness: Witness,
+        space: gymnasium.Space[Any],
+        observing: ObservationConfig,
+        limits: Limits,
     ) -> None:
         self._walls, self._opaque = world.walls, world.opaque
         self._witness = witness
         self._space = space
         self._limits = limits
-        self._scaling = ObservationConfig()
+        self._observing = observing
 
     def start(self, observation: Any, info: dict[str, Any]) -> list[str]:
         """What is wrong after a reset."""
@@ -108,9 +113,10 @@ class Watch:
         """What is wrong with what the robot senses."""
         moment = self._witness.last
         seen = np.concatenate((self._opaque, moment.things))
-        ranges = self._scaling.ranges(self._scaling.split(observation)["laser"])
-        laser = compose(pose, np.array(LASER.mount))
-        wrong = check_laser(seen, laser, LASER.bearings, ranges, self._limits)
+        observing, laser = self._observing, self._observing.laser
+        ranges = observing.ranges(observing.split(observation)["laser"])
+        eye = compose(pose, np.array(laser.mount))
+        wrong = check_laser(seen, eye, laser.bearings, ranges, self._limits)
         if moment.reading.sonar is not None:
             surfaces = np.concatenate((self._walls, moment.things))
             wrong += check_sonar(surfaces, pose, moment.reading.sonar, self._limits)
@@ -142,7 +148,6 @@ def run_episode(episode: Episode, tell: Callable[[int], None], limits: Limits) -
 
 def _watched(episode: Episode, limits: Limits) -> Iterator[list[str]]:
     """What is wrong after the reset, and after each step."""
-    agent = make_agent(episode.agent)
     env = gymnasium.make(
         ENVIRONMENT,
         world=episode.world,
@@ -151,9 +156,12 @@ def _watched(episode: Episode, limits: Limits) -> Iterator[list[str]]:
         disable_env_checker=True,
     )
     try:
+        observing = env.get_wrapper_attr("observing")
+        agent = make_agent(episode.agent, observing)
         witness = Witness()
         env.set_wrapper_attr("recorder", witness)
-        watch = Watch(load_world(episode.world), witness, env.observation_space, limits)
+        world = load_world(episode.world)
+        watch = Watch(world, witness, env.observation_space, observing, limits)
         observation, info = begin_episode(env, agent, episode.seed)
         yield watch.start(observation, info)
         over = False

@@ -92,3 +92,7 @@ def test_position_error_is_that_of_the_odometer(make_env) -> None:
     # The start faces west: what is ahead in the map lies towards smaller x in the world.
     assert info["belief"][0] > 0.5
     assert info["pose"][0] < 8.0
+
+
+def test_no_configuration_is_the_usual_one(make_env) -> None:
+    assert make_env(config=None).observing == make_env().observing
