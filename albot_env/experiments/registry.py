@@ -32,6 +32,18 @@ EXPERIMENTS = {
     experiment.id: experiment
     for experiment in (
         Experiment(
+            id="albot1-e1",
+            title="Albot1's map keeps the shape of the floor (Hossain 2014, section 3.2.1)",
+            seeds=20,
+            module="albot_env.experiments.albot1_e1",
+        ),
+        Experiment(
+            id="albot1-e2",
+            title="Albot1 knows where home is (Hossain 2014, section 3.2.2)",
+            seeds=20,
+            module="albot_env.experiments.albot1_e2",
+        ),
+        Experiment(
             id="albot1-e3",
             title="Albot1 bears a wrong odometer (Hossain 2014, section 3.2.3)",
             seeds=20,

@@ -11,6 +11,7 @@ from albot_cli.outputs import check_folder
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_env.experiments.registry import EXPERIMENTS, find_experiment
+from albot_env.experiments.report import cell, rows
 
 
 @click.group()
@@ -54,10 +55,11 @@ def run_experiment(name: str, seeds: int | None, out: Path | None, as_json: bool
         click.echo(json.dumps(report.as_json() | {"files": [str(path) for path in files]}))
         return
     click.echo(f"{report.id}: {report.title}\n")
-    width = max(len(key) for key in report.measured)
+    paper, measured = dict(rows(report.paper)), rows(report.measured)
+    width = max(len(name) for name, _ in measured)
     click.echo(f"{'':{width}}  {'paper':>8}  {'measured':>8}")
-    for key, value in report.measured.items():
-        click.echo(f"{key:{width}}  {report.paper.get(key, '–')!s:>8}  {value!s:>8}")
+    for name, value in measured:
+        click.echo(f"{name:{width}}  {cell(paper.get(name)):>8}  {cell(value):>8}")
     click.echo("\nreached" if report.holds else "\nnot reached")
     for path in files:
         click.echo(str(path))
