@@ -34,7 +34,7 @@ TABLE = np.array(
 )
 """Table 3.1: angle (°) and distance (m) of home in Albot1's map, and on the floor."""
 _OFF = np.abs(TABLE[:, :2] - TABLE[:, 2:])
-PAPER = {
+PAPER: dict[str, Figures] = {
     "stops": len(TABLE),
     "angle_error_deg": median_and_worst(_OFF[:, 0].tolist(), 2),
     "distance_error_m": median_and_worst(_OFF[:, 1].tolist(), 2),
@@ -58,7 +58,7 @@ STOPS = (
     Stop(name="a", backwards=False, at=(3.6, 28.4)),
     Stop(name="b", backwards=False, at=(24.8, 26.9)),
     Stop(name="c", backwards=True, at=(28.2, 17.8)),
-    Stop(name="d", backwards=True, at=(3.6, 28.4)),
+    Stop(name="d", backwards=True, at=(10.6, 26.0)),
 )
 """Two journeys with two stops each, 15 to 27 m from home, as in figure 3.19."""
 

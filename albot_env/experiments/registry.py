@@ -49,6 +49,18 @@ EXPERIMENTS = {
             seeds=20,
             module="albot_env.experiments.albot1_e3",
         ),
+        Experiment(
+            id="albot1-e4",
+            title="Albot1 maps without stopping (Hossain 2014, section 3.2.4)",
+            seeds=20,
+            module="albot_env.experiments.albot1_e4",
+        ),
+        Experiment(
+            id="albot1-e5",
+            title="Albot1 maps from few views (Hossain 2014, section 3.2.5)",
+            seeds=20,
+            module="albot_env.experiments.albot1_e5",
+        ),
     )
 }
 
