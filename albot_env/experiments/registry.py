@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 from albot_core.errors import InputError
+from albot_env.experiments.real_logs import data_folder
 from albot_env.experiments.report import Report
 
 
@@ -21,6 +22,13 @@ class Experiment:
     """How many seeds it runs over unless told otherwise."""
     module: str
     """Where its `run(seeds, progress)` stands."""
+    needs_data: bool = False
+    """Whether it reads real logs."""
+
+    def check(self) -> None:
+        """Raise InputError where what the experiment needs is not there."""
+        if self.needs_data:
+            data_folder()
 
     def run(self, seeds: range, progress: Callable[[int], None]) -> Report:
         """Run it over the seeds, telling `progress` how many are done."""
@@ -60,6 +68,13 @@ EXPERIMENTS = {
             title="Albot1 maps from few views (Hossain 2014, section 3.2.5)",
             seeds=20,
             module="albot_env.experiments.albot1_e5",
+        ),
+        Experiment(
+            id="albot1-e6",
+            title="Albot1 maps public logs (Hossain 2014, section 3.2.6)",
+            seeds=12,
+            module="albot_env.experiments.albot1_e6",
+            needs_data=True,
         ),
     )
 }

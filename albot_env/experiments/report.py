@@ -16,8 +16,8 @@ from albot_core.files import replacing, write_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Scalar: TypeAlias = float | int | bool | str
-"""A figure."""
+Scalar: TypeAlias = float | int | bool | str | None
+"""A figure; None where it is not known."""
 Figures: TypeAlias = "Scalar | Mapping[str, Figures]"
 """What a report can hold."""
 
@@ -127,7 +127,7 @@ def key(name: str) -> str:
     return name.replace("-", "_")
 
 
-def cell(value: Scalar | None) -> str:
+def cell(value: Scalar) -> str:
     """A figure for reading; a dash where there is none."""
     if value is None:
         return "–"
