@@ -168,8 +168,8 @@ Lab, ACES in Austin, Freiburg building 101, and two of Wean Hall, raw odometer a
 
 A shape counts as reasonable where the path's error, the median of the disturbed runs, is at
 most {PATH_BOUND:.0%} of the path, or, where no path is known, the surfaces' at most
-{SHAPE_BOUND} m; reached where that is so for `albot1` on all logs. No mapper here closes loops: on the largest floors, walls that are seen
-again after a hundred metres stand beside themselves.
+{SHAPE_BOUND} m; reached where that is so for `albot1` on all logs. No mapper here closes
+loops: on the largest floors, walls seen again after a hundred metres stand beside themselves.
 """
 
 
