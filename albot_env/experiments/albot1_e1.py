@@ -177,6 +177,12 @@ def _report(seeds: range, trips: list[dict[str, Trip]]) -> Report:
         "corridor_by_path_integration": by_odometer,
     }
     measured |= {
+        f"{key(name)}_surface_error_m": median_and_worst(
+            [trip[name].shape.surface_error for trip in trips]
+        )
+        for name in MAPPERS
+    }
+    measured |= {
         route.name: _route([trip for trip in trips if trip["albot1"].route is route])
         for route in ROUTES
     }

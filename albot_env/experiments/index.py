@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from albot_core.files import write_text
-from albot_env.experiments.report import Report, cell, rows
+from albot_env.experiments.report import Report, cell
 
 COMMAND = "albot experiment run all --out docs/experiments"
 
@@ -28,8 +28,15 @@ def index(reports: Sequence[Report], folder: str) -> str:
         "# The papers' experiments",
         "",
         "Each experiment is repeated in the simulator or on real logs and held against what its",
-        f"paper reports. This page and the reports it links to are written by `{COMMAND}`;",
-        "`albot experiment list` names the experiments, `albot experiment run ID` runs one.",
+        "paper reports; a link leads to all its figures and to how it was done. This page and the",
+        "reports are written by one command:",
+        "",
+        "```",
+        COMMAND,
+        "```",
+        "",
+        "`albot experiment list` names the experiments, `albot experiment run ID` runs one. A",
+        "worst figure is that of the worst seed.",
         "",
         "| | experiment | reached |",
         "|---|---|---|",
@@ -38,15 +45,6 @@ def index(reports: Sequence[Report], folder: str) -> str:
         link = f"[{report.id}]({folder}/{report.id}/report.md)"
         lines.append(f"| {link} | {report.title} | {cell(report.holds)} |")
     for report in reports:
-        lines += ["", f"## {report.id}: {report.title}", "", *_figures(report), ""]
+        lines += ["", f"## {report.id}: {report.title}", "", *report.table(), ""]
         lines += [f"![{name}]({folder}/{report.id}/{name}.png)" for name in report.pictures]
     return "\n".join(lines) + "\n"
-
-
-def _figures(report: Report) -> list[str]:
-    """What the paper reports beside what was measured under the same name."""
-    measured = dict(rows(report.measured))
-    table = ["| | paper | measured |", "|---|---|---|"]
-    for name, value in rows(report.paper):
-        table.append(f"| {name} | {cell(value)} | {cell(measured.get(name))} |")
-    return table

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -19,9 +17,8 @@ from albot_core.logs.log import Log
 from albot_core.logs.reader import read_log
 from albot_core.logs.reference import read_reference
 from albot_core.logs.wean_map import read_wean_map
+from albot_env.experiments.data import data_folder
 
-VARIABLE = "ALBOT_DATA"
-"""The environment variable that names the folder with the logs."""
 _MOST = 200_000
 """Points of a reference map."""
 
@@ -70,20 +67,6 @@ class KnownLog:
         """The map's frame on the floor: by the two paths, or by how the map fits the walls."""
         frame = None if self.truth is None else alignment(believed, self.truth)
         return register(sample_segments(surfaces, 0.2), self.floor) if frame is None else frame
-
-
-def data_folder() -> Path:
-    """The folder with the real logs.
-
-    Raises:
-        InputError: The environment names none.
-    """
-    named = os.environ.get(VARIABLE)
-    if not named:
-        raise InputError(VARIABLE, "the folder that holds the real logs, as logs/", "not set")
-    if not (Path(named) / "logs").is_dir():
-        raise InputError(VARIABLE, "a folder that holds logs/", named)
-    return Path(named)
 
 
 def read_real_log(real: RealLog) -> KnownLog:

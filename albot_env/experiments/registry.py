@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 
 from albot_core.errors import InputError
-from albot_env.experiments.real_logs import data_folder
+from albot_env.experiments.data import data_folder
 from albot_env.experiments.report import Report
-
 
 FIRST_SEED = 1000
 """Reports begin with this seed. Those below are for development: what was chosen by looking at

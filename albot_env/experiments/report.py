@@ -9,8 +9,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from PIL import Image
-
 from albot_core.files import replacing, write_text
 
 if TYPE_CHECKING:
@@ -56,10 +54,7 @@ class Report:
     def as_markdown(self) -> str:
         """The report for reading, with its pictures."""
         lines = [f"# {self.id}: {self.title}", "", self.text.strip(), ""]
-        lines += ["| | paper | measured |", "|---|---|---|"]
-        paper = dict(rows(self.paper))
-        for name, value in rows(self._alone):
-            lines.append(f"| {name} | {cell(paper.get(name))} | {cell(value)} |")
+        lines += self.table()
         for table in self._tables:
             columns = [name for name, _ in rows(next(iter(table.values())))]
             lines += ["", f"| | {' | '.join(columns)} |", "|---" * (1 + len(columns)) + "|"]
@@ -69,6 +64,18 @@ class Report:
         lines += ["", "Reached." if self.holds else "Not reached.", ""]
         lines += [f"![{name}]({name}.png)\n" for name in self.pictures]
         return "\n".join(lines)
+
+    def table(self) -> list[str]:
+        """The paper's figures beside those measured, but for groups of them, in Markdown."""
+        paper, measured = dict(rows(self.paper)), dict(rows(self._alone))
+        return [
+            "| | paper | measured |",
+            "|---|---|---|",
+            *(
+                f"| {name} | {cell(paper.get(name))} | {cell(measured.get(name))} |"
+                for name in {**measured, **paper}
+            ),
+        ]
 
     @property
     def _alone(self) -> dict[str, Figures]:
@@ -138,6 +145,8 @@ def cell(value: Scalar) -> str:
 
 def _small_png(figure: Figure) -> bytes:
     """The figure as a PNG of few colours, a third the size of one of many."""
+    from PIL import Image  # slow to load, as all that draws
+
     drawn, packed = BytesIO(), BytesIO()
     figure.savefig(drawn, format="png", dpi=80)
     with Image.open(drawn) as picture:

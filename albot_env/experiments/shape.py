@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_core.evaluation.surfaces import surface_error
 from albot_core.evaluation.trajectory import align
@@ -21,6 +22,8 @@ SHAPE_BOUND = 0.2
 """The shape is kept where half of what a map remembers lies nearer than this to a wall (m): as
 far as the walls of these floors are thick. A floor plan laid on itself askew, at random, has
 0.5 to 0.8 m."""
+
+_Walls = Float64[np.ndarray, "walls 4"]
 
 _SPACING = 0.2
 """The distance is taken at points so far apart along the surfaces (m)."""
@@ -38,7 +41,7 @@ class Shape:
     """Root of the mean squared distance from the believed to the true path (m; the ATE)."""
 
 
-def shape_of(surfaces: Segments, poses: Poses, truth: Poses, walls: Segments) -> Shape:
+def shape_of(surfaces: Segments, poses: Poses, truth: Poses, walls: _Walls) -> Shape:
     """Measure a map's shape.
 
     Args:
