@@ -227,12 +227,17 @@ def _corridor(trips: list[Trip]) -> dict[str, float]:
         for errors in (Trip.turn_errors, Trip.odometer_turn_errors)
     )
     return {
-        "lost_in_corridor": round(float(lost[inside].mean()), 3),
-        "lost_elsewhere": round(float(lost[~inside].mean()), 3),
-        "lost_by_odometer": round(float(by_odometer[lost].mean()), 3),
-        "turn_error_where_lost_deg": round(float(np.degrees(believed[lost].mean())), 2),
-        "odometer_turn_error_there_deg": round(float(np.degrees(measured[lost].mean())), 2),
+        "lost_in_corridor": _mean(lost[inside]),
+        "lost_elsewhere": _mean(lost[~inside]),
+        "lost_by_odometer": _mean(by_odometer[lost]),
+        "turn_error_where_lost_deg": _mean(np.degrees(believed[lost])),
+        "odometer_turn_error_there_deg": _mean(np.degrees(measured[lost])),
     }
+
+
+def _mean(values: np.ndarray) -> float:
+    """The mean, as a report holds it; 0 of nothing."""
+    return round(float(values.mean()), 3) if len(values) else 0.0
 
 
 def _text(seeds: range) -> str:
@@ -265,11 +270,11 @@ def _picture(trips: list[dict[str, Trip]]) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(15, 12.5), layout="constrained")
-    grid = figure.subplots(3, 4).reshape(-1, 2)
+    grid = figure.subplots(-(-len(ROUTES) // 2), 4).reshape(-1, 2)[: len(ROUTES)]
     for route, (left, right) in zip(ROUTES, grid, strict=True):
         ours = [trip["albot1"] for trip in trips if trip["albot1"].route is route]
         middle = sorted(ours, key=lambda trip: trip.shape.surface_error)[len(ours) // 2]
-        draw_route(left, middle.world, middle.journey.truth)
+        draw_route(left, middle.world, middle.journey.truth[:, :2])
         left.set_title(f"{route.name}: {middle.journey.path_length:.0f} m", fontsize=10)
         mapped = middle.mapped
         draw_map(right, middle.world, mapped.mapper.surfaces, mapped.poses, middle.shape.frame)

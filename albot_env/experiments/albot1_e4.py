@@ -54,4 +54,8 @@ The map is laid on the floor by the rigid motion that brings the believed path n
 true one. Medians and worst over the seeds {seeds.start} to {seeds.stop - 1}; reached where the
 median distance of `albot1`'s surfaces to the walls is at most {SHAPE_BOUND} m both before and
 after, and it updates its map at no more than {MOST_UPDATES:.0%} of the views.
+
+`corridor_length` is how long a mapper believes the bare corridor to be, to its true length.
+Where views are 10 cm apart, `albot1-thesis` takes the ends of what it sees of the two side
+walls for landmarks; they come along with the robot.
 """

@@ -56,4 +56,6 @@ began, *after* the last of all. Medians and worst over the seeds {seeds.start} t
 {seeds.stop - 1}; reached where the median distance of `albot1`'s surfaces to the walls is at
 most {SHAPE_BOUND} m both before and after, and it updates its map at no more than
 {MOST_UPDATES:.0%} of the views.
+
+`corridor_length` is how long a mapper believes the bare corridor to be, to its true length.
 """

@@ -28,12 +28,12 @@ def draw_route(axes: Axes, world: World, way: Points) -> None:
     """Draw a floor and a way over it, with a dot at its beginning and arrows along it."""
     draw_floor(axes, world.walls, SURFACE)
     axes.plot(way[:, 0], way[:, 1], color=PATH, lw=1.2)
-    axes.plot(*way[0, :2], "o", color=MARK, ms=6)
+    axes.plot(*way[0], "o", color=MARK, ms=6)
     for index in range(6, len(way) - 1, max(8, len(way) // 12)):
         axes.annotate(
             "",
-            tuple(way[index + 1, :2]),
-            tuple(way[index, :2]),
+            tuple(way[index + 1]),
+            tuple(way[index]),
             arrowprops={"arrowstyle": "-|>", "color": PATH, "lw": 1.2},
         )
 

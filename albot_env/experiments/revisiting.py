@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 WORLD, TOUR = "office-ring", "revisit"
 HOME_ROOM = "P1"
 """The room in which the tour begins. To come back into it is to revisit."""
+CORRIDOR = "P3"
+"""A corridor with two side walls only."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +46,8 @@ class Drive:
     """The last view before the robot comes back into the room in which it began."""
     shape_before: Shape
     shape_after: Shape
+    corridor: float | None
+    """Believed over true length of the first way through the bare corridor; None without."""
 
     @property
     def update_share(self) -> float:
@@ -142,7 +146,25 @@ def map_drive(name: str, world: World, journey: Journey) -> Drive:
         shape_of(surfaces, mapped.poses[: view + 1], journey.truth[: view + 1], world.walls)
         for view, surfaces in mapped.surfaces.items()
     ]
-    return Drive(mapped=mapped, before=before, shape_before=shapes[0], shape_after=shapes[-1])
+    return Drive(
+        mapped=mapped,
+        before=before,
+        shape_before=shapes[0],
+        shape_after=shapes[-1],
+        corridor=_corridor_length(world, journey, mapped),
+    )
+
+
+def _corridor_length(world: World, journey: Journey, mapped: MappedJourney) -> float | None:
+    inside = np.array([world.room_at(x, y) == CORRIDOR for x, y in journey.truth[:, :2]])
+    if not inside.any():
+        return None
+    first = int(inside.argmax())
+    last = first + int((~np.append(inside[first:], False)).argmax()) - 1
+    believed, true = (
+        np.hypot(*(poses[last] - poses[first])[:2]) for poses in (mapped.poses, journey.truth)
+    )
+    return float(believed / true)
 
 
 def before_revisiting(world: World, journey: Journey) -> int:
@@ -155,9 +177,11 @@ def before_revisiting(world: World, journey: Journey) -> int:
 def _mapper_figures(drives: tuple[Drive, ...]) -> dict[str, Figures]:
     before = [drive.shape_before for drive in drives]
     after = [drive.shape_after for drive in drives]
+    lengths = [drive.corridor for drive in drives if drive.corridor is not None]
     return {
         "updates": int(np.median([drive.mapped.updates[-1] for drive in drives])),
         "update_share": round(float(np.median([drive.update_share for drive in drives])), 3),
+        "corridor_length": round(float(np.median(lengths)), 2) if lengths else None,
         "before_surface_error_m": median_and_worst([shape.surface_error for shape in before]),
         "after_surface_error_m": median_and_worst([shape.surface_error for shape in after]),
         "before_path_error_m": median_and_worst([shape.path_error for shape in before]),

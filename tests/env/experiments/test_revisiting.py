@@ -11,6 +11,7 @@ from click.testing import CliRunner
 
 from albot_cli.main import albot
 from albot_env.experiments import albot1_e4, albot1_e5, revisiting
+from albot_env.experiments.driven_tour import driven_tour, views_apart
 from albot_env.experiments.guided_tour import Journey
 from albot_maps import load_world
 
@@ -20,7 +21,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """The square corridor in place of the office."""
     monkeypatch.setattr(revisiting, "WORLD", "square-loop")
     monkeypatch.setattr(revisiting, "TOUR", "loop")
-    monkeypatch.setattr(revisiting, "HOME_ROOM", "west")
+    monkeypatch.setattr(revisiting, "HOME_ROOM", "south")
 
 
 def test_revisiting_begins_where_the_robot_comes_back():
@@ -29,6 +30,20 @@ def test_revisiting_begins_where_the_robot_comes_back():
     for rooms, last in (([home, home, away, away, home, away], 3), ([home, away, away], 2)):
         journey = Journey(readings=(), truth=np.array(rooms))
         assert revisiting.before_revisiting(world, journey) == last
+
+
+def test_the_thesis_takes_the_bare_corridor_for_short_where_views_are_many():
+    world = load_world("office-ring")
+    ridden = driven_tour(world, np.array([[1.3, 12.0], [1.3, 25.0]]), np.random.default_rng(2))
+    many, few = (views_apart(ridden, spacing, 1.0) for spacing in (0.1, 1.0))
+    lengths = {
+        (name, how): revisiting.map_drive(name, world, journey).corridor
+        for name in ("albot1", "albot1-thesis")
+        for how, journey in (("many", many), ("few", few))
+    }
+    assert lengths["albot1-thesis", "many"] < 0.7
+    for other in (("albot1", "many"), ("albot1", "few"), ("albot1-thesis", "few")):
+        assert lengths[other] == pytest.approx(1.0, abs=0.1)
 
 
 def test_the_tour_of_the_office_begins_in_the_home_room():
