@@ -8,8 +8,10 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Segments
 from albot_core.perception.reading import Reading, Readings
+from albot_core.topology.network import Network
 
 
 @runtime_checkable
@@ -36,6 +38,25 @@ class Mapper(Protocol):
     @property
     def home(self) -> Pose:
         """Where home is believed to be, in the robot's present frame."""
+
+    @property
+    def exits(self) -> Segments:
+        """The lines across the exits seen and remembered, in the map's frame, if any."""
+
+    @property
+    def network(self) -> Network:
+        """The places remembered and the exits between them; empty where it knows no places."""
+
+    @property
+    def exits_home(self) -> Segments:
+        """The exits on the believed way home, the next first, in the map's frame.
+
+        None where home is in the present place, or no way over the network leads there.
+        """
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether it knows that the robot is not where it believed, and not yet where it is."""
 
     @property
     def updates(self) -> int:
@@ -71,6 +92,17 @@ class MapperBatch(Protocol):
         """Where each robot believes to be, in its map's frame: one array, written over."""
 
     @property
+    def homes(self) -> Float64[np.ndarray, "robots 3"]:
+        """Where home is believed to be, in each one's map's frame: written over."""
+
+    @property
+    def next_exits(self) -> Float64[np.ndarray, "robots 4"]:
+        """The next exit on the believed way home, in each one's map's frame: written over.
+
+        NaN where there is none (see `Mapper.exits_home`).
+        """
+
+    @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
         """How often each has added a view to its map since its reset."""
 
@@ -98,6 +130,7 @@ class LoopedMappers:
     def __init__(self, mappers: Sequence[Mapper]) -> None:
         self._mappers = tuple(mappers)
         self.poses = np.zeros((len(self._mappers), 3))
+        self.homes = np.zeros((len(self._mappers), 3))
         self.updates = np.zeros(len(self._mappers), np.int64)
         self.surface_counts = np.zeros(len(self._mappers), np.int64)
 
@@ -111,7 +144,12 @@ class LoopedMappers:
         for row in rows.tolist():
             if self._mappers[row].update(readings[row]):
                 self._note(row)
-            self.poses[row] = self._mappers[row].pose
+            self._place(row)
+
+    @property
+    def next_exits(self) -> Float64[np.ndarray, "robots 4"]:
+        """The next exit on each one's believed way home, in its map's frame; NaN for none."""
+        return np.array([next_of(mapper.exits_home) for mapper in self._mappers])
 
     def surfaces(self, row: int) -> Segments:
         """The surfaces that one remembers, in its map's frame."""
@@ -119,6 +157,16 @@ class LoopedMappers:
 
     def _note(self, row: int) -> None:
         mapper = self._mappers[row]
-        self.poses[row] = mapper.pose
+        self._place(row)
         self.updates[row] = mapper.updates
         self.surface_counts[row] = len(mapper.surfaces)
+
+    def _place(self, row: int) -> None:
+        mapper = self._mappers[row]
+        self.poses[row] = mapper.pose
+        self.homes[row] = compose(mapper.pose, mapper.home)
+
+
+def next_of(exits: Segments) -> Float64[np.ndarray, "4"]:
+    """The first of the exits on a way; NaN where there is none."""
+    return exits[0] if len(exits) else np.full(4, np.nan)

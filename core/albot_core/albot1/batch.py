@@ -8,18 +8,30 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from albot_core.albot1.config import Albot1Config
-from albot_core.albot1.following import Lens, Robots, follow
-from albot_core.albot1.mapping import LOST, UPDATES
+from albot_core.albot1.exits import Exits, no_exits, rebuilt_exits, stored_exits
+from albot_core.albot1.following import ASTRAY, CROSSED, SUSPECTED, Lens, Robots, follow
+from albot_core.albot1.mapping import LOST, STEP, STRANGE, UPDATED_AT, UPDATES
 from albot_core.albot1.memory import (
     ALIVE,
+    SUSPECT,
+    USED,
+    VISIT,
     Memory,
+    arouse_from,
+    begin_visit,
     empty_memory,
     enlarged,
     forget,
     living,
+    move_visits,
     rebuilt_memory,
+    room_left,
+    seen_in_visit,
     stored_memory,
 )
+from albot_core.albot1.network import START, PlaceNetwork
+from albot_core.albot1.network_state import rebuilt_network, stored_network
+from albot_core.albot1.places import turned_round
 from albot_core.albot1.recognition import moved
 from albot_core.albot1.sight import (
     Sight,
@@ -28,9 +40,14 @@ from albot_core.albot1.sight import (
     rebuilt_sight,
     stored_sight,
 )
-from albot_core.albot1.storage import PLACES, places_of
+from albot_core.albot1.storage import COLUMNS, addresses_of
+from albot_core.albot1.structure import joined
+from albot_core.albot1.updating import update_map
+from albot_core.albot1.wayfinding import way_lines
 from albot_core.errors import InputError
+from albot_core.geometry.poses import transform_segments
 from albot_core.geometry.types import Segments
+from albot_core.mapper import next_of
 from albot_core.perception.reading import LaserGeometry, Readings
 
 
@@ -48,16 +65,22 @@ class Albot1Batch:
     def __init__(self, count: int, config: Albot1Config | None = None) -> None:
         self.config = config or Albot1Config()
         self._limits = self.config.limits
-        self._arrays: list[tuple[Memory, Sight]] = []
+        self._arrays: list[tuple[Memory, Sight, Exits]] = []
+        self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
+        self._homes = np.zeros((count, 3))
+        self._next_exits = np.full((count, 4), np.nan)
+        self._versions = np.zeros(count, np.int64)
         self._robots = Robots(
-            places=np.zeros((count, PLACES), np.int64),
-            progress=np.zeros((count, 4), np.int64),
+            table=np.zeros((count, COLUMNS), np.int64),
+            progress=np.zeros((count, 5), np.int64),
             since=np.zeros((count, 3)),
             poses=np.zeros((count, 3)),
             surfaces=np.zeros(count, np.int64),
+            events=np.zeros(count, np.int64),
+            next_ids=np.zeros(count, np.int64),
         )
         for row in range(count):
-            self._arrays.append((empty_memory(), empty_sight()))
+            self._arrays.append((empty_memory(), empty_sight(), no_exits()))
             self._settle(row)
         self._lens: tuple[LaserGeometry, Lens] | None = None
 
@@ -77,6 +100,23 @@ class Albot1Batch:
         return self._robots.poses
 
     @property
+    def homes(self) -> Float64[np.ndarray, "robots 3"]:
+        """Where home is believed to be, in each one's map's frame. Written over by updates."""
+        return self._homes
+
+    @property
+    def next_exits(self) -> Float64[np.ndarray, "robots 4"]:
+        """The next exit on each one's believed way home, in its map's frame; NaN for none.
+
+        Found anew where the network has changed since it was last asked for.
+        """
+        for row, network in enumerate(self._networks):
+            if self._versions[row] != network.version:
+                self._versions[row] = network.version
+                self._next_exits[row] = next_of(way_lines(network, self.poses[row], START))
+        return self._next_exits
+
+    @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
         """How often each has laid a view over its map. Written over by updates."""
         return self._robots.progress[:, UPDATES]
@@ -93,8 +133,11 @@ class Albot1Batch:
 
     def reset(self, row: int) -> None:
         """Let one forget everything."""
-        memory, sight = self._arrays[row]
+        memory, sight, exits = self._arrays[row]
         forget(memory)
+        exits.counts[:] = 0
+        self._networks[row] = PlaceNetwork(self.config.places)
+        self._forget_ways(row)
         sight.size[0] = 0
         sight.pose[:] = 0.0
         for array in (self._robots.progress, self._robots.since, self._robots.poses):
@@ -119,18 +162,32 @@ class Albot1Batch:
         while done < len(rows):
             self._enlarge(int(rows[done]))
             done = follow(self._robots, rows, done, ranges, motions, lens, limits)
+        for row in rows[self._robots.events[rows] > 0].tolist():
+            self._attend(row)
+
+    def network(self, row: int) -> PlaceNetwork:
+        """The network of places that one remembers (not a copy)."""
+        return self._networks[row]
+
+    def exits(self, row: int) -> Segments:
+        """The exits that one has seen and remembers, in its map's frame (a copy)."""
+        exits = self._arrays[row][2]
+        return exits.lines[: exits.counts[0]].copy()
 
     def surfaces(self, row: int) -> Segments:
         """The surfaces that one remembers, in its map's frame (a copy)."""
-        memory, _ = self._arrays[row]
+        memory = self._arrays[row][0]
         alive = living(memory)
         return np.asarray(memory.surfaces[: len(alive)][alive])
 
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Everything that one remembers, as arrays by name."""
-        memory, sight = self._arrays[row]
+        memory, sight, exits = self._arrays[row]
         state = {"progress": self._robots.progress[row].copy()}
         state["since"] = self._robots.since[row].copy()
+        network = stored_network(self._networks[row])
+        state |= {f"places.{name}": array for name, array in network.items()}
+        state |= {f"exits.{name}": array for name, array in stored_exits(exits).items()}
         state |= {f"memory.{name}": array for name, array in stored_memory(memory).items()}
         return state | {f"view.{name}": array for name, array in stored_sight(sight).items()}
 
@@ -143,26 +200,114 @@ class Albot1Batch:
         memory = rebuilt_memory(_part(state, "memory."))
         sight = rebuilt_sight(_part(state, "view."), len(state["memory.ids"]))
         progress, since = state["progress"], state["since"]
-        if progress.shape != (4,) or (progress < 0).any():
-            raise InputError("progress", "4 counts", str(progress.tolist()))
+        if progress.shape != (5,) or (progress < 0).any():
+            raise InputError("progress", "5 counts", str(progress.tolist()))
         if since.shape != (3,) or not np.isfinite(since).all():
             raise InputError("since", "three finite numbers", str(since.tolist()))
-        self._arrays[row] = memory, sight
+        exits = rebuilt_exits(_part(state, "exits."))
+        network = rebuilt_network(_part(state, "places."), self.config.places)
+        if len(network.visits) != memory.counts[VISIT] + 1:
+            expected = f"the map's {memory.counts[VISIT]} visits"
+            raise InputError("places.visits", expected, str(len(network.visits) - 1))
+        self._arrays[row] = memory, sight, exits
+        self._networks[row] = network
+        self._forget_ways(row)
         self._settle(row)
         self._robots.progress[row], self._robots.since[row] = progress, since
         self._robots.surfaces[row] = memory.counts[ALIVE]
         moved(sight.pose, self._robots.since[row], self._robots.poses[row])
 
+    def _forget_ways(self, row: int) -> None:
+        """Another network: the way home must be found anew."""
+        self._homes[row] = self._networks[row].home
+        self._versions[row] = -1
+
+    def _attend(self, row: int) -> None:
+        """See to what happened to one at its last reading (chapter 4)."""
+        events, network = self._robots.events[row], self._networks[row]
+        if events & ASTRAY:
+            self._lose(row)
+        elif events & CROSSED:
+            self._cross(row)
+        elif network.lost_since:
+            self._find(row)
+        elif events & SUSPECTED:
+            self._suspect(row)
+        self._homes[row] = network.home
+
+    def _cross(self, row: int) -> None:
+        """One has crossed an exit: remember the place left, and enter the next."""
+        memory, sight, exits = self._arrays[row]
+        gate = exits.gate
+        line = gate[:4] if gate[4] > 0 else turned_round(gate[:4])
+        step = int(self._robots.progress[row, STEP])
+        self._networks[row].remember_place(step, line, seen_in_visit(memory), sight.pose)
+        self._begin_visit(row)
+
+    def _begin_visit(self, row: int) -> None:
+        """Begin a visit, and lay the present view over the map as its first (Alg. 5, line 16)."""
+        memory, sight, _ = self._arrays[row]
+        if memory.counts[VISIT] + 2 >= len(memory.met) or room_left(memory) < sight.size[0]:
+            self._enlarge(row)
+            memory, sight, _ = self._arrays[row]
+        begin_visit(memory, self._networks[row].suspicions())
+        update_map(memory, sight, self._limits)
+        progress = self._robots.progress[row]
+        progress[UPDATED_AT] = progress[STEP] - 1
+        progress[UPDATES] += 1
+        progress[STRANGE] = 0
+        self._robots.surfaces[row] = memory.counts[ALIVE]
+
+    def _suspect(self, row: int) -> None:
+        """One has met again many surfaces of an earlier visit: is it there?"""
+        memory, sight, _ = self._arrays[row]
+        network, step = self._networks[row], int(self._robots.progress[row, STEP])
+        met = memory.met[: len(network.visits), 0]
+        memory.counts[SUSPECT] = 0
+        if network.recognize_place(step, met, self._before_it(row), sight.pose):
+            arouse_from(memory, network.suspicions())
+
+    def _before_it(self, row: int) -> Segments:
+        """The surfaces that one has seen in its present visit, those in view among them."""
+        memory, sight, _ = self._arrays[row]
+        view = transform_segments(sight.pose, sight.surfaces[: sight.size[0]])
+        return joined(seen_in_visit(memory), view, self.config.places.alike)
+
+    def _lose(self, row: int) -> None:
+        """One sees nothing of what should be there: it was moved."""
+        memory, sight, exits = self._arrays[row]
+        exits.counts[:] = 0
+        before = memory.ids[: memory.counts[USED]] < self._robots.next_ids[row]
+        present = memory.marks[: memory.counts[USED]] == memory.counts[VISIT]
+        alive = living(memory)
+        seen = memory.surfaces[: memory.counts[USED]][before & present & alive]
+        self._networks[row].lose(int(self._robots.progress[row, STEP]), seen, sight.pose)
+        self._begin_visit(row)
+
+    def _find(self, row: int) -> None:
+        """One that has lost its way looks where it may be."""
+        memory, sight, exits = self._arrays[row]
+        network, step = self._networks[row], int(self._robots.progress[row, STEP])
+        first = network.lost_since
+        motion = network.find(step, self._before_it(row), sight.pose)
+        if motion is None:
+            return
+        move_visits(memory, first, motion)
+        moved(motion, sight.pose.copy(), sight.pose)
+        self._robots.poses[row] = sight.pose
+        exits.counts[:] = 0
+        arouse_from(memory, network.suspicions())
+
     def _settle(self, row: int) -> None:
         """Tell the kernel where a robot's arrays are."""
-        self._robots.places[row] = places_of(*self._arrays[row])
+        self._robots.table[row] = addresses_of(*self._arrays[row])
 
     def _enlarge(self, row: int) -> None:
         """Give one twice the room."""
-        memory, old = self._arrays[row]
+        memory, old, exits = self._arrays[row]
         sight = empty_sight(2 * len(old.slots))
         copy_sight(old, sight)
-        self._arrays[row] = enlarged(memory), sight
+        self._arrays[row] = enlarged(memory), sight, exits
         self._settle(row)
 
     def _lens_for(self, laser: LaserGeometry) -> Lens:

@@ -16,6 +16,21 @@ TURN_STEP = math.radians(1.0)
 """Turns are tried this far apart (rad)."""
 
 
+class Alike(NamedTuple):
+    """When two surfaces, and two places, are taken for the same (m, rad)."""
+
+    shortest: float
+    """Only surfaces from this length on are compared."""
+    gap: float
+    """Surfaces are the same only where they run no farther apart."""
+    angle: float
+    """Surfaces are the same only where they are turned no more apart."""
+    shift: float
+    """The place may be no farther from where it is looked for."""
+    turn: float
+    """The place may be turned no more from how it is looked for."""
+
+
 class Limits(NamedTuple):
     """The thresholds as the compiled steps take them (m, rad)."""
 
@@ -31,8 +46,67 @@ class Limits(NamedTuple):
     reach: float
     motion_error: float
     turn_error: float
+    exit_least: float
+    exit_most: float
     turns: np.ndarray
     """(turns, 3) float64: the turns tried, as cosine, sine, and votes that each must make up."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacesConfig:
+    """Thresholds of the network of places (chapter 4). The defaults are the thesis's."""
+
+    shortest: float = 0.40
+    """Shorter surfaces are not compared (m; section 4.1.2)."""
+    gap: float = 0.40
+    """Two surfaces are the same only where they are no farther apart (m; section 4.1.2)…"""
+    angle: float = np.radians(5.0)
+    """…and turned no more apart (rad)."""
+    shift: float = np.inf
+    """A place is looked for no farther from where it was (m)…"""
+    turn: float = np.pi
+    """…and turned no more (rad). The thesis limits neither."""
+    fewest_matches: int = 4
+    """More surfaces must be the same (algorithm 6, line 11)…"""
+    least_share: float = 0.0
+    """…and they must make up this share of the smaller description."""
+    suspicion_share: float = 0.1
+    """The share of a place's surfaces of which more must be met again to arouse suspicion…"""
+    fewest_met: int = 2
+    """…but at least more than so many…"""
+    most_met: int = 8
+    """…and never more. The thesis says only that n grows with the place's size."""
+    look_spacing: float = 0.7
+    """After a comparison the robot goes so far until the next (m)…"""
+    look_turn: float = np.radians(45.0)
+    """…or turns so far (rad)."""
+    agreement: float = 0.40
+    """Where map and alignment differ by less (m), the map is left as it is."""
+    fewest_found: int = 7
+    """A robot that has lost its way needs so many surfaces to know a place again."""
+    events_kept: int = 4096
+    """Events remembered; the oldest are forgotten first."""
+
+    def __post_init__(self) -> None:
+        for name in ("shortest", "gap", "angle", "shift", "turn", "agreement"):
+            if not getattr(self, name) > 0:
+                raise InputError(f"PlacesConfig.{name}", "above 0", str(getattr(self, name)))
+        for name in ("least_share", "suspicion_share"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise InputError(f"PlacesConfig.{name}", "within [0, 1]", str(getattr(self, name)))
+        for name in ("fewest_matches", "fewest_met", "most_met", "fewest_found", "events_kept"):
+            if getattr(self, name) < 1:
+                raise InputError(f"PlacesConfig.{name}", "at least 1", str(getattr(self, name)))
+
+    @property
+    def alike(self) -> Alike:
+        """The thresholds as the comparison takes them."""
+        return Alike(self.shortest, self.gap, self.angle, self.shift, self.turn)
+
+    @classmethod
+    def improved(cls) -> PlacesConfig:
+        """The default mapper's thresholds: rooms are alike, so more is asked for."""
+        return cls(gap=0.20, shift=3.0, turn=np.radians(20.0), least_share=0.3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +118,8 @@ class Albot1Config:
 
     view: ViewConfig = field(default_factory=ViewConfig)
     """Thresholds of view construction (section 3.1.3)."""
+    places: PlacesConfig = field(default_factory=PlacesConfig)
+    """Thresholds of the network of places (chapter 4)."""
     view_spacing: float = 0.0
     """A reading is a view only from this far from the last view's place on (m)…"""
     view_turn: float = 0.0
@@ -84,6 +160,10 @@ class Albot1Config:
     """Standard deviation of the odometer's translation between views (m)."""
     turn_error: float = np.radians(5.0)
     """Standard deviation of the turn that the search has found (rad)."""
+    exit_least: float = 0.65
+    """Narrower gaps are no exits (m)…"""
+    exit_most: float = 1.35
+    """…nor are wider ones (m): a doorway's typical size is about 1 m (section 4.1.1)."""
 
     def __post_init__(self) -> None:
         for name in (
@@ -94,6 +174,8 @@ class Albot1Config:
             "reach",
             "motion_error",
             "turn_error",
+            "exit_least",
+            "exit_most",
         ):
             if not 0 < getattr(self, name) < np.inf:
                 raise InputError(f"Albot1Config.{name}", "above 0", str(getattr(self, name)))
@@ -113,7 +195,12 @@ class Albot1Config:
         odometer's turn is doubted, because in real logs it is often off by more than the 5°
         that recognition allows; and all recognised surfaces together localise the robot.
         """
-        return cls(view=ViewConfig(fit_lines=True), eye_in_boundary=True, remembered=True)
+        return cls(
+            view=ViewConfig(fit_lines=True),
+            places=PlacesConfig.improved(),
+            eye_in_boundary=True,
+            remembered=True,
+        )
 
     @property
     def limits(self) -> Limits:

@@ -8,11 +8,12 @@ import numpy as np
 from numba import njit
 
 from albot_core.albot1.config import Limits
-from albot_core.albot1.mapping import STEP, map_step
-from albot_core.albot1.memory import ALIVE, room_left
+from albot_core.albot1.exits import NO_GATE, cross_exit, remember_exits
+from albot_core.albot1.mapping import STEP, STRANGE, map_step
+from albot_core.albot1.memory import ALIVE, NEXT_ID, SUSPECT, room_left
 from albot_core.albot1.recognition import length_of, moved
 from albot_core.albot1.sight import Sight, copy_sight
-from albot_core.albot1.storage import ROOM, memory_at, sight_at
+from albot_core.albot1.storage import ROOM, exits_at, memory_at, sight_at
 from albot_core.perception.surfaces import NO_EDGE, extract_surfaces
 
 
@@ -31,19 +32,28 @@ class Lens(NamedTuple):
     """See `ViewConfig`."""
 
 
+CROSSED, SUSPECTED, ASTRAY = 1, 2, 4
+"""In `Robots.events`: the robot got through an exit; it met enough surfaces of an earlier
+visit; nothing of what it has seen twice is where it should be."""
+
+
 class Robots(NamedTuple):
     """The arrays of all robots; a row each."""
 
-    places: np.ndarray
-    """(n, PLACES) int64: where the robot's map and last view are (see `storage`)."""
+    table: np.ndarray
+    """(n, COLUMNS) int64: where the robot's map, last view and exits are (see `storage`)."""
     progress: np.ndarray
-    """(n, 4) int64: how far it has come (see `mapping`)."""
+    """(n, 5) int64: how far it has come (see `mapping`)."""
     since: np.ndarray
     """(n, 3) float64: how it has moved since its last view (m, rad; the view's frame)."""
     poses: np.ndarray
     """(n, 3) float64: where it believes to be (m, rad; the map's frame)."""
     surfaces: np.ndarray
     """(n,) int64: how many surfaces it remembers."""
+    events: np.ndarray
+    """(n,) int64: what happened at the last reading: a sum of CROSSED, SUSPECTED, ASTRAY."""
+    next_ids: np.ndarray
+    """(n,) int64: the id that the next surface would have had before the last view."""
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -104,18 +114,30 @@ def _follow(
 ) -> bool:
     """Let a robot take in its reading; false, with nothing done, where its room is too small."""
     progress, since = robots.progress[row], np.zeros(3)
-    previous = sight_at(robots.places[row])
+    previous = sight_at(robots.table[row])
+    robots.events[row] = 0
     if progress[STEP] > 0:
         moved(robots.since[row], motion, since)
     if progress[STEP] == 0 or not _is_near(since, limits):
         _look(ranges, lens, limits, current)
-        memory = memory_at(robots.places[row])
+        memory = memory_at(robots.table[row])
         # A view is laid over the map when it is new and when the next is, but once.
         surfaces = previous.size[0] + current.size[0]
-        if room_left(memory) < surfaces or current.size[0] > robots.places[row, ROOM]:
+        if room_left(memory) < surfaces or current.size[0] > robots.table[row, ROOM]:
             return False
+        x, y = previous.pose[0], previous.pose[1]
+        robots.next_ids[row] = memory.counts[NEXT_ID]
         map_step(memory, previous, current, since, limits, progress)
         copy_sight(current, previous)
+        exits = exits_at(robots.table[row])
+        remember_exits(exits, current, limits)
+        in_exit = exits.counts[1] != NO_GATE
+        if cross_exit(exits, x, y, current.pose):
+            robots.events[row] += CROSSED
+        elif progress[STRANGE] > 1 and not in_exit and exits.counts[1] == NO_GATE:
+            robots.events[row] += ASTRAY  # behind a doorway, though, all may be new
+        if memory.counts[SUSPECT] > 0:
+            robots.events[row] += SUSPECTED
         robots.surfaces[row] = memory.counts[ALIVE]
         for i in range(3):
             since[i] = 0.0

@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_core.albot1.batch import Albot1Batch
 from albot_core.albot1.config import Albot1Config
-from albot_core.geometry.poses import inverse
+from albot_core.albot1.network import START
+from albot_core.albot1.record import Event
+from albot_core.albot1.wayfinding import pointing, way_lines
+from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Pose, Segments
 from albot_core.perception.reading import Reading
+from albot_core.topology.network import Network
 
 _ITSELF = np.zeros(1, np.int64)
 """The rows of a batch of one."""
@@ -75,8 +80,61 @@ class Albot1:
 
     @property
     def home(self) -> Pose:
-        """Where home is believed to be, in the robot's present frame."""
-        return inverse(self._robot.poses[0])
+        """Where home is believed to be, in the robot's present frame.
+
+        Home is where it was left in the perceptual map; once a known place is recognised,
+        where it lies from there.
+        """
+        return relative(self._robot.poses[0], self._robot.homes[0])
+
+    @property
+    def exits(self) -> Segments:
+        """The lines across the exits seen and remembered, in the map's frame (m)."""
+        return self._robot.exits(0)
+
+    @property
+    def predicted_exits(self) -> Segments:
+        """The known exits of the present place, aligned with the map (section 4.2.3; m)."""
+        return self._robot.network(0).predicted_exits
+
+    @property
+    def network(self) -> Network:
+        """The places remembered and the exits between them (a copy)."""
+        return self._robot.network(0).snapshot()
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What happened to the network and why: each acceptance and refusal, in order."""
+        return tuple(self._robot.network(0).events)
+
+    @property
+    def exits_home(self) -> Segments:
+        """The exits on the believed way home, the next first, in the map's frame (m)."""
+        return self.way_to(START)
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether it was moved, knows it, and has not recognised a place since."""
+        return self._robot.network(0).lost_since > 0
+
+    def way_to(self, place: int) -> Segments:
+        """The exits on the believed way to a place, the next first, in the map's frame (m).
+
+        Raises:
+            InputError: It knows no place of this id.
+        """
+        return way_lines(self._robot.network(0), self._robot.poses[0], place)
+
+    def point_to(self, place: int) -> Float64[np.ndarray, "2"]:
+        """Where a place is: direction from the robot's heading (rad) and distance (m).
+
+        For the place that the robot set out from this points to home, for another to where
+        it was first entered.
+
+        Raises:
+            InputError: It knows no place of this id.
+        """
+        return pointing(self._robot.network(0), self._robot.poses[0], place)
 
     @property
     def updates(self) -> int:

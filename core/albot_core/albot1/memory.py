@@ -3,7 +3,8 @@
 Removing what lies in a view must not cost more as the map grows, so every surface's two
 ends are filed in a hashed grid of square cells: the ends near a place are found by looking
 into the cells there. A surface keeps its slot as long as it lives; freed slots are used
-again. Compiled; a `Memory` is a named tuple so that kernels take it whole. Thousands of
+again. Every surface bears a mark: the visit to a place in which it was last seen (chapter 4).
+Compiled; a `Memory` is a named tuple so that kernels take it whole. Thousands of
 robots may each have one: it is small, and emptied in no time.
 """
 
@@ -23,9 +24,13 @@ CELL = 2.0
 CAPACITY = 128
 """Surfaces that a new map has room for; its room is always a power of two."""
 
-ALIVE, FREE, NEXT_ID, USED = 0, 1, 2, 3
-"""Places in `Memory.counts`: surfaces alive, slots on the free list, the next surface id, and
-how many slots, from the first on, have ever held a surface."""
+ALIVE, FREE, NEXT_ID, USED, VISIT, SUSPECT = 0, 1, 2, 3, 4, 5
+"""Places in `Memory.counts`: surfaces alive, slots on the free list, the next surface id, how
+many slots, from the first on, have ever held a surface, the number of the present visit, and
+an earlier visit that the robot may have come back to (0 where none is suspected)."""
+
+NEVER = np.iinfo(np.int32).max
+"""In `Memory.met`: surfaces of this visit arouse no suspicion, however many are met again."""
 
 NEXT, BEFORE = 0, 1
 """Columns of `Memory.links`: the next end in the bucket, and the one before."""
@@ -46,6 +51,13 @@ class Memory(NamedTuple):
     """(capacity, 2) int8: what the two ends are (see `perception.surfaces`)."""
     ids: np.ndarray
     """(capacity,) int64: the surface's id, never used twice; -1 in freed slots."""
+    marks: np.ndarray
+    """(capacity,) int32: the visit in which the surface was last seen; they count from 1."""
+    met_in: np.ndarray
+    """(capacity,) int32: the last visit, not that of its mark, in which it was met again."""
+    met: np.ndarray
+    """(capacity, 2) int32: how many surfaces of each earlier visit were met again in the
+    present one, and more than how many arouse the suspicion of being there."""
     free: np.ndarray
     """(capacity,) int32: stack of freed slots."""
     heads: np.ndarray
@@ -53,7 +65,7 @@ class Memory(NamedTuple):
     links: np.ndarray
     """(2 * capacity, 2) int32: the other ends in an end's bucket (see NEXT, BEFORE)."""
     counts: np.ndarray
-    """(4,) int64: see ALIVE, FREE, NEXT_ID, USED."""
+    """(6,) int64: see ALIVE, FREE, NEXT_ID, USED, VISIT, SUSPECT."""
 
 
 def empty_memory(capacity: int = CAPACITY) -> Memory:
@@ -63,10 +75,13 @@ def empty_memory(capacity: int = CAPACITY) -> Memory:
         surfaces=np.empty((capacity, 4)),
         edges=np.empty((capacity, 2), np.int8),
         ids=np.empty(capacity, np.int64),
+        marks=np.empty(capacity, np.int32),
+        met_in=np.empty(capacity, np.int32),
+        met=np.empty((capacity, 2), np.int32),
         free=np.empty(capacity, np.int32),
         heads=np.empty(2 * capacity, np.int32),
         links=np.empty((2 * capacity, 2), np.int32),
-        counts=np.empty(4, np.int64),
+        counts=np.empty(6, np.int64),
     )
     forget(memory)
     return memory
@@ -75,7 +90,9 @@ def empty_memory(capacity: int = CAPACITY) -> Memory:
 def forget(memory: Memory) -> None:
     """Make the map remember nothing."""
     memory.heads[:] = -1
+    memory.met[:] = (0, NEVER)
     memory.counts[:] = 0
+    memory.counts[VISIT] = 1
 
 
 def living(memory: Memory) -> np.ndarray:
@@ -144,6 +161,8 @@ def add_surface(memory: Memory, surface: np.ndarray, edges: np.ndarray) -> int:
         slot = int(memory.counts[USED])
         memory.counts[USED] += 1
     _write(memory, slot, surface, edges)
+    memory.marks[slot] = memory.counts[VISIT]
+    memory.met_in[slot] = 0
     memory.ids[slot] = memory.counts[NEXT_ID]
     memory.counts[NEXT_ID] += 1
     memory.counts[ALIVE] += 1
@@ -255,7 +274,57 @@ def surfaces_ending_in(memory: Memory, box: np.ndarray) -> np.ndarray:
     return _search_cells(memory, box)
 
 
-STORED = ("surfaces", "edges", "ids", "free", "counts")
+@njit(cache=True, error_model="numpy")
+def meet_again(memory: Memory, slot: int) -> None:
+    """Note that a surface is in view; one of an earlier visit may arouse a suspicion."""
+    visit, now = memory.marks[slot], memory.counts[VISIT]
+    if visit == now:
+        return
+    if memory.met_in[slot] != now:
+        memory.met_in[slot] = now
+        memory.met[visit, 0] += 1
+    if memory.met[visit, 0] > memory.met[visit, 1]:
+        memory.counts[SUSPECT] = visit
+
+
+@njit(cache=True, error_model="numpy")
+def move_visits(memory: Memory, first: int, pose: np.ndarray) -> None:
+    """Move all that was seen in the visits from `first` on: what was at the origin is at `pose`."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    moved = np.empty(4)
+    for slot in range(memory.counts[USED]):
+        if memory.ids[slot] >= 0 and memory.marks[slot] >= first:
+            for end in range(2):
+                x, y = memory.surfaces[slot, 2 * end], memory.surfaces[slot, 2 * end + 1]
+                moved[2 * end] = pose[0] + cos * x - sin * y
+                moved[2 * end + 1] = pose[1] + sin * x + cos * y
+            move_surface(memory, slot, moved, memory.edges[slot])
+
+
+def seen_in_visit(memory: Memory) -> np.ndarray:
+    """(n, 4) float64: the surfaces seen in the present visit, in the map's frame (a copy)."""
+    used = memory.counts[USED]
+    present = (memory.ids[:used] >= 0) & (memory.marks[:used] == memory.counts[VISIT])
+    return np.asarray(memory.surfaces[:used][present])
+
+
+def begin_visit(memory: Memory, needed: np.ndarray) -> None:
+    """Begin a new visit, for which there must be room.
+
+    `needed` (visits + 1,): with more surfaces of a visit met again than this, suspicion arises.
+    """
+    memory.counts[VISIT] += 1
+    arouse_from(memory, needed)
+
+
+def arouse_from(memory: Memory, needed: np.ndarray) -> None:
+    """Count the surfaces met again anew; `needed` is as for `begin_visit`."""
+    memory.met[: len(needed), 0] = 0
+    memory.met[: len(needed), 1] = needed
+    memory.counts[SUSPECT] = 0
+
+
+STORED = ("surfaces", "edges", "ids", "marks", "met_in", "met", "free", "counts")
 """The fields from which a memory can be rebuilt; the grid follows from them."""
 
 
@@ -266,6 +335,9 @@ def stored_memory(memory: Memory) -> dict[str, np.ndarray]:
         "surfaces": memory.surfaces[:used].copy(),
         "edges": memory.edges[:used].copy(),
         "ids": memory.ids[:used].copy(),
+        "marks": memory.marks[:used].copy(),
+        "met_in": memory.met_in[:used].copy(),
+        "met": memory.met[: memory.counts[VISIT] + 1].copy(),
         "free": memory.free[:freed].copy(),
         "counts": memory.counts.copy(),
     }
@@ -295,21 +367,33 @@ def rebuilt_memory(stored: Mapping[str, np.ndarray]) -> Memory:
         InputError: The fields contradict each other.
     """
     ids, counts = stored["ids"], stored["counts"]
-    shapes = {"surfaces": (len(ids), 4), "edges": (len(ids), 2), "counts": (4,)}
+    shapes = {
+        "surfaces": (len(ids), 4),
+        "edges": (len(ids), 2),
+        "marks": (len(ids),),
+        "met_in": (len(ids),),
+        "counts": (6,),
+    }
     for field, shape in shapes.items():
         if stored[field].shape != shape:
             raise InputError(f"memory.{field}", f"shape {shape}", str(stored[field].shape))
     alive = ids >= 0
     expected = [alive.sum(), len(ids) - alive.sum(), counts[NEXT_ID], len(ids)]
-    if counts.tolist() != expected:
+    if counts[:VISIT].tolist() != expected:
         raise InputError("memory.counts", str(expected), str(counts.tolist()))
+    visit, suspect = counts[VISIT:].tolist()
+    if visit < 1 or not 0 <= suspect <= visit or stored["met"].shape != (visit + 1, 2):
+        found = f"{visit}, {suspect} and {stored['met'].shape}"
+        raise InputError("memory.met", "a row for each visit up to the present one", found)
+    if ((stored["marks"][alive] < 1) | (stored["marks"][alive] > visit)).any():
+        raise InputError("memory.marks", f"visits from 1 to {visit}", "others")
     if not np.array_equal(np.sort(stored["free"]), np.flatnonzero(~alive)):
         raise InputError("memory.free", "exactly the slots without a surface", "others")
     if not (np.isfinite(stored["surfaces"]).all(axis=1) == alive).all():
         raise InputError("memory.surfaces", "finite surfaces, NaN in freed slots", "others")
     if len(np.unique(ids[alive])) != alive.sum() or (ids >= counts[NEXT_ID]).any():
         raise InputError("memory.ids", "every id once and below the next", "others")
-    return _filled(stored, max(CAPACITY, len(ids)))
+    return _filled(stored, max(CAPACITY, len(ids), visit + 2))
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,4 +1,4 @@
-"""Where compiled code finds the map and the last view of each of many robots.
+"""Where compiled code finds the map, the last view and the exits of each of many robots.
 
 Robots remember more or less, so that their maps cannot stand in one array. Each has arrays
 of its own, which are exchanged for larger ones as its map grows; a kernel that leads many
@@ -15,21 +15,24 @@ from numba import njit, types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
+from albot_core.albot1.exits import ROOM as EXITS
+from albot_core.albot1.exits import Exits
 from albot_core.albot1.memory import Memory
 from albot_core.albot1.sight import Sight
 
 CAPACITY, ROOM = 0, 1
 """Places in a robot's row of the table: surfaces its map has room for, surfaces its view has
-room for; after them the addresses of its memory's arrays, then of its view's."""
+room for; after them the addresses of its memory's arrays, of its view's, and of its exits'."""
 _MEMORY = 2
 _SIGHT = _MEMORY + len(Memory._fields)
-PLACES = _SIGHT + len(Sight._fields)
+_EXITS = _SIGHT + len(Sight._fields)
+COLUMNS = _EXITS + len(Exits._fields)
 """Length of a row of the table."""
 
 
-def places_of(memory: Memory, sight: Sight) -> Int64[np.ndarray, "places"]:
+def addresses_of(memory: Memory, sight: Sight, exits: Exits) -> Int64[np.ndarray, "columns"]:
     """A robot's row of the table. It holds as long as the arrays live."""
-    addresses = [array.ctypes.data for array in (*memory, *sight)]
+    addresses = [array.ctypes.data for array in (*memory, *sight, *exits)]
     return np.array([len(memory.ids), len(sight.slots), *addresses], np.int64)
 
 
@@ -61,29 +64,42 @@ def _integers(address: int, count: int) -> np.ndarray:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def memory_at(places: np.ndarray) -> Memory:
+def memory_at(table: np.ndarray) -> Memory:
     """The memory whose arrays' addresses stand in a row of the table."""
-    capacity, at = places[CAPACITY], _MEMORY
+    capacity, at = table[CAPACITY], _MEMORY
     return Memory(
-        _numbers(places[at], capacity, 4),
-        _edges(places[at + 1], capacity),
-        _integers(places[at + 2], capacity),
-        carray(pointer(places[at + 3]), (capacity,), np.int32),
-        carray(pointer(places[at + 4]), (2 * capacity,), np.int32),
-        carray(pointer(places[at + 5]), (2 * capacity, 2), np.int32),
-        _integers(places[at + 6], 4),
+        _numbers(table[at], capacity, 4),
+        _edges(table[at + 1], capacity),
+        _integers(table[at + 2], capacity),
+        carray(pointer(table[at + 3]), (capacity,), np.int32),
+        carray(pointer(table[at + 4]), (capacity,), np.int32),
+        carray(pointer(table[at + 5]), (capacity, 2), np.int32),
+        carray(pointer(table[at + 6]), (capacity,), np.int32),
+        carray(pointer(table[at + 7]), (2 * capacity,), np.int32),
+        carray(pointer(table[at + 8]), (2 * capacity, 2), np.int32),
+        _integers(table[at + 9], 6),
     )
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def sight_at(places: np.ndarray) -> Sight:
+def sight_at(table: np.ndarray) -> Sight:
     """The view whose arrays' addresses stand in a row of the table."""
-    room, at = places[ROOM], _SIGHT
+    room, at = table[ROOM], _SIGHT
     return Sight(
-        _numbers(places[at], room, 4),
-        _edges(places[at + 1], room),
-        carray(pointer(places[at + 2]), (room,), np.bool_),
-        _integers(places[at + 3], room),
-        _integers(places[at + 4], 1),
-        carray(pointer(places[at + 5]), (3,), np.float64),
+        _numbers(table[at], room, 4),
+        _edges(table[at + 1], room),
+        carray(pointer(table[at + 2]), (room,), np.bool_),
+        _integers(table[at + 3], room),
+        _integers(table[at + 4], 1),
+        carray(pointer(table[at + 5]), (3,), np.float64),
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def exits_at(table: np.ndarray) -> Exits:
+    """The exits whose arrays' addresses stand in a row of the table."""
+    return Exits(
+        _numbers(table[_EXITS], EXITS, 4),
+        carray(pointer(table[_EXITS + 1]), (5,), np.float64),
+        _integers(table[_EXITS + 2], 2),
     )

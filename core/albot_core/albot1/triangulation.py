@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from albot_core.albot1.config import Limits
-from albot_core.albot1.memory import Memory
+from albot_core.albot1.memory import Memory, meet_again
 from albot_core.albot1.outlook import beside, remembered_nearby, seen_before, seen_now
 from albot_core.albot1.recognition import wrap
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
@@ -29,6 +29,9 @@ POINT_DOUBT, LINE_DOUBT = 0.15, 0.10
 """Residuals (m) at which a point and a wall count half (Cauchy weights)."""
 ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""
+
+FEWEST_TELLING = 5
+"""With fewer surfaces in view nothing is said of how familiar it is."""
 
 POINT, SIDE, LINE = 0, 1, 2
 """Columns of `matches`: the row of `expected` recognised by an end, which end, and the row
@@ -120,7 +123,7 @@ def _pull_point(
 
 
 @njit(cache=True, error_model="numpy")
-def _pull_line(
+def pull_line(
     seen: np.ndarray,
     wall: np.ndarray,
     correction: np.ndarray,
@@ -148,7 +151,7 @@ def _pull_line(
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _solve(normal: np.ndarray, slope: np.ndarray, step: np.ndarray) -> None:
+def solve(normal: np.ndarray, slope: np.ndarray, step: np.ndarray) -> None:
     """Solve the symmetric 3 x 3 system (upper triangle given) by Cholesky's method."""
     a = np.sqrt(normal[0, 0])
     b, c = normal[0, 1] / a, normal[0, 2] / a
@@ -188,8 +191,8 @@ def _adjust(
                 _pull_point(side, seen[k], wall, correction, cos, sin, normal, slope)
             if matches[k, LINE] >= 0:
                 wall = expected[matches[k, LINE]]
-                _pull_line(seen[k], wall, correction, cos, sin, normal, slope)
-        _solve(normal, slope, step)
+                pull_line(seen[k], wall, correction, cos, sin, normal, slope)
+        solve(normal, slope, step)
         for i in range(3):
             correction[i] += step[i]
 
@@ -197,10 +200,11 @@ def _adjust(
 @njit(cache=True, error_model="numpy")
 def triangulate(
     memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
-) -> int:
+) -> tuple[int, float]:
     """Move `current.pose` from where the odometer says to where the remembered surfaces say.
 
-    Sets `current.slots` for the landmarks recognised there and returns their number.
+    Sets `current.slots` for the landmarks recognised there; returns their number, and which
+    share of the view's surfaces was recognised at all, 1 where there are too few to tell.
     """
     which, seen_edges, seen = seen_now(current, limits)
     edges, expected = seen_before(previous, motion, limits)
@@ -217,11 +221,17 @@ def triangulate(
 
     for k in range(current.size[0]):
         current.slots[k] = NOT_RECOGNIZED
+    familiar = 0
     for k in range(seen.shape[0]):
         if matches[k, POINT] >= 0:
             current.slots[which[k]] = slots[matches[k, POINT]]
+        which_row = matches[k, LINE] if matches[k, LINE] >= 0 else matches[k, POINT]
+        if which_row >= 0:
+            familiar += 1
+            meet_again(memory, slots[which_row])
     cos, sin = np.cos(current.pose[2]), np.sin(current.pose[2])
     current.pose[0] += cos * correction[0] - sin * correction[1]
     current.pose[1] += sin * correction[0] + cos * correction[1]
     current.pose[2] = wrap(current.pose[2] + correction[2])
-    return int(recognized)
+    telling = seen.shape[0] >= FEWEST_TELLING
+    return int(recognized), familiar / seen.shape[0] if telling else 1.0

@@ -7,8 +7,10 @@ from numba import njit
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.memory import (
+    VISIT,
     Memory,
     add_surface,
+    meet_again,
     move_surface,
     remove_surface,
     surfaces_ending_in,
@@ -172,6 +174,28 @@ def _cut(
 
 
 @njit(cache=True, error_model="numpy")
+def _look_whose(
+    memory: Memory,
+    slot: int,
+    laid: np.ndarray,
+    nothing: np.ndarray,
+    limits: Limits,
+    covered: bool,
+) -> None:
+    """Before a covered surface goes, see to which visit it belongs, if the view has it too.
+
+    This is how a familiar place is suspected (section 4.1.2).
+    """
+    old = memory.surfaces[slot]
+    if not covered or memory.marks[slot] == memory.counts[VISIT]:
+        return
+    if length_of(old) < limits.landmark_length:
+        return
+    if _counterpart(old, laid, nothing, limits) >= 0:
+        meet_again(memory, slot)
+
+
+@njit(cache=True, error_model="numpy")
 def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
     """Algorithm 3: lay the view, seen from `sight.pose`, over the map.
 
@@ -188,11 +212,13 @@ def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
     box = box_around(polygon, limits.margin)
     slots = np.empty(count, np.int64)
     taken = np.zeros(count, np.bool_)
+    nothing = np.zeros(count, np.bool_)
     changed, edges = np.empty(4), np.empty(2, np.int8)
     for slot in surfaces_ending_in(memory, box):
         old = memory.surfaces[slot]
         first = is_covered(polygon, box, limits.margin, old[0], old[1])
         second = is_covered(polygon, box, limits.margin, old[2], old[3])
+        _look_whose(memory, slot, laid, nothing, limits, first or second)
         if first and second:  # Alg. 3, line 9
             remove_surface(memory, slot)
         elif first or second:  # Alg. 3, line 11
@@ -212,6 +238,7 @@ def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
                 # The end in view is no longer the end in the map.
                 sight.edges[k, outer] = NO_EDGE
             move_surface(memory, slot, changed, edges)
+            memory.marks[slot] = memory.counts[VISIT]
             slots[k] = slot
             taken[k] = True
     for k in range(count):  # Alg. 3, line 15

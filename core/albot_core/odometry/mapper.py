@@ -18,6 +18,7 @@ from albot_core.geometry.poses import compose, inverse, relative, transform_segm
 from albot_core.geometry.types import Pose, Segments
 from albot_core.perception.reading import Reading
 from albot_core.perception.view import ViewConfig, construct_view
+from albot_core.topology.network import NOWHERE, Network
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +69,26 @@ class OdometryMapper:
     def home(self) -> Pose:
         """Where home is by the odometer, in the robot's present frame."""
         return inverse(self._pose)
+
+    @property
+    def exits(self) -> Segments:
+        """None: it knows no exits."""
+        return np.empty((0, 4))
+
+    @property
+    def network(self) -> Network:
+        """Empty: it knows no places."""
+        return NOWHERE
+
+    @property
+    def exits_home(self) -> Segments:
+        """None: it knows no exits."""
+        return np.empty((0, 4))
+
+    @property
+    def is_lost(self) -> bool:
+        """Never: it believes its odometer."""
+        return False
 
     @property
     def updates(self) -> int:

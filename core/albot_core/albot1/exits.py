@@ -1,0 +1,281 @@
+"""Exits seen and remembered in the perceptual map, and the event of crossing one.
+
+An exit is a gap of doorway size, about 1 m (thesis, section 4.1.1). The thesis does not say
+how a gap is found in a view; here it is where a wall ends, another begins, and all that is
+seen between the two is farther than the straight line from the one to the other.
+
+Exits are part of the transient map: each is remembered where it was last seen, and what a
+later view shows to be shut is forgotten. Compiled, for many robots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from albot_core.albot1.config import Limits
+from albot_core.albot1.recognition import length_of
+from albot_core.albot1.sight import Sight
+from albot_core.errors import InputError
+from albot_core.perception.surfaces import CORNER, OCCLUDING
+
+ROOM = 48
+"""Exits that a robot remembers; the farthest is forgotten for a new one."""
+REACH = 6.0
+"""Gaps farther away are not looked at (m): there a beam is 10 cm from the next."""
+JAMB = 0.35
+"""A surface this short at a gap's side may be the wall's face in the gap (m)."""
+WALL = 0.25
+"""A wall beside a gap is at least this long (m)…"""
+ASLANT = np.radians(30.0)
+"""…and turned no more than this from the line across the gap (rad)."""
+SAME = 0.6
+"""Exits whose middles are nearer than this are one (m)."""
+THROUGH = 0.3
+"""A robot has crossed an exit once it is this far beyond its line (m)."""
+
+NO_GATE, GATE = 0, 1
+"""In `Exits.counts[1]`: whether the robot stands in an exit whose line it has passed."""
+
+
+class Exits(NamedTuple):
+    """The arrays of the exits that one robot remembers."""
+
+    lines: np.ndarray
+    """(ROOM, 4) float64: their ends x1, y1, x2, y2 in the map's frame (m)."""
+    gate: np.ndarray
+    """(5,) float64: the exit whose line the robot has passed, and from which side (-1, 1)."""
+    counts: np.ndarray
+    """(2,) int64: how many exits are remembered; NO_GATE or GATE."""
+
+
+def no_exits() -> Exits:
+    """The exits of a robot that has seen none."""
+    return Exits(np.zeros((ROOM, 4)), np.zeros(5), np.zeros(2, np.int64))
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _beyond(px: float, py: float, qx: float, qy: float, x: float, y: float) -> float:
+    """How far a point is to the left of the line from p to q (m)."""
+    dx, dy = qx - px, qy - py
+    return float((dx * (y - py) - dy * (x - px)) / np.sqrt(dx * dx + dy * dy))
+
+
+@njit(cache=True, error_model="numpy")
+def _runs_along(surface: np.ndarray, dx: float, dy: float) -> bool:
+    """Whether a surface is a wall that runs along the direction (dx, dy)."""
+    ux, uy = surface[2] - surface[0], surface[3] - surface[1]
+    length = np.sqrt(ux * ux + uy * uy)
+    along = abs(ux * dx + uy * dy) / (length * np.sqrt(dx * dx + dy * dy))
+    return bool(length >= WALL and along >= np.cos(ASLANT))
+
+
+@njit(cache=True, error_model="numpy")
+def _wall_at(sight: Sight, k: int, side: int) -> int:
+    """The wall whose end a gap begins at, past the face that the wall has in the gap."""
+    beside = k - 1 if side == 0 else k + 1
+    is_corner = 0 <= beside < sight.size[0] and sight.edges[k, side] == CORNER
+    return beside if is_corner and length_of(sight.surfaces[k]) < JAMB else k
+
+
+@njit(cache=True, error_model="numpy")
+def _opens(sight: Sight, i: int, j: int) -> bool:
+    """Whether there may be a gap between the surfaces i and j: the one hides what is behind."""
+    right, left = sight.edges[i, 1] == OCCLUDING, sight.edges[j, 0] == OCCLUDING
+    return bool(right or left if j == i + 1 else right and left)
+
+
+@njit(cache=True, error_model="numpy")
+def _is_exit(sight: Sight, i: int, j: int, line: np.ndarray, limits: Limits) -> bool:
+    """Whether the gap between the surfaces i and j is an exit; `line` (4,) then runs across."""
+    right, left = _wall_at(sight, i, 0), _wall_at(sight, j, 1)
+    px, py = sight.surfaces[right, 2], sight.surfaces[right, 3]
+    qx, qy = sight.surfaces[left, 0], sight.surfaces[left, 1]
+    dx, dy = qx - px, qy - py
+    width = np.sqrt(dx * dx + dy * dy)
+    if width < limits.exit_least or width > limits.exit_most or px * px + py * py > REACH**2:
+        return False
+    if _beyond(px, py, qx, qy, 0.0, 0.0) < 0.0:
+        return False
+    for k in range(i + 1, j):
+        for end in range(2):
+            x, y = sight.surfaces[k, 2 * end], sight.surfaces[k, 2 * end + 1]
+            if _beyond(px, py, qx, qy, x, y) > -0.05:
+                return False
+    line[0], line[1], line[2], line[3] = px, py, qx, qy
+    walls = sight.surfaces
+    return bool(_runs_along(walls[right], dx, dy) and _runs_along(walls[left], dx, dy))
+
+
+@njit(cache=True, error_model="numpy")
+def find_exits(sight: Sight, limits: Limits, lines: np.ndarray) -> int:
+    """Write the exits in view into `lines` (n, 4), in the robot's frame; return how many.
+
+    An exit runs from the end of one surface to the beginning of a later one, right to left
+    as the robot sees it, so that the robot is to its left.
+    """
+    found = 0
+    for i in range(sight.size[0] - 1):
+        for j in range(i + 1, sight.size[0]):
+            if found == lines.shape[0]:
+                return found
+            if _opens(sight, i, j) and _is_exit(sight, i, j, lines[found], limits):
+                found += 1
+                break
+    return found
+
+
+@njit(cache=True, error_model="numpy")
+def _forget(exits: Exits, k: int) -> None:
+    last = exits.counts[0] - 1
+    for i in range(4):
+        exits.lines[k, i] = exits.lines[last, i]
+    exits.counts[0] = last
+
+
+@njit(cache=True, error_model="numpy")
+def _nearest(exits: Exits, x: float, y: float) -> tuple[int, float]:
+    """The remembered exit with its middle nearest to a point, and how near (m)."""
+    best, which = np.inf, -1
+    for k in range(exits.counts[0]):
+        dx = 0.5 * (exits.lines[k, 0] + exits.lines[k, 2]) - x
+        dy = 0.5 * (exits.lines[k, 1] + exits.lines[k, 3]) - y
+        square = dx * dx + dy * dy
+        if square < best:
+            best, which = square, k
+    return which, np.sqrt(best)
+
+
+@njit(cache=True, error_model="numpy")
+def _farthest(exits: Exits, x: float, y: float) -> int:
+    best, which = -1.0, 0
+    for k in range(exits.counts[0]):
+        dx, dy = exits.lines[k, 0] - x, exits.lines[k, 1] - y
+        if dx * dx + dy * dy > best:
+            best, which = dx * dx + dy * dy, k
+    return which
+
+
+@njit(cache=True, error_model="numpy")
+def crosses(line: np.ndarray, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Whether the way from a to b passes a line between its ends."""
+    dx, dy = line[2] - line[0], line[3] - line[1]
+    before = dx * (ay - line[1]) - dy * (ax - line[0])
+    after = dx * (by - line[1]) - dy * (bx - line[0])
+    if (before > 0.0) == (after > 0.0):
+        return False
+    ex, ey = bx - ax, by - ay
+    first = ex * (line[1] - ay) - ey * (line[0] - ax)
+    second = ex * (line[3] - ay) - ey * (line[2] - ax)
+    return bool((first > 0.0) != (second > 0.0))
+
+
+@njit(cache=True, error_model="numpy")
+def _is_shut(line: np.ndarray, sight: Sight, cos: float, sin: float) -> bool:
+    """Whether a surface of the view stands across the middle half of a remembered exit."""
+    ax, ay = 0.75 * line[0] + 0.25 * line[2], 0.75 * line[1] + 0.25 * line[3]
+    bx, by = 0.25 * line[0] + 0.75 * line[2], 0.25 * line[1] + 0.75 * line[3]
+    px, py = ax - sight.pose[0], ay - sight.pose[1]
+    qx, qy = bx - sight.pose[0], by - sight.pose[1]
+    seen = np.empty(4)
+    seen[0], seen[1] = cos * px + sin * py, cos * py - sin * px
+    seen[2], seen[3] = cos * qx + sin * qy, cos * qy - sin * qx
+    for k in range(sight.size[0]):
+        wall = sight.surfaces[k]
+        if crosses(seen, wall[0], wall[1], wall[2], wall[3]):
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def remember_exits(exits: Exits, sight: Sight, limits: Limits) -> None:
+    """Remember the exits in view where they are seen now, and forget those seen to be shut."""
+    pose = sight.pose
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    k = 0
+    while k < exits.counts[0]:
+        line = exits.lines[k]
+        dx, dy = line[0] - pose[0], line[1] - pose[1]
+        if dx * dx + dy * dy < REACH * REACH and _is_shut(line, sight, cos, sin):
+            _forget(exits, k)
+        else:
+            k += 1
+    seen = np.empty((16, 4))
+    placed = np.empty(4)
+    for k in range(find_exits(sight, limits, seen)):
+        for end in range(2):
+            x, y = seen[k, 2 * end], seen[k, 2 * end + 1]
+            placed[2 * end] = pose[0] + cos * x - sin * y
+            placed[2 * end + 1] = pose[1] + sin * x + cos * y
+        x, y = 0.5 * (placed[0] + placed[2]), 0.5 * (placed[1] + placed[3])
+        which, away = _nearest(exits, x, y)
+        if away >= SAME:
+            if exits.counts[0] == exits.lines.shape[0]:
+                _forget(exits, _farthest(exits, pose[0], pose[1]))
+            which = exits.counts[0]
+            exits.counts[0] += 1
+        for i in range(4):
+            exits.lines[which, i] = placed[i]
+
+
+@njit(cache=True, error_model="numpy")
+def cross_exit(exits: Exits, ax: float, ay: float, pose: np.ndarray) -> bool:
+    """Whether on the way from (ax, ay) to `pose` the robot got through an exit.
+
+    Its line is then in `exits.gate`. A robot that has passed the line is through only when
+    it is THROUGH beyond it, so that one that dithers in a doorway does not cross it often.
+    """
+    x, y = pose[0], pose[1]
+    gate = exits.gate
+    if exits.counts[1] == NO_GATE:
+        nearest = np.inf
+        for k in range(exits.counts[0]):
+            line = exits.lines[k]
+            if crosses(line, ax, ay, x, y):
+                dx, dy = 0.5 * (line[0] + line[2]) - x, 0.5 * (line[1] + line[3]) - y
+                if dx * dx + dy * dy < nearest:
+                    nearest = dx * dx + dy * dy
+                    for i in range(4):
+                        gate[i] = line[i]
+                    side = _beyond(line[0], line[1], line[2], line[3], ax, ay)
+                    gate[4] = 1.0 if side > 0.0 else -1.0
+                    exits.counts[1] = GATE
+        if exits.counts[1] == NO_GATE:
+            return False
+    beyond = -gate[4] * _beyond(gate[0], gate[1], gate[2], gate[3], x, y)
+    if abs(beyond) < THROUGH:
+        return False
+    exits.counts[1] = NO_GATE
+    return bool(beyond > 0.0)
+
+
+def stored_exits(exits: Exits) -> dict[str, np.ndarray]:
+    """Copies of the fields, as far as they are in use."""
+    return {
+        "lines": exits.lines[: exits.counts[0]].copy(),
+        "gate": exits.gate.copy(),
+        "counts": exits.counts.copy(),
+    }
+
+
+def rebuilt_exits(stored: Mapping[str, np.ndarray]) -> Exits:
+    """The exits with the given fields.
+
+    Raises:
+        InputError: The fields contradict each other.
+    """
+    exits = no_exits()
+    lines, counts = stored["lines"], stored["counts"]
+    if counts.shape != (2,) or counts.tolist() not in ([len(lines), 0], [len(lines), 1]):
+        raise InputError("exits.counts", f"{len(lines)} and 0 or 1", str(counts.tolist()))
+    if len(lines) > ROOM or lines.shape[1:] != (4,) or stored["gate"].shape != (5,):
+        found = f"{lines.shape} and {stored['gate'].shape}"
+        raise InputError("exits.lines", f"shapes (up to {ROOM}, 4) and (5,)", found)
+    if not (np.isfinite(lines).all() and np.isfinite(stored["gate"]).all()):
+        raise InputError("exits.lines", "finite numbers", "NaN or infinity")
+    exits.lines[: len(lines)] = lines
+    exits.gate[:], exits.counts[:] = stored["gate"], counts
+    return exits

@@ -1,0 +1,1 @@
+"""Networks of places: what mapping systems that know places have in common."""
