@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Callable
 
 from albot_agents.agent import Agent
-from albot_agents.scripted.gap_explorer import GapExplorer, GapExplorerConfig
+from albot_agents.scripted.gap_explorer import GapExplorerAgent
 from albot_agents.scripted.wanderer import Wanderer
 from albot_core.errors import InputError
 from albot_env.tasks.observation import ObservationConfig
@@ -15,7 +15,7 @@ USUAL = ObservationConfig()
 """How the environments make observations with the sensors that they have by default."""
 
 _MAKERS: dict[str, Callable[[ObservationConfig], Agent]] = {
-    GapExplorer.name: lambda observing: GapExplorer(GapExplorerConfig(observations=observing)),
+    GapExplorerAgent.name: GapExplorerAgent,
     Wanderer.name: lambda _: Wanderer(),
 }
 

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
-from jaxtyping import Float64
+from jaxtyping import Bool, Float32, Float64
 
 from albot_core.errors import InputError
 from albot_core.ranges import POSITIVE, check_fields
 
-_EXPECTED = "2 numbers in [-1, 1] (speed, turn rate)"
+Numbers = Float64[np.ndarray, "robots numbers"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ActionConfig:
     """Speed and turn rate that actions of 1 ask for."""
+
+    names: ClassVar[tuple[str, ...]] = ("speed", "turn rate")
+    """What the numbers of an action are."""
 
     speed: float = 1.0
     """Speed at 1 (m/s); as fast backwards at -1."""
@@ -25,56 +28,81 @@ class ActionConfig:
     """Turn rate at 1, counter-clockwise (rad/s); clockwise at -1."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, *vars(self))
+        check_fields(self, POSITIVE, "speed", "turn_rate")
 
     @property
     def space(self) -> spaces.Box:
-        """The space of actions: speed, turn rate."""
-        return spaces.Box(-1, 1, (2,), np.float32)
+        """The space of actions, whose numbers are `names`."""
+        return spaces.Box(-1, 1, (len(self.names),), np.float32)
 
-    def command(self, action: Any, environment: str) -> Float64[np.ndarray, "1 2"]:
-        """Speed (m/s) and turn rate (rad/s) that an action asks for, in a batch of one.
+    def single(self, action: Any, environment: str) -> Numbers:
+        """An action as a batch of one.
 
         Args:
-            action: Two numbers in [-1, 1].
+            action: As many numbers in [-1, 1] as there are `names`.
             environment: Id of the environment, for the error.
 
         Raises:
             InputError: The action has another shape, is not finite or out of range. It is
                 never clipped in silence: an agent that asks for more is told.
         """
-        numbers = _numbers(action, (2,), environment)
+        numbers = self._numbers(action, (len(self.names),), environment)
         if not (np.abs(numbers) <= 1).all():
-            raise InputError(environment, _EXPECTED, str(numbers.tolist()), place="action")
-        return numbers.reshape(1, 2) * (self.speed, self.turn_rate)
+            raise InputError(environment, self._expected, str(numbers.tolist()), place="action")
+        return numbers[np.newaxis]
 
-    def commands(
-        self, actions: Any, count: int, environment: str
-    ) -> Float64[np.ndarray, "environments 2"]:
-        """Speeds (m/s) and turn rates (rad/s) that the actions of a batch ask for.
+    def batch(self, actions: Any, count: int, environment: str) -> Numbers:
+        """The actions of a batch of so many.
 
         Raises:
-            InputError: As for `command`; it names the first environment that is wrong.
+            InputError: As for `single`; it names the first environment that is wrong.
         """
-        numbers = _numbers(actions, (count, 2), environment)
+        numbers = self._numbers(actions, (count, len(self.names)), environment)
         right = (np.abs(numbers) <= 1).all(axis=1)
         if not right.all():
             wrong = int(np.argmin(right))
             found = str(numbers[wrong].tolist())
-            raise InputError(environment, _EXPECTED, found, place=f"action of environment {wrong}")
-        return numbers * (self.speed, self.turn_rate)
+            place = f"action of environment {wrong}"
+            raise InputError(environment, self._expected, found, place=place)
+        return numbers
+
+    def commands(self, numbers: Numbers) -> Float64[np.ndarray, "robots 2"]:
+        """The speeds (m/s) and turn rates (rad/s) that actions ask for."""
+        return numbers[:, :2] * (self.speed, self.turn_rate)
+
+    def shares(self, command: Float64[np.ndarray, "2"]) -> Float32[np.ndarray, "2"]:
+        """The numbers that ask for a speed (m/s) and a turn rate (rad/s), or as near as may be."""
+        shares = command / (self.speed, self.turn_rate)
+        return np.asarray(np.clip(shares, -1, 1), np.float32)
+
+    @property
+    def _expected(self) -> str:
+        return f"{len(self.names)} numbers in [-1, 1] ({', '.join(self.names)})"
+
+    def _numbers(self, action: Any, shape: tuple[int, ...], environment: str) -> np.ndarray:
+        """An action as numbers of the shape wanted."""
+        expected = self._expected if len(shape) == 1 else f"{self._expected} for each of {shape[0]}"
+        try:
+            numbers = np.asarray(action)
+            if np.iscomplexobj(numbers):
+                raise TypeError
+            numbers = numbers.astype(np.float64)
+        except (TypeError, ValueError):
+            raise InputError(environment, expected, repr(action), place="action") from None
+        if numbers.shape != shape:
+            raise InputError(environment, expected, f"shape {numbers.shape}", place="action")
+        return numbers
 
 
-def _numbers(action: Any, shape: tuple[int, ...], environment: str) -> np.ndarray:
-    """An action as numbers of the shape wanted."""
-    expected = _EXPECTED if len(shape) == 1 else f"{_EXPECTED} for each of {shape[0]}"
-    try:
-        numbers = np.asarray(action)
-        if np.iscomplexobj(numbers):
-            raise TypeError
-        numbers = numbers.astype(np.float64)
-    except (TypeError, ValueError):
-        raise InputError(environment, expected, repr(action), place="action") from None
-    if numbers.shape != shape:
-        raise InputError(environment, expected, f"shape {numbers.shape}", place="action")
-    return numbers
+@dataclass(frozen=True, kw_only=True)
+class DeclaringActionConfig(ActionConfig):
+    """The same, and a third number that declares something."""
+
+    names: ClassVar[tuple[str, ...]] = ("speed", "turn rate", "declare")
+
+    threshold: float = 0.5
+    """A third number above this declares."""
+
+    def declares(self, numbers: Numbers) -> Bool[np.ndarray, "robots"]:
+        """Which actions declare."""
+        return np.asarray(numbers[:, 2] > self.threshold)

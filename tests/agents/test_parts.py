@@ -9,21 +9,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from albot_agents.scripted.braking_kernels import least_distance
-from albot_agents.scripted.gaps import find_gaps
-from albot_agents.scripted.patience import Patience
-from albot_agents.scripted.prospects import Prospects
-from albot_agents.scripted.senses import Senses, make_sense
-from albot_agents.scripted.sketch import Sketch
-from albot_agents.scripted.sketch_kernels import BLOCKED, FREE, flood, straight_is_free
-from albot_agents.scripted.steering import (
+from albot_agents.scripted.senses import make_sense
+from albot_core.errors import InputError
+from albot_core.exploration.braking_kernels import least_distance
+from albot_core.exploration.gaps import find_gaps
+from albot_core.exploration.patience import Patience
+from albot_core.exploration.prospects import Prospects
+from albot_core.exploration.senses import Senses
+from albot_core.exploration.sketch import Sketch
+from albot_core.exploration.sketch_kernels import BLOCKED, FREE, flood, straight_is_free
+from albot_core.exploration.steering import (
     DIRECTIONS,
     SteeringConfig,
     free_way,
     hold_back,
     steer,
 )
-from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
 from albot_core.perception.reading import LaserGeometry
 from albot_env.sim import RayCaster

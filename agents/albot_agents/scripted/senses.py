@@ -1,45 +1,13 @@
-"""What a scripted agent makes of an observation: ranges, a believed pose, its last motion."""
+"""What a scripted agent makes of an observation."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
-from albot_core.geometry.poses import inverse, transform_points
-from albot_core.geometry.types import Points, Pose
-from albot_core.perception.reading import LaserGeometry
+from albot_core.exploration.senses import Senses
 from albot_env.tasks.observation import ObservationConfig
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Senses:
-    """One observation in metres and radians, in the robot's frame."""
-
-    ranges: Float64[np.ndarray, "beams"]
-    """Distance along every beam (m), the longest range where nothing was."""
-    laser: LaserGeometry
-    """Where the beams point."""
-    pose: Pose
-    """Where the robot believes to be; home is the origin."""
-    motion: Pose
-    """How the robot moved in the last step, by its odometer."""
-
-    @cached_property
-    def points(self) -> Float64[np.ndarray, "beams 2"]:
-        """Where the beams end (m)."""
-        return np.asarray(self.ranges[:, None] * self.laser.directions + self.laser.mount[:2])
-
-    def to_map(self, points: Points) -> Points:
-        """Points seen from the robot as points of the map (m)."""
-        return transform_points(self.pose, points)
-
-    def to_robot(self, points: Points) -> Points:
-        """Points of the map as seen from the robot (m)."""
-        return transform_points(inverse(self.pose), points)
 
 
 def make_sense(observation: Any, config: ObservationConfig) -> Senses:

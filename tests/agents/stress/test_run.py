@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from albot_env.tasks.explore import ExploreEnv
 
 from albot_agents.registry import agent_names
 from albot_agents.stress.plan import Episode
@@ -19,9 +20,8 @@ from albot_agents.stress.run import Outcome, run_episode
 from albot_cli.main import main
 from albot_env.recording.reader import EpisodeReader
 from albot_env.stress.limits import Limits
-from albot_env.tasks import explore
+from albot_env.tasks import single
 from albot_env.tasks.expedition import Expedition
-from albot_env.tasks.explore import ExploreEnv
 from albot_maps import World, load_world, load_worlds
 from albot_maps.generators.spec import KINDS
 
@@ -150,7 +150,7 @@ def lacking(spec: str) -> World:
 def test_a_wall_that_is_not_there_is_seen_through_and_play_shows_the_same(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
-    monkeypatch.setattr(explore, "load_worlds", lambda spec: load_worlds(lacking(spec)))
+    monkeypatch.setattr(single, "load_worlds", lambda spec: load_worlds(lacking(spec)))
     monkeypatch.chdir(tmp_path)
     [violation, *_] = run().violations
     seen = re.search(r"beam (\d+) sees (\S+) m, through a surface at (\S+) m", violation.what)

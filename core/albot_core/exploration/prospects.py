@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float64
 
-from albot_agents.scripted.sketch import Sketch
+from albot_core.exploration.sketch import Sketch
 from albot_core.geometry.types import Pose
 
 

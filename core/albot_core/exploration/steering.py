@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
 
-from albot_agents.agent import Action
-from albot_agents.scripted.braking_kernels import least_distance
+from albot_core.exploration.braking_kernels import least_distance
 from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Pose
 from albot_core.ranges import POSITIVE, check_fields
-from albot_env.tasks.action import ActionConfig
-from albot_maps import ROBOT_RADIUS
+
+Command = Float64[np.ndarray, "2"]
+"""Speed (m/s) and turn rate (rad/s, counter-clockwise)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +28,12 @@ class SteeringConfig:
     """Free way wanted in a direction before it is taken (m)."""
     braking: float = 0.5
     """Deceleration that the speed leaves room for (m/s²)."""
-    actions: ActionConfig = field(default_factory=ActionConfig)
-    """What the environment makes of actions."""
+    body: float = 0.25
+    """The robot's own radius (m)."""
+    speed: float = 1.0
+    """Greatest speed (m/s)."""
+    turn_rate: float = 2.0
+    """Greatest turn rate (rad/s)."""
     creep: float = 0.3
     """Speed past things that are all but touched (m/s)."""
     ease: float = 2.5
@@ -48,7 +52,7 @@ class SteeringConfig:
     """Duration of a step (s)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, *(name for name in vars(self) if name != "actions"))
+        check_fields(self, POSITIVE, *vars(self))
 
 
 _SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
@@ -79,8 +83,8 @@ def steer(
     points: Float64[np.ndarray, "beams 2"],
     target: Float64[np.ndarray, "2"],
     config: SteeringConfig = SteeringConfig(),
-) -> Action:
-    """The action that brings the robot towards `target` without touching anything.
+) -> Command:
+    """The command that brings the robot towards `target` without touching anything.
 
     Of the directions with enough free way it takes the one nearest to the target's, and
     turns on the spot where that is far off or where there is none. All round: one who
@@ -102,28 +106,28 @@ def steer(
         if off.min() <= config.pivot:
             break
     if not open_ways.any():
-        return _action(0.0, np.copysign(config.actions.turn_rate, bearing), config)
+        return _command(0.0, np.copysign(config.turn_rate, bearing), config)
     direction = float(DIRECTIONS[off.argmin()])
     turn_rate = config.gain * direction
     if abs(direction) > config.pivot:
-        return _action(0.0, turn_rate, config)
+        return _command(0.0, turn_rate, config)
     ahead = float(way[len(way) // 2])
     room = min(ahead, distance + 0.2)
     speed = min(
-        config.actions.speed,
+        config.speed,
         float(np.sqrt(2 * config.braking * room)),
-        config.creep + config.ease * max(0.0, float(away.min()) - ROBOT_RADIUS),
+        config.creep + config.ease * max(0.0, float(away.min()) - config.body),
     )
-    return _action(speed * np.cos(direction) ** 2, turn_rate, config)
+    return _command(speed * np.cos(direction) ** 2, turn_rate, config)
 
 
 def hold_back(
-    action: Action,
+    command: Command,
     points: Float64[np.ndarray, "beams 2"],
     motion: Pose,
     config: SteeringConfig = SteeringConfig(),
-) -> Action:
-    """The action, or one near it after which the robot can still stop before all that is in view.
+) -> Command:
+    """The command, or one near it after which the robot can still stop before all it sees.
 
     After the dynamic window of Fox, Burgard and Thrun (The dynamic window approach to
     collision avoidance, IEEE Robotics & Automation Magazine 4(1), 1997): commands from
@@ -131,24 +135,24 @@ def hold_back(
     the turn, which bends the way on which it brakes.
 
     Args:
-        action: What is wanted.
+        command: What is wanted.
         points: Where the laser's beams end (m, robot's frame).
         motion: How the robot moved in the last step.
         config: How closely it may pass, and how it brakes.
     """
     near = points[np.hypot(points[:, 0], points[:, 1]) < _FARTHEST]
     if not len(near):
-        return action
+        return command
     now = motion[0] / config.step, motion[2] / config.step
     held = float(np.hypot(near[:, 0], near[:, 1]).min()) - _SAME
-    enough = min(ROBOT_RADIUS + config.margin, held)
-    best, most = action, -np.inf
+    enough = min(config.body + config.margin, held)
+    best, most = command, -np.inf
     for turning in (1.0, 0.0):
         for share in _SHARES:
-            tried = np.asarray(action * (share, turning), np.float32)
-            command = tried[0] * config.actions.speed, tried[1] * config.actions.turn_rate
+            tried = np.asarray(command * (share, turning))
+            speed, turn_rate = tried.tolist()
             distance = least_distance(
-                near, now, command, config.wheel_base, config.acceleration, config.step
+                near, now, (speed, turn_rate), config.wheel_base, config.acceleration, config.step
             )
             if distance >= enough:
                 return tried
@@ -157,6 +161,6 @@ def hold_back(
     return best
 
 
-def _action(speed: float, turn_rate: float, config: SteeringConfig) -> Action:
-    shares = np.array((speed / config.actions.speed, turn_rate / config.actions.turn_rate))
-    return np.asarray(np.clip(shares, -1, 1), np.float32)
+def _command(speed: float, turn_rate: float, config: SteeringConfig) -> Command:
+    limits = np.array((config.speed, config.turn_rate))
+    return np.asarray(np.clip((speed, turn_rate), -limits, limits))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_agents.agent import Action
+from albot_core.exploration.steering import Command
 from albot_core.geometry.types import Pose
 
 
@@ -43,11 +43,11 @@ class Patience:
     def recover(self, rng: np.random.Generator) -> None:
         """Turn for a while, to a side drawn at random."""
         self._recovering = self._RECOVERY_STEPS
-        self._spin = float(rng.choice((-0.5, 0.5)))
+        self._spin = float(rng.choice((-1.0, 1.0)))
 
-    def recovery(self) -> Action | None:
-        """The next action of turning away; None when done."""
+    def recovery(self) -> Command | None:
+        """The next command of turning away; None when done."""
         if self._recovering == 0:
             return None
         self._recovering -= 1
-        return np.array((0, self._spin), np.float32)
+        return np.array((0.0, self._spin))

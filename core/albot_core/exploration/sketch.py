@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float64, Int
 
-from albot_agents.scripted.senses import Senses
-from albot_agents.scripted.sketch_kernels import BLOCKED, draw_scan, flood, straight_is_free
+from albot_core.exploration.senses import Senses
+from albot_core.exploration.sketch_kernels import BLOCKED, draw_scan, flood, straight_is_free
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Points, Pose
 from albot_core.ranges import POSITIVE, check_fields

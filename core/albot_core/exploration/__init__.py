@@ -1,0 +1,1 @@
+"""Exploration: where to go next, from what a robot senses and believes alone."""

@@ -1,0 +1,197 @@
+"""The gap explorer: goes to the nearest gap in view behind which the ground is new.
+
+After the exploration of Yeap et al., Autonomous Robot Mapping by Landmark Association
+(2015): the robot moves towards a near gap that is wide enough for it. Gaps and open
+ground that it passes by are remembered, for when there is nothing new in view.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.exploration.gaps import find_gaps
+from albot_core.exploration.patience import Patience
+from albot_core.exploration.prospects import Prospects
+from albot_core.exploration.senses import Senses
+from albot_core.exploration.sketch import Sketch, SketchConfig, Ways
+from albot_core.exploration.steering import Command, SteeringConfig, hold_back, steer
+from albot_core.geometry.poses import wrap_angle
+from albot_core.ranges import POSITIVE, check_fields
+
+
+@dataclass(frozen=True, kw_only=True)
+class GapExplorerConfig:
+    """What the explorer goes for."""
+
+    gap_width: float = 0.6
+    """Narrower openings are no gaps (m): the robot does not fit."""
+    reach: float = 6.5
+    """Gaps and ground farther away are left for later (m)."""
+    clearance: float = 0.4
+    """Ground nearer than this to anything is not gone for (m)."""
+    turn_cost: float = 0.7
+    """Way (m) that a turn of one radian counts as."""
+    chance: float = 0.5
+    """Way (m) up to which chance outweighs nearness: no two tours are the same."""
+    steering: SteeringConfig = field(default_factory=SteeringConfig)
+    """How it gets there."""
+    near: float = 2.0
+    """Ground in view and no farther away than this is covered (m)."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, POSITIVE, "gap_width", "reach", "clearance", "near")
+
+
+class GapExplorer:
+    """Goes from gap to gap, the nearest first, and back to those passed by.
+
+    Args:
+        config: What it goes for.
+    """
+
+    _LOOK_EVERY = 3
+    """Steps between two looks for prospects: the robot moves two hand's breadths meanwhile."""
+    _PLAN_EVERY = 9
+    """Steps between two searches for the way."""
+    _LOOK_ROUND = 1.6
+    """How fast it looks all around (rad/s)."""
+    _FAN = np.radians(6.0)
+    """Angle between the beams along which it looks for open ground (rad)."""
+    _BEHIND = 1.0
+    """How far away (m) it minds things that are out of view."""
+    _SIGHT = 3.0
+    """The farthest stretch (m) that is driven straight at once (Yeap et al.: 3 m)."""
+
+    def __init__(self, config: GapExplorerConfig = GapExplorerConfig()) -> None:
+        self._config = config
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Begin anew, by looking all around."""
+        self._rng = rng
+        self._sketch = Sketch(SketchConfig(near=self._config.near))
+        self._prospects = Prospects()
+        self._patience = Patience()
+        self._goal: Float64[np.ndarray, "2"] | None = None
+        self._route: Float64[np.ndarray, "cells 2"] = np.empty((0, 2))
+        self._steps = 0
+        self._to_turn = 2 * np.pi
+        self._heading: float | None = None
+
+    def command(self, senses: Senses) -> Command:
+        """How to drive next, after what is sensed now."""
+        self._take_in(senses)
+        steering = self._config.steering
+        return hold_back(self._wanted(senses), senses.points, senses.motion, steering)
+
+    def _wanted(self, senses: Senses) -> Command:
+        """The next command but for what the robot must brake for."""
+        if self._to_turn > 0:
+            return np.array((0.0, self._LOOK_ROUND))
+        turning_away = self._patience.recovery()
+        if turning_away is not None:
+            return turning_away
+        self._give_up_where_vain(senses)
+        if self._goal is None or self._steps % self._PLAN_EVERY == 0:
+            self._plan(senses)
+        waypoint = senses.to_robot(self._waypoint(senses))
+        return steer(self._things(senses), waypoint, self._config.steering)
+
+    def _things(self, senses: Senses) -> Float64[np.ndarray, "points 2"]:
+        """What is in view, and what was seen near by but lies behind now (m, robot's frame)."""
+        known = senses.to_robot(self._sketch.obstacles(senses.pose, self._BEHIND))
+        bearings = np.arctan2(known[:, 1], known[:, 0])
+        first, last = senses.laser.bearings[[0, -1]] + senses.laser.mount[2]
+        behind = (bearings < first) | (bearings > last)
+        return np.concatenate((senses.points, known[behind]))
+
+    def _take_in(self, senses: Senses) -> None:
+        """Draw what is in view, note what is worth going to, and how far it has turned."""
+        heading = float(senses.pose[2])
+        if self._heading is not None:
+            self._to_turn -= abs(float(wrap_angle(heading - self._heading)))
+        self._heading = heading
+        self._sketch.draw(senses)
+        if self._steps % self._LOOK_EVERY == 0:
+            self._note_gaps(senses)
+            ground = self._open_ground(senses)
+            self._prospects.note(ground, ground)
+            self._prospects.forget_covered(self._sketch, senses.pose)
+            if self._goal is not None and not self._prospects.holds(self._goal):
+                self._goal = None
+        self._steps += 1
+
+    def _note_gaps(self, senses: Senses) -> None:
+        """Gaps are gone to for the ground that they hide."""
+        config = self._config
+        gaps = find_gaps(senses.points, narrowest=config.gap_width, reach=config.reach)
+        if gaps:
+            centres = np.stack([gap.centre for gap in gaps])
+            hidden = np.stack([gap.beyond(2 * config.clearance) for gap in gaps])
+            centres, hidden = senses.to_map(centres), senses.to_map(hidden)
+            new = ~self._sketch.covered(hidden)
+            self._prospects.note(centres[new], hidden[new])
+
+    def _open_ground(self, senses: Senses) -> Float64[np.ndarray, "places 2"]:
+        """Points in view, on a fan of beams, not covered yet, at which the robot could stand.
+
+        In the map's frame (m).
+        """
+        config, laser = self._config, senses.laser
+        distances = np.arange(1.0, config.reach, 1.0)
+        beams = np.arange(0, laser.beams, max(1, round(self._FAN / laser.spacing)))
+        free = senses.ranges[beams, None] - config.clearance > distances
+        fan = (laser.directions[beams, None] * distances[:, None])[free]
+        fan = fan[~self._sketch.covered(senses.to_map(fan))]
+        apart = fan[:, None] - senses.points
+        clear = (np.hypot(apart[..., 0], apart[..., 1]) > config.clearance).all(axis=1)
+        return senses.to_map(fan[clear])
+
+    def _give_up_where_vain(self, senses: Senses) -> None:
+        """Drop a goal that cannot be come nearer, or that takes too long."""
+        if self._goal is None:
+            return
+        stuck = self._patience.lost(senses.pose)
+        arrived = len(self._route) and np.hypot(*(self._route[-1] - senses.pose[:2])) < 0.3
+        if stuck or arrived:
+            self._prospects.give_up(self._goal)
+            self._goal = None
+        if stuck:
+            self._patience.recover(self._rng)
+
+    def _plan(self, senses: Senses) -> None:
+        """Find the way to the goal anew; choose a goal where there is none or no way to it."""
+        ways = self._sketch.ways(senses.pose)
+        if self._goal is None or not np.isfinite(self._sketch.length(ways, self._goal)):
+            self._goal = self._choose(senses, ways)
+        if self._goal is not None:
+            self._route = self._sketch.route(ways, self._goal)
+
+    def _choose(self, senses: Senses, ways: Ways) -> Float64[np.ndarray, "2"] | None:
+        """The prospect with the shortest way, turns and chance counted in; None if none is left."""
+        config, goals = self._config, self._prospects.goals
+        lengths = np.array([self._sketch.length(ways, goal) for goal in goals])
+        if not np.isfinite(lengths).any():
+            self._prospects.pardon()
+            self._to_turn = 2 * np.pi
+            return None
+        seen = senses.to_robot(goals)
+        turns = np.abs(np.arctan2(seen[:, 1], seen[:, 0]))
+        chances = config.chance * self._rng.random(len(goals))
+        chosen = int((lengths + config.turn_cost * turns + chances).argmin())
+        self._patience.begin(float(lengths[chosen]))
+        return np.array(goals[chosen])
+
+    def _waypoint(self, senses: Senses) -> Float64[np.ndarray, "2"]:
+        """The farthest point of the route that can be gone to straight (m, map frame)."""
+        if not len(self._route):
+            return senses.pose[:2]
+        away = np.hypot(*(self._route - senses.pose[:2]).T)
+        here = int(away.argmin())
+        ahead = np.arange(here, len(self._route))
+        for k in ahead[away[ahead] < self._SIGHT][::-1].tolist():
+            if self._sketch.is_straight(senses.pose, self._route[k]):
+                return np.array(self._route[k])
+        return np.array(self._route[min(here + 2, len(self._route) - 1)])
