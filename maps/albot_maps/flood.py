@@ -6,19 +6,14 @@ still be open, and only the exact `FreeSpace` can tell.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import shapely
 from jaxtyping import Float64
 
 from albot_core.geometry.types import Points, Segments
-from albot_maps.flood_kernel import REACHED, block, fill
+from albot_maps.flood_kernel import REACHED, fill
+from albot_maps.lattice import Lattice
 
-_CELL = 0.1
-"""Distance (m) of the lattice's points on floors of an ordinary size."""
-_MOST_POINTS = 2_000_000
-"""On a larger floor the points lie further apart."""
 _ROUNDING = 1e-9
 """How far (m) inside a room the disc must lie, lest rounding decide."""
 
@@ -39,65 +34,40 @@ class FloodFill:
 
     def __init__(self, walls: Segments, radius: float, start: Float64[np.ndarray, "2"]) -> None:
         self._radius = radius
-        ends = walls.reshape(-1, 2)
-        corner, far = ends.min(axis=0), ends.max(axis=0)
-        self._cell = max(_CELL, float(np.sqrt(np.prod(far - corner) / _MOST_POINTS)))
-        self._corner = corner
-        columns, rows = (int(size) for size in np.ceil((far - corner) / self._cell) + 1)
-        self._state = np.zeros((columns, rows), dtype=np.uint8)
-        column, row = self._nearest(start)
-        if 0 <= column < columns and 0 <= row < rows:
-            self._fill(walls, column * rows + row)
-
-    def _fill(self, walls: Segments, first: int) -> None:
-        """Mark what is reached from the lattice point of a flat index."""
-        columns, rows = self._state.shape
-        clearance = self._radius + self._cell * np.sqrt(0.5)
-        ends = (walls.reshape(-1, 2, 2) - self._corner) / self._cell
-        low = np.maximum(np.ceil(ends.min(axis=1) - clearance / self._cell), 0)
-        high = np.floor(ends.max(axis=1) + clearance / self._cell)
-        high = np.minimum(high, (columns - 1, rows - 1))
-        boxes = np.stack((low, high), axis=2).reshape(-1, 4).astype(np.int64)
+        self._lattice = lattice = Lattice(walls)
+        first = lattice.nearest(start)
+        if first is None:
+            self._state = np.zeros(lattice.shape, np.uint8)
+            return
+        clearance = radius + lattice.cell * np.sqrt(0.5)
+        state = lattice.blocked(clearance)
         # A point may be put on the list by each of its four neighbours.
-        waiting = np.empty(4 * self._state.size + 1, dtype=np.int64)
-        waiting[0] = first
-        x, y = self._corner.tolist()
-        state = self._state.reshape(-1)
-        block(state, rows, walls, boxes, x, y, self._cell, clearance)
+        waiting = np.empty(4 * state.size + 1, dtype=np.int64)
+        rows = lattice.shape[1]
+        waiting[0] = first[0] * rows + first[1]
         fill(state, rows, waiting)
+        self._state = state.reshape(lattice.shape)
 
     def reaches(self, point: Float64[np.ndarray, "2"]) -> bool:
         """Whether the disc's middle surely gets to a point (m)."""
-        column, row = self._nearest(point)
-        columns, rows = self._state.shape
-        inside = 0 <= column < columns and 0 <= row < rows
-        return inside and bool(self._state[column, row] == REACHED)
+        nearest = self._lattice.nearest(point)
+        return nearest is not None and bool(self._state[nearest] == REACHED)
 
     def enters(self, outline: Points) -> bool:
         """Whether the disc surely gets to stand wholly inside an outline (m)."""
+        lattice = self._lattice
         (left, bottom), (right, top) = outline.min(axis=0).tolist(), outline.max(axis=0).tolist()
         if _is_rectangle(outline):
             inset = self._radius + _ROUNDING
-            columns = self._places(0, left + inset, right - inset)
-            rows = self._places(1, bottom + inset, top - inset)
+            columns = lattice.places(0, left + inset, right - inset)
+            rows = lattice.places(1, bottom + inset, top - inset)
             return bool((self._state[columns, rows] == REACHED).any())
         inside = shapely.buffer(shapely.Polygon(outline), -self._radius)
-        columns, rows = self._places(0, left, right), self._places(1, bottom, top)
+        columns, rows = lattice.places(0, left, right), lattice.places(1, bottom, top)
         first = np.array([columns.start, rows.start])
         points = np.argwhere(self._state[columns, rows] == REACHED) + first
-        places = points * self._cell + self._corner
+        places = points * lattice.cell + lattice.corner
         return bool(shapely.contains_xy(inside, places).any())
-
-    def _nearest(self, point: Float64[np.ndarray, "2"]) -> tuple[int, int]:
-        """Column and row of the lattice point nearest to a point (m)."""
-        column, row = np.round((point - self._corner) / self._cell).astype(int)
-        return int(column), int(row)
-
-    def _places(self, axis: int, low: float, high: float) -> slice:
-        """The lattice's columns (axis 0) or rows (axis 1) from `low` to `high` (m)."""
-        begin = float(self._corner[axis])
-        first = max(0, math.ceil((low - begin) / self._cell))
-        return slice(first, max(first, math.floor((high - begin) / self._cell) + 1))
 
 
 def _is_rectangle(outline: Points) -> bool:
