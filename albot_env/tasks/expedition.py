@@ -1,10 +1,13 @@
-"""The expedition: robots that explore, each on its own, all in the same compiled loops.
+"""The expedition: robots that drive and map, each on its own, all in the same compiled loops.
 
 An environment is an expedition of one, a batch one of many: what a robot finds is
-the same to the last bit.
+the same to the last bit. What its steps are worth, a task says that builds on this one.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64
@@ -17,10 +20,10 @@ from albot_env.sim import PIONEER_3DX, Sensors
 from albot_env.sim.crew import FEWEST, Crew
 from albot_env.sim.fleet import Fleet, draw_key
 from albot_env.sim.simulator import CONTROL_STEP, SUBSTEPS
+from albot_env.tasks.action import ActionConfig, Numbers
 from albot_env.tasks.kernels import reckon
 from albot_env.tasks.observation import ObservationConfig
-from albot_env.tasks.reward import ExploreWeights
-from albot_env.tasks.standing import TERMS, appraise, new_standing
+from albot_env.tasks.standing import new_standing, trail
 from albot_env.tasks.survey import Survey
 from albot_env.tasks.survey_kernel import Senses
 from albot_maps import World
@@ -29,39 +32,56 @@ NO_MAPPER = "none"
 """Name of the mapper that is none: the belief is the odometer's, and nothing is remembered."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Equipment:
+    """What the robots of an expedition set out with."""
+
+    mapper: str
+    """Name of the mapper inside each, or `none`."""
+    sensors: Sensors
+    """What each senses with."""
+    movables: bool = True
+    """Whether things move in worlds that have any; if not, they are left out."""
+    threads: int = 1
+    """Threads that share the work; 0 for as many as there are processors. What comes of it is
+    the same with any number."""
+
+
 class Expedition:
-    """Robots that drive, sense, map and look around.
+    """Robots that drive, sense, map and look around, to no end.
 
     Args:
         robots: How many.
-        mapper: Name of the mapper inside each, or `none`.
-        sensors: What each senses with.
+        equipment: What they set out with.
+        actions: What actions ask for.
         observations: How they observe.
-        weights: What the reward's terms are worth.
-        threads: Threads that share the work; 0 for as many as there are processors. What
-            comes of it is the same with any number.
-        movables: Whether things move in worlds that have any; if not, they are left out.
 
     Raises:
         InputError: There is no such mapper.
     """
 
+    task: ClassVar[str] = "Expedition"
+    """Id of the environment."""
+    terms_of_reward: ClassVar[tuple[str, ...]] = ()
+    """The names of the reward's terms."""
+
     def __init__(
         self,
         robots: int,
-        mapper: str,
-        sensors: Sensors,
-        observations: ObservationConfig,
-        weights: ExploreWeights,
-        threads: int = 1,
+        equipment: Equipment,
         *,
-        movables: bool = True,
+        actions: ActionConfig,
+        observations: ObservationConfig,
     ) -> None:
+        mapper, sensors = equipment.mapper, equipment.sensors
+        self.actions = actions
+        """What actions ask for."""
         self._mappers: MapperBatch | None = None
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
+        self._nowhere_ended = np.zeros(robots, np.bool_)
         if mapper != NO_MAPPER:
             self._mappers = make_mappers(mapper, robots)
-        self._crew = Crew(threads)
+        self._crew = Crew(equipment.threads)
         self.geometry = sensors.laser.geometry
         """Where the lasers' beams point."""
         self.sonar = None if sensors.sonar is None else sensors.sonar.geometry
@@ -69,11 +89,14 @@ class Expedition:
         self.observing = observations = observations.fitted(self.geometry, self.sonar)
         """How they observe with these sensors."""
         self._fleet = Fleet(
-            robots, robot=PIONEER_3DX, sensors=sensors, crew=self._crew, movables=movables
+            robots,
+            robot=PIONEER_3DX,
+            sensors=sensors,
+            crew=self._crew,
+            movables=equipment.movables,
         )
         self._survey = Survey(robots, observations, self.geometry)
-        self._standing = new_standing(robots)
-        self._weights = weights.values
+        self._standing = new_standing(robots, len(self.terms_of_reward))
         self._cell_area = observations.coverage.cell**2
         self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
         self._worlds: list[World | None] = [None] * robots
@@ -108,7 +131,11 @@ class Expedition:
 
         The start must be one (see `check_start`).
         """
-        self._fleet.place(row, world, start, draw_key(rng))
+        self._set_out(row, world, start, draw_key(rng))
+
+    def _set_out(self, row: int, world: World, start: Pose, key: int) -> None:
+        """Let a robot set out with an empty map; `key` decides all its noise."""
+        self._fleet.place(row, world, start, key)
         standing = self._standing
         standing.reachable[row] = self._survey.begin(row, world)
         if self._mappers is not None:
@@ -118,6 +145,10 @@ class Expedition:
         self._worlds[row], self.world_names[row] = world, world.name
         standing.starts[row], standing.before[row] = start, start[:2]
         standing.steps[row], standing.path_lengths[row] = 0, 0.0
+
+    def act(self, numbers: Numbers) -> None:
+        """One control step of all robots with these actions."""
+        self.drive(self.actions.commands(numbers))
 
     def drive(self, commands: Float64[np.ndarray, "robots 2"]) -> None:
         """One control step of all robots with speeds (m/s) and turn rates (rad/s)."""
@@ -146,16 +177,33 @@ class Expedition:
         else:
             self._mappers.update(rows, self.readings)
         self._survey.look(rows, senses, self.observations)
-        appraise(
-            rows,
-            self._weights,
-            self._cell_area,
-            CONTROL_STEP,
-            self._fleet.collided,
-            senses,
-            self._survey.findings,
-            self._standing,
-        )
+        self._appraise(rows)
+
+    def _appraise(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Reckon how some stand after a look, and what their step was worth."""
+        trail(rows, self._cell_area, self._senses, self._survey.findings, self._standing)
+
+    @property
+    def ended(self) -> Bool[np.ndarray, "robots"]:
+        """Whose episode is over by what it did."""
+        return self._nowhere_ended
+
+    @property
+    def facts(self) -> dict[str, np.ndarray]:
+        """The truth in numbers, for `info`: a row for each robot."""
+        return {
+            "pose": self.poses,
+            "start": self.starts,
+            "belief": self.beliefs,
+            "position_error": self.position_errors,
+            "rooms_entered": self.rooms_entered,
+            "coverage": self.coverages,
+            "collided": self.collided,
+            "path_length": self.path_lengths,
+            "time": self.times,
+            "updates": self.updates,
+            "surfaces": self.surface_counts,
+        }
 
     @property
     def readings(self) -> Readings:
@@ -214,7 +262,7 @@ class Expedition:
     @property
     def terms(self) -> dict[str, Float64[np.ndarray, "robots"]]:
         """What the last step was worth, by the reward's terms."""
-        return dict(zip(TERMS, self._standing.terms.T, strict=True))
+        return dict(zip(self.terms_of_reward, self._standing.terms.T, strict=True))
 
     @property
     def position_errors(self) -> Float64[np.ndarray, "robots"]:

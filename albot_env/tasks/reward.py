@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_env.tasks.standing import TERMS
+from albot_env.tasks.exploration_kernel import TERMS
 
 
 @dataclass(frozen=True, kw_only=True)

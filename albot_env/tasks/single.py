@@ -1,9 +1,9 @@
-"""`Albot/Explore-v0`: cover a building that was never seen before."""
+"""An environment with one robot: what all tasks have in common."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable
+from typing import Any, Generic, TypedDict, TypeVar
 
 import gymnasium
 import numpy as np
@@ -16,81 +16,58 @@ from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
 from albot_env.rendering.viewer import NullViewer, Viewer
 from albot_env.sim import choose_sensors
-from albot_env.sim.simulator import CONTROL_STEP
-from albot_env.tasks.action import ActionConfig
-from albot_env.tasks.expedition import Expedition
-from albot_env.tasks.observation import ObservationConfig, Parts
-from albot_env.tasks.reward import ExploreWeights
+from albot_env.tasks.expedition import Equipment, Expedition
+from albot_env.tasks.observation import Parts
 from albot_env.tasks.start import choose_start, choose_world
 from albot_maps import World, WorldSet, load_worlds
 
-ENVIRONMENT = "Albot/Explore-v0"
 METADATA: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
 
 Observation = Float32[np.ndarray, "length"] | Parts
+Robots = TypeVar("Robots", bound=Expedition)
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExploreConfig:
-    """What actions ask for, how observations are scaled, and what is rewarded."""
+class Settings(TypedDict, total=False):
+    """What every environment takes by name, single or batched."""
 
-    actions: ActionConfig = field(default_factory=ActionConfig)
-    """What actions ask for."""
-    observations: ObservationConfig = field(default_factory=ObservationConfig)
-    """How observations are scaled, and which ground counts as covered."""
-    weights: ExploreWeights = field(default_factory=ExploreWeights)
-    """What the reward's terms are worth."""
+    mapper: str
+    """Name of the mapper inside, or `none`: the robot only adds up its odometer."""
+    odometer: str
+    """Name of the odometer's preset (`albot_env.sim.ODOMETERS`)."""
+    laser: str
+    """Name of the laser's preset (`LASERS`)."""
+    sonar: str
+    """Name of the sonars' preset (`SONARS`), or `none`."""
+    scenes: str
+    """Name of the camera's preset (`SCENES`), or `none`. Mappers see its scenes; observations
+    do not show them."""
+    observation: str
+    """`flat` or `dict`."""
+    movables: bool
+    """Whether doors, boxes and people move in worlds that have any; if not, they are left out."""
 
 
-class ExploreEnv(gymnasium.Env[Any, Any]):
-    """A robot explores a building with a mapper inside.
+class SingleSettings(Settings, total=False):
+    """What every single environment takes by name."""
 
-    Description:
-        A Pioneer 3-DX with a laser, sonars and a noisy odometer sets out with an empty map. It
-        is to cover as much ground and enter as many rooms as it can. A step is 0.1 s.
+    render_mode: str | None
+    """`human`, `rgb_array` or None."""
 
-    Action space:
-        `Box(-1, 1, (2,), float32)`: speed and turn rate, as shares of `ActionConfig`.
-        Anything else, out of range or not a number, is an `InputError`.
 
-    Observation space:
-        With `observation="dict"` the parts of `ObservationConfig.observe`, by default
-        the same in one row (`ObservationConfig.split` takes it apart). All float32 in
-        [-1, 1]. They are a function of the readings alone.
-
-    Rewards:
-        The sum of the terms of `ExploreWeights`; each stands in `info["reward_terms"]`.
-
-    Starting state:
-        At rest at one of the world's starts, drawn at random;
-        `reset(options={"start": k})` sets out from the k-th, `{"start": (x, y, heading)}`
-        from a pose. With several worlds (`random:office:0..99`) each reset draws one;
-        `{"world": k}` asks for the k-th.
-
-    Episode end:
-        Never by itself; truncated after `max_episode_steps` (6000, ten minutes), which
-        `gymnasium.make` takes.
-
-    Info:
-        The truth, for evaluation: `world` (its name), `pose` and `belief` (m, rad; the
-        belief in the map's frame, which lies at the true start), `position_error` (m),
-        `room` (empty between rooms), `rooms_entered`, `coverage` (share of the reachable
-        ground), `collided`, `path_length` (m), `time` (s), `updates`, `surfaces`,
-        `reward_terms`.
+class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
+    """One robot on an expedition.
 
     Args:
+        gather: Makes the expedition of so many robots with this equipment.
         world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
-        mapper: Name of the mapper inside, or `none`: the robot only adds up its odometer.
-        odometer: Name of the odometer's preset (`albot_env.sim.ODOMETERS`).
-        laser: Name of the laser's preset (`LASERS`).
-        sonar: Name of the sonars' preset (`SONARS`), or `none`.
-        scenes: Name of the camera's preset (`SCENES`), or `none`. Mappers see its scenes;
-            observations do not show them.
-        observation: `flat` or `dict`.
-        movables: Whether doors, boxes and people move in worlds that have any; if not, they
-            are left out.
-        render_mode: `human`, `rgb_array` or None.
-        config: What actions ask for, how observations are scaled, what is rewarded.
+        mapper: See `Settings`, as for all that follow.
+        odometer: …
+        laser: …
+        sonar: …
+        scenes: …
+        observation: …
+        movables: …
+        render_mode: See `SingleSettings`.
 
     Raises:
         InputError: There is no such world, mapper, sensor, observation or render mode; or
@@ -101,7 +78,8 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
 
     def __init__(
         self,
-        world: str | World | WorldSet = "office-ring",
+        gather: Callable[[int, Equipment], Robots],
+        world: str | World | WorldSet,
         *,
         mapper: str = "albot1",
         odometer: str = "pioneer",
@@ -111,26 +89,26 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         observation: str = "flat",
         movables: bool = True,
         render_mode: str | None = None,
-        config: ExploreConfig | None = None,
     ) -> None:
-        if observation not in ("flat", "dict"):
-            raise InputError(ENVIRONMENT, "flat or dict", str(observation), place="observation")
-        self.render_mode = render_mode
-        self._viewer = _open_viewer(render_mode)
         self._worlds = load_worlds(world)
-        self._config = config = config or ExploreConfig()
         self._odometer = odometer
-        sensors = choose_sensors(
-            laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source=ENVIRONMENT
+        equipment = equip(
+            mapper=mapper,
+            odometer=odometer,
+            laser=laser,
+            sonar=sonar,
+            scenes=scenes,
+            movables=movables,
         )
-        self._robot = Expedition(
-            1, mapper, sensors, config.observations, config.weights, movables=movables
-        )
+        self._robot = gather(1, equipment)
+        self._task = task = self._robot.task
+        self.render_mode = render_mode
+        self._viewer = _open_viewer(render_mode, task)
+        self._mapper_name = mapper
+        self._flat = wants_flat(observation, task)
         self.observing = scaling = self._robot.observing
         """How observations are made of readings, with the sensors chosen."""
-        self._mapper_name = mapper
-        self._flat = observation == "flat"
-        self.action_space = config.actions.space
+        self.action_space = self._robot.actions.space
         self.observation_space = scaling.flat_space if self._flat else scaling.dict_space
         self._updates = -1
         self._begun = False
@@ -141,14 +119,14 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Set out anew with an empty map.
+        """Begin a new episode.
 
         Raises:
             InputError: An option is unknown, or the start is none.
         """
         super().reset(seed=seed)
-        world = choose_world(self._worlds, self.np_random, options or {}, ENVIRONMENT)
-        start = choose_start(world, self.np_random, options or {}, ENVIRONMENT)
+        world = choose_world(self._worlds, self.np_random, options or {}, self._task)
+        start = choose_start(world, self.np_random, options or {}, self._task)
         self._robot.check_start(world, start)
         self._robot.begin(0, world, start, self.np_random)
         self._robot.turn_page()
@@ -168,19 +146,20 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         """Drive for 0.1 s.
 
         Raises:
-            InputError: The action is not two numbers in [-1, 1].
+            InputError: The action is not as many numbers in [-1, 1] as the action space wants.
         """
         if not self._begun:
-            raise gymnasium.error.ResetNeeded(f"{ENVIRONMENT}: reset before the first step")
+            raise gymnasium.error.ResetNeeded(f"{self._task}: reset before the first step")
         robot = self._robot
-        robot.drive(self._config.actions.command(action, ENVIRONMENT))
+        robot.act(robot.actions.single(action, self._task))
         robot.look()
         if self._trace is not None:
             moment = self._moment(np.array(action, np.float64))
             self._trace.add(moment)
             self.recorder.add(moment)
             self._show()
-        return self._observe(), float(robot.rewards[0]), False, False, self._info()
+        reward, ended = float(robot.rewards[0]), bool(robot.ended[0])
+        return self._observe(), reward, ended, False, self._info()
 
     @property
     def frame(self) -> Frame:
@@ -192,7 +171,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         """
         if self._trace is None:
             raise gymnasium.error.ResetNeeded(
-                f"{ENVIRONMENT}: reset with a render mode or a recorder before the first frame"
+                f"{self._task}: reset with a render mode or a recorder before the first frame"
             )
         return self._trace.frame
 
@@ -246,23 +225,14 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         return {
             "reward_terms": {name: float(term[0]) for name, term in robot.terms.items()},
             "world": robot.world(0).name,
-            "pose": robot.poses[0].copy(),
-            "belief": robot.beliefs[0].copy(),
-            "position_error": float(robot.position_errors[0]),
             "room": robot.room(0),
-            "rooms_entered": int(robot.rooms_entered[0]),
-            "coverage": float(robot.coverages[0]),
-            "collided": bool(robot.collided[0]),
-            "path_length": float(robot.path_lengths[0]),
-            "time": float(robot.steps[0] * CONTROL_STEP),
-            "updates": int(robot.updates[0]),
-            "surfaces": int(robot.surface_counts[0]),
+            **{name: _single(fact[0]) for name, fact in robot.facts.items()},
         }
 
     def _header(self, start: Pose, seed: int | None) -> EpisodeHeader:
         world = self._robot.world(0)
         return EpisodeHeader(
-            environment=ENVIRONMENT,
+            environment=self._task,
             world=world.name,
             walls=world.walls,
             start=start.copy(),
@@ -278,11 +248,48 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
             self._viewer.show(self.frame)
 
 
-def _open_viewer(render_mode: str | None) -> Viewer:
+def equip(
+    *,
+    mapper: str,
+    odometer: str,
+    laser: str,
+    sonar: str,
+    scenes: str,
+    movables: bool,
+    threads: int = 1,
+) -> Equipment:
+    """The equipment of these names.
+
+    Raises:
+        InputError: There is no such sensor.
+    """
+    sensors = choose_sensors(
+        laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source="sensors"
+    )
+    return Equipment(mapper=mapper, sensors=sensors, movables=movables, threads=threads)
+
+
+def wants_flat(observation: str, task: str) -> bool:
+    """Whether observations are wanted in one row.
+
+    Raises:
+        InputError: In one row, or by part: there is nothing else.
+    """
+    if observation not in ("flat", "dict"):
+        raise InputError(task, "flat or dict", str(observation), place="observation")
+    return observation == "flat"
+
+
+def _single(fact: Any) -> Any:
+    """One robot's row of a fact: a copy of an array, or a number of Python's own."""
+    return fact.copy() if fact.ndim else fact.item()
+
+
+def _open_viewer(render_mode: str | None, task: str) -> Viewer:
     if render_mode == "human":
         from albot_env.rendering.window import Window
 
-        return Window(ENVIRONMENT)
+        return Window(task)
     if render_mode not in (None, "rgb_array"):
-        raise InputError(ENVIRONMENT, "human, rgb_array or None", render_mode, place="render_mode")
+        raise InputError(task, "human, rgb_array or None", render_mode, place="render_mode")
     return NullViewer()

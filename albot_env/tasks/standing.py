@@ -1,4 +1,4 @@
-"""How robots that explore stand: what their steps were worth, and how far off they are."""
+"""How robots stand: what their steps were worth, and how far off they are."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ import numpy as np
 from numba import njit
 
 from albot_env.tasks.survey_kernel import Findings, Senses
-
-TERMS = ("coverage", "room", "collision", "time")
-"""The reward's terms, in the order of the columns of `Standing.terms`."""
 
 
 class Standing(NamedTuple):
@@ -32,13 +29,14 @@ class Standing(NamedTuple):
     coverages: np.ndarray
     """(n,) float64: share of the ground that can be reached which it has covered."""
     terms: np.ndarray
-    """(n, terms) float64: what its last step was worth, see TERMS; nothing for setting out."""
+    """(n, terms) float64: what its last step was worth by the task's terms; nothing for setting
+    out."""
     rewards: np.ndarray
     """(n,) float64: their sum."""
 
 
-def new_standing(robots: int) -> Standing:
-    """The standing of robots that have done nothing."""
+def new_standing(robots: int, terms: int) -> Standing:
+    """The standing of robots that have done nothing, with so many terms of the reward."""
     return Standing(
         starts=np.zeros((robots, 3)),
         steps=np.zeros(robots, np.int64),
@@ -47,43 +45,39 @@ def new_standing(robots: int) -> Standing:
         path_lengths=np.zeros(robots),
         position_errors=np.zeros(robots),
         coverages=np.zeros(robots),
-        terms=np.zeros((robots, len(TERMS))),
+        terms=np.zeros((robots, terms)),
         rewards=np.zeros(robots),
     )
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
-def appraise(
-    rows: np.ndarray,
-    weights: np.ndarray,
-    cell_area: float,
-    elapsed: float,
-    collided: np.ndarray,
-    senses: Senses,
-    findings: Findings,
-    standing: Standing,
-) -> None:
-    """Bring the standing of robots up to date after a survey.
+@njit(cache=True, error_model="numpy")
+def follow(
+    i: int, cell_area: float, senses: Senses, findings: Findings, standing: Standing
+) -> float:
+    """Bring robot i's standing up to date after a survey; return how far it has driven (m).
 
-    `weights` (terms,) are those of the reward, `cell_area` (m²) is that of a cell of ground,
-    `elapsed` the duration of a step (s), `collided` (n,) whether each touched something.
+    Its terms are set to zero. `cell_area` (m²) is that of a cell of ground.
     """
+    pose, belief, start = senses.poses[i], senses.beliefs[i], standing.starts[i]
+    before, terms = standing.before[i], standing.terms[i]
+    driven = math.hypot(pose[0] - before[0], pose[1] - before[1])
+    standing.path_lengths[i] += driven
+    before[0], before[1] = pose[0], pose[1]
+    cos, sin = math.cos(start[2]), math.sin(start[2])
+    x = start[0] + cos * belief[0] - sin * belief[1]
+    y = start[1] + sin * belief[0] + cos * belief[1]
+    standing.position_errors[i] = math.hypot(x - pose[0], y - pose[1])
+    share = findings.ground[i] * cell_area / standing.reachable[i]
+    standing.coverages[i] = min(1.0, share)
+    for k in range(terms.shape[0]):
+        terms[k] = 0.0
+    return driven
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def trail(
+    rows: np.ndarray, cell_area: float, senses: Senses, findings: Findings, standing: Standing
+) -> None:
+    """Bring the standing of robots to which nothing is worth anything up to date."""
     for i in rows:
-        pose, belief, start = senses.poses[i], senses.beliefs[i], standing.starts[i]
-        before, terms = standing.before[i], standing.terms[i]
-        standing.path_lengths[i] += math.hypot(pose[0] - before[0], pose[1] - before[1])
-        before[0], before[1] = pose[0], pose[1]
-        cos, sin = math.cos(start[2]), math.sin(start[2])
-        x = start[0] + cos * belief[0] - sin * belief[1]
-        y = start[1] + sin * belief[0] + cos * belief[1]
-        standing.position_errors[i] = math.hypot(x - pose[0], y - pose[1])
-        share = findings.ground[i] * cell_area / standing.reachable[i]
-        standing.coverages[i] = min(1.0, share)
-        for k in range(terms.shape[0]):
-            terms[k] = 0.0
-        if standing.steps[i] > 0:
-            terms[0] = weights[0] * findings.new_ground[i] * cell_area
-            terms[1] = weights[1] if findings.new_room[i] else 0.0
-            terms[2] = weights[2] if collided[i] else 0.0
-            terms[3] = weights[3] * elapsed
-        standing.rewards[i] = terms[0] + terms[1] + terms[2] + terms[3]
+        follow(i, cell_area, senses, findings, standing)

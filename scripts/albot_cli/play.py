@@ -19,10 +19,10 @@ from albot_env.rendering.frame import Frame
 
 if TYPE_CHECKING:
     import gymnasium
-    from albot_env.tasks.explore import ExploreEnv
 
     from albot_agents.agent import Agent
     from albot_cli.stage import Stage
+    from albot_env.tasks.explore import ExploreEnv
 
 SENSORS = ("laser", "odometer", "sonar", "scenes")
 """Options that choose a sensor's preset, named as the environment's arguments."""
@@ -139,12 +139,12 @@ def _run(
 ) -> dict[str, Any]:
     """Run an episode; its summary. `sensors` holds the presets of `SENSORS`."""
     import gymnasium
-    from albot_env.tasks.explore import ENVIRONMENT, ExploreEnv
 
     from albot_agents.episode import begin_episode
     from albot_agents.registry import make_agent
     from albot_cli.stage import open_stage
     from albot_env.recording.writer import EpisodeWriter
+    from albot_env.tasks.explore import ENVIRONMENT, ExploreEnv
 
     env = gymnasium.make(
         ENVIRONMENT,

@@ -16,10 +16,10 @@ def warm_up(mapper: str) -> None:
     its own. Without this an episode runs just as well, and its first steps take longer.
     """
     import gymnasium
-    from albot_env.tasks.explore import ENVIRONMENT
 
     from albot_env.sim.sensing_kernels import sense
     from albot_env.tasks.expedition import NO_MAPPER
+    from albot_env.tasks.explore import ENVIRONMENT
 
     if _is_compiled(sense):
         return

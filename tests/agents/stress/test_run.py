@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from albot_env.tasks.explore import ExploreEnv
 
 from albot_agents.registry import agent_names
 from albot_agents.stress.plan import Episode
@@ -22,6 +21,7 @@ from albot_env.recording.reader import EpisodeReader
 from albot_env.stress.limits import Limits
 from albot_env.tasks import single
 from albot_env.tasks.expedition import Expedition
+from albot_env.tasks.explore import ExploreEnv
 from albot_maps import World, load_world, load_worlds
 from albot_maps.generators.spec import KINDS
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from albot_env.tasks.explore import ExploreConfig
 
 from albot_core.errors import InputError
+from albot_env.tasks.exploration import ExploreConfig
 from albot_env.tasks.reward import ExploreWeights
 
 AHEAD = np.array((1.0, 0.0), np.float32)

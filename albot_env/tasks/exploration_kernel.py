@@ -1,0 +1,39 @@
+"""The compiled worth of exploring."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from albot_env.tasks.standing import Standing, follow
+from albot_env.tasks.survey_kernel import Findings, Senses
+
+TERMS = ("coverage", "room", "collision", "time")
+"""The reward's terms, in the order of the columns of `Standing.terms`."""
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def appraise(
+    rows: np.ndarray,
+    weights: np.ndarray,
+    cell_area: float,
+    elapsed: float,
+    collided: np.ndarray,
+    senses: Senses,
+    findings: Findings,
+    standing: Standing,
+) -> None:
+    """Bring the standing of robots up to date after a survey.
+
+    `weights` (terms,) are those of the reward, `cell_area` (m²) is that of a cell of ground,
+    `elapsed` the duration of a step (s), `collided` (n,) whether each touched something.
+    """
+    for i in rows:
+        follow(i, cell_area, senses, findings, standing)
+        terms = standing.terms[i]
+        if standing.steps[i] > 0:
+            terms[0] = weights[0] * findings.new_ground[i] * cell_area
+            terms[1] = weights[1] if findings.new_room[i] else 0.0
+            terms[2] = weights[2] if collided[i] else 0.0
+            terms[3] = weights[3] * elapsed
+        standing.rewards[i] = terms[0] + terms[1] + terms[2] + terms[3]
