@@ -11,3 +11,9 @@ gymnasium.register(
     vector_entry_point="albot_env.vector.explore:ExploreVectorEnv",
     max_episode_steps=6000,
 )
+gymnasium.register(
+    id="Albot/Homing-v0",
+    entry_point="albot_env.tasks.homing:HomingEnv",
+    vector_entry_point="albot_env.vector.homing:HomingVectorEnv",
+    max_episode_steps=3000,
+)

@@ -44,7 +44,7 @@ class Moment:
     The first moment of an episode is how things stand after the reset.
     """
 
-    action: Float64[np.ndarray, "2"] | None
+    action: Float64[np.ndarray, "numbers"] | None
     """The agent's action as it gave it; None in the first moment."""
     reward: float
     """The sum of the terms."""

@@ -91,8 +91,9 @@ class EpisodeReader:
             sonar=self._sonar(step["echoes"]),
             scene=None if step["scene"] is None else int(step["scene"]),
         )
+        action = step["action"]
         return Moment(
-            action=None if step["action"] is None else _numbers(step["action"], 2),
+            action=None if action is None else _numbers(action, len(action)),
             reward=float(step["reward"]),
             terms=dict(step["terms"]),
             reading=reading,

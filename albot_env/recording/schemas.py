@@ -179,7 +179,7 @@ EPISODE_HEADER = _strict(
 STEP = _strict(
     "albot.Step",
     stamp=NUMBER | {"description": "Simulated time (s), exact; the message's own is in ns."},
-    action={"oneOf": [_numbers(2), NULL], "description": "As the agent gave it."},
+    action={"oneOf": [_list(NUMBER), NULL], "description": "As the agent gave it."},
     reward=NUMBER,
     terms={"type": "object", "additionalProperties": NUMBER},
     motion=_numbers(3) | {"description": "Odometry in the robot's previous frame."},

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
@@ -30,8 +31,24 @@ from albot_env.sim.sensing_kernels import Devices, Sensed, Surroundings, sense
 from albot_env.sim.sensors import Sensors
 from albot_env.sim.sonar import NO_SONARS, SonarConfig
 from albot_env.sim.space import PHYSICS_STEP
+from albot_env.sim.things import Still
 from albot_env.sim.wall_index import WallIndex
 from albot_maps.world import World
+
+
+class Halt(NamedTuple):
+    """How a robot stands that has come to rest, and what moves around it."""
+
+    pose: Pose
+    """Where it is (world frame)."""
+    key: int
+    """The key to its noise."""
+    readings: int
+    """How many readings it has taken since it was placed."""
+    counts: Float64[np.ndarray, "counts"]
+    """What its odometer has counted."""
+    things: Still
+    """Where the things around it are."""
 
 
 def draw_key(rng: np.random.Generator) -> int:
@@ -197,6 +214,27 @@ class Fleet:
         robots.poses[row] = *pose[:2], wrap_angle(pose[2])
         self._sensed.keys[row] = key
         self._sensed.readings[row] = 0
+
+    def halt(self, row: int) -> Halt:
+        """How a robot stands that has come to rest."""
+        return Halt(
+            pose=self.poses[row].copy(),
+            key=int(self._sensed.keys[row]),
+            readings=int(self._sensed.readings[row]),
+            counts=self._robots.counts[row].copy(),
+            things=self._floors.things.halt(row),
+        )
+
+    def resume(self, row: int, world: World, halt: Halt) -> None:
+        """Let a robot stand as one in this world did, of this fleet or another of its make.
+
+        What comes next is a function of that alone. Where nothing moves it is to the last bit
+        what would have come; pushed things lose what pymunk remembers of their last contacts.
+        """
+        self.place(row, world, halt.pose, halt.key)
+        self._robots.counts[row] = halt.counts
+        self._sensed.readings[row] = halt.readings
+        self._floors.things.resume(row, halt.things)
 
     def _take_in(self, world: World) -> int:
         """Note what there is to be sensed in a world; return its building's number."""

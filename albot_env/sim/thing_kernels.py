@@ -69,7 +69,7 @@ def observe(rows: np.ndarray, engine: Engine, stage: Stage) -> None:
         space = stage.robots[i].space
         visit(engine.calls[EACH_BODY], space, engine.calls[GET_BODY], engine.requests[STATES])
         _take(engine.buffer, stage, i)
-        _outline(stage, i)
+        outline(stage, i)
 
 
 @njit(cache=True, error_model="numpy")
@@ -81,7 +81,7 @@ def begin(stage: Stage, i: int, key: np.uint64, robot: np.ndarray, radius: float
     own = stage.robots[i]
     begin_walkers(stage, i, key, _KEYS + own.doors_end - own.doors, robot, radius)
     begin_doors(stage, i, key, _KEYS, robot, radius)
-    _outline(stage, i)
+    outline(stage, i)
 
 
 @njit(cache=True, error_model="numpy")
@@ -103,7 +103,7 @@ def _take(buffer: np.ndarray, stage: Stage, i: int) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _outline(stage: Stage, i: int) -> None:
+def outline(stage: Stage, i: int) -> None:
     """Draw the segments of robot i's things: doors, then boxes, then walkers."""
     own = stage.robots[i]
     row = own.segments

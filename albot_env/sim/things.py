@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pymunk
@@ -14,9 +15,22 @@ from albot_env.sim.engine import address
 from albot_env.sim.space import Floor
 from albot_env.sim.thing_arrays import Stage
 from albot_env.sim.thing_bodies import Parts, box_parts, door_parts, walker_parts
-from albot_env.sim.thing_kernels import begin, command, observe
+from albot_env.sim.thing_kernels import begin, command, observe, outline
 from albot_env.sim.thing_layout import Layout
 from albot_maps.world import World
+
+
+class Still(NamedTuple):
+    """Where the things around a robot are, and how they move."""
+
+    tables: dict[str, np.ndarray]
+    """Their records by kind: none where nothing moves."""
+    bodies: Float64[np.ndarray, "bodies 6"]
+    """x, y, heading, velocity x, y, turn rate of their bodies (m, rad, s; world frame)."""
+
+
+_PLACES = ("row", "body", "first")
+"""Fields of records that say where something is kept, which differs from floor to floor."""
 
 
 class Things:
@@ -111,6 +125,34 @@ class Things:
         self._enlist(row, floor, [body.id for body in bodies])
         self.present[row] = True
         self.most_bodies = max(self.most_bodies, len(bodies))
+
+    def halt(self, row: int) -> Still:
+        """Where a robot's things are now (copies)."""
+        tables = {kind: self._own(row, kind).copy() for kind in ("doors", "boxes", "walkers")}
+        states = [
+            (*body.position, body.angle, *body.velocity, body.angular_velocity)
+            for body in self._bodies(row)
+        ]
+        return Still(tables, np.array(states, np.float64).reshape(-1, 6))
+
+    def resume(self, row: int, still: Still) -> None:
+        """Put a robot's things, which have begun, where those of another one were."""
+        for kind, table in still.tables.items():
+            own = self._own(row, kind)
+            for name in set(own.dtype.names or ()) - set(_PLACES):
+                own[name] = table[name]
+        for body, state in zip(self._bodies(row), still.bodies.tolist(), strict=True):
+            body.position, body.angle = state[:2], state[2]
+            body.velocity, body.angular_velocity = state[3:5], state[5]
+        floor = self._floors[row]
+        if floor is not None:
+            outline(self.stage, row)
+            for body in self._bodies(row):
+                floor.space.reindex_shapes_for_body(body)
+
+    def _bodies(self, row: int) -> list[pymunk.Body]:
+        """The bodies of a robot's things, doors first, walkers last."""
+        return [part for part in self._parts[row] if isinstance(part, pymunk.Body)]
 
     def command(
         self,

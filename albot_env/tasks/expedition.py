@@ -18,13 +18,13 @@ from albot_core.perception.reading import Readings
 from albot_core.registry import make_mappers
 from albot_env.sim import PIONEER_3DX, Sensors
 from albot_env.sim.crew import FEWEST, Crew
-from albot_env.sim.fleet import Fleet, draw_key
+from albot_env.sim.fleet import Fleet, Halt, draw_key
 from albot_env.sim.simulator import CONTROL_STEP, SUBSTEPS
 from albot_env.tasks.action import ActionConfig, Numbers
 from albot_env.tasks.kernels import reckon
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.standing import new_standing, trail
-from albot_env.tasks.survey import Survey
+from albot_env.tasks.survey import Survey, Surveyed
 from albot_env.tasks.survey_kernel import Senses
 from albot_maps import World
 
@@ -45,6 +45,24 @@ class Equipment:
     threads: int = 1
     """Threads that share the work; 0 for as many as there are processors. What comes of it is
     the same with any number."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rest:
+    """A robot that has come to rest on an expedition: all of it that matters for what follows."""
+
+    start: Pose
+    """Where it set out (world frame)."""
+    path_length: float
+    """How far it has driven since (m)."""
+    halt: Halt
+    """How it stands."""
+    surveyed: Surveyed
+    """What it has covered and entered."""
+    belief: Pose
+    """Where it believes to be, in its map's frame."""
+    memory: dict[str, np.ndarray]
+    """Its mapper's state."""
 
 
 class Expedition:
@@ -145,6 +163,35 @@ class Expedition:
         self._worlds[row], self.world_names[row] = world, world.name
         standing.starts[row], standing.before[row] = start, start[:2]
         standing.steps[row], standing.path_lengths[row] = 0, 0.0
+
+    def rest(self, row: int) -> Rest:
+        """How a robot stands that has come to rest, and all that it knows."""
+        return Rest(
+            start=self.starts[row].copy(),
+            path_length=float(self.path_lengths[row]),
+            halt=self._fleet.halt(row),
+            surveyed=self._survey.keep(row),
+            belief=self.beliefs[row].copy(),
+            memory={} if self._mappers is None else self._mappers.state(row),
+        )
+
+    def resume(self, row: int, world: World, rest: Rest) -> None:
+        """Let a robot stand and know as another one did in this world; its steps count anew."""
+        self._set_out(row, world, rest.start, rest.halt.key)
+        self._fleet.resume(row, world, rest.halt)
+        self._survey.resume(row, rest.surveyed)
+        if self._mappers is None:
+            self._senses.beliefs[row] = rest.belief
+        else:
+            self._mappers.restore(row, rest.memory)
+        standing = self._standing
+        standing.before[row] = rest.halt.pose[:2]
+        standing.path_lengths[row] = rest.path_length
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether no wheel turns."""
+        return not self._fleet.wheels.any()
 
     def act(self, numbers: Numbers) -> None:
         """One control step of all robots with these actions."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_env.tasks.exploration_kernel import TERMS
+from albot_env.tasks import exploration_kernel, homing_kernel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,11 +26,58 @@ class ExploreWeights:
     """For every second that passes (1/s)."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not np.isfinite(value):
-                raise InputError(f"ExploreWeights.{name}", "a finite number", str(value))
+        _check_finite(self)
 
     @property
     def values(self) -> Float64[np.ndarray, "terms"]:
-        """The weights in the order of `TERMS`."""
-        return np.array([float(getattr(self, name)) for name in TERMS])
+        """The weights in the order of the terms."""
+        return _ordered(self, exploration_kernel.TERMS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HomingWeights:
+    """What the terms of the homing reward are worth. A reward is their sum.
+
+    Progress is shaped by a potential (Ng, Harada and Russell, Policy invariance under reward
+    transformations, ICML 1999): Φ = -`progress` · true way home (m), and 0 once
+    home was declared. A step is worth `discount` · Φ after it - Φ before it, so that the
+    discounted terms of an episode that ends with a declaration sum to -Φ of its
+    beginning, whatever way the robot took, and the best policy is the one without
+    shaping.
+    """
+
+    success: float = 10.0
+    """For declaring home where it is."""
+    false_declaration: float = -5.0
+    """For declaring home elsewhere."""
+    progress: float = 0.1
+    """For every metre that the way home gets shorter (1/m), see above."""
+    collision: float = -0.1
+    """For every step in contact with something."""
+    time: float = -0.01
+    """For every second that passes (1/s)."""
+    discount: float = 0.995
+    """The learner's own discount factor γ, of a step: with another one the best policy may
+    change."""
+
+    def __post_init__(self) -> None:
+        _check_finite(self)
+        if not 0 < self.discount <= 1:
+            raise InputError("HomingWeights.discount", "within (0, 1]", str(self.discount))
+
+    @property
+    def values(self) -> Float64[np.ndarray, "terms"]:
+        """The weights in the order of the terms."""
+        return _ordered(self, homing_kernel.TERMS)
+
+
+def _check_finite(weights: ExploreWeights | HomingWeights) -> None:
+    for name, value in vars(weights).items():
+        if not np.isfinite(value):
+            raise InputError(f"{type(weights).__name__}.{name}", "a finite number", str(value))
+
+
+def _ordered(
+    weights: ExploreWeights | HomingWeights, terms: Sequence[str]
+) -> Float64[np.ndarray, "terms"]:
+    return np.array([float(getattr(weights, name)) for name in terms])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float32, Int64
+from jaxtyping import Bool, Float32, Float64, Int64, UInt64
 
 from albot_core.perception.reading import LaserGeometry
 from albot_env.sim.register import Register
@@ -23,6 +23,17 @@ class _Plot(NamedTuple):
     """Where its rooms begin and end among all worlds'."""
     reachable: float
     """The ground that can be reached (m²)."""
+
+
+class Surveyed(NamedTuple):
+    """What a robot has found out: see `Ground`, `Rooms` and `Findings`."""
+
+    covered: UInt64[np.ndarray, "words"]
+    believed: UInt64[np.ndarray, "words"]
+    entered: Bool[np.ndarray, "most"]
+    ground: int
+    rooms_entered: int
+    moved: Float64[np.ndarray, "2"]
 
 
 class Survey:
@@ -89,6 +100,29 @@ class Survey:
         findings.moved[row] = np.inf
         return reachable
 
+    def keep(self, row: int) -> Surveyed:
+        """What a robot has found out so far (copies)."""
+        findings = self.findings
+        return Surveyed(
+            covered=_words(self._covered, row).copy(),
+            believed=_words(self._believed, row).copy(),
+            entered=self._rooms.entered[row].copy(),
+            ground=int(findings.ground[row]),
+            rooms_entered=int(findings.rooms_entered[row]),
+            moved=findings.moved[row].copy(),
+        )
+
+    def resume(self, row: int, surveyed: Surveyed) -> None:
+        """Let a robot, which has begun, know what another one in its world has found out."""
+        _words(self._covered, row)[:] = surveyed.covered
+        _words(self._believed, row)[:] = surveyed.believed
+        rooms = min(len(surveyed.entered), self._rooms.entered.shape[1])
+        self._rooms.entered[row, :rooms] = surveyed.entered[:rooms]
+        findings = self.findings
+        findings.ground[row] = surveyed.ground
+        findings.rooms_entered[row] = surveyed.rooms_entered
+        findings.moved[row] = surveyed.moved
+
     def _plot(self, world: World) -> _Plot:
         rooms = self._rooms
         corners, spans = outlines_of(world.rooms)
@@ -132,6 +166,12 @@ def _no_ground(robots: int) -> Ground:
         sides=np.zeros(robots, np.int64),
         centres=np.zeros((robots, 2)),
     )
+
+
+def _words(ground: Ground, row: int) -> UInt64[np.ndarray, "words"]:
+    """A robot's own words."""
+    words: UInt64[np.ndarray, "words"] = ground.grids[row, : (ground.sides[row] // 8) ** 2]
+    return words
 
 
 def _laid(ground: Ground, row: int, side: int, centre: tuple[float, float]) -> Ground:

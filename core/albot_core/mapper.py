@@ -119,6 +119,12 @@ class MapperBatch(Protocol):
     def surfaces(self, row: int) -> Segments:
         """The surfaces that one remembers, in its map's frame (a copy)."""
 
+    def state(self, row: int) -> dict[str, np.ndarray]:
+        """Everything that one remembers, as arrays by name (copies)."""
+
+    def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
+        """Let one become the one that returned `state`."""
+
 
 class LoopedMappers:
     """A batch of mappers that know nothing of batches: one after the other.
@@ -154,6 +160,15 @@ class LoopedMappers:
     def surfaces(self, row: int) -> Segments:
         """The surfaces that one remembers, in its map's frame."""
         return self._mappers[row].surfaces.copy()
+
+    def state(self, row: int) -> dict[str, np.ndarray]:
+        """Everything that one remembers, as arrays by name."""
+        return self._mappers[row].state()
+
+    def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
+        """Let one become the one that returned `state`."""
+        self._mappers[row].restore(state)
+        self._note(row)
 
     def _note(self, row: int) -> None:
         mapper = self._mappers[row]

@@ -15,21 +15,23 @@ import albot_env
 from albot_core.errors import InputError
 from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
 from albot_maps.generators.spec import KINDS
+from tests.env.quick import IDS, QUICK, drawn_actions, width
 
-IDS = sorted(name for name in gymnasium.registry if name.startswith("Albot/"))
 FORMS = ("flat", "dict")
 STEPS = 60
 
 
 def _make(environment: str, **options: Any) -> gymnasium.Env[Any, Any]:
-    settings = {"world": "square-loop", "mapper": "odometry", **options}
+    settings = {"world": "square-loop", "mapper": "odometry", **QUICK.get(environment, {})}
+    settings |= options
     return gymnasium.make(environment, **settings)
 
 
 def _rollout(env: gymnasium.Env[Any, Any], seed: int, steps: int = STEPS) -> list[Any]:
     rng = np.random.default_rng(3)
     seen: list[Any] = [env.reset(seed=seed)]
-    actions = rng.uniform(-1, 1, (steps, 2)).astype(np.float32)
+    assert env.spec is not None
+    actions = drawn_actions(env.spec.id, rng, steps)
     seen.extend(env.step(action) for action in actions)
     return seen
 
@@ -106,7 +108,7 @@ def test_gymnasium_finds_nothing_wrong(
 def test_the_same_seed_gives_the_same_episode(environment: str, form: str) -> None:
     one, other = (_make(environment, observation=form, mapper="albot1") for _ in range(2))
     other.reset(seed=99)  # An episode before must leave nothing behind.
-    other.step(np.zeros(2, np.float32))
+    other.step(np.zeros(width(environment), np.float32))
     assert _same(_rollout(one, 7), _rollout(other, 7))
     assert not _same(_rollout(one, 7), _rollout(one, 8))
 
@@ -150,7 +152,7 @@ def test_a_time_limit_truncates(environment: str) -> None:
 @pytest.mark.parametrize("environment", IDS)
 def test_the_start_is_drawn(environment: str) -> None:
     env = _make(environment, world="office-ring")
-    starts = {tuple(env.reset(seed=seed)[1]["pose"]) for seed in range(12)}
+    starts = {tuple(env.reset(seed=seed)[1]["start"]) for seed in range(12)}
     assert len(starts) == 3
 
 
@@ -161,7 +163,7 @@ def test_the_start_is_drawn(environment: str) -> None:
         ([np.nan, 0], "nan"),
         ([0, 1.01], "1.01"),
         ([-np.inf, 0], "-inf"),
-        ([0, 0, 0], r"shape \(3,\)"),
+        ([0, 0, 0], r"shape \(\d,\)"),
         (0.5, r"shape \(\)"),
         (["fast", 0], "fast"),
         (None, r"shape|nan|None"),
@@ -170,7 +172,11 @@ def test_the_start_is_drawn(environment: str) -> None:
 def test_an_action_that_is_none_is_refused(environment: str, action: Any, found: str) -> None:
     env = _make(environment).unwrapped
     env.reset(seed=1)
-    with pytest.raises(InputError, match=f"{environment}, action: expected 2 numbers.*{found}"):
+    numbers = width(environment)
+    if isinstance(action, list):
+        action = action + [0] * (numbers - 2)
+    expected = f"{environment}, action: expected {numbers} numbers.*{found}"
+    with pytest.raises(InputError, match=expected):
         env.step(action)
 
 
@@ -203,7 +209,7 @@ def test_reset_options_that_are_none_are_refused(environment: str, options: Any)
 @pytest.mark.parametrize("environment", IDS)
 def test_stepping_before_a_reset_is_an_error(environment: str) -> None:
     with pytest.raises(gymnasium.error.ResetNeeded):
-        _make(environment).unwrapped.step(np.zeros(2, np.float32))
+        _make(environment).unwrapped.step(np.zeros(width(environment), np.float32))
 
 
 @pytest.mark.parametrize("environment", IDS)

@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 import albot_env
 from albot_core.errors import InputError
 from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
+from tests.env.quick import QUICK, drawn_actions, width
 
 assert albot_env.__doc__  # Importing it registers the environments.
 IDS = sorted(
@@ -26,14 +27,19 @@ COUNT = 3
 LONG = 10_000 if os.environ.get("ALBOT_LONG_DRIVE") else 2_000
 
 
+def _settings(environment: str, options: dict[str, Any]) -> dict[str, Any]:
+    usual = {"world": "square-loop", "mapper": "none", "max_episode_steps": 7}
+    return usual | QUICK.get(environment, {}) | options
+
+
 def _vector(environment: str, count: int = COUNT, **options: Any) -> VectorEnv[Any, Any, Any]:
-    settings = {"world": "square-loop", "mapper": "none", "max_episode_steps": 7, **options}
+    settings = _settings(environment, options)
     return gymnasium.make_vec(environment, num_envs=count, **settings)
 
 
 def _singles(environment: str, mode: AutoresetMode, **options: Any) -> SyncVectorEnv[Any, Any]:
     """The same by gymnasium's loop over single environments."""
-    settings = {"world": "square-loop", "mapper": "none", "max_episode_steps": 7, **options}
+    settings = _settings(environment, options)
     worlds = settings.pop("world")
     worlds = [worlds] * COUNT if isinstance(worlds, str) else worlds
     return SyncVectorEnv(
@@ -105,7 +111,7 @@ def test_it_does_so_for_long_in_worlds_that_change(environment: str) -> None:
     assert_same(batch.reset(seed=[3, 1, 4]), singles.reset(seed=[3, 1, 4]))
     for step in range(LONG):
         if step % 20 == 0:  # Held for a while, so that robots come to the walls.
-            actions = rng.uniform(-1, 1, (COUNT, 2)).astype(np.float32)
+            actions = drawn_actions(environment, rng, COUNT)
         many = batch.step(actions)
         assert_same(many, singles.step(actions), f"step {step}")
         worlds |= set(many[4]["world"])
@@ -149,7 +155,7 @@ def test_an_environment_does_not_depend_on_the_others(environment: str) -> None:
     crowd.reset(seed=0)
     pair.reset(seed=[7, 39])
     for _ in range(80):
-        actions = rng.uniform(-1, 1, (count, 2))
+        actions = drawn_actions(environment, rng, count)
         many, few = crowd.step(actions), pair.step(actions[[7, 39]])
         assert_same([part[[7, 39]] for part in many[:4]], list(few[:4]))
 
@@ -170,15 +176,18 @@ def test_observations_are_inside_and_their_own(environment: str, form: str) -> N
 @pytest.mark.parametrize(
     ("actions", "message"),
     [
-        (np.zeros((2, 2)), r"action: .* for each of 3, found shape \(2, 2\)"),
+        (np.zeros((2, 2)), r"action: .* for each of 3, found shape \(2, \d\)"),
         (np.array([[0, 0], [0, np.nan], [2, 0]]), r"action of environment 1: .*nan"),
-        (np.array([[0, 0], [0, 0], [2, 0]]), r"action of environment 2: .*\[2.0, 0.0\]"),
+        (np.array([[0, 0], [0, 0], [2, 0]]), r"action of environment 2: .*\[2.0, 0.0"),
         ("fast", "action: .*fast"),
     ],
 )
 def test_actions_that_are_none_are_refused(environment: str, actions: Any, message: str) -> None:
     env = _vector(environment)
     env.reset(seed=1)
+    if isinstance(actions, np.ndarray):
+        silent = np.zeros((len(actions), width(environment) - 2))
+        actions = np.concatenate((actions, silent), axis=1)
     with pytest.raises(InputError, match=message):
         env.step(actions)
 
@@ -222,7 +231,7 @@ def test_resets_that_are_none_are_refused(
 @pytest.mark.parametrize("environment", IDS)
 def test_stepping_what_has_not_begun_or_is_over_is_an_error(environment: str) -> None:
     env = _vector(environment, autoreset_mode="Disabled", max_episode_steps=1)
-    still = np.zeros((COUNT, 2))
+    still = np.zeros((COUNT, width(environment)))
     with pytest.raises(gymnasium.error.ResetNeeded, match="before the first step"):
         env.step(still)
     env.reset(seed=1, options={"start": 0})

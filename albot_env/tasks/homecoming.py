@@ -1,0 +1,163 @@
+"""The homecoming: an expedition that is to find home again, and to say so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Bool, Int64
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Pose
+from albot_env.sim.simulator import CONTROL_STEP
+from albot_env.tasks.action import DeclaringActionConfig, Numbers
+from albot_env.tasks.expedition import Equipment, Expedition
+from albot_env.tasks.homing_kernel import TERMS, Fields, Homecoming, appraise_homing, find_way
+from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.outing import Outing, OutingConfig, Outings
+from albot_env.tasks.reward import HomingWeights
+from albot_maps import World
+
+
+@dataclass(frozen=True, kw_only=True)
+class HomingConfig:
+    """What actions ask for, how observations are scaled, what is rewarded, and the way out."""
+
+    actions: DeclaringActionConfig = field(default_factory=DeclaringActionConfig)
+    """What actions ask for."""
+    observations: ObservationConfig = field(default_factory=ObservationConfig)
+    """How observations are scaled, and which ground counts as covered."""
+    weights: HomingWeights = field(default_factory=HomingWeights)
+    """What the reward's terms are worth."""
+    outing: OutingConfig = field(default_factory=OutingConfig)
+    """How long outward journeys are."""
+    radius: float = 1.0
+    """How near to where the robot set out is home (m), as the crow flies."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.radius < np.inf:
+            raise InputError("HomingConfig.radius", "a positive length (m)", str(self.radius))
+
+
+class Homing(Expedition):
+    """Robots that have explored and are to drive home.
+
+    Args:
+        robots: How many.
+        equipment: What they set out with.
+        config: What actions ask for, how observations are scaled, what is rewarded.
+        journeys: How many outward journeys there are from a start; 0 for a new one each time.
+
+    Raises:
+        InputError: There are fewer journeys than none, or there is no such mapper.
+    """
+
+    task: ClassVar[str] = "Albot/Homing-v0"
+    terms_of_reward: ClassVar[tuple[str, ...]] = TERMS
+
+    def __init__(
+        self, robots: int, equipment: Equipment, config: HomingConfig, journeys: int
+    ) -> None:
+        if journeys < 0:
+            raise InputError(self.task, "0 or more", str(journeys), place="journeys")
+        super().__init__(
+            robots, equipment, actions=config.actions, observations=config.observations
+        )
+        self._config = config
+        self._weights = config.weights.values
+        self._outings = Outings(equipment, config.observations, config.outing, journeys)
+        self._outward = np.zeros(robots)
+        self._cut_short = np.zeros(robots, np.bool_)
+        self._fields = Fields(
+            anchor_of=np.zeros((robots, 0), np.int32),
+            anchors=np.zeros((robots, 0, 4)),
+            shapes=np.zeros((robots, 2), np.int64),
+            corners=np.ones((robots, 3)),
+        )
+        self._homecoming = Homecoming(
+            distances=np.zeros(robots),
+            initial=np.zeros(robots),
+            driven=np.zeros(robots),
+            turns=np.zeros((robots, 2)),
+            declares=np.zeros(robots, np.bool_),
+            declared=np.zeros(robots, np.bool_),
+            success=np.zeros(robots, np.bool_),
+            spl=np.zeros(robots),
+            soft_spl=np.zeros(robots),
+        )
+
+    def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
+        """Let a robot begin at the end of an outward journey, with what it has seen on it."""
+        outing = self._outings.draw(world, start, rng)
+        self.resume(row, world, outing.rest)
+        self._outward[row] = outing.rest.path_length
+        self._cut_short[row] = outing.cut_short
+        self._show_home(row, outing)
+
+    def _show_home(self, row: int, outing: Outing) -> None:
+        """Lay a robot's field of ways home; larger arrays only where needed."""
+        its, fields = outing.field, self._fields
+        points, anchors = len(its.anchor_of), len(its.anchors)
+        if points > fields.anchor_of.shape[1]:
+            wider = np.zeros((len(fields.shapes), points), np.int32)
+            wider[:, : fields.anchor_of.shape[1]] = fields.anchor_of
+            self._fields = fields = fields._replace(anchor_of=wider)
+        if anchors > fields.anchors.shape[1]:
+            more = np.zeros((len(fields.shapes), 2 * anchors, 4))
+            more[:, : fields.anchors.shape[1]] = fields.anchors
+            self._fields = fields = fields._replace(anchors=more)
+        fields.anchor_of[row, :points] = its.anchor_of
+        fields.anchors[row, :anchors] = its.anchors
+        fields.shapes[row] = its.columns, its.rows
+        fields.corners[row] = *its.corner, its.cell
+        x, y, _ = outing.rest.halt.pose.tolist()
+        find_way(row, x, y, fields, self._homecoming)
+
+    def act(self, numbers: Numbers) -> None:
+        """One control step of all robots with these actions, of which some declare home."""
+        self._homecoming.declares[:] = self._config.actions.declares(numbers)
+        super().act(numbers)
+
+    def close(self) -> None:
+        """Let the threads go."""
+        super().close()
+        self._outings.close()
+
+    def _appraise(self, rows: Int64[np.ndarray, "some"]) -> None:
+        appraise_homing(
+            rows,
+            self._weights,
+            self._config.weights.discount,
+            self._config.radius,
+            self._cell_area,
+            CONTROL_STEP,
+            self.collided,
+            self._fields,
+            self._senses,
+            self._survey.findings,
+            self._standing,
+            self._homecoming,
+        )
+
+    @property
+    def ended(self) -> Bool[np.ndarray, "robots"]:
+        """Who has declared home."""
+        return self._homecoming.declared
+
+    @property
+    def facts(self) -> dict[str, np.ndarray]:
+        """The truth in numbers, for `info`: a row for each robot."""
+        home = self._homecoming
+        return super().facts | {
+            "is_success": home.success,
+            "declared": home.declared,
+            "spl": home.spl,
+            "soft_spl": home.soft_spl,
+            "distance_home": home.distances,
+            "initial_distance_home": home.initial,
+            "next_turn_home": home.turns,
+            "way_driven": home.driven,
+            "outward_length": self._outward,
+            "outward_cut_short": self._cut_short,
+        }

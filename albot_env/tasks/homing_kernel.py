@@ -1,0 +1,132 @@
+"""The compiled worth of driving home."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from albot_env.tasks.standing import Standing, follow
+from albot_env.tasks.survey_kernel import Findings, Senses
+from albot_maps.geodesic_kernel import FAR, first_anchor
+
+TERMS = ("success", "false_declaration", "progress", "collision", "time")
+"""The reward's terms, in the order of the columns of `Standing.terms`."""
+
+
+class Fields(NamedTuple):
+    """The true ways home of all robots, a row each (see `albot_maps.geodesic`)."""
+
+    anchor_of: np.ndarray
+    """(n, points) int32."""
+    anchors: np.ndarray
+    """(n, most, 4) float64."""
+    shapes: np.ndarray
+    """(n, 2) int64: columns, and points in each."""
+    corners: np.ndarray
+    """(n, 3) float64: where the first point lies, and the cell (m)."""
+
+
+class Homecoming(NamedTuple):
+    """How far robots have come on their way home, a row each."""
+
+    distances: np.ndarray
+    """(n,) float64: the true way home (m)."""
+    initial: np.ndarray
+    """(n,) float64: the same at the beginning (m)."""
+    driven: np.ndarray
+    """(n,) float64: how far it has truly driven since (m)."""
+    turns: np.ndarray
+    """(n, 2) float64: where the true way home turns next (m, world frame)."""
+    declares: np.ndarray
+    """(n,) bool: whether its action declares that this is home."""
+    declared: np.ndarray
+    """(n,) bool: whether it has declared so."""
+    success: np.ndarray
+    """(n,) bool: whether that was true."""
+    spl: np.ndarray
+    """(n,) float64: success weighted by path length."""
+    soft_spl: np.ndarray
+    """(n,) float64: the same with the share of the way covered in place of success."""
+
+
+@njit(cache=True, error_model="numpy")
+def find_way(i: int, x: float, y: float, fields: Fields, homecoming: Homecoming) -> None:
+    """Note how far it is home from x, y for robot i, and where the way turns.
+
+    Where no way is near, it keeps what it was: the robot is pushed into a corner.
+    """
+    corner = fields.corners[i]
+    cell = corner[2]
+    u, v = (x - corner[0]) / cell, (y - corner[1]) / cell
+    columns, rows = fields.shapes[i]
+    anchors = fields.anchors[i]
+    a = first_anchor(u, v, columns, rows, anchors, fields.anchor_of[i])
+    if a == FAR:
+        return
+    ahead = anchors[a]
+    homecoming.distances[i] = (ahead[2] + math.hypot(u - ahead[0], v - ahead[1])) * cell
+    homecoming.turns[i, 0] = ahead[0] * cell + corner[0]
+    homecoming.turns[i, 1] = ahead[1] * cell + corner[1]
+
+
+@njit(cache=True, error_model="numpy")
+def success_weighted(success: float, geodesic: float, driven: float) -> float:
+    """Success weighted by path length: success × shortest way / the longer of it and that driven.
+
+    Anderson et al., On Evaluation of Embodied Navigation Agents, 2018, section 3. Where
+    both ways are nothing, so is the detour.
+    """
+    longest = max(geodesic, driven)
+    return success if longest <= 0.0 else success * geodesic / longest
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def appraise_homing(
+    rows: np.ndarray,
+    weights: np.ndarray,
+    discount: float,
+    radius: float,
+    cell_area: float,
+    elapsed: float,
+    collided: np.ndarray,
+    fields: Fields,
+    senses: Senses,
+    findings: Findings,
+    standing: Standing,
+    homecoming: Homecoming,
+) -> None:
+    """Bring the standing of robots up to date after a survey.
+
+    `weights` (terms,) and `discount` are those of the reward, `radius` (m) is how near home
+    counts as home; the rest is as for exploring.
+    """
+    h = homecoming
+    for i in rows:
+        moved = follow(i, cell_area, senses, findings, standing)
+        before = h.distances[i]
+        pose, start, terms = senses.poses[i], standing.starts[i], standing.terms[i]
+        find_way(i, pose[0], pose[1], fields, h)
+        h.declared[i] = h.success[i] = False
+        if standing.steps[i] == 0:
+            h.initial[i], h.driven[i] = h.distances[i], 0.0
+        else:
+            h.driven[i] += moved
+            if h.declares[i]:
+                h.declared[i] = True
+                apart = math.hypot(pose[0] - start[0], pose[1] - start[1])
+                h.success[i] = apart <= radius
+            after = 0.0 if h.declared[i] else h.distances[i]
+            terms[0] = weights[0] if h.success[i] else 0.0
+            terms[1] = weights[1] if h.declared[i] and not h.success[i] else 0.0
+            terms[2] = weights[2] * (before - discount * after)
+            terms[3] = weights[3] if collided[i] else 0.0
+            terms[4] = weights[4] * elapsed
+        h.spl[i] = success_weighted(1.0 if h.success[i] else 0.0, h.initial[i], h.driven[i])
+        covered = 1.0
+        if h.initial[i] > 0.0:
+            covered = min(1.0, max(0.0, 1.0 - h.distances[i] / h.initial[i]))
+        h.soft_spl[i] = success_weighted(covered, h.initial[i], h.driven[i])
+        standing.rewards[i] = terms[0] + terms[1] + terms[2] + terms[3] + terms[4]

@@ -1,0 +1,32 @@
+"""Settings with which an episode of each environment begins at once, and actions for it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import albot_env
+from albot_env.tasks.homecoming import HomingConfig
+from albot_env.tasks.outing import OutingConfig
+
+assert albot_env.__doc__  # Importing it registers the environments.
+IDS = sorted(name for name in gymnasium.registry if name.startswith("Albot/"))
+
+STROLL = HomingConfig(outing=OutingConfig(shortest=1.0, longest=2.0, away=0.0))
+"""A journey out of a metre or two."""
+QUICK: dict[str, dict[str, Any]] = {"Albot/Homing-v0": {"config": STROLL, "journeys": 2}}
+"""What journeys out would take is not what contracts are about."""
+
+
+def width(environment: str) -> int:
+    """How many numbers an action has."""
+    return 3 if environment in QUICK else 2
+
+
+def drawn_actions(environment: str, rng: np.random.Generator, *shape: int) -> np.ndarray:
+    """Actions by chance that declare nothing."""
+    actions = rng.uniform(-1, 1, (*shape, 2)).astype(np.float32)
+    silent = np.full((*shape, width(environment) - 2), -1, np.float32)
+    return np.concatenate((actions, silent), axis=-1)
