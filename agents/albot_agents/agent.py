@@ -2,25 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
+from gymnasium.spaces import Box
 from jaxtyping import Float32
 
-Action = Float32[np.ndarray, "2"]
-"""Speed and turn rate as shares of what the environment allows, in [-1, 1]."""
+Action = Float32[np.ndarray, "numbers"]
+"""Speed and turn rate as shares of what the environment allows, in [-1, 1], and what else its
+actions hold: in `Albot/Homing-v0` a number that declares home above 0.5."""
 
 
 @runtime_checkable
 class Agent(Protocol):
-    """Chooses actions from observations, and from nothing else."""
+    """Chooses actions from observations."""
 
     @property
     def name(self) -> str:
         """The name under which `make_agent` finds it."""
 
-    def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything: a new episode begins. `rng` is the source of all its randomness."""
+    @property
+    def knows_truth(self) -> bool:
+        """Whether it chooses by the truth in the infos: a bound for the others, no rival."""
 
-    def act(self, observation: Any) -> Action:
-        """The action after an observation, flat or by part."""
+    def reset(self, rng: np.random.Generator, actions: Box) -> None:
+        """Forget everything: a new episode begins.
+
+        Args:
+            rng: The source of all its randomness.
+            actions: The environment's actions.
+        """
+
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+        """The action after an observation, flat or by part.
+
+        `info` is the environment's for agents that know the truth, and empty for all others.
+        """
+
+
+def choose(agent: Agent, observation: Any, info: Mapping[str, Any]) -> Action:
+    """The action of an agent, which is shown the truth only where it says that it knows it."""
+    return agent.act(observation, info if agent.knows_truth else {})
+
+
+def filled(driving: Float32[np.ndarray, "2"], actions: Box, *, declares: bool = False) -> Action:
+    """Speed and turn rate as an action of this space; `declares` goes into a third number."""
+    (length,) = actions.shape
+    action = np.full(length, 1.0 if declares else -1.0, np.float32)
+    action[:2] = driving
+    return action

@@ -6,6 +6,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from gymnasium.spaces import Box
 
 from albot_agents.agent import Agent
 
@@ -17,5 +18,6 @@ def begin_episode(
 
     The environment draws from `seed` itself: the agent must not draw the same numbers.
     """
-    agent.reset(np.random.default_rng((seed, 1)))
+    assert isinstance(env.action_space, Box)
+    agent.reset(np.random.default_rng((seed, 1)), env.action_space)
     return env.reset(seed=seed)

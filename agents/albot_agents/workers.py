@@ -1,35 +1,51 @@
-"""Episodes in parallel processes, one of which may die without taking the others along."""
+"""Work in parallel processes, one of which may die without taking the others along."""
 
 from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Generator, Iterable, Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import islice
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
-from typing import Any
-
-from albot_agents.stress.plan import Episode, Violation
-from albot_agents.stress.run import Outcome, run_episode
-from albot_env.stress.limits import Limits
+from typing import Any, Generic, TypeVar
 
 _CONTEXT = get_context("spawn")
 """Processes that begin anew are the same on every system, and inherit no threads."""
 
 
-def run_episodes(episodes: Iterable[Episode], jobs: int) -> Generator[Outcome, None, None]:
-    """What becomes of the episodes, in the order in which they end.
+Task = TypeVar("Task")
+Outcome = TypeVar("Outcome")
+
+
+class Trade(ABC, Generic[Task, Outcome]):
+    """What worker processes do; it is pickled."""
+
+    @abstractmethod
+    def work(self, task: Task, tell: Callable[[int], None]) -> Outcome:
+        """Do a task; `tell` is called with the number of each step of it before it is taken."""
+
+    @abstractmethod
+    def died(self, task: Task, step: int, cause: str) -> Outcome:
+        """What becomes of a task in whose step of this number the process died."""
+
+
+def run_parallel(
+    trade: Trade[Task, Outcome], tasks: Iterable[Task], jobs: int
+) -> Generator[Outcome, None, None]:
+    """What becomes of tasks, in the order in which they are done.
 
     Leaving the iterator ends all processes.
 
     Args:
-        episodes: The episodes.
-        jobs: How many run at once.
+        trade: What is to be done with each.
+        tasks: The tasks.
+        jobs: How many are done at once.
     """
-    waiting = iter(episodes)
-    workers = [_Worker(episode) for episode in islice(waiting, jobs)]
+    waiting = iter(tasks)
+    workers = [_Worker(trade, task) for task in islice(waiting, jobs)]
     try:
         while workers:
             told = wait([worker.link for worker in workers])
@@ -47,46 +63,46 @@ def run_episodes(episodes: Iterable[Episode], jobs: int) -> Generator[Outcome, N
             worker.end()
 
 
-class _Worker:
-    """A process that runs one episode after another.
+class _Worker(Generic[Task, Outcome]):
+    """A process that does one task after another.
 
     Args:
-        episode: The first.
+        trade: What it does.
+        task: The first task.
     """
 
-    def __init__(self, episode: Episode) -> None:
+    def __init__(self, trade: Trade[Task, Outcome], task: Task) -> None:
+        self._trade = trade
         self.link, other = _CONTEXT.Pipe()
         self._step = _CONTEXT.RawValue("q", 0)
-        self._process = _CONTEXT.Process(target=_work, args=(other, self._step), daemon=True)
+        self._process = _CONTEXT.Process(target=_work, args=(trade, other, self._step), daemon=True)
         with _unheard_interrupts():
             self._process.start()
         other.close()  # The process has its own: when it dies, the link breaks.
-        self._begin(episode)
+        self._begin(task)
 
-    def _begin(self, episode: Episode) -> None:
-        self._episode = episode
+    def _begin(self, task: Task) -> None:
+        self._task = task
         self._step.value = 0
-        self.link.send(episode)
+        self.link.send(task)
 
-    def given(self, episode: Episode) -> _Worker:
-        """The worker that runs this episode next: another one where this has died."""
+    def given(self, task: Task) -> _Worker[Task, Outcome]:
+        """The worker that does this task next: another one where this has died."""
         try:
-            self._begin(episode)
+            self._begin(task)
         except ConnectionError:
             self.end()
-            return _Worker(episode)
+            return _Worker(self._trade, task)
         return self
 
     def outcome(self) -> Outcome:
-        """What became of the episode, as soon as the process tells or has died."""
+        """What became of the task, as soon as the process tells or has died."""
         try:
             outcome: Outcome = self.link.recv()
         except (EOFError, ConnectionError):
             self._process.join()
             what = f"the process died: {_cause(self._process.exitcode or 0)}"
-            step = int(self._step.value)
-            violation = Violation(episode=self._episode, step=step, what=what)
-            return Outcome(episode=self._episode, steps=step, violations=(violation,))
+            return self._trade.died(self._task, int(self._step.value), what)
         return outcome
 
     def end(self) -> None:
@@ -96,18 +112,18 @@ class _Worker:
         self.link.close()
 
 
-def _work(link: Connection, step: Any) -> None:
-    """Run the episodes that come through the link, until there are no more."""
+def _work(trade: Trade[Any, Any], link: Connection, step: Any) -> None:
+    """Do the tasks that come through the link, until there are no more."""
 
     def tell(number: int) -> None:
         step.value = number
 
     while True:
         try:
-            episode = link.recv()
+            task = link.recv()
         except EOFError:
             return
-        link.send(run_episode(episode, tell, Limits()))
+        link.send(trade.work(task, tell))
 
 
 def _cause(status: int) -> str:

@@ -14,7 +14,9 @@ import click
 from albot_core.errors import InputError
 
 SUBCOMMANDS = {
+    "agents": "List the agents.",
     "bench": "Measure speed, each figure beside something run in the same minute.",
+    "evaluate": "Measure an agent in many episodes of a task.",
     "experiment": "Repeat the papers' experiments.",
     "map": "Run a mapper over a real robot's log.",
     "mappers": "List the mapping systems.",

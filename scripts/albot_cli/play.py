@@ -160,7 +160,7 @@ def _run(
     assert isinstance(explorer, ExploreEnv)
     explorer.recorder = EpisodeWriter(record, agent=agent)
     try:
-        first, _ = begin_episode(env, driver, seed)
+        first = begin_episode(env, driver, seed)
         title = f"{agent} in {world}"
         with (
             _told_what_is_left(record),
@@ -199,12 +199,19 @@ def _told_what_is_left(record: Path) -> Iterator[None]:
 
 
 def _drive(
-    env: gymnasium.Env[Any, Any], explorer: ExploreEnv, driver: Agent, first: Any, stage: Stage
+    env: gymnasium.Env[Any, Any],
+    explorer: ExploreEnv,
+    driver: Agent,
+    first: tuple[Any, dict[str, Any]],
+    stage: Stage,
 ) -> tuple[int, int, dict[str, Any]]:
     """Drive to the end, or until nobody watches: steps, steps in contact, and the last info."""
-    observation, steps, contacts, over = first, 0, 0, False
+    from albot_agents.agent import choose
+
+    observation, info = first
+    steps, contacts, over = 0, 0, False
     while not over:
-        observation, _, terminated, truncated, info = env.step(driver.act(observation))
+        observation, _, terminated, truncated, info = env.step(choose(driver, observation, info))
         steps += 1
         contacts += info["collided"]
         watched = stage.step(info["time"], lambda: explorer.frame)

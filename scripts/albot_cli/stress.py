@@ -155,10 +155,11 @@ class _Tally:
 
 def _run(episodes: list[Episode], jobs: int, tally: _Tally) -> None:
     """Run the episodes, or as many as there are before Ctrl-C."""
-    from albot_agents.stress.workers import run_episodes
+    from albot_agents.stress.trade import Stress
+    from albot_agents.workers import run_parallel
 
     length = episodes[0].steps
-    outcomes = run_episodes(episodes, jobs)
+    outcomes = run_parallel(Stress(), episodes, jobs)
     try:
         with progress("stress", len(episodes) * length, "steps") as tell, closing(outcomes):
             for done, outcome in enumerate(outcomes, start=1):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
+from gymnasium.spaces import Box
 
-from albot_agents.agent import Action
+from albot_agents.agent import Action, filled
 from albot_agents.scripted.senses import make_sense
 from albot_core.exploration.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_env.tasks.action import ActionConfig
@@ -14,23 +16,25 @@ from albot_env.tasks.observation import ObservationConfig
 
 
 class GapExplorerAgent:
-    """Goes from gap to gap, the nearest first, and back to those passed by.
+    """Goes from gap to gap, the nearest first, and back to those passed by. It declares nothing.
 
     Args:
         observing: How the environment makes observations.
     """
 
     name: ClassVar[str] = "gap-explorer"
+    knows_truth: ClassVar[bool] = False
 
     def __init__(self, observing: ObservationConfig) -> None:
         self._observing = observing
         self._explorer = GapExplorer(GapExplorerConfig(near=observing.coverage.radius))
 
-    def reset(self, rng: np.random.Generator) -> None:
+    def reset(self, rng: np.random.Generator, actions: Box) -> None:
         """Begin anew, by looking all around."""
+        self._actions = actions
         self._explorer.reset(rng)
 
-    def act(self, observation: Any) -> Action:
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The next action."""
         senses = make_sense(observation, self._observing)
-        return ActionConfig().shares(self._explorer.command(senses))
+        return filled(ActionConfig().shares(self._explorer.command(senses)), self._actions)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from albot_core.errors import InputError
 from albot_maps import load_world
-from albot_maps.generators.spec import KINDS, PREFIX
+from albot_maps.generators.spec import KINDS, PREFIX, seeded
 
 ALL_KINDS = "random"
 """The spec that stands for all kinds of random worlds in turn."""
@@ -91,14 +91,10 @@ def plan_episodes(
 def _worlds(spec: str, count: int, first: int) -> list[str]:
     """The worlds' specs, one for each seed."""
     body, _, query = spec.partition("?")
-    kind, colon, _ = body.removeprefix(PREFIX).partition(":")
     if body == ALL_KINDS:
         if query:
             expected = f"parameters after a kind, as {PREFIX}{KINDS[0]}?{query}"
             raise InputError(spec, expected, "all kinds")
         turns = range(count)
         return [f"{PREFIX}{KINDS[k % len(KINDS)]}:{first + k // len(KINDS)}" for k in turns]
-    if not body.startswith(PREFIX) or colon:
-        return [spec] * count
-    tail = f"?{query}" if query else ""
-    return [f"{PREFIX}{kind}:{first + k}{tail}" for k in range(count)]
+    return [seeded(spec, first + k) for k in range(count)]

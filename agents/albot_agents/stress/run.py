@@ -12,6 +12,7 @@ import gymnasium
 import numpy as np
 
 import albot_env  # noqa: F401  (registers the environments)
+from albot_agents.agent import choose
 from albot_agents.episode import begin_episode
 from albot_agents.registry import make_agent
 from albot_agents.stress.plan import Episode, Violation
@@ -166,7 +167,8 @@ def _watched(episode: Episode, limits: Limits) -> Iterator[list[str]]:
         yield watch.start(observation, info)
         over = False
         while not over:
-            observation, reward, terminated, truncated, info = env.step(agent.act(observation))
+            action = choose(agent, observation, info)
+            observation, reward, terminated, truncated, info = env.step(action)
             over = terminated or truncated
             yield watch.step(observation, float(reward), info)
     finally:

@@ -86,6 +86,14 @@ def parse_spec(text: str) -> RandomSpec:
     return RandomSpec(kind=kind, seed=int(seed), parameters=read_parameters(known, values))
 
 
+def seeded(spec: str, seed: int) -> str:
+    """The spec with a seed where it is `random:KIND` or `random:KIND?…`; any other as it is."""
+    body, mark, query = spec.partition("?")
+    if not body.startswith(PREFIX) or ":" in body.removeprefix(PREFIX):
+        return spec
+    return f"{body}:{seed}{mark}{query}"
+
+
 def parameters_of(kind: str) -> type[Parameters]:
     """The dataclass of a kind's parameters.
 

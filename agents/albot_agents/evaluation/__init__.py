@@ -1,0 +1,1 @@
+"""Agents measured: episodes in parallel, success and path lengths with their confidence."""

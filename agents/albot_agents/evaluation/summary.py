@@ -1,0 +1,74 @@
+"""What an evaluation found: rates and means over episodes, and how sure they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from albot_agents.evaluation.trial import Outcome
+from albot_core.evaluation.intervals import bootstrap, wilson
+
+_SEED = 0
+"""Seed of the bootstrap."""
+
+
+def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """The figures of all episodes, and of each world's.
+
+    `success_rate` with its 95 % Wilson interval `ci95`; `spl` and `soft_spl`, means as in
+    the literature, and `spl_median`, each with a bootstrapped 95 % interval; distances in metres
+    of the shortest way; collisions count beginnings of contact. What a task does not
+    know of is None.
+    """
+    figures = _figures(outcomes)
+    ends = [outcome.info for outcome in outcomes]
+    rng = np.random.default_rng(_SEED)
+    intervals: dict[str, Any] = {"ci95": None, "spl_ci95": None, "spl_median_ci95": None}
+    intervals |= {"soft_spl_ci95": None}
+    if ends and "is_success" in ends[0]:
+        spl = np.array([end["spl"] for end in ends])
+        soft = np.array([end["soft_spl"] for end in ends])
+        intervals["ci95"] = list(wilson(sum(end["is_success"] for end in ends), len(ends)))
+        intervals["spl_ci95"] = list(bootstrap(spl, np.mean, rng))
+        intervals["spl_median_ci95"] = list(bootstrap(spl, np.median, rng))
+        intervals["soft_spl_ci95"] = list(bootstrap(soft, np.mean, rng))
+    worlds = list(dict.fromkeys(outcome.trial.world for outcome in outcomes))
+    rows = [
+        {"world": world, **_figures([each for each in outcomes if each.trial.world == world])}
+        for world in worlds
+    ]
+    return {**figures, **intervals, "worlds": rows}
+
+
+def _figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    ends = [outcome.info for outcome in outcomes]
+    driven = sum(outcome.driven for outcome in outcomes)
+    collisions = sum(outcome.collisions for outcome in outcomes)
+    return {
+        "episodes": len(outcomes),
+        "success_rate": _mean([end.get("is_success") for end in ends]),
+        "spl": _mean([end.get("spl") for end in ends]),
+        "spl_median": _median([end.get("spl") for end in ends]),
+        "soft_spl": _mean([end.get("soft_spl") for end in ends]),
+        "declared_rate": _mean([end.get("declared") for end in ends]),
+        "mean_initial_distance_m": _mean([end.get("initial_distance_home") for end in ends]),
+        "mean_final_distance_m": _mean([end.get("distance_home") for end in ends]),
+        "median_final_distance_m": _median([end.get("distance_home") for end in ends]),
+        "mean_way_m": driven / len(outcomes) if outcomes else None,
+        "mean_coverage": _mean([end["coverage"] for end in ends]),
+        "mean_position_error_m": _mean([end["position_error"] for end in ends]),
+        "cut_short": sum(bool(end.get("outward_cut_short")) for end in ends),
+        "collisions_per_m": collisions / driven if driven else None,
+    }
+
+
+def _mean(values: Sequence[Any]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
+
+
+def _median(values: Sequence[Any]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None

@@ -1,0 +1,88 @@
+"""One episode of an evaluation: what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_agents.agent import choose
+from albot_agents.episode import begin_episode
+from albot_agents.evaluation.plan import Trial
+from albot_agents.registry import make_agent
+from albot_agents.workers import Trade
+from albot_core.errors import InputError
+from albot_core.geometry.types import Pose
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """What became of an episode."""
+
+    trial: Trial
+    """The episode."""
+    info: Mapping[str, Any]
+    """The last info: the truth at the end."""
+    start: Pose
+    """Where home is (world frame)."""
+    path: Float64[np.ndarray, "steps 2"]
+    """The way that the agent drove (m, world frame)."""
+    collisions: int
+    """How often the robot came into contact with something."""
+
+    @property
+    def driven(self) -> float:
+        """How far the agent drove (m)."""
+        return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
+
+
+def run_trial(trial: Trial, tell: Callable[[int], None] = lambda _: None) -> Outcome:
+    """Run an episode to its end.
+
+    Args:
+        trial: The episode.
+        tell: Is called with the number of each step before it is taken.
+
+    Raises:
+        InputError: There is no such world, mapper or sensor.
+    """
+    env = trial.make()
+    try:
+        agent = make_agent(trial.agent, env.get_wrapper_attr("observing"))
+        tell(0)
+        observation, info = begin_episode(env, agent, trial.seed)
+        path, collisions, touched, over = [info["pose"][:2]], 0, False, False
+        while not over:
+            tell(len(path))
+            action = choose(agent, observation, info)
+            observation, _, terminated, truncated, info = env.step(action)
+            path.append(info["pose"][:2])
+            collisions += info["collided"] and not touched
+            touched, over = info["collided"], terminated or truncated
+    finally:
+        env.close()
+    return Outcome(
+        trial=trial, info=info, start=info["start"], path=np.array(path), collisions=collisions
+    )
+
+
+class Evaluation(Trade[Trial, "Outcome | InputError"]):
+    """Runs trials; what is wrong with one comes back as the error that it is."""
+
+    def work(self, task: Trial, tell: Callable[[int], None]) -> Outcome | InputError:
+        """Run a trial."""
+        try:
+            return run_trial(task, tell)
+        except InputError as error:
+            return error
+
+    def died(self, task: Trial, step: int, cause: str) -> Outcome | InputError:
+        """A trial that was not survived: our fault.
+
+        Raises:
+            RuntimeError: Always.
+        """
+        raise RuntimeError(f"{task.task} in {task.world}, seed {task.seed}, step {step}: {cause}")

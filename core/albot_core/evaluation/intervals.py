@@ -1,0 +1,52 @@
+"""Confidence intervals of what was found in a sample of episodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.errors import InputError
+
+_Z = 1.959963984540054
+"""The standard normal distribution lies within ± this with a probability of 95 %."""
+_RESAMPLES = 10_000
+
+
+def wilson(successes: int, trials: int) -> tuple[float, float]:
+    """The 95 % score interval of a probability (Wilson, J. Am. Stat. Assoc. 22, 1927).
+
+    Raises:
+        InputError: There are no trials, or more successes than trials.
+    """
+    if not 0 <= successes <= trials or trials == 0:
+        raise InputError("wilson", "successes out of at least one trial", f"{successes}/{trials}")
+    share = successes / trials
+    spread = 1 + _Z**2 / trials
+    centre = (share + _Z**2 / (2 * trials)) / spread
+    half = _Z / spread * math.sqrt(share * (1 - share) / trials + _Z**2 / (4 * trials**2))
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def bootstrap(
+    values: Float64[np.ndarray, "n"],
+    measure: Callable[..., np.ndarray],
+    rng: np.random.Generator,
+) -> tuple[float, float]:
+    """The 95 % percentile bootstrap interval of a measure (Efron and Tibshirani 1993, chapter 13).
+
+    Args:
+        values: The sample.
+        measure: `np.mean`, `np.median` or another that takes `axis`.
+        rng: Draws the resamples.
+
+    Raises:
+        InputError: There are no values.
+    """
+    if not len(values):
+        raise InputError("bootstrap", "at least one value", "none")
+    drawn = values[rng.integers(len(values), size=(_RESAMPLES, len(values)))]
+    low, high = np.quantile(measure(drawn, axis=1), (0.025, 0.975)).tolist()
+    return low, high

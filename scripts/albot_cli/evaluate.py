@@ -1,0 +1,188 @@
+"""`albot evaluate`: an agent measured in many episodes of a task."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import time
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from albot_cli.outputs import check_folder
+from albot_cli.progress import progress
+from albot_core.errors import InputError
+
+if TYPE_CHECKING:
+    from albot_agents.evaluation.plan import Trial
+    from albot_agents.evaluation.trial import Outcome
+
+_STOPPED = 130
+_PICTURE = "failures.png"
+
+
+@click.command()
+@click.argument("task")
+@click.option("--agent", required=True, help="See `albot agents list`.")
+@click.option(
+    "--worlds",
+    multiple=True,
+    default=("random:office",),
+    show_default=True,
+    metavar="SPEC",
+    help="random:KIND (each seed is a world), a name, a file, or a pattern of files; repeatable.",
+)
+@click.option(
+    "--seeds", default="1000..1019", show_default=True, metavar="A..B", help="Both included."
+)
+@click.option("--mapper", help="See `albot mappers`; or none.  [default: the agent's own]")
+@click.option(
+    "--odometer",
+    "--noise",
+    default="pioneer",
+    show_default=True,
+    help="ideal, pioneer, poor, carpet, stage, albot1-disturbed, bias-1.5, bias-3 or bias-6.",
+)
+@click.option(
+    "--outward",
+    metavar="A..B",
+    help="Length of the way out before homing, in metres.  [default: 30..100]",
+)
+@click.option("--steps", type=click.IntRange(1), help="Time limit.  [default: the task's]")
+@click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder for evaluation.json and, of tasks that can succeed, a picture of the failures.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+def command(
+    task: str,
+    agent: str,
+    worlds: tuple[str, ...],
+    seeds: str,
+    mapper: str | None,
+    odometer: str,
+    outward: str | None,
+    steps: int | None,
+    jobs: int | None,
+    out: Path | None,
+    as_json: bool,
+) -> int:
+    """Run an agent through many episodes of TASK, such as Albot/Homing-v0.
+
+    Success with its 95 % Wilson interval, success weighted by path length (SPL, its mean and its
+    median with bootstrapped 95 % intervals), how far from home it ended. The exit status
+    is 130 where Ctrl-C ended it before: then the figures are those of the episodes so far.
+    """
+    from albot_agents.evaluation.plan import check_task, parse_seeds, plan_trials
+    from albot_agents.registry import find_agent
+
+    check_task(task)
+    inside = mapper or find_agent(agent).mapper
+    settings: dict[str, Any] = {"mapper": inside, "odometer": odometer}
+    if steps is not None:
+        settings["max_episode_steps"] = steps
+    if outward is not None:
+        settings["config"] = _way_out(task, outward)
+    if out is not None:
+        check_folder(out)
+    trials = plan_trials(task, agent, worlds, parse_seeds(seeds), settings)
+    trials[0].make().close()  # What is wrong with the settings is told before the work.
+    began = time.perf_counter()
+    outcomes, stopped = _run(trials, jobs or os.cpu_count() or 1)
+    facts: dict[str, Any] = {"task": task, "agent": agent, "mapper": inside, "odometer": odometer}
+    facts |= _summary(outcomes)
+    facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}
+    if out is not None:
+        _save(out, facts, outcomes)
+    click.echo(json.dumps(facts) if as_json else _as_text(facts))
+    return _STOPPED if stopped else 0
+
+
+def _way_out(task: str, text: str) -> Any:
+    """The task's configuration with a way out of a length `A..B` (m)."""
+    from albot_env.tasks.homecoming import Homing, HomingConfig
+    from albot_env.tasks.outing import OutingConfig
+
+    if task != Homing.task:
+        raise InputError("--outward", f"{Homing.task}, which has a way out", task)
+    number = r"(\d+(?:\.\d+)?)"
+    found = re.fullmatch(rf"{number}\.\.{number}", text)
+    if found is None:
+        raise InputError("--outward", "A..B in metres, as 30..100", text or "nothing")
+    shortest, longest = float(found[1]), float(found[2])
+    if longest < shortest:
+        raise InputError("--outward", "a range A..B with B at least A", text)
+    return HomingConfig(outing=OutingConfig(shortest=shortest, longest=longest))
+
+
+def _run(trials: list[Trial], jobs: int) -> tuple[list[Outcome], bool]:
+    """What becomes of the trials, in their order, and whether Ctrl-C ended it before."""
+    from albot_agents.evaluation.trial import Evaluation
+    from albot_agents.workers import run_parallel
+
+    done: dict[int, Outcome] = {}
+    stopped = False
+    numbers = {(trial.world, trial.seed): k for k, trial in enumerate(trials)}
+    results = run_parallel(Evaluation(), trials, min(jobs, len(trials)))
+    try:
+        with progress("evaluate", len(trials), "episodes") as tell, closing(results):
+            for outcome in results:
+                if isinstance(outcome, InputError):
+                    raise outcome
+                done[numbers[outcome.trial.world, outcome.trial.seed]] = outcome
+                tell(len(done))
+    except KeyboardInterrupt:
+        stopped = True
+    return [done[k] for k in sorted(done)], stopped
+
+
+def _summary(outcomes: list[Outcome]) -> dict[str, Any]:
+    from albot_agents.evaluation.summary import summarise
+
+    return summarise(outcomes)
+
+
+def _save(out: Path, facts: dict[str, Any], outcomes: list[Outcome]) -> None:
+    """Write the figures and the picture; note in `facts` where they are."""
+    from albot_core.files import replacing
+
+    out.mkdir(parents=True, exist_ok=True)
+    facts["files"]["figures"] = str(out / "evaluation.json")
+    if facts["success_rate"] is not None:
+        from albot_agents.evaluation.picture import save_failures
+
+        save_failures(outcomes, out / _PICTURE)
+        facts["files"]["failures"] = str(out / _PICTURE)
+    with replacing(out / "evaluation.json") as stream:
+        stream.write(json.dumps(facts, indent=1).encode())
+
+
+def _as_text(facts: dict[str, Any]) -> str:
+    """The figures for people."""
+    lines = [
+        f"{facts['agent']} in {facts['task']}, {facts['episodes']} episodes, mapper "
+        f"{facts['mapper']}, odometer {facts['odometer']}, {facts['seconds']:.0f} s"
+        + (", stopped before the end" if facts["stopped"] else "")
+    ]
+    if facts["success_rate"] is not None:
+        low, high = facts["ci95"]
+        spl_low, spl_high = facts["spl_ci95"]
+        lines += [
+            f"  success   {facts['success_rate']:.0%}  (95 %: {low:.0%} to {high:.0%})",
+            f"  SPL       {facts['spl']:.2f}  (95 %: {spl_low:.2f} to {spl_high:.2f}), "
+            f"median {facts['spl_median']:.2f}, soft {facts['soft_spl']:.2f}",
+            f"  from home {facts['mean_final_distance_m']:.1f} m at the end, "
+            f"{facts['mean_initial_distance_m']:.1f} m at the beginning",
+        ]
+    if facts["episodes"]:
+        lines.append(
+            f"  covered   {facts['mean_coverage']:.0%} of the ground; "
+            f"{facts['collisions_per_m'] or 0:.3f} collisions a metre"
+        )
+    lines += [f"  {name:<9} {path}" for name, path in facts["files"].items()]
+    return "\n".join(lines)
