@@ -175,10 +175,15 @@ class Expedition:
             memory={} if self._mappers is None else self._mappers.state(row),
         )
 
-    def resume(self, row: int, world: World, rest: Rest) -> None:
-        """Let a robot stand and know as another one did in this world; its steps count anew."""
-        self._set_out(row, world, rest.start, rest.halt.key)
-        self._fleet.resume(row, world, rest.halt)
+    def resume(self, row: int, world: World, rest: Rest, key: int | None = None) -> None:
+        """Let a robot stand and know as another one did in this world; its steps count anew.
+
+        `key` decides the noise from now on; by default it is the one it had, and what comes
+        next is what would have come.
+        """
+        halt = rest.halt if key is None else rest.halt._replace(key=key)
+        self._set_out(row, world, rest.start, halt.key)
+        self._fleet.resume(row, world, halt)
         self._survey.resume(row, rest.surveyed)
         if self._mappers is None:
             self._senses.beliefs[row] = rest.belief

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
+from albot_env.sim.fleet import draw_key
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import DeclaringActionConfig, Numbers
 from albot_env.tasks.expedition import Equipment, Expedition
@@ -67,6 +68,7 @@ class Homing(Expedition):
         self._config = config
         self._weights = config.weights.values
         self._outings = Outings(equipment, config.observations, config.outing, journeys)
+        self._shared = journeys > 0
         self._outward = np.zeros(robots)
         self._cut_short = np.zeros(robots, np.bool_)
         self._fields = Fields(
@@ -90,7 +92,8 @@ class Homing(Expedition):
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
         """Let a robot begin at the end of an outward journey, with what it has seen on it."""
         outing = self._outings.draw(world, start, rng)
-        self.resume(row, world, outing.rest)
+        # Those who share a journey share no noise afterwards.
+        self.resume(row, world, outing.rest, draw_key(rng) if self._shared else None)
         self._outward[row] = outing.rest.path_length
         self._cut_short[row] = outing.cut_short
         self._show_home(row, outing)

@@ -80,7 +80,7 @@ def success_weighted(success: float, geodesic: float, driven: float) -> float:
     both ways are nothing, so is the detour.
     """
     longest = max(geodesic, driven)
-    return success if longest <= 0.0 else success * geodesic / longest
+    return success if longest <= 0.0 else success * (geodesic / longest)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
