@@ -40,7 +40,7 @@ class Halt(NamedTuple):
     """How a robot stands that has come to rest, and what moves around it."""
 
     pose: Pose
-    """Where it is (world frame)."""
+    """Where it is (world frame); the heading counts full turns."""
     key: int
     """The key to its noise."""
     readings: int
@@ -218,7 +218,7 @@ class Fleet:
     def halt(self, row: int) -> Halt:
         """How a robot stands that has come to rest."""
         return Halt(
-            pose=self.poses[row].copy(),
+            pose=self.states[row, :3].copy(),
             key=int(self._sensed.keys[row]),
             readings=int(self._sensed.readings[row]),
             counts=self._robots.counts[row].copy(),

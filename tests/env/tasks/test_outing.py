@@ -1,0 +1,43 @@
+"""A robot that rests and is resumed goes on as if never stopped, in another expedition too."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from albot_env.sim import choose_sensors
+from albot_env.tasks.action import ActionConfig
+from albot_env.tasks.expedition import Equipment, Expedition
+from albot_env.tasks.observation import ObservationConfig
+from albot_maps import World
+
+
+@pytest.mark.parametrize("mapper", ["none", "odometry", "albot1"])
+def test_a_robot_goes_on_as_if_never_stopped(two_rooms: World, mapper: str) -> None:
+    sensors = choose_sensors(
+        laser="lms-200", odometer="carpet", sonar="poor", scenes="paper", source="test"
+    )
+    equipment = Equipment(mapper=mapper, sensors=sensors)
+    one, other = (
+        Expedition(n, equipment, actions=ActionConfig(), observations=ObservationConfig())
+        for n in (1, 2)
+    )
+    rng = np.random.default_rng(1)
+    one.begin(0, two_rooms, two_rooms.starts[0], rng)
+    one.look()
+    for command in (*rng.uniform((0, -1), (1, 1), (30, 2)), *np.zeros((20, 2))):
+        one.drive(command[np.newaxis])
+        one.look()
+    assert one.at_rest
+    other.begin(0, two_rooms, two_rooms.starts[1], rng)
+    other.resume(1, two_rooms, one.rest(0))
+    for command in rng.uniform((-0.3, -1), (1, 1), (60, 2)):
+        one.drive(command[np.newaxis])
+        other.drive(np.array((command, command)))
+        one.look()
+        other.look()
+        for attribute in ("observations", "poses", "beliefs", "coverages", "path_lengths"):
+            ours, its = getattr(one, attribute)[0], getattr(other, attribute)[1]
+            assert ours.tobytes() == its.tobytes(), attribute
+        assert one.rooms_entered[0] == other.rooms_entered[1]
+        assert np.array_equal(one.surfaces(0), other.surfaces(1))
