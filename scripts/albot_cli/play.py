@@ -34,7 +34,12 @@ RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "record", "no_movables"
 @click.argument("episode", required=False, type=click.Path(path_type=Path))
 @click.option("--world", default="office-ring", show_default=True, help="World: a name or a file.")
 @click.option("--mapper", default="albot1", show_default=True, help="See `albot mappers`.")
-@click.option("--agent", default="gap-explorer", show_default=True, help="gap-explorer or random.")
+@click.option(
+    "--agent",
+    default="gap-explorer",
+    show_default=True,
+    help="gap-explorer, oracle, path-integration or random.",
+)
 @click.option(
     "--laser",
     default="lms-200",

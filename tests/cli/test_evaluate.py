@@ -1,0 +1,144 @@
+"""`albot evaluate` and `albot agents` as people call them, worker processes included."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from albot_agents import workers
+from albot_agents.evaluation.plan import Trial
+from albot_agents.evaluation.trial import Evaluation, Outcome, run_trial
+from albot_cli.main import main
+from albot_core.errors import InputError
+
+TINY = ("--worlds", "square-loop", "--outward", "1..2", "--steps", "15")
+KEYS = {
+    "task", "agent", "episodes", "success_rate", "ci95", "spl", "soft_spl",
+    "mean_final_distance_m", "collisions_per_m", "worlds",
+}  # fmt: skip
+
+
+Albot = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Albot:
+    """Runs the command: exit status, stdout and stderr."""
+
+    def albot(*words: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["albot", *words])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = capfd.readouterr()
+        return int(ended.value.code or 0), out, err
+
+    return albot
+
+
+def _inline(trade: Evaluation, trials: list[Trial], jobs: int) -> Any:
+    """As `run_parallel`, in this process."""
+    yield from (trade.work(trial, lambda _: None) for trial in trials)
+
+
+def test_the_whole_command_with_workers(run: Albot, tmp_path: Path) -> None:
+    status, out, err = run(
+        "evaluate", "Albot/Homing-v0", "--agent", "random", "--seeds", "3..4", "--jobs", "2",
+        "--out", str(tmp_path / "new"), "--json", *TINY,
+    )  # fmt: skip
+    assert (status, err) == (0, "")
+    found = json.loads(out)
+    assert found.keys() >= KEYS
+    assert (found["episodes"], found["task"]) == (2, "Albot/Homing-v0")
+    assert [row["world"] for row in found["worlds"]] == ["square-loop"]
+    assert found == json.loads((tmp_path / "new" / "evaluation.json").read_text())
+    assert (tmp_path / "new" / "failures.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_same_seeds_give_the_same_figures(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "run_parallel", _inline)
+    words = ("evaluate", "Albot/Homing-v0", "--agent", "oracle", "--seeds", "3", "--json", *TINY)
+    one, other = (json.loads(run(*words)[1]) for _ in range(2))
+    for figures in (one, other):
+        figures.pop("seconds")
+    assert one == other
+
+
+def test_ctrl_c_tells_what_there_is(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(trade: Evaluation, trials: list[Trial], jobs: int) -> Any:
+        yield trade.work(trials[0], lambda _: None)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(workers, "run_parallel", stopped)
+    status, out, _ = run(
+        "evaluate", "Albot/Homing-v0", "--agent", "random", "--seeds", "3..9", "--json", *TINY
+    )
+    assert status == 130
+    found = json.loads(out)
+    assert (found["stopped"], found["episodes"]) == (True, 1)
+
+
+def test_exploring_has_no_success(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(workers, "run_parallel", _inline)
+    words = ("evaluate", "Albot/Explore-v0", "--agent", "gap-explorer", "--seeds", "1")
+    status, out, _ = run(*words, "--worlds", "square-loop", "--steps", "15")
+    assert status == 0
+    assert "of the ground" in out
+    assert "success" not in out
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("Albot/Homming-v0", "--agent", "random"), "did you mean Albot/Homing-v0"),
+        (("Albot/Homing-v0", "--agent", "randon"), "did you mean random"),
+        (("Albot/Homing-v0", "--agent", "random", "--seeds", "5..3"), "--seeds: expected"),
+        (("Albot/Homing-v0", "--agent", "random", "--seeds", "x"), "--seeds: expected A..B"),
+        (("Albot/Homing-v0", "--agent", "random", "--worlds", "nowhere"), "world: expected"),
+        (("Albot/Homing-v0", "--agent", "random", "--mapper", "albot9"), "albot9"),
+        (("Albot/Homing-v0", "--agent", "random", "--noise", "loud"), "loud"),
+        (("Albot/Homing-v0", "--agent", "random", "--outward", "9..3"), "--outward: expected"),
+        (("Albot/Explore-v0", "--agent", "random", "--outward", "1..3"), "has a way out"),
+    ],
+)
+def test_bad_input_is_one_line(run: Albot, words: tuple[str, ...], found: str) -> None:
+    status, out, err = run("evaluate", *words)
+    assert (status, out) == (2, "")
+    assert found in err
+    assert err.count("\n") == 1
+
+
+def test_what_is_wrong_with_a_trial_comes_back_as_an_error() -> None:
+    trial = Trial(task="Albot/Homing-v0", agent="random", world="nowhere", seed=1)
+    assert isinstance(Evaluation().work(trial, lambda _: None), InputError)
+    with pytest.raises(RuntimeError, match="seed 1, step 3: the process died"):
+        Evaluation().died(trial, 3, "the process died")
+
+
+def test_a_trial_tells_its_steps() -> None:
+    settings = {"mapper": "none", "max_episode_steps": 4, "journeys": 1}
+    from tests.env.quick import STROLL
+
+    trial = Trial(
+        task="Albot/Homing-v0", agent="path-integration", world="square-loop", seed=1,
+        settings={**settings, "config": STROLL},
+    )  # fmt: skip
+    told: list[int] = []
+    outcome = run_trial(trial, told.append)
+    assert isinstance(outcome, Outcome)
+    assert told == list(range(len(outcome.path)))
+    assert outcome.driven == pytest.approx(outcome.info["way_driven"])
+
+
+def test_the_agents_are_listed(run: Albot) -> None:
+    status, out, _ = run("agents", "list", "--json")
+    rows = json.loads(out)["agents"]
+    assert status == 0
+    assert {row["name"] for row in rows} >= {"random", "path-integration", "oracle"}
+    assert [row["name"] for row in rows if row["knows_truth"]] == ["oracle"]
+    status, out, _ = run("agents", "list")
+    assert len(out.splitlines()) == len(rows)
