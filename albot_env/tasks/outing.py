@@ -36,7 +36,7 @@ class OutingConfig:
     """The length of a journey is drawn from this (m)…"""
     longest: float = 100.0
     """…to this, each as likely."""
-    away: float = 3.0
+    away: float = 5.0
     """It goes on where the way home from its end would be shorter (m)."""
 
     def __post_init__(self) -> None:

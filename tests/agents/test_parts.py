@@ -119,7 +119,7 @@ def test_the_least_distance_while_braking_is_the_stopping_distance() -> None:
 
 
 def test_the_robot_holds_back_before_a_wall_and_not_before_nothing() -> None:
-    ahead = np.array((1.0, 0.0), np.float32)
+    ahead = np.array((1.0, 0.0))
     fast, slow = np.array((0.1, 0.0, 0.0)), np.zeros(3)
     wall = _points(np.array(((0.75, -3, 0.75, 3),), float))
     assert hold_back(ahead, wall, fast)[0] < 0.8
@@ -266,7 +266,7 @@ def test_patience_ends_on_the_spot_and_on_long_ways() -> None:
     turning = [patience.recovery() for _ in range(13)]
     assert turning[-1] is None
     assert all(
-        action is not None and action[0] == 0 and abs(action[1]) == 0.5 for action in turning[:-1]
+        action is not None and action[0] == 0 and abs(action[1]) == 1.0 for action in turning[:-1]
     )
 
 
