@@ -1,0 +1,83 @@
+"""Agents that drive home: where they succeed, where they do not, and that they touch nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from albot_agents.evaluation.plan import Trial
+from albot_agents.evaluation.trial import Outcome, run_trial
+from albot_core.exploration.approach import Approach
+from albot_core.exploration.senses import Senses
+from albot_core.geometry.poses import compose, inverse, transform_points
+from albot_core.perception.reading import LaserGeometry
+from albot_env.sim import RayCaster
+from albot_env.tasks.homecoming import HomingConfig
+from albot_env.tasks.outing import OutingConfig
+
+OUT = HomingConfig(outing=OutingConfig(shortest=6.0, longest=6.0, away=3.0))
+
+
+def _home(agent: str, world: str, **settings: Any) -> Outcome:
+    made = {"mapper": "none", "config": OUT, "max_episode_steps": 400, **settings}
+    return run_trial(Trial(task="Albot/Homing-v0", agent=agent, world=world, seed=3, settings=made))
+
+
+@pytest.mark.parametrize("world", ["office-ring", "random:apartment:3"])
+def test_the_oracle_drives_the_shortest_way(world: str) -> None:
+    outcome = _home("oracle", world)
+    assert outcome.info["is_success"]
+    assert outcome.info["spl"] > 0.75
+    assert outcome.collisions == 0
+
+
+def test_path_integration_comes_home_by_a_true_odometer_and_not_by_a_bad_one() -> None:
+    true = _home("path-integration", "office-ring", odometer="ideal")
+    bad = _home("path-integration", "office-ring", odometer="bias-6")
+    assert true.info["is_success"]
+    assert true.info["spl"] > 0.6
+    assert not bad.info["is_success"]
+    assert true.collisions == bad.collisions == 0
+
+
+def test_path_integration_looks_at_the_belief_only_once() -> None:
+    """What a mapper makes of it later does not matter: two agents, one told nonsense."""
+    from albot_agents.registry import make_agent
+    from albot_env.tasks.homing import HomingEnv
+
+    env = HomingEnv("square-loop", mapper="none", config=OUT, observation="dict", sonar="none")
+    actions = []
+    for nonsense in (False, True):
+        agent = make_agent("path-integration", env.observing)
+        agent.reset(np.random.default_rng(0), env.action_space)  # type: ignore[arg-type]
+        observation, _ = env.reset(seed=1)
+        for _ in range(20):
+            actions.append(agent.act(observation, {}))
+            observation = dict(env.step(actions[-1])[0])  # type: ignore[arg-type]
+            if nonsense:
+                observation["home"] = -observation["home"]
+    assert np.array_equal(actions[:20], actions[20:])
+
+
+def test_an_approach_finds_its_way_out_of_a_bag() -> None:
+    """The target lies behind the bottom of a bag that is open behind the robot."""
+    walls = np.array(
+        ((3, -1.5, 3, 1.5), (3, 1.5, 0, 1.5), (3, -1.5, 0, -1.5),
+         (-6, -6, 9, -6), (9, -6, 9, 6), (9, 6, -6, 6), (-6, 6, -6, -6)), float,
+    )  # fmt: skip
+    laser, target = LaserGeometry(), np.array((6.0, 0.0))
+    caster, pose, motion = RayCaster(walls, laser), np.zeros(3), np.zeros(3)
+    approach = Approach()
+    approach.reset(np.random.default_rng(2))
+    for _ in range(3000):
+        senses = Senses(ranges=caster.scan(pose), laser=laser, pose=pose, motion=motion)
+        seen = transform_points(inverse(pose), target)
+        if np.hypot(*seen) < 0.3:
+            break
+        speed, turn = approach.command(senses, seen)
+        motion = np.array((0.1 * speed, 0.0, 0.1 * turn))
+        pose = compose(pose, motion)
+        assert caster.scan(pose).min() > 0.2
+    assert np.hypot(*(target - pose[:2])) < 0.3
