@@ -6,7 +6,6 @@ the same to the last bit. What its steps are worth, a task says that builds on t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -16,53 +15,22 @@ from albot_core.geometry.types import Pose, Segments
 from albot_core.mapper import MapperBatch
 from albot_core.perception.reading import Readings
 from albot_core.registry import make_mappers
-from albot_env.sim import PIONEER_3DX, Sensors
+from albot_env.sim import PIONEER_3DX
 from albot_env.sim.crew import FEWEST, Crew
-from albot_env.sim.fleet import Fleet, Halt, draw_key
+from albot_env.sim.fleet import Fleet, draw_key
 from albot_env.sim.simulator import CONTROL_STEP, SUBSTEPS
 from albot_env.tasks.action import ActionConfig, Numbers
+from albot_env.tasks.equipment import Equipment
 from albot_env.tasks.kernels import reckon
 from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.rest import Rest
 from albot_env.tasks.standing import new_standing, trail
-from albot_env.tasks.survey import Survey, Surveyed
+from albot_env.tasks.survey import Survey
 from albot_env.tasks.survey_kernel import Senses
 from albot_maps import World
 
 NO_MAPPER = "none"
 """Name of the mapper that is none: the belief is the odometer's, and nothing is remembered."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Equipment:
-    """What the robots of an expedition set out with."""
-
-    mapper: str
-    """Name of the mapper inside each, or `none`."""
-    sensors: Sensors
-    """What each senses with."""
-    movables: bool = True
-    """Whether things move in worlds that have any; if not, they are left out."""
-    threads: int = 1
-    """Threads that share the work; 0 for as many as there are processors. What comes of it is
-    the same with any number."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Rest:
-    """A robot that has come to rest on an expedition: all of it that matters for what follows."""
-
-    start: Pose
-    """Where it set out (world frame)."""
-    path_length: float
-    """How far it has driven since (m)."""
-    halt: Halt
-    """How it stands."""
-    surveyed: Surveyed
-    """What it has covered and entered."""
-    belief: Pose
-    """Where it believes to be, in its map's frame."""
-    memory: dict[str, np.ndarray]
-    """Its mapper's state."""
 
 
 class Expedition:
@@ -96,7 +64,7 @@ class Expedition:
         """What actions ask for."""
         self._mappers: MapperBatch | None = None
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
-        self._nowhere_ended = np.zeros(robots, np.bool_)
+        self._never = np.zeros(robots, np.bool_)
         if mapper != NO_MAPPER:
             self._mappers = make_mappers(mapper, robots)
         self._crew = Crew(equipment.threads)
@@ -238,7 +206,7 @@ class Expedition:
     @property
     def ended(self) -> Bool[np.ndarray, "robots"]:
         """Whose episode is over by what it did."""
-        return self._nowhere_ended
+        return self._never
 
     @property
     def facts(self) -> dict[str, np.ndarray]:

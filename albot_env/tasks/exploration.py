@@ -10,7 +10,8 @@ from jaxtyping import Int64
 
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import ActionConfig
-from albot_env.tasks.expedition import Equipment, Expedition
+from albot_env.tasks.equipment import Equipment
+from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.exploration_kernel import TERMS, appraise
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.reward import ExploreWeights

@@ -13,7 +13,8 @@ from albot_core.geometry.types import Pose
 from albot_env.sim.fleet import draw_key
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import DeclaringActionConfig, Numbers
-from albot_env.tasks.expedition import Equipment, Expedition
+from albot_env.tasks.equipment import Equipment
+from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.homing_kernel import TERMS, Fields, Homecoming, appraise_homing, find_way
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.outing import Outing, OutingConfig, Outings

@@ -19,8 +19,10 @@ from albot_core.exploration.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.exploration.senses import Senses
 from albot_core.geometry.types import Pose
 from albot_env.tasks.action import ActionConfig
-from albot_env.tasks.expedition import Equipment, Expedition, Rest
+from albot_env.tasks.equipment import Equipment
+from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.rest import Rest
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField
 

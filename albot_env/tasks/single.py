@@ -16,7 +16,8 @@ from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
 from albot_env.rendering.viewer import NullViewer, Viewer
 from albot_env.sim import choose_sensors
-from albot_env.tasks.expedition import Equipment, Expedition
+from albot_env.tasks.equipment import Equipment
+from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.observation import Parts
 from albot_env.tasks.start import choose_start, choose_world
 from albot_maps import World, WorldSet, load_worlds
@@ -60,13 +61,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
     Args:
         gather: Makes the expedition of so many robots with this equipment.
         world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
-        mapper: See `Settings`, as for all that follow.
-        odometer: …
-        laser: …
-        sonar: …
-        scenes: …
-        observation: …
-        movables: …
+        mapper, odometer, laser, sonar, scenes, observation, movables: See `Settings`.
         render_mode: See `SingleSettings`.
 
     Raises:

@@ -7,7 +7,8 @@ import pytest
 
 from albot_env.sim import choose_sensors
 from albot_env.tasks.action import ActionConfig
-from albot_env.tasks.expedition import Equipment, Expedition
+from albot_env.tasks.equipment import Equipment
+from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.observation import ObservationConfig
 from albot_maps import World
 

@@ -1,0 +1,22 @@
+"""What the robots of an expedition set out with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from albot_env.sim import Sensors
+
+
+@dataclass(frozen=True, kw_only=True)
+class Equipment:
+    """What the robots of an expedition set out with."""
+
+    mapper: str
+    """Name of the mapper inside each, or `none`."""
+    sensors: Sensors
+    """What each senses with."""
+    movables: bool = True
+    """Whether things move in worlds that have any; if not, they are left out."""
+    threads: int = 1
+    """Threads that share the work; 0 for as many as there are processors. What comes of it is
+    the same with any number."""
