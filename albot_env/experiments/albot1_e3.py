@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from albot_core.errors import InputError
-from albot_core.geometry.poses import compose, relative, transform_points
+from albot_core.geometry.poses import relative, transform_points
 from albot_core.geometry.types import Points, Pose, Poses, Segments
 from albot_core.mapper import Mapper
 from albot_core.registry import make_mapper
@@ -160,10 +160,12 @@ def map_journey(name: str, journey: Journey, corner: Points) -> Run:
 
 
 def _integrated(motions: Poses) -> Pose:
-    pose = np.zeros(3)
-    for motion in motions[1:]:
-        pose = compose(pose, motion)
-    return pose
+    """The pose that all motions but the first add up to: each is turned by those before it."""
+    x, y, turns = motions[1:].T
+    headings = np.cumsum(turns)
+    before = np.append(0.0, headings[:-1])
+    cos, sin = np.cos(before), np.sin(before)
+    return np.array(((cos * x - sin * y).sum(), (sin * x + cos * y).sum(), headings[-1]))
 
 
 def _with_motions(journey: Journey, motions: Poses) -> Journey:
