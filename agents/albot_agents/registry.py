@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from albot_agents.agent import Agent
+from albot_agents.scripted.albot1_homing import Albot1Homing
 from albot_agents.scripted.gap_explorer import GapExplorerAgent
 from albot_agents.scripted.oracle import Oracle
 from albot_agents.scripted.path_integration import PathIntegration
@@ -31,6 +32,10 @@ class AgentEntry:
 
 
 AGENTS = {
+    Albot1Homing.name: AgentEntry(
+        summary="Drives home through the exits of Albot1's network of places.",
+        make=Albot1Homing,
+    ),
     GapExplorerAgent.name: AgentEntry(
         summary="Explores from gap to gap, the nearest first.",
         make=GapExplorerAgent,

@@ -88,10 +88,14 @@ class Expedition:
         self._worlds: list[World | None] = [None] * robots
         self.world_names = np.full(robots, None, object)
         """The name of each robot's world."""
-        beliefs = np.zeros((robots, 3)) if self._mappers is None else self._mappers.poses
+        mappers = self._mappers
+        beliefs = np.zeros((robots, 3)) if mappers is None else mappers.poses
         self._senses = Senses(
             poses=self._fleet.poses,
             beliefs=beliefs,
+            home_places=np.zeros((robots, 3)) if mappers is None else mappers.homes,
+            exits=np.full((robots, 4), np.nan) if mappers is None else mappers.next_exits,
+            places=np.zeros((robots, 2), np.bool_) if mappers is None else mappers.places,
             homes=np.zeros((robots, 3)),
             motions=self._fleet.motions,
             ranges=self._fleet.ranges,
@@ -196,6 +200,7 @@ class Expedition:
             reckon(rows, senses.motions, senses.beliefs)
         else:
             self._mappers.update(rows, self.readings)
+            self._mappers.find_ways(rows)
         self._survey.look(rows, senses, self.observations)
         self._appraise(rows)
 

@@ -187,20 +187,20 @@ def scale_ranges(ranges: np.ndarray, knee: float, longest: float, scaled: np.nda
 @njit(cache=True, error_model="numpy")
 def observe_motions(
     motion: np.ndarray,
-    heading: float,
     home: np.ndarray,
     scales: tuple[float, float, float, float],
     row: np.ndarray,
 ) -> None:
     """Fill `row` (8,) with the parts motion, heading and home of an observation.
 
-    `scales` are the step's length and turn and the knee and range of home's distance.
+    The heading is that which the robot would have seen from home. `scales` are the step's
+    length and turn and the knee and range of home's distance.
     """
     step_length, step_turn, knee, longest = scales
     for i in range(3):
         share = motion[i] / (step_length if i < 2 else step_turn)
         row[i] = min(max(share, -1.0), 1.0)
-    row[3], row[4] = math.cos(heading), math.sin(heading)
+    row[3], row[4] = math.cos(home[2]), -math.sin(home[2])
     distance = math.hypot(home[0], home[1])
     row[5], row[6] = 1.0, 0.0
     if distance > 0.0:
@@ -220,9 +220,49 @@ def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def find_home(belief: np.ndarray, home: np.ndarray) -> None:
-    """Write where the map's origin is, seen from a belief: x, y, heading (3,)."""
+def observe_way(
+    belief: np.ndarray,
+    line: np.ndarray,
+    flags: np.ndarray,
+    scales: tuple[float, float, float, float],
+    row: np.ndarray,
+) -> None:
+    """Fill `row` (8,) with the parts exit and place of an observation.
+
+    `line` (4,) is the next exit home in the map, with the present place to its left; NaN for
+    none. `scales` as for the motions.
+    """
+    for k in range(5):
+        row[k] = 0.0
+    row[2] = row[5] = -1.0
+    if line[0] == line[0]:  # not NaN
+        cos, sin = math.cos(belief[2]), math.sin(belief[2])
+        east = 0.5 * (line[0] + line[2]) - belief[0]
+        north = 0.5 * (line[1] + line[3]) - belief[1]
+        distance = max(math.hypot(east, north), 1e-9)
+        _direct(east, north, distance, cos, sin, row)
+        row[2] = log_scale(distance, scales[2], scales[3])
+        east, north = line[3] - line[1], line[0] - line[2]
+        _direct(east, north, max(math.hypot(east, north), 1e-9), cos, sin, row[3:])
+        row[5] = 1.0
+    for k in range(2):
+        row[6 + k] = 1.0 if flags[k] else -1.0
+
+
+@njit(cache=True, error_model="numpy")
+def _direct(
+    east: float, north: float, length: float, cos: float, sin: float, row: np.ndarray
+) -> None:
+    """Write the direction of a vector of this length as seen with a heading."""
+    row[0] = min(max((cos * east + sin * north) / length, -1.0), 1.0)
+    row[1] = min(max((cos * north - sin * east) / length, -1.0), 1.0)
+
+
+@njit(cache=True, error_model="numpy")
+def find_home(belief: np.ndarray, where: np.ndarray, home: np.ndarray) -> None:
+    """Write where home is, seen from a belief, as x, y, heading (3,); `where` it is in the map."""
     cos, sin = math.cos(belief[2]), math.sin(belief[2])
-    home[0] = -cos * belief[0] - sin * belief[1]
-    home[1] = sin * belief[0] - cos * belief[1]
-    home[2] = (math.pi - belief[2]) % (2 * math.pi) - math.pi
+    east, north = where[0] - belief[0], where[1] - belief[1]
+    home[0] = cos * east + sin * north
+    home[1] = cos * north - sin * east
+    home[2] = (where[2] - belief[2] + math.pi) % (2 * math.pi) - math.pi

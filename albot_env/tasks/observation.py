@@ -14,15 +14,16 @@ from gymnasium import spaces
 from jaxtyping import Float, Float32, Float64
 
 from albot_core.errors import InputError
-from albot_core.mapper import Mapper
+from albot_core.mapper import Mapper, next_of
 from albot_core.perception.reading import LaserGeometry, Reading, SonarGeometry
 from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.coverage import Coverage, CoverageConfig
-from albot_env.tasks.kernels import observe_motions, scale_ranges
+from albot_env.tasks.kernels import observe_motions, observe_way, scale_ranges
 from albot_env.tasks.survey_kernel import Scales
 
 Parts = dict[str, Float32[np.ndarray, "..."]]
-"""An observation by part: `laser`, `sonar`, `motion`, `heading`, `home`, `coverage`."""
+"""An observation by part: `laser`, `sonar`, `motion`, `heading`, `home`, `exit`,
+`place`, `coverage`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,6 +69,8 @@ class ObservationConfig:
             "motion": (3,),
             "heading": (2,),
             "home": (3,),
+            "exit": (6,),
+            "place": (2,),
             "coverage": (1, side, side),
         }
 
@@ -89,25 +92,33 @@ class ObservationConfig:
 
         `laser` is near at 1 and far at -1 (see `ranges`), and so is `sonar`, which robots
         without sonars lack; `motion` the odometer's last
-        step forward, sideways and round; `heading` cosine and sine of the believed heading
-        in the map; `home` the direction of home in the robot's frame as cosine and sine,
-        and its distance, -1 at home; `coverage` the patch of `Coverage.patch`.
+        step forward, sideways and round; `heading` cosine and sine of the heading that the
+        robot believes to have as seen from home; `home` the direction of home in the robot's
+        frame as cosine and sine, and its distance, -1 at home; `exit` the same of the next
+        exit on the believed way home, then the direction in which to go through it, and 1, or
+        where there is none 0, 0, -1, 0, 0, -1; `place`
+        whether it is in a place that it knows from before, and whether it has lost its way
+        (1 or -1); `coverage` the patch of `Coverage.patch`.
         """
-        row = np.empty(8, np.float32)
+        row = np.empty(16, np.float32)
+        scales = (self.step_length, self.step_turn, self.home_knee, self.home_range)
         observe_motions(
             reading.motion,
-            mapper.pose[2],
             mapper.home,
-            (self.step_length, self.step_turn, self.home_knee, self.home_range),
+            scales,
             row,
         )
+        flags = np.array((mapper.network.familiar, mapper.is_lost))
+        observe_way(mapper.pose, next_of(mapper.exits_home), flags, scales, row[8:])
         sonar = reading.sonar
         return {
             "laser": self.observe_ranges(reading.laser.ranges),
             **({} if sonar is None else {"sonar": self.observe_echoes(sonar.ranges)}),
             "motion": row[:3].copy(),
             "heading": row[3:5].copy(),
-            "home": row[5:].copy(),
+            "home": row[5:8].copy(),
+            "exit": row[8:14].copy(),
+            "place": row[14:].copy(),
             "coverage": coverage.patch(mapper.pose),
         }
 

@@ -15,6 +15,7 @@ from albot_env.tasks.kernels import (
     find_room,
     is_time_to_look,
     observe_motions,
+    observe_way,
     scale_ranges,
 )
 
@@ -67,6 +68,13 @@ class Senses(NamedTuple):
     """(n, 3) float64: where they truly are (world frame)."""
     beliefs: np.ndarray
     """(n, 3) float64: where they believe to be (map frame)."""
+    home_places: np.ndarray
+    """(n, 3) float64: where they believe home to be (map frame)."""
+    exits: np.ndarray
+    """(n, 4) float64: the next exit on the way home that they believe in (map frame); NaN for
+    none."""
+    places: np.ndarray
+    """(n, 2) bool: whether they are in a place that they know from before; have lost their way."""
     homes: np.ndarray
     """(n, 3) float64: where they believe home to be (robot frame); found by the survey."""
     motions: np.ndarray
@@ -131,12 +139,13 @@ def survey(
         if findings.new_room[i]:
             rooms.entered[i, room] = True
             findings.rooms_entered[i] += 1
-        find_home(belief, senses.homes[i])
+        find_home(belief, senses.home_places[i], senses.homes[i])
         row = observations[i]
         scale_ranges(ranges, s.laser_knee, s.laser_range, row)
         scale_ranges(senses.echoes[i], s.laser_knee, s.sonar_range, row[beams:rest])
-        observe_motions(senses.motions[i], belief[2], senses.homes[i], steps, row[rest:])
+        observe_motions(senses.motions[i], senses.homes[i], steps, row[rest:])
+        observe_way(belief, senses.exits[i], senses.places[i], steps, row[rest + 8 :])
         cut_patch(
             believed.grids[i], side, s.cell, centre, belief,
-            s.patch_cell, s.patch_cells, row[rest + 8 :],
+            s.patch_cell, s.patch_cells, row[rest + 16 :],
         )  # fmt: skip

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Segments
@@ -97,10 +97,20 @@ class MapperBatch(Protocol):
 
     @property
     def next_exits(self) -> Float64[np.ndarray, "robots 4"]:
-        """The next exit on the believed way home, in each one's map's frame: written over.
+        """The next exit on each one's believed way home, in its map's frame; NaN for none.
 
-        NaN where there is none (see `Mapper.exits_home`).
+        As of the last `find_ways`: written over (see `Mapper.exits_home`).
         """
+
+    @property
+    def places(self) -> Bool[np.ndarray, "robots 2"]:
+        """Whether each is in a place that it knows from before; whether it has lost its way.
+
+        Written over (see `Network.familiar` and `Mapper.is_lost`).
+        """
+
+    def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Find the next exit home of some."""
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
@@ -137,6 +147,8 @@ class LoopedMappers:
         self._mappers = tuple(mappers)
         self.poses = np.zeros((len(self._mappers), 3))
         self.homes = np.zeros((len(self._mappers), 3))
+        self.next_exits = np.full((len(self._mappers), 4), np.nan)
+        self.places = np.zeros((len(self._mappers), 2), np.bool_)
         self.updates = np.zeros(len(self._mappers), np.int64)
         self.surface_counts = np.zeros(len(self._mappers), np.int64)
 
@@ -152,10 +164,10 @@ class LoopedMappers:
                 self._note(row)
             self._place(row)
 
-    @property
-    def next_exits(self) -> Float64[np.ndarray, "robots 4"]:
-        """The next exit on each one's believed way home, in its map's frame; NaN for none."""
-        return np.array([next_of(mapper.exits_home) for mapper in self._mappers])
+    def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Find the next exit home of some."""
+        for row in rows.tolist():
+            self.next_exits[row] = next_of(self._mappers[row].exits_home)
 
     def surfaces(self, row: int) -> Segments:
         """The surfaces that one remembers, in its map's frame."""
@@ -180,6 +192,7 @@ class LoopedMappers:
         mapper = self._mappers[row]
         self.poses[row] = mapper.pose
         self.homes[row] = compose(mapper.pose, mapper.home)
+        self.places[row] = mapper.network.familiar, mapper.is_lost
 
 
 def next_of(exits: Segments) -> Float64[np.ndarray, "4"]:

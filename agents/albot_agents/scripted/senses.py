@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from albot_core.exploration.senses import Senses
+from albot_core.geometry.types import Points
 from albot_env.tasks.observation import ObservationConfig
 
 
@@ -25,3 +26,15 @@ def make_sense(observation: Any, config: ObservationConfig) -> Senses:
         pose=np.array((sin * home_y - cos * home_x, -sin * home_x - cos * home_y, heading)),
         motion=parts["motion"] * step,
     )
+
+
+def sense_exit(observation: Any, config: ObservationConfig) -> tuple[Points, Points] | None:
+    """The next exit on the believed way home: its middle and the direction through it.
+
+    In the robot's frame (m); None where there is none.
+    """
+    parts = observation if isinstance(observation, dict) else config.split(observation)
+    part = np.asarray(parts["exit"], float)
+    if part[5] < 0:
+        return None
+    return config.home_distance(part[2]) * part[:2], part[3:5]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from albot_core.albot1.config import Albot1Config
 from albot_core.albot1.exits import Exits, no_exits, rebuilt_exits, stored_exits
@@ -69,7 +69,8 @@ class Albot1Batch:
         self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
         self._homes = np.zeros((count, 3))
         self._next_exits = np.full((count, 4), np.nan)
-        self._versions = np.zeros(count, np.int64)
+        self._places = np.zeros((count, 2), np.bool_)
+        self._versions = np.full(count, -1)
         self._robots = Robots(
             table=np.zeros((count, COLUMNS), np.int64),
             progress=np.zeros((count, 5), np.int64),
@@ -108,13 +109,22 @@ class Albot1Batch:
     def next_exits(self) -> Float64[np.ndarray, "robots 4"]:
         """The next exit on each one's believed way home, in its map's frame; NaN for none.
 
-        Found anew where the network has changed since it was last asked for.
+        As of the last `find_ways`. Written over.
         """
-        for row, network in enumerate(self._networks):
+        return self._next_exits
+
+    @property
+    def places(self) -> Bool[np.ndarray, "robots 2"]:
+        """Whether each knows its place from before; has lost its way. Written over."""
+        return self._places
+
+    def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Find the next exit home of those whose network has changed since it was found last."""
+        for row in rows.tolist():
+            network = self._networks[row]
             if self._versions[row] != network.version:
                 self._versions[row] = network.version
                 self._next_exits[row] = next_of(way_lines(network, self.poses[row], START))
-        return self._next_exits
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
@@ -219,8 +229,14 @@ class Albot1Batch:
 
     def _forget_ways(self, row: int) -> None:
         """Another network: the way home must be found anew."""
-        self._homes[row] = self._networks[row].home
         self._versions[row] = -1
+        self._stand(row)
+
+    def _stand(self, row: int) -> None:
+        """Note what the network says of home and of the present place."""
+        network = self._networks[row]
+        self._homes[row] = network.home
+        self._places[row] = network.is_familiar, network.lost_since > 0
 
     def _attend(self, row: int) -> None:
         """See to what happened to one at its last reading (chapter 4)."""
@@ -233,7 +249,7 @@ class Albot1Batch:
             self._find(row)
         elif events & SUSPECTED:
             self._suspect(row)
-        self._homes[row] = network.home
+        self._stand(row)
 
     def _cross(self, row: int) -> None:
         """One has crossed an exit: remember the place left, and enter the next."""

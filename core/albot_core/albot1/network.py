@@ -61,6 +61,11 @@ class PlaceNetwork:
         return self.sites[self.current]
 
     @property
+    def is_familiar(self) -> bool:
+        """Whether the present place was known before the present visit."""
+        return self.current in self.visits[:-1]
+
+    @property
     def frame(self) -> Pose:
         """Where the present place's frame lies in the perceptual map."""
         return compose(self.displacement, self.here.frame)
@@ -79,7 +84,7 @@ class PlaceNetwork:
     def snapshot(self) -> Network:
         """The network as users see it."""
         places = tuple(self.sites[key].as_place() for key in sorted(self.sites))
-        return Network(places=places, current=self.current, home=START)
+        return Network(places=places, current=self.current, home=START, familiar=self.is_familiar)
 
     def suspicions(self) -> Int32[np.ndarray, "visits"]:
         """More than how many surfaces of each visit must be met again to arouse suspicion.

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float64
 
+from albot_core.exploration.following import things_around, waypoint
 from albot_core.exploration.gaps import find_gaps
 from albot_core.exploration.patience import Patience
 from albot_core.exploration.prospects import Prospects
@@ -60,10 +61,6 @@ class GapExplorer:
     """How fast it looks all around (rad/s)."""
     _FAN = np.radians(6.0)
     """Angle between the beams along which it looks for open ground (rad)."""
-    _BEHIND = 1.0
-    """How far away (m) it minds things that are out of view."""
-    _SIGHT = 3.0
-    """The farthest stretch (m) that is driven straight at once (Yeap et al.: 3 m)."""
 
     def __init__(self, config: GapExplorerConfig = GapExplorerConfig()) -> None:
         self._config = config
@@ -96,16 +93,8 @@ class GapExplorer:
         self._give_up_where_vain(senses)
         if self._goal is None or self._steps % self._PLAN_EVERY == 0:
             self._plan(senses)
-        waypoint = senses.to_robot(self._waypoint(senses))
-        return steer(self._things(senses), waypoint, self._config.steering)
-
-    def _things(self, senses: Senses) -> Float64[np.ndarray, "points 2"]:
-        """What is in view, and what was seen near by but lies behind now (m, robot's frame)."""
-        known = senses.to_robot(self._sketch.obstacles(senses.pose, self._BEHIND))
-        bearings = np.arctan2(known[:, 1], known[:, 0])
-        first, last = senses.laser.bearings[[0, -1]] + senses.laser.mount[2]
-        behind = (bearings < first) | (bearings > last)
-        return np.concatenate((senses.points, known[behind]))
+        ahead = senses.to_robot(waypoint(self._sketch, senses, self._route))
+        return steer(things_around(self._sketch, senses), ahead, self._config.steering)
 
     def _take_in(self, senses: Senses) -> None:
         """Draw what is in view, note what is worth going to, and how far it has turned."""
@@ -183,15 +172,3 @@ class GapExplorer:
         chosen = int((lengths + config.turn_cost * turns + chances).argmin())
         self._patience.begin(float(lengths[chosen]))
         return np.array(goals[chosen])
-
-    def _waypoint(self, senses: Senses) -> Float64[np.ndarray, "2"]:
-        """The farthest point of the route that can be gone to straight (m, map frame)."""
-        if not len(self._route):
-            return senses.pose[:2]
-        away = np.hypot(*(self._route - senses.pose[:2]).T)
-        here = int(away.argmin())
-        ahead = np.arange(here, len(self._route))
-        for k in ahead[away[ahead] < self._SIGHT][::-1].tolist():
-            if self._sketch.is_straight(senses.pose, self._route[k]):
-                return np.array(self._route[k])
-        return np.array(self._route[min(here + 2, len(self._route) - 1)])

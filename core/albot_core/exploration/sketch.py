@@ -63,7 +63,7 @@ class Sketch:
     def draw(self, senses: Senses) -> None:
         """Draw what is in view."""
         config = self._config
-        self._make_room(senses.pose)
+        self.make_room(senses.pose)
         draw_scan(
             self._grid,
             self._covered,
@@ -93,10 +93,14 @@ class Sketch:
         cells = np.stack((columns + low_column, rows + low_row), axis=1)
         return (cells + 0.5 - len(self._grid) // 2) * self._config.cell
 
-    def ways(self, pose: Pose) -> Ways:
-        """The ways from a pose."""
+    def ways(self, pose: Pose, *, hopeful: bool = False, goal: Points | None = None) -> Ways:
+        """The ways from a pose; with a goal, no farther than to it.
+
+        Who is hopeful takes the ground that he has not seen yet for free.
+        """
         before = np.empty(self._grid.shape, np.int64)
-        steps = flood(self._grid, self._cell(pose[:2]), self._radius, before)
+        end = (-1, -1) if goal is None else self._cell(goal)
+        steps = flood(self._grid, self._cell(pose[:2]), self._radius, before, hopeful, end)
         return Ways(steps=steps, before=before)
 
     def length(self, ways: Ways, point: Points) -> float:
@@ -117,11 +121,10 @@ class Sketch:
         rows_columns = np.array(cells[::-1], np.float64)
         return np.asarray((rows_columns[:, ::-1] + 0.5 - size // 2) * self._config.cell)
 
-    def is_straight(self, pose: Pose, point: Points) -> bool:
+    def is_straight(self, pose: Pose, point: Points, *, hopeful: bool = False) -> bool:
         """Whether the robot can go from a pose straight to a point (map frame)."""
-        return bool(
-            straight_is_free(self._grid, self._cell(pose[:2]), self._cell(point), self._radius)
-        )
+        start, end = self._cell(pose[:2]), self._cell(point)
+        return bool(straight_is_free(self._grid, start, end, self._radius, hopeful))
 
     def _cell(self, point: Points) -> tuple[int, int]:
         column, row = np.floor(point / self._config.cell).astype(int) + len(self._grid) // 2
@@ -139,9 +142,9 @@ class Sketch:
         i, j = divmod(int(reached.argmin()), window.shape[1])
         return low_row + i, low_column + j
 
-    def _make_room(self, pose: Pose) -> None:
-        """Take a larger sheet where the robot comes near the edge of this one."""
-        needed = np.abs(pose[:2]).max() + self._config.reach + 1.0
+    def make_room(self, point: Points) -> None:
+        """Take a larger sheet where a point comes near the edge of this one (m, map frame)."""
+        needed = np.abs(point[:2]).max() + self._config.reach + 1.0
         while needed > len(self._grid) / 2 * self._config.cell:
             border = len(self._grid) // 2
             self._grid, self._covered = np.pad(self._grid, border), np.pad(self._covered, border)

@@ -45,9 +45,12 @@ def draw_scan(
 
 
 @njit(cache=True)
-def _passable(grid: np.ndarray, row: int, column: int, radius: float) -> bool:
-    """Whether a disc about a free cell holds the middle of no blocked one."""
-    if grid[row, column] != FREE:
+def _passable(grid: np.ndarray, row: int, column: int, radius: float, hopeful: bool) -> bool:
+    """Whether a disc about a free cell holds the middle of no blocked one.
+
+    Who is hopeful takes unknown cells for free.
+    """
+    if grid[row, column] != FREE and not (hopeful and grid[row, column] == UNKNOWN):
         return False
     around = int(radius)
     for i in range(-around, around + 1):
@@ -59,12 +62,18 @@ def _passable(grid: np.ndarray, row: int, column: int, radius: float) -> bool:
 
 @njit(cache=True)
 def flood(
-    grid: np.ndarray, start: tuple[int, int], radius: float, before: np.ndarray
+    grid: np.ndarray,
+    start: tuple[int, int],
+    radius: float,
+    before: np.ndarray,
+    hopeful: bool,
+    goal: tuple[int, int],
 ) -> np.ndarray:
     """Flood the passable cells from `start`, nearest first; return steps to each, -1 beyond.
 
-    `before` receives the flat index of the cell before each. Near the start only blocked
-    cells stop the flood, so that a robot close to a wall can leave it.
+    It ends at the cell `goal`, if it gets there. `before` receives the flat index of the cell
+    before each. Near the start only blocked cells stop the flood, so that a robot close to a
+    wall can leave it.
     """
     size, border = grid.shape[0], int(radius)
     steps = np.full((size, size), -1, np.int32)
@@ -77,13 +86,15 @@ def flood(
         here = queue[first]
         first += 1
         row, column = here // size, here % size
+        if row == goal[0] and column == goal[1]:
+            break
         for i in range(9):
             r, c = row + (i // 3) - 1, column + (i % 3) - 1
             inside = border <= r < size - border and border <= c < size - border
             if not inside or steps[r, c] >= 0:
                 continue
             near = (r - start[0]) ** 2 + (c - start[1]) ** 2 <= (radius + 1) ** 2
-            if (near and grid[r, c] != BLOCKED) or _passable(grid, r, c, radius):
+            if (near and grid[r, c] != BLOCKED) or _passable(grid, r, c, radius, hopeful):
                 steps[r, c] = steps[row, column] + 1
                 before[r, c] = here
                 queue[last] = r * size + c
@@ -93,7 +104,7 @@ def flood(
 
 @njit(cache=True)
 def straight_is_free(
-    grid: np.ndarray, start: tuple[int, int], end: tuple[int, int], radius: float
+    grid: np.ndarray, start: tuple[int, int], end: tuple[int, int], radius: float, hopeful: bool
 ) -> bool:
     """Whether a disc can go straight from cell to cell; near the start as in `flood`."""
     rows, columns = end[0] - start[0], end[1] - start[1]
@@ -105,6 +116,6 @@ def straight_is_free(
         if near:
             if grid[row, column] == BLOCKED:
                 return False
-        elif not _passable(grid, row, column, radius):
+        elif not _passable(grid, row, column, radius, hopeful):
             return False
     return True

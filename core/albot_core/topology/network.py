@@ -67,6 +67,8 @@ class Network:
     """The id of the place that the robot believes to be in; None where it knows no places."""
     home: int | None = None
     """The id of the place that it set out from."""
+    familiar: bool = False
+    """Whether the robot knows the present place from an earlier visit."""
 
     def place(self, place_id: int) -> Place:
         """The place of an id.

@@ -1,0 +1,71 @@
+"""The wayfarer: drives to places over ground that it sketches as it goes."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.exploration.approach import Approach
+from albot_core.exploration.following import things_around, waypoint
+from albot_core.exploration.senses import Senses
+from albot_core.exploration.sketch import Sketch, SketchConfig
+from albot_core.exploration.steering import Command, SteeringConfig, hold_back, steer
+from albot_core.geometry.poses import compose
+from albot_core.geometry.types import Points, Pose
+
+
+class Wayfarer:
+    """Goes to one target after another, the shortest way as far as it can tell.
+
+    Ground that it has not seen yet it takes for free, and finds the way anew as it sees more
+    (A. Stentz, Optimal and efficient path planning for partially-known environments, ICRA
+    1994, plans so). Where no way is left it takes detours as they come (`Approach`).
+
+    Args:
+        config: How closely to pass things, and how fast.
+    """
+
+    _PLAN_EVERY = 5
+    """Steps between two searches for the way."""
+    _JUMP = 0.4
+    """A belief that moves farther than this (m) from what the odometer says begins a new sheet."""
+    _FARTHEST = 25.0
+    """Targets farther away are gone for as if so far (m)."""
+
+    def __init__(self, config: SteeringConfig | None = None) -> None:
+        self._config = config or SteeringConfig()
+        self._approach = Approach(self._config)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Begin anew, on an empty sheet."""
+        self._approach.reset(rng)
+        self._sketch = Sketch(SketchConfig(extent=30.0))
+        self._pose: Pose | None = None
+        self._route: Float64[np.ndarray, "cells 2"] = np.empty((0, 2))
+        self._steps = 0
+
+    def command(self, senses: Senses, target: Points) -> Command:
+        """How to drive next towards a target (m, robot's frame)."""
+        self._look(senses)
+        distance = float(np.hypot(*target))
+        goal = senses.to_map(target * min(1.0, self._FARTHEST / max(distance, 1e-9)))
+        if self._steps % self._PLAN_EVERY == 0:
+            self._sketch.make_room(goal)
+            ways = self._sketch.ways(senses.pose, hopeful=True, goal=goal)
+            self._route = self._sketch.route(ways, goal)
+        self._steps += 1
+        if not len(self._route):
+            return self._approach.command(senses, target)
+        ahead = senses.to_robot(waypoint(self._sketch, senses, self._route, hopeful=True))
+        wanted = steer(things_around(self._sketch, senses), ahead, self._config)
+        return hold_back(wanted, senses.points, senses.motion, self._config)
+
+    def _look(self, senses: Senses) -> None:
+        """Draw what is in view, on a new sheet where the belief has jumped."""
+        if self._pose is not None:
+            expected = compose(self._pose, senses.motion)
+            if np.hypot(*(senses.pose - expected)[:2]) > self._JUMP:
+                self._sketch = Sketch(SketchConfig(extent=30.0))
+                self._steps = 0
+        self._pose = senses.pose
+        self._sketch.draw(senses)
