@@ -95,6 +95,7 @@ class Expedition:
             beliefs=beliefs,
             home_places=np.zeros((robots, 3)) if mappers is None else mappers.homes,
             exits=np.full((robots, 4), np.nan) if mappers is None else mappers.next_exits,
+            waypoints=np.full((robots, 2), np.nan) if mappers is None else mappers.waypoints,
             places=np.zeros((robots, 2), np.bool_) if mappers is None else mappers.places,
             homes=np.zeros((robots, 3)),
             motions=self._fleet.motions,
@@ -200,7 +201,8 @@ class Expedition:
             reckon(rows, senses.motions, senses.beliefs)
         else:
             self._mappers.update(rows, self.readings)
-            self._mappers.find_ways(rows)
+            if self.observing.ways:
+                self._mappers.find_ways(rows)
         self._survey.look(rows, senses, self.observations)
         self._appraise(rows)
 

@@ -28,7 +28,7 @@ class HomingConfig:
 
     actions: DeclaringActionConfig = field(default_factory=DeclaringActionConfig)
     """What actions ask for."""
-    observations: ObservationConfig = field(default_factory=ObservationConfig)
+    observations: ObservationConfig = field(default_factory=lambda: ObservationConfig(ways=True))
     """How observations are scaled, and which ground counts as covered."""
     weights: HomingWeights = field(default_factory=HomingWeights)
     """What the reward's terms are worth."""

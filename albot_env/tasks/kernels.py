@@ -223,37 +223,37 @@ def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray) -> None:
 def observe_way(
     belief: np.ndarray,
     line: np.ndarray,
-    flags: np.ndarray,
+    point: np.ndarray,
     scales: tuple[float, float, float, float],
     row: np.ndarray,
 ) -> None:
-    """Fill `row` (8,) with the parts exit and place of an observation.
+    """Fill `row` (10,) with the parts exit and way of an observation.
 
-    `line` (4,) is the next exit home in the map, with the present place to its left; NaN for
-    none. `scales` as for the motions.
+    `line` (4,) is the next exit home in the map, with the present place to its left, and
+    `point` (2,) a point ahead on the way home; NaN for none. `scales` as for the motions.
     """
-    for k in range(5):
+    for k in range(10):
         row[k] = 0.0
-    row[2] = row[5] = -1.0
+    row[2] = row[5] = row[8] = row[9] = -1.0
+    cos, sin = math.cos(belief[2]), math.sin(belief[2])
     if line[0] == line[0]:  # not NaN
-        cos, sin = math.cos(belief[2]), math.sin(belief[2])
         east = 0.5 * (line[0] + line[2]) - belief[0]
         north = 0.5 * (line[1] + line[3]) - belief[1]
-        distance = max(math.hypot(east, north), 1e-9)
-        _direct(east, north, distance, cos, sin, row)
-        row[2] = log_scale(distance, scales[2], scales[3])
-        east, north = line[3] - line[1], line[0] - line[2]
-        _direct(east, north, max(math.hypot(east, north), 1e-9), cos, sin, row[3:])
+        row[2] = log_scale(math.hypot(east, north), scales[2], scales[3])
+        _direct(east, north, cos, sin, row)
+        _direct(line[3] - line[1], line[0] - line[2], cos, sin, row[3:])
         row[5] = 1.0
-    for k in range(2):
-        row[6 + k] = 1.0 if flags[k] else -1.0
+    if point[0] == point[0]:
+        east, north = point[0] - belief[0], point[1] - belief[1]
+        row[8] = log_scale(math.hypot(east, north), scales[2], scales[3])
+        _direct(east, north, cos, sin, row[6:])
+        row[9] = 1.0
 
 
 @njit(cache=True, error_model="numpy")
-def _direct(
-    east: float, north: float, length: float, cos: float, sin: float, row: np.ndarray
-) -> None:
-    """Write the direction of a vector of this length as seen with a heading."""
+def _direct(east: float, north: float, cos: float, sin: float, row: np.ndarray) -> None:
+    """Write the direction of a vector of the map as seen with a heading."""
+    length = max(math.hypot(east, north), 1e-9)
     row[0] = min(max((cos * east + sin * north) / length, -1.0), 1.0)
     row[1] = min(max((cos * north - sin * east) / length, -1.0), 1.0)
 

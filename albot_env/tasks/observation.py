@@ -22,8 +22,8 @@ from albot_env.tasks.kernels import observe_motions, observe_way, scale_ranges
 from albot_env.tasks.survey_kernel import Scales
 
 Parts = dict[str, Float32[np.ndarray, "..."]]
-"""An observation by part: `laser`, `sonar`, `motion`, `heading`, `home`, `exit`,
-`place`, `coverage`."""
+"""An observation by part: `laser`, `sonar`, `motion`, `heading`, `home`, `place`,
+`exit`, `way`, `coverage`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +48,8 @@ class ObservationConfig:
     """Travel in one step shown as 1, straight ahead or sideways (m)."""
     step_turn: float = 0.3
     """Turn in one step shown as 1 (rad)."""
+    ways: bool = False
+    """Whether the believed way home is shown: the parts `exit` and `way`."""
     coverage: CoverageConfig = field(default_factory=CoverageConfig)
     """The egocentric patch of ground covered."""
 
@@ -69,8 +71,8 @@ class ObservationConfig:
             "motion": (3,),
             "heading": (2,),
             "home": (3,),
-            "exit": (6,),
             "place": (2,),
+            **({"exit": (6,), "way": (4,)} if self.ways else {}),
             "coverage": (1, side, side),
         }
 
@@ -94,13 +96,14 @@ class ObservationConfig:
         without sonars lack; `motion` the odometer's last
         step forward, sideways and round; `heading` cosine and sine of the heading that the
         robot believes to have as seen from home; `home` the direction of home in the robot's
-        frame as cosine and sine, and its distance, -1 at home; `exit` the same of the next
-        exit on the believed way home, then the direction in which to go through it, and 1, or
-        where there is none 0, 0, -1, 0, 0, -1; `place`
-        whether it is in a place that it knows from before, and whether it has lost its way
-        (1 or -1); `coverage` the patch of `Coverage.patch`.
+        frame as cosine and sine, and its distance, -1 at home; `place` whether it is in a
+        place that it knows from before, and whether it has lost its way (1 or -1);
+        `coverage` the patch of `Coverage.patch`. With `ways`: `exit` direction and distance of the next exit on the
+        believed way home, then the direction in which to go through it, and 1; `way`
+        direction and distance of a point some metres ahead on the way home that it remembers,
+        and 1. Where there is none, directions are 0, the distance and the last number -1.
         """
-        row = np.empty(16, np.float32)
+        row, way = np.empty(8, np.float32), np.empty(10, np.float32)
         scales = (self.step_length, self.step_turn, self.home_knee, self.home_range)
         observe_motions(
             reading.motion,
@@ -108,8 +111,10 @@ class ObservationConfig:
             scales,
             row,
         )
-        flags = np.array((mapper.network.familiar, mapper.is_lost))
-        observe_way(mapper.pose, next_of(mapper.exits_home), flags, scales, row[8:])
+        ahead = mapper.waypoint_home
+        point = np.full(2, np.nan) if ahead is None else ahead
+        observe_way(mapper.pose, next_of(mapper.exits_home), point, scales, way)
+        flags = np.array((mapper.network.familiar, mapper.is_lost), np.float32)
         sonar = reading.sonar
         return {
             "laser": self.observe_ranges(reading.laser.ranges),
@@ -117,8 +122,8 @@ class ObservationConfig:
             "motion": row[:3].copy(),
             "heading": row[3:5].copy(),
             "home": row[5:8].copy(),
-            "exit": row[8:14].copy(),
-            "place": row[14:].copy(),
+            "place": 2 * flags - 1,
+            **({"exit": way[:6].copy(), "way": way[6:].copy()} if self.ways else {}),
             "coverage": coverage.patch(mapper.pose),
         }
 
@@ -151,6 +156,7 @@ class ObservationConfig:
             step_turn=self.step_turn,
             home_knee=self.home_knee,
             home_range=self.home_range,
+            ways=self.ways,
         )
 
     def flatten(self, parts: Parts) -> Float32[np.ndarray, "length"]:

@@ -59,6 +59,7 @@ class Scales(NamedTuple):
     step_turn: float
     home_knee: float
     home_range: float
+    ways: bool
 
 
 class Senses(NamedTuple):
@@ -72,6 +73,9 @@ class Senses(NamedTuple):
     """(n, 3) float64: where they believe home to be (map frame)."""
     exits: np.ndarray
     """(n, 4) float64: the next exit on the way home that they believe in (map frame); NaN for
+    none."""
+    waypoints: np.ndarray
+    """(n, 2) float64: a point ahead on the way home that they remember (map frame); NaN for
     none."""
     places: np.ndarray
     """(n, 2) bool: whether they are in a place that they know from before; have lost their way."""
@@ -144,8 +148,14 @@ def survey(
         scale_ranges(ranges, s.laser_knee, s.laser_range, row)
         scale_ranges(senses.echoes[i], s.laser_knee, s.sonar_range, row[beams:rest])
         observe_motions(senses.motions[i], senses.homes[i], steps, row[rest:])
-        observe_way(belief, senses.exits[i], senses.places[i], steps, row[rest + 8 :])
+        at = rest + 8
+        for flag in range(2):
+            row[at + flag] = 1.0 if senses.places[i, flag] else -1.0
+        at += 2
+        if s.ways:
+            observe_way(belief, senses.exits[i], senses.waypoints[i], steps, row[at:])
+            at += 10
         cut_patch(
             believed.grids[i], side, s.cell, centre, belief,
-            s.patch_cell, s.patch_cells, row[rest + 16 :],
+            s.patch_cell, s.patch_cells, row[at:],
         )  # fmt: skip

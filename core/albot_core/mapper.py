@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.poses import compose
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.perception.reading import Reading, Readings
 from albot_core.topology.network import Network
 
@@ -52,6 +52,13 @@ class Mapper(Protocol):
         """The exits on the believed way home, the next first, in the map's frame.
 
         None where home is in the present place, or no way over the network leads there.
+        """
+
+    @property
+    def waypoint_home(self) -> Points | None:
+        """A point a little ahead on the way home that it came by, in the map's frame (m).
+
+        None where home is nearer, or where it remembers no way.
         """
 
     @property
@@ -103,6 +110,13 @@ class MapperBatch(Protocol):
         """
 
     @property
+    def waypoints(self) -> Float64[np.ndarray, "robots 2"]:
+        """A point a little ahead on each one's way home, in its map's frame; NaN for none.
+
+        As of the last `find_ways`: written over (see `Mapper.waypoint_home`).
+        """
+
+    @property
     def places(self) -> Bool[np.ndarray, "robots 2"]:
         """Whether each is in a place that it knows from before; whether it has lost its way.
 
@@ -148,6 +162,7 @@ class LoopedMappers:
         self.poses = np.zeros((len(self._mappers), 3))
         self.homes = np.zeros((len(self._mappers), 3))
         self.next_exits = np.full((len(self._mappers), 4), np.nan)
+        self.waypoints = np.full((len(self._mappers), 2), np.nan)
         self.places = np.zeros((len(self._mappers), 2), np.bool_)
         self.updates = np.zeros(len(self._mappers), np.int64)
         self.surface_counts = np.zeros(len(self._mappers), np.int64)
@@ -168,6 +183,8 @@ class LoopedMappers:
         """Find the next exit home of some."""
         for row in rows.tolist():
             self.next_exits[row] = next_of(self._mappers[row].exits_home)
+            ahead = self._mappers[row].waypoint_home
+            self.waypoints[row] = np.nan if ahead is None else ahead
 
     def surfaces(self, row: int) -> Segments:
         """The surfaces that one remembers, in its map's frame."""

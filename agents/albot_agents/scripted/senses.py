@@ -28,13 +28,8 @@ def make_sense(observation: Any, config: ObservationConfig) -> Senses:
     )
 
 
-def sense_exit(observation: Any, config: ObservationConfig) -> tuple[Points, Points] | None:
-    """The next exit on the believed way home: its middle and the direction through it.
-
-    In the robot's frame (m); None where there is none.
-    """
+def sense_way(observation: Any, config: ObservationConfig) -> Points | None:
+    """The point ahead on the believed way home, in the robot's frame (m); None for none."""
     parts = observation if isinstance(observation, dict) else config.split(observation)
-    part = np.asarray(parts["exit"], float)
-    if part[5] < 0:
-        return None
-    return config.home_distance(part[2]) * part[:2], part[3:5]
+    part = np.asarray(parts["way"], float)
+    return config.home_distance(part[2]) * part[:2] if part[3] > 0 else None

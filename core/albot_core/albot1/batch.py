@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from albot_core.albot1.config import Albot1Config
 from albot_core.albot1.exits import Exits, no_exits, rebuilt_exits, stored_exits
-from albot_core.albot1.following import ASTRAY, CROSSED, SUSPECTED, Lens, Robots, follow
+from albot_core.albot1.following import ASTRAY, CROSSED, SUSPECTED, TROD, Lens, Robots, follow
 from albot_core.albot1.mapping import LOST, STEP, STRANGE, UPDATED_AT, UPDATES
 from albot_core.albot1.memory import (
     ALIVE,
@@ -42,6 +42,7 @@ from albot_core.albot1.sight import (
 )
 from albot_core.albot1.storage import COLUMNS, addresses_of
 from albot_core.albot1.structure import joined
+from albot_core.albot1.trail import AHEAD
 from albot_core.albot1.updating import update_map
 from albot_core.albot1.wayfinding import way_lines
 from albot_core.errors import InputError
@@ -49,6 +50,9 @@ from albot_core.geometry.poses import transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mapper import next_of
 from albot_core.perception.reading import LaserGeometry, Readings
+
+AFRESH = 0.2
+"""The way home is found anew after so much way (m)."""
 
 
 class Albot1Batch:
@@ -70,6 +74,8 @@ class Albot1Batch:
         self._homes = np.zeros((count, 3))
         self._next_exits = np.full((count, 4), np.nan)
         self._places = np.zeros((count, 2), np.bool_)
+        self._waypoints = np.full((count, 2), np.nan)
+        self._found_at = np.full((count, 2), np.inf)
         self._versions = np.full(count, -1)
         self._robots = Robots(
             table=np.zeros((count, COLUMNS), np.int64),
@@ -78,6 +84,7 @@ class Albot1Batch:
             poses=np.zeros((count, 3)),
             surfaces=np.zeros(count, np.int64),
             events=np.zeros(count, np.int64),
+            trod=np.zeros((count, 2)),
             next_ids=np.zeros(count, np.int64),
         )
         for row in range(count):
@@ -118,13 +125,26 @@ class Albot1Batch:
         """Whether each knows its place from before; has lost its way. Written over."""
         return self._places
 
+    @property
+    def waypoints(self) -> Float64[np.ndarray, "robots 2"]:
+        """A point ahead on each one's trail home, in its map's frame; NaN for none.
+
+        As of the last `find_ways`. Written over.
+        """
+        return self._waypoints
+
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Find the next exit home of those whose network has changed since it was found last."""
+        """Find the way home of those that have gone on, or whose network has changed."""
         for row in rows.tolist():
-            network = self._networks[row]
+            network, pose = self._networks[row], self.poses[row]
             if self._versions[row] != network.version:
                 self._versions[row] = network.version
-                self._next_exits[row] = next_of(way_lines(network, self.poses[row], START))
+                self._next_exits[row] = next_of(way_lines(network, pose, START))
+                self._found_at[row] = np.inf
+            if np.hypot(*(self._found_at[row] - pose[:2])) > AFRESH:
+                self._found_at[row] = pose[:2]
+                ahead = network.trail_home(pose, AHEAD)
+                self._waypoints[row] = np.nan if ahead is None else ahead
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
@@ -150,7 +170,8 @@ class Albot1Batch:
         self._forget_ways(row)
         sight.size[0] = 0
         sight.pose[:] = 0.0
-        for array in (self._robots.progress, self._robots.since, self._robots.poses):
+        robots = self._robots
+        for array in (robots.progress, robots.since, robots.poses, robots.trod):
             array[row] = 0
         self._robots.surfaces[row] = 0
 
@@ -195,6 +216,7 @@ class Albot1Batch:
         memory, sight, exits = self._arrays[row]
         state = {"progress": self._robots.progress[row].copy()}
         state["since"] = self._robots.since[row].copy()
+        state["trod"] = self._robots.trod[row].copy()
         network = stored_network(self._networks[row])
         state |= {f"places.{name}": array for name, array in network.items()}
         state |= {f"exits.{name}": array for name, array in stored_exits(exits).items()}
@@ -219,11 +241,14 @@ class Albot1Batch:
         if len(network.visits) != memory.counts[VISIT] + 1:
             expected = f"the map's {memory.counts[VISIT]} visits"
             raise InputError("places.visits", expected, str(len(network.visits) - 1))
+        if state["trod"].shape != (2,) or not np.isfinite(state["trod"]).all():
+            raise InputError("trod", "two finite numbers", str(state["trod"].tolist()))
         self._arrays[row] = memory, sight, exits
         self._networks[row] = network
         self._forget_ways(row)
         self._settle(row)
         self._robots.progress[row], self._robots.since[row] = progress, since
+        self._robots.trod[row] = state["trod"]
         self._robots.surfaces[row] = memory.counts[ALIVE]
         moved(sight.pose, self._robots.since[row], self._robots.poses[row])
 
@@ -249,6 +274,10 @@ class Albot1Batch:
             self._find(row)
         elif events & SUSPECTED:
             self._suspect(row)
+        if events & TROD:
+            network.tread(self._robots.poses[row])
+            if events == TROD:
+                return
         self._stand(row)
 
     def _cross(self, row: int) -> None:

@@ -14,6 +14,7 @@ from albot_core.albot1.memory import ALIVE, NEXT_ID, SUSPECT, room_left
 from albot_core.albot1.recognition import length_of, moved
 from albot_core.albot1.sight import Sight, copy_sight
 from albot_core.albot1.storage import ROOM, exits_at, memory_at, sight_at
+from albot_core.albot1.trail import STRIDE
 from albot_core.perception.surfaces import NO_EDGE, extract_surfaces
 
 
@@ -32,9 +33,10 @@ class Lens(NamedTuple):
     """See `ViewConfig`."""
 
 
-CROSSED, SUSPECTED, ASTRAY = 1, 2, 4
+CROSSED, SUSPECTED, ASTRAY, TROD = 1, 2, 4, 8
 """In `Robots.events`: the robot got through an exit; it met enough surfaces of an earlier
-visit; nothing of what it has seen twice is where it should be."""
+visit; nothing of what it has seen twice is where it should be; it has gone a
+stride."""
 
 
 class Robots(NamedTuple):
@@ -51,7 +53,9 @@ class Robots(NamedTuple):
     surfaces: np.ndarray
     """(n,) int64: how many surfaces it remembers."""
     events: np.ndarray
-    """(n,) int64: what happened at the last reading: a sum of CROSSED, SUSPECTED, ASTRAY."""
+    """(n,) int64: what happened at the last reading: a sum of CROSSED, SUSPECTED, ASTRAY, TROD."""
+    trod: np.ndarray
+    """(n, 2) float64: where it trod on its trail last (m; the map's frame)."""
     next_ids: np.ndarray
     """(n,) int64: the id that the next surface would have had before the last view."""
 
@@ -144,6 +148,10 @@ def _follow(
     for i in range(3):
         robots.since[row, i] = since[i]
     moved(previous.pose, since, robots.poses[row])
+    pose, trod = robots.poses[row], robots.trod[row]
+    if (pose[0] - trod[0]) ** 2 + (pose[1] - trod[1]) ** 2 >= STRIDE**2:
+        trod[0], trod[1] = pose[0], pose[1]
+        robots.events[row] += TROD
     return True
 
 

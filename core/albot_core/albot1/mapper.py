@@ -11,9 +11,10 @@ from albot_core.albot1.batch import Albot1Batch
 from albot_core.albot1.config import Albot1Config
 from albot_core.albot1.network import START
 from albot_core.albot1.record import Event
+from albot_core.albot1.trail import AHEAD
 from albot_core.albot1.wayfinding import pointing, way_lines
 from albot_core.geometry.poses import relative
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.perception.reading import Reading
 from albot_core.topology.network import Network
 
@@ -111,6 +112,11 @@ class Albot1:
     def exits_home(self) -> Segments:
         """The exits on the believed way home, the next first, in the map's frame (m)."""
         return self.way_to(START)
+
+    @property
+    def waypoint_home(self) -> Points | None:
+        """A point some metres ahead on the trail home, in the map's frame (m)."""
+        return self._robot.network(0).trail_home(self._robot.poses[0], AHEAD)
 
     @property
     def is_lost(self) -> bool:

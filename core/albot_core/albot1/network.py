@@ -17,9 +17,10 @@ from albot_core.albot1.places import (
 )
 from albot_core.albot1.record import Event, Happening
 from albot_core.albot1.structure import Likeness, compare
+from albot_core.albot1.trail import Trail
 from albot_core.geometry.poses import compose, inverse, relative, transform_points
 from albot_core.geometry.poses import transform_segments as transformed
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.topology.network import Network
 
 START = 0
@@ -48,6 +49,8 @@ class PlaceNetwork:
         self.version = 0
         """Grows with every change."""
         self.events: list[Event] = [Event(step=1, what=Happening.SET_OUT, place=START, other=-1)]
+        self.trail = Trail()
+        self.trail.tread(START, np.zeros(2))
         self.came_from = -1
         self.next_id = 1
         self._looked_from: Pose | None = None
@@ -100,6 +103,26 @@ class PlaceNetwork:
                 share = round(config.suspicion_share * size)
                 needed[visit] = min(max(share, config.fewest_met), config.most_met)
         return needed
+
+    def tread(self, pose: Pose) -> None:
+        """The robot has gone a stride farther, to a pose in the map."""
+        self.trail.tread(self.current, relative(self.frame, pose)[:2])
+
+    def trail_home(self, pose: Pose, ahead: float) -> Points | None:
+        """The point about so far ahead on the trail home (m), in the map's frame.
+
+        None where home is in reach, or no trail leads there.
+        """
+        way = self.trail.way(self.current, relative(self.frame, pose)[:2])
+        before = pose[:2]
+        for k in way:
+            frame = compose(self.displacement, self.sites[self.trail.places[k]].frame)
+            point = transform_points(frame, self.trail.points[k])
+            ahead -= float(np.hypot(*(point - before)))
+            before = point
+            if ahead <= 0:
+                return np.asarray(point)
+        return None
 
     def remember_place(self, step: int, line: Line, seen: Segments, pose: Pose) -> None:
         """An exit is crossed (algorithms 5 and 7).
@@ -167,6 +190,7 @@ class PlaceNetwork:
         left = self._close(seen)
         strange = self._new_place(pose)
         self._note(step, Happening.LOST, left.id, strange.id)
+        self.trail.last = -1
         self._begin_visit(strange.id, -1)
         if not self.lost_since:
             self.lost_since = len(self.visits) - 1
@@ -310,6 +334,7 @@ class PlaceNetwork:
             for passage in site.passages:
                 if passage.leads_to == gone.id:
                     passage.leads_to, passage.exit_there = kept.id, indices[passage.exit_there]
+        self.trail.merge(kept.id, gone.id, pose)
         self._forget(gone.id, kept.id)
         for mine, theirs in same:
             self._follow_up(step, mine, theirs)

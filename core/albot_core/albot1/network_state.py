@@ -10,6 +10,7 @@ from albot_core.albot1.config import PlacesConfig
 from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import Passage, Site
 from albot_core.albot1.record import COLUMNS, Event, Happening
+from albot_core.albot1.trail import Trail
 from albot_core.errors import InputError
 
 _SHAPES = {
@@ -21,9 +22,11 @@ _SHAPES = {
     "links": ("exits", 2),
     "visits": ("visits",),
     "displacements": ("visits", 3),
-    "standing": (4,),
+    "standing": (5,),
     "displacement": (3,),
     "events": ("events", COLUMNS),
+    "trail": ("points", 3),
+    "trail_links": ("links", 3),
 }
 """The arrays and their shapes; names stand for lengths that must agree."""
 
@@ -44,10 +47,21 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
         "visits": np.array(network.visits, np.int64),
         "displacements": np.array(network.displacements),
         "standing": np.array(
-            (network.current, network.came_from, network.next_id, network.lost_since), np.int64
+            (
+                network.current,
+                network.came_from,
+                network.next_id,
+                network.lost_since,
+                network.trail.last,
+            ),
+            np.int64,
         ),
         "displacement": network.displacement.copy(),
         "events": np.array([event.row() for event in network.events]),
+        "trail": np.column_stack((network.trail.points, network.trail.places)),
+        "trail_links": np.array(
+            [(*pair, length) for pair, length in network.trail.links.items()], float
+        ).reshape(-1, 3),
     }
 
 
@@ -64,7 +78,8 @@ def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> P
     network.visits = stored["visits"].tolist()
     network.displacements = list(stored["displacements"].copy())
     standing = stored["standing"].tolist()
-    network.current, network.came_from, network.next_id, network.lost_since = standing
+    network.current, network.came_from, network.next_id, network.lost_since = standing[:4]
+    network.trail = _trail(stored)
     network.displacement = stored["displacement"].copy()
     network.events = [Event.of_row(row) for row in stored["events"]]
     return network
@@ -85,6 +100,15 @@ def _sites(stored: Mapping[str, np.ndarray]) -> dict[int, Site]:
         sites[key] = Site(id=key, frame=frame.copy(), surfaces=seen, passages=passages)
         first, door = first + surfaces, door + doors
     return sites
+
+
+def _trail(stored: Mapping[str, np.ndarray]) -> Trail:
+    trail = Trail()
+    trail.points = stored["trail"][:, :2].copy()
+    trail.places = stored["trail"][:, 2].astype(np.int64)
+    trail.links = {(int(a), int(b)): float(length) for a, b, length in stored["trail_links"]}
+    trail.last = int(stored["standing"][4])
+    return trail
 
 
 def _check_shapes(stored: Mapping[str, np.ndarray]) -> None:
@@ -113,7 +137,13 @@ def _check_places(stored: Mapping[str, np.ndarray]) -> None:
     for leads_to, there in stored["links"].tolist():
         if leads_to not in exits or not 0 <= there < exits[leads_to]:
             raise InputError("places.links", "exits of known places", f"{leads_to}, {there}")
-    current, came_from, next_id, lost_since = stored["standing"].tolist()
+    current, came_from, next_id, lost_since, last = stored["standing"].tolist()
+    points = len(stored["trail"])
+    ends = stored["trail_links"][:, :2]
+    if not (np.isin(stored["trail"][:, 2], ids).all() and -1 <= last < points):
+        raise InputError("places.trail", "points of known places", "others")
+    if ((ends < 0) | (ends >= points)).any() or (stored["trail_links"][:, 2] <= 0).any():
+        raise InputError("places.trail_links", "pairs of points and lengths", "others")
     visits = stored["visits"].tolist()
     known = current in exits and came_from in (-1, *ids) and set(visits[1:]) <= set(ids)
     if not known or visits[:1] != [-1] or visits[-1] != current:

@@ -29,6 +29,8 @@ class Wayfarer:
     """Steps between two searches for the way."""
     _JUMP = 0.4
     """A belief that moves farther than this (m) from what the odometer says begins a new sheet."""
+    _AT_HAND = 0.7
+    """A target no farther away than this (m) is gone for straight: ways end about so near."""
     _FARTHEST = 25.0
     """Targets farther away are gone for as if so far (m)."""
 
@@ -56,7 +58,9 @@ class Wayfarer:
         self._steps += 1
         if not len(self._route):
             return self._approach.command(senses, target)
-        ahead = senses.to_robot(waypoint(self._sketch, senses, self._route, hopeful=True))
+        ahead = target
+        if distance > self._AT_HAND:
+            ahead = senses.to_robot(waypoint(self._sketch, senses, self._route, hopeful=True))
         wanted = steer(things_around(self._sketch, senses), ahead, self._config)
         return hold_back(wanted, senses.points, senses.motion, self._config)
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, relative, transform_segments
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.perception.reading import Reading
 from albot_core.perception.view import ViewConfig, construct_view
 from albot_core.topology.network import NOWHERE, Network
@@ -84,6 +84,11 @@ class OdometryMapper:
     def exits_home(self) -> Segments:
         """None: it knows no exits."""
         return np.empty((0, 4))
+
+    @property
+    def waypoint_home(self) -> Points | None:
+        """None: it remembers no way."""
+        return None
 
     @property
     def is_lost(self) -> bool:
