@@ -98,10 +98,11 @@ class ObservationConfig:
         robot believes to have as seen from home; `home` the direction of home in the robot's
         frame as cosine and sine, and its distance, -1 at home; `place` whether it is in a
         place that it knows from before, and whether it has lost its way (1 or -1);
-        `coverage` the patch of `Coverage.patch`. With `ways`: `exit` direction and distance of the next exit on the
-        believed way home, then the direction in which to go through it, and 1; `way`
-        direction and distance of a point some metres ahead on the way home that it remembers,
-        and 1. Where there is none, directions are 0, the distance and the last number -1.
+        `coverage` the patch of `Coverage.patch`. With `ways`: `exit` direction and distance of
+        the next exit on the believed way home, then the direction in which to go through it,
+        and 1; `way` direction and distance of a point some metres ahead on the way home that
+        it remembers, and 1. Where there is none, directions are 0, the distance and the last
+        number -1.
         """
         row, way = np.empty(8, np.float32), np.empty(10, np.float32)
         scales = (self.step_length, self.step_turn, self.home_knee, self.home_range)

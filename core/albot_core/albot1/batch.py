@@ -275,7 +275,8 @@ class Albot1Batch:
         elif events & SUSPECTED:
             self._suspect(row)
         if events & TROD:
-            network.tread(self._robots.poses[row])
+            sight = self._arrays[row][1]
+            network.tread(self._robots.poses[row], sight.surfaces[: sight.size[0]])
             if events == TROD:
                 return
         self._stand(row)

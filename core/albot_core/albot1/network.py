@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Int32
+from jaxtyping import Float64, Int32
 
 from albot_core.albot1.config import PlacesConfig
 from albot_core.albot1.memory import NEVER
@@ -17,7 +17,7 @@ from albot_core.albot1.places import (
 )
 from albot_core.albot1.record import Event, Happening
 from albot_core.albot1.structure import Likeness, compare
-from albot_core.albot1.trail import Trail
+from albot_core.albot1.trail import REACH, SAME, Trail, can_go_straight
 from albot_core.geometry.poses import compose, inverse, relative, transform_points
 from albot_core.geometry.poses import transform_segments as transformed
 from albot_core.geometry.types import Points, Pose, Segments
@@ -104,25 +104,59 @@ class PlaceNetwork:
                 needed[visit] = min(max(share, config.fewest_met), config.most_met)
         return needed
 
-    def tread(self, pose: Pose) -> None:
-        """The robot has gone a stride farther, to a pose in the map."""
-        self.trail.tread(self.current, relative(self.frame, pose)[:2])
+    def tread(self, pose: Pose, view: Segments) -> None:
+        """The robot has gone a stride farther.
+
+        Args:
+            pose: Where it is in the map.
+            view: The surfaces in view, in its own frame (m).
+        """
+        trail = self.trail
+        trail.tread(self.current, relative(self.frame, pose)[:2])
+        own = np.flatnonzero(trail.places == self.current)
+        points = transform_points(relative(pose, self.frame), trail.points[own])
+        clear = np.empty(len(own), np.bool_)
+        can_go_straight(view, len(view), points, clear)
+        trail.sees(own[clear], np.hypot(*points[clear].T))
 
     def trail_home(self, pose: Pose, ahead: float) -> Points | None:
         """The point about so far ahead on the trail home (m), in the map's frame.
 
         None where home is in reach, or no trail leads there.
         """
-        way = self.trail.way(self.current, relative(self.frame, pose)[:2])
+        trodden = self._trodden()
         before = pose[:2]
-        for k in way:
-            frame = compose(self.displacement, self.sites[self.trail.places[k]].frame)
-            point = transform_points(frame, self.trail.points[k])
-            ahead -= float(np.hypot(*(point - before)))
-            before = point
+        for k in self.trail.way(self._set_out(trodden, before)):
+            ahead -= float(np.hypot(*(trodden[k] - before)))
+            before = trodden[k]
             if ahead <= 0:
-                return np.asarray(point)
+                return np.asarray(before)
         return None
+
+    def _trodden(self) -> Float64[np.ndarray, "points 2"]:
+        """The points of the trail, in the map's frame as it is now (m)."""
+        trail = self.trail
+        points = np.empty_like(trail.points)
+        for place in np.unique(trail.places).tolist():
+            own = trail.places == place
+            frame = compose(self.displacement, self.sites[place].frame)
+            points[own] = transform_points(frame, trail.points[own])
+        return points
+
+    def _set_out(
+        self, trodden: Float64[np.ndarray, "points 2"], here: Points
+    ) -> Float64[np.ndarray, "points"]:
+        """How far away those points of the trail are from which the robot can set out (m).
+
+        They are points of the present place, or it stands on them.
+        """
+        away = np.hypot(*(trodden - here).T)
+        own = self.trail.places == self.current
+        within = own & (away < REACH) | (away < SAME)
+        if not within.any():
+            within = own if own.any() else np.ones_like(own)
+            within = within & (away == away[within].min())
+        return np.where(within, away, np.inf)
 
     def remember_place(self, step: int, line: Line, seen: Segments, pose: Pose) -> None:
         """An exit is crossed (algorithms 5 and 7).

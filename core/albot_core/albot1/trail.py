@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from numba import njit
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -28,7 +29,11 @@ wall do not fit between."""
 AHEAD = 2.0
 """How far ahead on the trail the point is that is shown as the way (m)."""
 REACH = 1.0
-"""From any of its points no farther away than this one may set out (m)."""
+"""From a point of the present place no farther away than this one may set out (m)."""
+SIGHT = 8.0
+"""Points no farther away than this are looked for in view (m)."""
+CLEARANCE = 0.3
+"""What is left to either side of a straight way to a point in view, at least (m)."""
 
 
 class Trail:
@@ -71,18 +76,22 @@ class Trail:
         self.places[moved] = kept
         self._ways = None
 
-    def way(self, place: int, point: Points) -> list[int]:
-        """The points on the way home, to the first one trodden on, from about a point of a place.
+    def sees(self, ends: Int64[np.ndarray, "n"], lengths: Float64[np.ndarray, "n"]) -> None:
+        """From the point trodden on last, others can be gone to straight, so far away (m)."""
+        for end, length in zip(ends.tolist(), lengths.tolist(), strict=True):
+            self._link(self.last, end, length)
+
+    def way(self, away: Float64[np.ndarray, "points"]) -> list[int]:
+        """The points on the way home, to the first one trodden on.
 
         None where no trail leads home.
+
+        Args:
+            away: How far away each point is from which one may set out (m), infinity for others.
         """
-        near = self._near(place, point, np.inf)
-        if not near:
-            return []
         lengths, towards = self._homewards()
-        within = [pair for pair in near if pair[0] < REACH] or near[:1]
-        length, here = min((away + lengths[k], k) for away, k in within)
-        if not np.isfinite(length):
+        here = int(np.argmin(away + lengths))
+        if not np.isfinite(away[here] + lengths[here]):
             return []
         way = [here]
         while way[-1] != 0:
@@ -117,3 +126,40 @@ class Trail:
             graph = csr_array((lengths, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
             self._ways = dijkstra(graph, directed=False, indices=0, return_predecessors=True)
         return self._ways
+
+
+@njit(cache=True, error_model="numpy")
+def can_go_straight(
+    surfaces: np.ndarray, count: int, points: np.ndarray, clear: np.ndarray
+) -> None:
+    """Say of points (n, 2; robot's frame) before the robot whether nothing in view is in the way.
+
+    `surfaces` (count, 4) are those in view. `clear` (n,) bool receives the answer.
+    """
+    for k in range(points.shape[0]):
+        x, y = points[k, 0], points[k, 1]
+        length = np.sqrt(x * x + y * y)
+        clear[k] = x > 0.0 and SAME < length < SIGHT
+        for j in range(count):
+            if not clear[k]:
+                break
+            clear[k] = _passes_clear(surfaces[j], x / length, y / length, length)
+
+
+@njit(cache=True, error_model="numpy")
+def _passes_clear(wall: np.ndarray, ux: float, uy: float, length: float) -> bool:
+    """Whether a straight way from the origin along (ux, uy) leaves a wall aside."""
+    ax, ay = ux * wall[0] + uy * wall[1], ux * wall[1] - uy * wall[0]
+    bx, by = ux * wall[2] + uy * wall[3], ux * wall[3] - uy * wall[2]
+    # The part of the wall in the strip beside the way: does any of it lie before its end?
+    low, high = 0.0, 1.0
+    if ay != by:
+        first, second = (-CLEARANCE - ay) / (by - ay), (CLEARANCE - ay) / (by - ay)
+        low, high = max(low, min(first, second)), min(high, max(first, second))
+    elif abs(ay) > CLEARANCE:
+        return True
+    if low > high:
+        return True
+    nearest = min(ax + low * (bx - ax), ax + high * (bx - ax))
+    farthest = max(ax + low * (bx - ax), ax + high * (bx - ax))
+    return bool(farthest < 0.0 or nearest > length + CLEARANCE)
