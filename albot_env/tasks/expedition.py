@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float32, Float64, Int64
 
 from albot_core.geometry.types import Pose, Segments
 from albot_core.mapper import MapperBatch
+from albot_core.parcel import Parcel
 from albot_core.perception.reading import Readings
 from albot_core.registry import make_mappers
 from albot_env.sim import PIONEER_3DX, Sensors
@@ -73,8 +74,6 @@ class Expedition:
         )
         self._survey = Survey(robots, observations, self.geometry)
         self._standing = new_standing(robots)
-        self._weights = weights.values
-        self._cell_area = observations.coverage.cell**2
         self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
         self._worlds: list[World | None] = [None] * robots
         self.world_names = np.full(robots, None, object)
@@ -87,6 +86,16 @@ class Expedition:
             motions=self._fleet.motions,
             ranges=self._fleet.ranges,
             echoes=self._fleet.echoes,
+        )
+        self._books = Parcel(
+            (
+                weights.values,
+                observations.coverage.cell**2,
+                self._fleet.collided,
+                self._senses,
+                self._survey.findings,
+                self._standing,
+            )
         )
         length = observations.flat_space.shape[0]
         self.observations: Float32[np.ndarray, "robots length"] = np.zeros(
@@ -146,16 +155,7 @@ class Expedition:
         else:
             self._mappers.update(rows, self.readings)
         self._survey.look(rows, senses, self.observations)
-        appraise(
-            rows,
-            self._weights,
-            self._cell_area,
-            CONTROL_STEP,
-            self._fleet.collided,
-            senses,
-            self._survey.findings,
-            self._standing,
-        )
+        appraise(rows, self._books, CONTROL_STEP)
 
     @property
     def readings(self) -> Readings:
