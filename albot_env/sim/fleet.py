@@ -243,7 +243,7 @@ class Fleet:
         things, tables = self._floors.things, self._floors.tables
         engine = self._bridges[member].engine
         # Where things move there is one robot alone on a floor.
-        among = tables.members[floors, 0]
+        among = tables.members[floors, 0] if things.most_bodies else floors[:0]
         among = among[things.present[among]]
         if len(among):
             things.command(among, engine, self.states, steps * PHYSICS_STEP)

@@ -44,9 +44,10 @@ class ActionConfig:
                 never clipped in silence: an agent that asks for more is told.
         """
         numbers = _numbers(action, (2,), environment)
-        if not (np.abs(numbers) <= 1).all():
-            raise InputError(environment, _EXPECTED, str(numbers.tolist()), place="action")
-        return numbers.reshape(1, 2) * (self.speed, self.turn_rate)
+        speed, turn_rate = numbers.tolist()
+        if not (-1 <= speed <= 1 and -1 <= turn_rate <= 1):
+            raise InputError(environment, _EXPECTED, str([speed, turn_rate]), place="action")
+        return np.array(((speed * self.speed, turn_rate * self.turn_rate),))
 
     def commands(
         self, actions: Any, count: int, environment: str

@@ -224,7 +224,7 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
         return Moment(
             action=action,
             reward=float(robot.rewards[0]),
-            terms={name: float(term[0]) for name, term in robot.terms.items()},
+            terms=robot.terms_of(0),
             reading=robot.readings[0],
             pose=robot.poses[0].copy(),
             collided=bool(robot.collided[0]),
@@ -244,19 +244,19 @@ class ExploreEnv(gymnasium.Env[Any, Any]):
     def _info(self) -> dict[str, Any]:
         robot = self._robot
         return {
-            "reward_terms": {name: float(term[0]) for name, term in robot.terms.items()},
+            "reward_terms": robot.terms_of(0),
             "world": robot.world(0).name,
             "pose": robot.poses[0].copy(),
             "belief": robot.beliefs[0].copy(),
-            "position_error": float(robot.position_errors[0]),
+            "position_error": robot.position_errors.item(0),
             "room": robot.room(0),
-            "rooms_entered": int(robot.rooms_entered[0]),
-            "coverage": float(robot.coverages[0]),
-            "collided": bool(robot.collided[0]),
-            "path_length": float(robot.path_lengths[0]),
-            "time": float(robot.steps[0] * CONTROL_STEP),
-            "updates": int(robot.updates[0]),
-            "surfaces": int(robot.surface_counts[0]),
+            "rooms_entered": robot.rooms_entered.item(0),
+            "coverage": robot.coverages.item(0),
+            "collided": robot.collided.item(0),
+            "path_length": robot.path_lengths.item(0),
+            "time": robot.steps.item(0) * CONTROL_STEP,
+            "updates": robot.updates.item(0),
+            "surfaces": robot.surface_counts.item(0),
         }
 
     def _header(self, start: Pose, seed: int | None) -> EpisodeHeader:
