@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from albot_core.parcel import Parcel, opened
 from albot_env.sim.chipmunk_calls import load, take_step, visit
 from albot_env.sim.drive_kernels import chord, ramped
 from albot_env.sim.odometer_kernels import roll
@@ -74,22 +75,16 @@ class Floors(NamedTuple):
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def advance(
-    chosen: np.ndarray,
-    engine: Engine,
-    floors: Floors,
-    robots: Robots,
-    errors: np.ndarray,
-    drive: tuple[float, float],
-    duration: float,
-    steps: int,
+    chosen: np.ndarray, parcel: Parcel, acceleration: float, duration: float, steps: int
 ) -> None:
     """Let some physics steps (s) pass on the floors chosen.
 
-    In each the odometers count what the wheels roll, the wheels approach their targets,
-    and the bodies move. `drive` is the wheel base (m) and the wheels' acceleration (m/s²);
-    `errors` are the odometer's constants.
+    In each the odometers count what the wheels roll, the wheels approach their targets at
+    an acceleration (m/s²), and the bodies move. The parcel holds `Engine`, `Floors`, `Robots`,
+    the odometer's constants and the wheel base (m).
     """
-    base, gain = drive[0], drive[1] * duration
+    engine, floors, robots, errors, base = opened(parcel)
+    gain = acceleration * duration
     for f in chosen:
         space, shelf = floors.spaces[f]
         crew, members = floors.crews[f], floors.members[f]

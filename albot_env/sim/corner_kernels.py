@@ -17,6 +17,7 @@ import math
 import numpy as np
 from numba import njit
 
+from albot_core.geometry.directions import turned
 from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY
 
 _BEYOND = 1.0 + 1e-9
@@ -76,7 +77,9 @@ def _opening(seen: np.ndarray, count: int, wall: int, x: float, y: float) -> flo
     A full turn at the end of a single wall; 0 where a wall before it ends there too, with
     which the point was looked at.
     """
-    left = right = 2 * math.pi  # from the line to the sonar to the next wall on either side
+    # The next walls counter-clockwise and clockwise of the line to the sonar.
+    left, left_x, left_y = np.inf, 0.0, 0.0
+    right, right_x, right_y = -np.inf, 0.0, 0.0
     for j in range(count):
         ax, ay, bx, by = seen[AX, j] - x, seen[AY, j] - y, seen[BX, j] - x, seen[BY, j] - y
         if not _touches(ax, ay, bx, by):
@@ -86,10 +89,15 @@ def _opening(seen: np.ndarray, count: int, wall: int, x: float, y: float) -> flo
             if j < wall and px == 0.0 and py == 0.0:
                 return 0.0
             if px * px + py * py > _TOUCH * _TOUCH:
-                # Counter-clockwise from the direction to the sonar, (-x, -y).
-                turn = math.atan2(y * px - x * py, -x * px - y * py) % (2 * math.pi)
-                left, right = min(left, turn), min(right, 2 * math.pi - turn)
-    return left + right
+                # From 0 to 4, counter-clockwise from the direction to the sonar, (-x, -y).
+                turn = 2.0 + turned(x * px + y * py, x * py - y * px)
+                if turn < left:
+                    left, left_x, left_y = turn, px, py
+                if turn > right:
+                    right, right_x, right_y = turn, px, py
+    across, along = right_x * left_y - right_y * left_x, right_x * left_x + right_y * left_y
+    opening = math.atan2(across, along)
+    return opening if opening > 0.0 else opening + 2 * math.pi
 
 
 @njit(cache=True, error_model="numpy")

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
@@ -16,8 +16,10 @@ from jaxtyping import Bool, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Pose, Segments
+from albot_core.parcel import Packer
 from albot_core.perception.reading import Readings
-from albot_env.sim.chipmunk_kernels import Robots, advance
+from albot_env.sim import chipmunk_kernels
+from albot_env.sim.chipmunk_kernels import Engine, Robots, advance
 from albot_env.sim.crew import Crew
 from albot_env.sim.drive import RobotConfig
 from albot_env.sim.engine import Bridge
@@ -31,8 +33,9 @@ from albot_env.sim.sensing_kernels import Devices, Sensed, Surroundings, sense
 from albot_env.sim.sensors import Sensors
 from albot_env.sim.sonar import NO_SONARS, SonarConfig
 from albot_env.sim.space import PHYSICS_STEP
+from albot_env.sim.thing_arrays import Stage
 from albot_env.sim.things import Still
-from albot_env.sim.wall_index import WallIndex
+from albot_env.sim.wall_index import WallIndex, Walls
 from albot_maps.world import World
 
 
@@ -123,6 +126,7 @@ class Fleet:
         self._opaque = index_for(laser.geometry)
         self._solid = _audible(sensors.sonar)
         self._buildings = Register(robots, self._take_in, self._forget)
+        self._sensing = Packer(self._surroundings)
 
     @property
     def motions(self) -> Float64[np.ndarray, "robots 3"]:
@@ -263,28 +267,25 @@ class Fleet:
         They do so as fast as the motors can, or `at_once`.
         """
         self._robots.targets[:] = targets
-        drive = self.robot.wheel_base, np.inf if at_once else self.robot.acceleration
-        self._crew.share(self._floors.inhabited, partial(self._move, drive, steps))
+        acceleration = np.inf if at_once else self.robot.acceleration
+        self._crew.share(self._floors.inhabited, partial(self._move, acceleration, steps))
 
     def _move(
-        self,
-        drive: tuple[float, float],
-        steps: int,
-        floors: Int64[np.ndarray, "some"],
-        member: int,
+        self, acceleration: float, steps: int, floors: Int64[np.ndarray, "some"], member: int
     ) -> None:
         """Let some physics steps pass on some floors, by the bridge of a member of the crew.
 
-        `drive` is the wheels' base (m) and acceleration (m/s²).
+        The wheels are accelerated so much (m/s²).
         """
         things, tables = self._floors.things, self._floors.tables
-        engine, errors = self._bridges[member].engine, self._devices.odometer
+        engine = self._bridges[member].engine
         # Where things move there is one robot alone on a floor.
-        among = tables.members[floors, 0]
+        among = tables.members[floors, 0] if things.most_bodies else floors[:0]
         among = among[things.present[among]]
         if len(among):
             things.command(among, engine, self.states, steps * PHYSICS_STEP)
-        advance(floors, engine, tables, self._robots, errors, drive, PHYSICS_STEP, steps)
+        parcel = self._driving[member].parcel(engine, tables)
+        advance(floors, parcel, acceleration, PHYSICS_STEP, steps)
         if len(among):
             things.observe(among, engine)
 
@@ -296,7 +297,12 @@ class Fleet:
         """Have bridges to pymunk for so many robots and things on a floor."""
         if bodies > self._bridged:
             self._bridges = [Bridge(bodies) for _ in range(self._crew.size)]
+            self._driving = [Packer(self._machinery) for _ in range(self._crew.size)]
             self._bridged = bodies
+
+    def _machinery(self, engine: Engine, tables: chipmunk_kernels.Floors) -> tuple[Any, ...]:
+        """What the physics takes."""
+        return engine, tables, self._robots, self._devices.odometer, self.robot.wheel_base
 
     def readings(self, stamps: Float64[np.ndarray, "robots"]) -> Readings:
         """What was sensed last, at these times (s). It is written over at the next sensing."""
@@ -322,13 +328,20 @@ class Fleet:
     def sense(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Take the readings of all robots, or some: `motions`, `ranges` and so on."""
         chosen = self._everyone if rows is None else rows
-        robots, stage = self._robots, self._floors.things.stage
+        stage = self._floors.things.stage
+        tables = self._opaque.tables, self._solid.tables
+        sense(chosen, self._sensing.parcel(*tables, stage, self._devices))
+
+    def _surroundings(
+        self, opaque: Walls, solid: Walls, stage: Stage, devices: Devices
+    ) -> tuple[Any, ...]:
+        """What the sensors take."""
         around = Surroundings(
-            opaque=self._opaque.tables,
-            solid=self._solid.tables,
+            opaque=opaque,
+            solid=solid,
             things=stage.segments,
             first=stage.robots["segments"],
             last=stage.robots["segments_end"],
             most_walls=self._opaque.most,
         )
-        sense(chosen, robots.poses, robots.counts, around, self._devices, self._sensed)
+        return self._robots.poses, self._robots.counts, around, devices, self._sensed

@@ -18,10 +18,11 @@ import numpy as np
 from numba import njit
 
 from albot_core.geometry.directions import turned
+from albot_env.sim.beam_calls import BLOCK, raise_block
 from albot_env.sim.wall_index import Walls
 
-BLOCK = 16
-"""Beams are taken by so many at a time."""
+GRAZING: Any = np.int64(-1)
+"""In place of a wall's last block: float32 is too coarse for it."""
 
 _ZERO: Any = np.int64(0)
 """A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
@@ -61,21 +62,29 @@ class Desk(NamedTuple):
 
     nearest: np.ndarray
     """(blocks, BLOCK) float32: inverse ranges along the beams."""
+    flat: np.ndarray
+    """(blocks * BLOCK,) float32: the same."""
     ends: np.ndarray
-    """(room, 4) float64: ends of the walls in question x1, y1, x2, y2."""
+    """(room, 4) float64: ends x1, y1, x2, y2 of the walls in question, frame of the laser."""
     lines: np.ndarray
-    """(9, room) float64: of each, see RIGHT_X and so on."""
-
-
-RIGHT_X, RIGHT_Y, LEFT_X, LEFT_Y, INVERSE_X, INVERSE_Y, FIRST, LAST, FINE = range(9)
-"""Rows of `Desk.lines`: ends a and b in the frame of the laser, 1/r along its axes, the
-first and last part of the full turn that the wall is in, and how fine float32 is there."""
+    """(room, 6) float32: of each, ends a and b, and 1/r along the laser's axes."""
+    spans: np.ndarray
+    """(room, 2) int64: the first of the blocks that each may reach into, and the one behind
+    the last, which is GRAZING where float32 is too coarse; none where it is seen edge-on."""
 
 
 @njit(cache=True, error_model="numpy")
 def make_desk(fan: Fan, room: int) -> Desk:
     """A desk for so many walls."""
-    return Desk(np.empty(fan.cosines.shape, np.float32), np.empty((room, 4)), np.empty((9, room)))
+    blocks = fan.cosines.shape[0]
+    nearest = np.empty((blocks, BLOCK), np.float32)
+    return Desk(
+        nearest,
+        nearest.reshape(blocks * BLOCK),
+        np.empty((room, 4)),
+        np.empty((room, 6), np.float32),
+        np.empty((room, 2), np.int64),
+    )
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -109,107 +118,92 @@ def scan(
 
     Beside the walls it sees the segments first to last of `things` (n, 4).
     """
-    nearest = desk.nearest
-    horizon = np.float32(1.0 / fan.reach)
-    for block in range(nearest.shape[0]):
-        for k in range(BLOCK):
-            nearest[block, k] = horizon
-    walls, members, ends = index.walls, index.members, desk.ends
-    count = _ZERO
-    for m in range(index.spans[cell, 0], index.spans[cell, 1]):
-        for column in range(4):
-            ends[count, column] = walls[members[m], column]
-        count += 1
-    for j in range(first, last):
-        for column in range(4):
-            ends[count, column] = things[j, column]
-        count += 1
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x = pose[0] + cos * fan.x - sin * fan.y
     y = pose[1] + sin * fan.x + cos * fan.y
-    _line_up(ends, count, x, y, pose[2] + fan.heading, fan, desk.lines)
-    _take_nearest(fan, count, desk.lines, nearest)
+    heading = pose[2] + fan.heading
+    eye = x, y, math.cos(heading), math.sin(heading)
+    count = _ZERO
+    for m in index.members[index.spans[cell, 0] : index.spans[cell, 1]]:
+        count += _take(index.walls, m, eye, fan.behind, desk.ends, count)
+    for j in range(first, last):
+        count += _take(things, j, eye, fan.behind, desk.ends, count)
+    _line_up(fan, count, desk)
+    horizon = np.float32(1.0 / fan.reach)
+    for k in range(desk.flat.shape[0]):
+        desk.flat[k] = horizon
+    _raise_all(fan, count, desk)
     for k in range(fan.beams):
-        inverse = nearest[k // BLOCK, k % BLOCK]
-        ranges[k] = 1.0 / inverse if inverse > horizon else np.inf
+        inverse = desk.flat[k]
+        ranges[k] = np.float32(1.0) / inverse if inverse > horizon else np.inf
 
 
 @njit(cache=True, error_model="numpy")
-def _line_up(
-    ends: np.ndarray, count: int, x: float, y: float, heading: float, fan: Fan, lines: np.ndarray
-) -> None:
-    """Fill `lines` for the first walls of `ends`, seen from a laser at x, y, heading.
+def _take(
+    segments: np.ndarray,
+    k: int,
+    eye: tuple[float, float, float, float],
+    behind: float,
+    ends: np.ndarray,
+    count: int,
+) -> int:
+    """Write a segment's ends, seen from x, y, cosine and sine, into row `count`; 0 if behind."""
+    x, y, cos, sin = eye
+    sx, sy = segments[k, 0] - x, segments[k, 1] - y
+    ex, ey = segments[k, 2] - x, segments[k, 3] - y
+    sx, sy = cos * sx + sin * sy, cos * sy - sin * sx
+    ex, ey = cos * ex + sin * ey, cos * ey - sin * ex
+    ends[count, 0], ends[count, 1], ends[count, 2], ends[count, 3] = sx, sy, ex, ey
+    return 1 if max(sx, ex) >= behind else 0
 
-    Walls seen edge-on or not at all are in no part of the turn. Nothing branches here, for
-    the compiler to take several walls at once.
-    """
-    cos, sin = math.cos(heading), math.sin(heading)
-    parts = fan.blocks.shape[1]
-    reach2, behind = fan.reach * fan.reach, fan.behind
+
+@njit(cache=True, error_model="numpy")
+def _line_up(fan: Fan, count: int, desk: Desk) -> None:
+    """Find, of the first walls of the desk, the lines and the blocks that they reach into."""
+    ends, lines, spans, blocks = desk.ends, desk.lines, desk.spans, fan.blocks
+    parts, all_blocks = blocks.shape[1], desk.nearest.shape[0]
+    reach2 = fan.reach * fan.reach
     for j in range(count):
-        sx, sy = ends[j, 0] - x, ends[j, 1] - y
-        ex, ey = ends[j, 2] - x, ends[j, 3] - y
-        sx, sy = cos * sx + sin * sy, cos * sy - sin * sx
-        ex, ey = cos * ex + sin * ey, cos * ey - sin * ex
+        sx, sy, ex, ey = ends[j, 0], ends[j, 1], ends[j, 2], ends[j, 3]
         area = sx * ey - sy * ex
         flip = area < 0.0
         ax, ay = (ex if flip else sx), (ey if flip else sy)
         bx, by = (sx if flip else ex), (sy if flip else ey)
-        area = abs(area)
-        p, q = (by - ay) / area, (ax - bx) / area
+        per_area = 1.0 / abs(area)
+        p, q = (by - ay) * per_area, (ax - bx) * per_area
+        lines[j, 0], lines[j, 1], lines[j, 2], lines[j, 3] = ax, ay, bx, by
+        lines[j, 4], lines[j, 5] = p, q
+        first, last = turned(ax, ay), turned(bx, by)
+        begin = blocks[0, min(int((first + 2.0) * 0.25 * parts), parts - 1)]
+        end = blocks[1, min(int((last + 2.0) * 0.25 * parts), parts - 1)]
+        if first > last:  # The wall passes behind the laser.
+            begin, end = 0, all_blocks
         far = min(max(ax * ax + ay * ay, bx * bx + by * by), reach2)
-        unseen = area == 0.0 or (ax < behind and bx < behind)
-        lines[RIGHT_X, j], lines[RIGHT_Y, j] = ax, ay
-        lines[LEFT_X, j], lines[LEFT_Y, j] = bx, by
-        lines[INVERSE_X, j], lines[INVERSE_Y, j] = p, q
-        lines[FIRST, j] = parts if unseen else (turned(ax, ay) + 2.0) / 4.0 * parts
-        lines[LAST, j] = -1.0 if unseen else (turned(bx, by) + 2.0) / 4.0 * parts
-        lines[FINE, j] = far * far * (p * p + q * q)
+        if far * far * (p * p + q * q) > _GRAZING * _GRAZING:
+            begin, end = 0, GRAZING
+        spans[j, 0], spans[j, 1] = begin, (end if area != 0.0 else _ZERO)
 
 
 @njit(cache=True, error_model="numpy")
-def _take_nearest(fan: Fan, count: int, lines: np.ndarray, nearest: np.ndarray) -> None:
-    """Raise the inverse ranges `nearest` to those of the first walls of `lines`."""
-    blocks, cosines, sines = fan.blocks, fan.cosines, fan.sines
-    last_part = blocks.shape[1] - 1
+def _raise_all(fan: Fan, count: int, desk: Desk) -> None:
+    """Raise the inverse ranges to those of the first walls of the desk."""
     for j in range(count):
-        if lines[LAST, j] < 0.0:
-            continue
-        ax, ay, bx, by = lines[RIGHT_X, j], lines[RIGHT_Y, j], lines[LEFT_X, j], lines[LEFT_Y, j]
-        p, q = lines[INVERSE_X, j], lines[INVERSE_Y, j]
-        if lines[FINE, j] > _GRAZING * _GRAZING:
-            _take_grazing(nearest, fan.directions, ax, ay, bx, by, p, q)
-            continue
-        begin = blocks[0, min(int(lines[FIRST, j]), last_part)]
-        end = blocks[1, min(int(lines[LAST, j]), last_part)]
-        if lines[FIRST, j] > lines[LAST, j]:  # The wall passes behind the laser.
-            begin, end = 0, nearest.shape[0]
-        ax32, ay32 = np.float32(ax), np.float32(ay)
-        bx32, by32 = np.float32(bx), np.float32(by)
-        p32, q32 = np.float32(p), np.float32(q)
+        begin, end = desk.spans[j]
+        ax, ay, bx, by, p, q = desk.lines[j]
         for block in range(begin, end):
-            for k in range(BLOCK):
-                u, v = cosines[block, k], sines[block, k]
-                inverse = p32 * u + q32 * v
-                if ax32 * v - ay32 * u < 0 or bx32 * v - by32 * u > 0:
-                    inverse = np.float32(0.0)
-                nearest[block, k] = max(nearest[block, k], inverse)
+            raise_block(desk.nearest, fan.cosines, fan.sines, block, ax, ay, bx, by, p, q)
+        if end == GRAZING:
+            _raise_grazing(desk.flat, fan.directions, desk.ends[j])
 
 
 @njit(cache=True, error_model="numpy")
-def _take_grazing(
-    nearest: np.ndarray,
-    directions: np.ndarray,
-    ax: float,
-    ay: float,
-    bx: float,
-    by: float,
-    p: float,
-    q: float,
-) -> None:
+def _raise_grazing(flat: np.ndarray, directions: np.ndarray, ends: np.ndarray) -> None:
     """Take in, with float64, a wall seen so edge-on that float32 is too coarse."""
+    sx, sy, ex, ey = ends
+    area = sx * ey - sy * ex
+    side = math.copysign(1.0, area)
+    p, q = (ey - sy) / area, (sx - ex) / area
     for k in range(directions.shape[1]):
         u, v = directions[0, k], directions[1, k]
-        if ax * v - ay * u >= 0.0 and bx * v - by * u <= 0.0:
-            block, place = k // BLOCK, k % BLOCK
-            nearest[block, place] = max(nearest[block, place], np.float32(p * u + q * v))
+        if side * (sx * v - sy * u) >= 0.0 and side * (ex * v - ey * u) <= 0.0:
+            flat[k] = max(flat[k], np.float32(p * u + q * v))

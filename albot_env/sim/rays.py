@@ -10,7 +10,8 @@ from jaxtyping import Float64, Int64
 from albot_core.geometry.directions import turned
 from albot_core.geometry.types import Pose, Ranges, Segments
 from albot_core.perception.reading import LaserGeometry
-from albot_env.sim.ray_kernels import BLOCK, Fan, scan_poses
+from albot_env.sim.beam_calls import BLOCK
+from albot_env.sim.ray_kernels import Fan, scan_poses
 from albot_env.sim.wall_index import WallIndex
 
 _PARTS = 1024

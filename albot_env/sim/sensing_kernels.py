@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from albot_core.parcel import Parcel, opened
 from albot_env.sim.noise_kernels import draw
 from albot_env.sim.odometer_kernels import ODOMETER_DRAWS, read
 from albot_env.sim.ray_kernels import Fan, make_desk, scan
@@ -102,18 +103,13 @@ def disturb(
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def sense(
-    rows: np.ndarray,
-    poses: np.ndarray,
-    counts: np.ndarray,
-    around: Surroundings,
-    devices: Devices,
-    sensed: Sensed,
-) -> None:
+def sense(rows: np.ndarray, parcel: Parcel) -> None:
     """Read the sensors of the robots `rows`, whose cells are known.
 
-    `poses` (n, 3) are where they are, `counts` (n, …) what their odometers have counted.
+    The parcel holds `poses` (n, 3), where they are; `counts` (n, …), what their odometers have
+    counted; `Surroundings`; `Devices`; and `Sensed`.
     """
+    poses, counts, around, devices, sensed = opened(parcel)
     fan, sonars, solid = devices.fan, devices.sonars, around.solid
     draws = ODOMETER_DRAWS + fan.beams
     most = 0

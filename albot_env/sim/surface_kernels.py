@@ -1,20 +1,26 @@
 """Compiled geometry of surfaces as a sonar sees them.
 
-Surfaces are gathered once for a robot, as rows x1, y1, x2, y2 of an array (4, n) that is
-relative to the robot (m) and turned as the world is. Those that reach into a sonar's cone are
-then turned into its frame, x along its axis: rows ax, ay, bx, by, area of an array
+Surfaces are gathered once for a robot, as rows x1, y1, x2, y2, distance of an array (5, n)
+that is relative to the robot (m) and turned as the world is. Those that matter in a sonar's
+cone are then turned into its frame, x along its axis: rows ax, ay, bx, by, area of an array
 (5, n) `seen`, end a clockwise of end b, and area = a × b.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numba import njit
+
+from albot_env.sim.sonar_arrays import Sonars
 
 Ear = tuple[float, float, float, float]
 """A sonar's x, y (m) from the robot's middle, and the cosine and sine of where it points to;
 both turned as the world is."""
 
+DISTANCE = 4
+"""Row of the gathered surfaces: distance from the robot's middle (m)."""
 AX, AY, BX, BY, AREA = range(5)
 """Rows of `seen`."""
 HAIR = 1e-7
@@ -32,7 +38,7 @@ def gather(
     reach: float,
     ends: np.ndarray,
 ) -> int:
-    """Fill `ends` (4, n) with the surfaces that may be in reach (m) of a robot; how many."""
+    """Fill `ends` (5, n) with the surfaces that may be in reach (m) of a robot; how many."""
     count = 0
     for k in nearby:
         count += _take(walls, k, pose, reach, ends, count)
@@ -50,13 +56,17 @@ def _take(
     ends: np.ndarray,
     count: int,
 ) -> int:
-    """Write a surface into column `count`; 1 if it is worth keeping, 0 if surely out of reach."""
+    """Write a surface into column `count`; 1 if it is worth keeping, 0 if out of reach."""
     x1, y1 = surfaces[k, 0] - pose[0], surfaces[k, 1] - pose[1]
     x2, y2 = surfaces[k, 2] - pose[0], surfaces[k, 3] - pose[1]
+    dx, dy = x2 - x1, y2 - y1
+    along = -(x1 * dx + y1 * dy) / (dx * dx + dy * dy)
+    along = min(max(along, 0.0), 1.0) if along == along else 0.0
+    x, y = x1 + along * dx, y1 + along * dy
+    distance = math.sqrt(x * x + y * y)
     ends[0, count], ends[1, count], ends[2, count], ends[3, count] = x1, y1, x2, y2
-    if min(x1, x2) > reach or max(x1, x2) < -reach or min(y1, y2) > reach:
-        return 0
-    return 0 if max(y1, y2) < -reach else 1
+    ends[DISTANCE, count] = distance
+    return 1 if distance <= reach else 0
 
 
 @njit(cache=True, error_model="numpy")
@@ -64,31 +74,51 @@ def look(
     ends: np.ndarray,
     count: int,
     ear: Ear,
-    slope: float,
-    reach: float,
+    sonars: Sonars,
+    beyond: np.ndarray,
     inside: np.ndarray,
     seen: np.ndarray,
 ) -> int:
-    """Fill `seen` with the surfaces that reach into a sonar's cone; how many.
+    """Fill `seen` with the surfaces that matter in a sonar's cone; how many.
 
-    `slope` is the tangent of half the cone, `inside` (n,) is written over.
+    What lies behind a surface that fills all of the cone does not matter, so that it goes
+    fastest with the near ones first. `beyond` and `inside` (n,) are written over.
     """
+    slope, reach = sonars.slope, sonars.max_range
     x, y, cos, sin = ear
-    # Normals of the cone's two sides, pointing out of it, and of its far end.
+    # Normals of the cone's two sides, pointing out of it.
     lx, ly = -sin - slope * cos, cos - slope * sin
     rx, ry = sin - slope * cos, -cos - slope * sin
-    left, right, far = lx * x + ly * y, rx * x + ry * y, cos * x + sin * y + reach
+    left, right, back = lx * x + ly * y, rx * x + ry * y, cos * x + sin * y
     for k in range(count):
         x1, y1, x2, y2 = ends[0, k], ends[1, k], ends[2, k], ends[3, k]
-        beyond = min(lx * x1 + ly * y1, lx * x2 + ly * y2) - left
-        beyond = max(beyond, min(rx * x1 + ry * y1, rx * x2 + ry * y2) - right)
-        inside[k] = max(beyond, min(cos * x1 + sin * y1, cos * x2 + sin * y2) - far)
-    found = 0
+        outside = min(lx * x1 + ly * y1, lx * x2 + ly * y2) - left
+        outside = max(outside, min(rx * x1 + ry * y1, rx * x2 + ry * y2) - right)
+        beyond[k] = max(outside, back - max(cos * x1 + sin * y1, cos * x2 + sin * y2))
+    near = 0
     for k in range(count):
-        if inside[k] <= 0.0:
+        inside[near] = k
+        near += 1 if beyond[k] <= 0.0 else 0
+    found, rim = 0, math.sqrt(x * x + y * y)
+    for k in inside[:near]:
+        if ends[DISTANCE, k] <= reach + rim:
             _turn(ends, k, ear, seen, found)
+            reach = min(reach, _closed_off(seen, found, slope))
             found += 1
     return found
+
+
+@njit(cache=True, error_model="numpy")
+def _closed_off(seen: np.ndarray, k: int, slope: float) -> float:
+    """How far (m) one can see into a cone past a surface; infinite where it does not fill it."""
+    ax, ay, bx, by = seen[AX, k], seen[AY, k], seen[BX, k], seen[BY, k]
+    if ax * -slope < ay or by < bx * slope:
+        return np.inf
+    nx, ny = by - ay, ax - bx
+    least = nx - slope * abs(ny)
+    return (
+        NEARER * seen[AREA, k] * math.sqrt(1.0 + slope * slope) / least if least > 0.0 else np.inf
+    )
 
 
 @njit(cache=True, error_model="numpy")
@@ -108,9 +138,11 @@ def _turn(ends: np.ndarray, k: int, ear: Ear, seen: np.ndarray, column: int) -> 
 
 @njit(cache=True, error_model="numpy")
 def bounded(low: float, high: float, slope: float, offset: float) -> tuple[float, float]:
-    """The part of an interval of t in which slope t + offset >= 0."""
-    if slope > 0.0:
-        return max(low, -offset / slope), high
-    if slope < 0.0:
-        return low, min(high, -offset / slope)
-    return (low, high) if offset >= 0.0 else (np.inf, -np.inf)
+    """The part of an interval of t in which slope t + offset >= 0.
+
+    Nothing branches here: which way it goes cannot be foreseen.
+    """
+    bound = -offset / slope
+    low = max(low, bound if slope > 0.0 else -np.inf)
+    high = min(high, bound if slope < 0.0 else np.inf)
+    return low, (-np.inf if slope == 0.0 and offset < 0.0 else high)

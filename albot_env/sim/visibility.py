@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numba import njit
 
+from albot_core.parcel import Parcel, opened
+
 if TYPE_CHECKING:
     from albot_env.sim.wall_index import Walls
 
@@ -28,31 +30,29 @@ _MARGIN = 1e-6
 
 @njit(cache=True, error_model="numpy")
 def list_here(
-    index: Walls,
-    reach: tuple[float, float],
     rows: np.ndarray,
     done: int,
+    parcel: Parcel,
     buildings: np.ndarray,
     poses: np.ndarray,
-    mount: tuple[float, float],
     cells: np.ndarray,
 ) -> int:
     """Find the cells of robots, and list the walls of cells that have no list yet.
 
     Args:
-        index: The walls.
-        reach: Walls farther away (m) are not listed; and how far from the mount, in any
-            direction, a sensor may be (m).
         rows: The robots.
         done: How many of them are done.
+        parcel: `Walls`; the distance (m) beyond which none are listed, and how far from the
+            mount, in any direction, a sensor may be (m); and where on the robot the mount is
+            (m).
         buildings: The building of each robot (n,).
         poses: Where each is (n, 3), in the building's frame (m, rad).
-        mount: Where on it the sensor is, in the robot's frame (m).
         cells: Filled with the cell of each (n,).
 
     Returns:
         How many of the rows are done: fewer than all when `members` is full.
     """
+    index, reach, mount = opened(parcel)
     for k in range(done, rows.shape[0]):
         i = rows[k]
         frame = index.frames[buildings[i]]

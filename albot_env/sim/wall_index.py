@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from albot_core.geometry.types import Segments
+from albot_core.parcel import Packer
 from albot_env.sim.visibility import list_here
 
 CELL = 0.5
@@ -64,6 +65,9 @@ class WallIndex:
         self._mount = mount
         self._spread = spread
         self._grid = grid
+        x, y = mount
+        mount = float(x), float(y)
+        self._listing = Packer(lambda tables: (tables, (float(reach), float(spread)), mount))
         self.clear()
 
     def clear(self) -> None:
@@ -117,16 +121,8 @@ class WallIndex:
         """Fill `cells` for `rows` with where robots are in their buildings; lists are made."""
         done = 0
         while True:
-            done = list_here(
-                self.tables,
-                (self._reach, self._spread),
-                rows,
-                done,
-                buildings,
-                poses,
-                self._mount,
-                cells,
-            )
+            parcel = self._listing.parcel(self.tables)
+            done = list_here(rows, done, parcel, buildings, poses, cells)
             if done == len(rows):
                 return
             members = self.tables.members

@@ -291,6 +291,10 @@ class Expedition:
         """What the last step was worth, by the reward's terms."""
         return dict(zip(self.terms_of_reward, self._standing.terms.T, strict=True))
 
+    def terms_of(self, row: int) -> dict[str, float]:
+        """What the last step was worth to a robot, by the reward's terms."""
+        return dict(zip(self.terms_of_reward, self._standing.terms[row].tolist(), strict=True))
+
     @property
     def position_errors(self) -> Float64[np.ndarray, "robots"]:
         """Distance from each true position to the believed one (m)."""
@@ -332,7 +336,7 @@ class Expedition:
 
     def room(self, row: int) -> str:
         """Name of the room that a robot is truly in; empty between rooms."""
-        room = int(self._survey.findings.room[row])
+        room: int = self._survey.findings.room.item(row)
         return self.world(row).rooms[room].name if room >= 0 else ""
 
     @property

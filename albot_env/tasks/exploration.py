@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from jaxtyping import Int64
 
+from albot_core.parcel import Parcel
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import ActionConfig
 from albot_env.tasks.equipment import Equipment
@@ -45,16 +46,16 @@ class Exploration(Expedition):
         super().__init__(
             robots, equipment, actions=config.actions, observations=config.observations
         )
-        self._weights = config.weights.values
+        self._books = Parcel(
+            (
+                config.weights.values,
+                self._cell_area,
+                self.collided,
+                self._senses,
+                self._survey.findings,
+                self._standing,
+            )
+        )
 
     def _appraise(self, rows: Int64[np.ndarray, "some"]) -> None:
-        appraise(
-            rows,
-            self._weights,
-            self._cell_area,
-            CONTROL_STEP,
-            self.collided,
-            self._senses,
-            self._survey.findings,
-            self._standing,
-        )
+        appraise(rows, self._books, CONTROL_STEP)

@@ -5,29 +5,21 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from albot_env.tasks.standing import Standing, follow
-from albot_env.tasks.survey_kernel import Findings, Senses
+from albot_core.parcel import Parcel, opened
+from albot_env.tasks.standing import follow
 
 TERMS = ("coverage", "room", "collision", "time")
 """The reward's terms, in the order of the columns of `Standing.terms`."""
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def appraise(
-    rows: np.ndarray,
-    weights: np.ndarray,
-    cell_area: float,
-    elapsed: float,
-    collided: np.ndarray,
-    senses: Senses,
-    findings: Findings,
-    standing: Standing,
-) -> None:
-    """Bring the standing of robots up to date after a survey.
+def appraise(rows: np.ndarray, parcel: Parcel, elapsed: float) -> None:
+    """Bring the standing of robots up to date after a survey, at the end of a step (s).
 
-    `weights` (terms,) are those of the reward, `cell_area` (m²) is that of a cell of ground,
-    `elapsed` the duration of a step (s), `collided` (n,) whether each touched something.
+    The parcel holds the weights (terms,) of the reward, the area (m²) of a cell of ground,
+    whether each robot touched something (n,), `Senses`, `Findings` and `Standing`.
     """
+    weights, cell_area, collided, senses, findings, standing = opened(parcel)
     for i in rows:
         follow(i, cell_area, senses, findings, standing)
         terms = standing.terms[i]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
+from albot_core.parcel import Packer
 from albot_env.sim.fleet import draw_key
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import DeclaringActionConfig, Numbers
@@ -67,7 +68,7 @@ class Homing(Expedition):
             robots, equipment, actions=config.actions, observations=config.observations
         )
         self._config = config
-        self._weights = config.weights.values
+        self._reckoning = Packer(self._books)
         self._outings = Outings(equipment, config.observations, config.outing, journeys)
         self._shared = journeys > 0
         self._outward = np.zeros(robots)
@@ -129,15 +130,17 @@ class Homing(Expedition):
         self._outings.close()
 
     def _appraise(self, rows: Int64[np.ndarray, "some"]) -> None:
-        appraise_homing(
-            rows,
-            self._weights,
+        appraise_homing(rows, self._reckoning.parcel(self._fields), CONTROL_STEP)
+
+    def _books(self, fields: Fields) -> tuple[Any, ...]:
+        """What the appraisal takes."""
+        return (
+            self._config.weights.values,
             self._config.weights.discount,
             self._config.radius,
             self._cell_area,
-            CONTROL_STEP,
             self.collided,
-            self._fields,
+            fields,
             self._senses,
             self._survey.findings,
             self._standing,

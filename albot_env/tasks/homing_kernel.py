@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from albot_env.tasks.standing import Standing, follow
-from albot_env.tasks.survey_kernel import Findings, Senses
+from albot_core.parcel import Parcel, opened
+from albot_env.tasks.standing import follow
 from albot_maps.geodesic_kernel import FAR, first_anchor
 
 TERMS = ("success", "false_declaration", "progress", "collision", "time")
@@ -84,26 +84,16 @@ def success_weighted(success: float, geodesic: float, driven: float) -> float:
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def appraise_homing(
-    rows: np.ndarray,
-    weights: np.ndarray,
-    discount: float,
-    radius: float,
-    cell_area: float,
-    elapsed: float,
-    collided: np.ndarray,
-    fields: Fields,
-    senses: Senses,
-    findings: Findings,
-    standing: Standing,
-    homecoming: Homecoming,
-) -> None:
-    """Bring the standing of robots up to date after a survey.
+def appraise_homing(rows: np.ndarray, parcel: Parcel, elapsed: float) -> None:
+    """Bring the standing of robots up to date after a survey, at the end of a step (s).
 
-    `weights` (terms,) and `discount` are those of the reward, `radius` (m) is how near home
-    counts as home; the rest is as for exploring.
+    The parcel holds the weights (terms,) and the discount of the reward, how near home (m)
+    counts as home, the area (m²) of a cell of ground, whether each robot touched something
+    (n,), `Fields`, `Senses`, `Findings`, `Standing` and `Homecoming`.
     """
-    h = homecoming
+    weights, discount, radius, cell_area, collided, fields, senses, findings, standing, h = opened(
+        parcel
+    )
     for i in rows:
         moved = follow(i, cell_area, senses, findings, standing)
         before = h.distances[i]

@@ -198,7 +198,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         return Moment(
             action=action,
             reward=float(robot.rewards[0]),
-            terms={name: float(term[0]) for name, term in robot.terms.items()},
+            terms=robot.terms_of(0),
             reading=robot.readings[0],
             pose=robot.poses[0].copy(),
             collided=bool(robot.collided[0]),
@@ -218,10 +218,10 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
     def _info(self) -> dict[str, Any]:
         robot = self._robot
         return {
-            "reward_terms": {name: float(term[0]) for name, term in robot.terms.items()},
+            "reward_terms": robot.terms_of(0),
             "world": robot.world(0).name,
             "room": robot.room(0),
-            **{name: _single(fact[0]) for name, fact in robot.facts.items()},
+            **{name: _single(fact) for name, fact in robot.facts.items()},
         }
 
     def _header(self, start: Pose, seed: int | None) -> EpisodeHeader:
@@ -277,7 +277,7 @@ def wants_flat(observation: str, task: str) -> bool:
 
 def _single(fact: Any) -> Any:
     """One robot's row of a fact: a copy of an array, or a number of Python's own."""
-    return fact.copy() if fact.ndim else fact.item()
+    return fact[0].copy() if fact.ndim > 1 else fact.item(0)
 
 
 def _open_viewer(render_mode: str | None, task: str) -> Viewer:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64, UInt64
 
+from albot_core.parcel import Packer
 from albot_core.perception.reading import LaserGeometry
 from albot_env.sim.register import Register
 from albot_env.tasks.ground import map_extent, world_centre, world_extent
@@ -68,6 +69,7 @@ class Survey:
             moved=np.zeros((robots, 2)),
         )
         """What was found out at the last look."""
+        self._surveying = Packer(self._plans)
 
     @property
     def rooms(self) -> np.ndarray:
@@ -147,17 +149,14 @@ class Survey:
         observations: Float32[np.ndarray, "robots length"],
     ) -> None:
         """Note what robots find out by their readings, and fill in what they observe."""
-        survey(
-            rows,
-            self._sight,
-            self._covered,
-            self._believed,
-            self._rooms,
-            self._scales,
-            senses,
-            self.findings,
-            observations,
-        )
+        parcel = self._surveying.parcel(self._covered, self._believed, self._rooms, senses)
+        survey(rows, parcel, observations)
+
+    def _plans(
+        self, covered: Ground, believed: Ground, rooms: Rooms, senses: Senses
+    ) -> tuple[Any, ...]:
+        """What the survey takes."""
+        return self._sight, covered, believed, rooms, self._scales, senses, self.findings
 
 
 def _no_ground(robots: int) -> Ground:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from albot_core.parcel import Parcel, opened
 from albot_env.tasks.kernels import (
-    Sight,
     cover,
     cut_patch,
     find_home,
@@ -107,19 +107,13 @@ class Findings(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def survey(
-    rows: np.ndarray,
-    sight: Sight,
-    covered: Ground,
-    believed: Ground,
-    rooms: Rooms,
-    scales: Scales,
-    senses: Senses,
-    findings: Findings,
-    observations: np.ndarray,
-) -> None:
-    """Survey the robots `rows`; each's observation goes into its row of `observations`."""
-    s = scales
+def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
+    """Survey the robots `rows`; each's observation goes into its row of `observations`.
+
+    The parcel holds `Sight`, the `Ground` truly covered, that believed to be, `Rooms`, `Scales`,
+    `Senses` and `Findings`.
+    """
+    sight, covered, believed, rooms, s, senses, findings = opened(parcel)
     beams, sonars = senses.ranges.shape[1], senses.echoes.shape[1]
     rest = beams + sonars
     steps = s.step_length, s.step_turn, s.home_knee, s.home_range

@@ -49,6 +49,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mapper import next_of
+from albot_core.parcel import Packer
 from albot_core.perception.reading import LaserGeometry, Readings
 
 AFRESH = 0.2
@@ -90,7 +91,7 @@ class Albot1Batch:
         for row in range(count):
             self._arrays.append((empty_memory(), empty_sight(), no_exits()))
             self._settle(row)
-        self._lens: tuple[LaserGeometry, Lens] | None = None
+        self._following = Packer(lambda laser: (self._robots, self._lens(laser), self._limits))
 
     @classmethod
     def default(cls, count: int) -> Albot1Batch:
@@ -187,12 +188,12 @@ class Albot1Batch:
         laser: LaserGeometry,
     ) -> None:
         """`update` with the arrays of readings that matter to the map."""
-        lens, limits = self._lens_for(laser), self._limits
+        parcel = self._following.parcel(laser)
         ranges, motions = np.ascontiguousarray(ranges), np.ascontiguousarray(motions)
-        done = follow(self._robots, rows, 0, ranges, motions, lens, limits)
+        done = follow(rows, 0, parcel, ranges, motions)
         while done < len(rows):
             self._enlarge(int(rows[done]))
-            done = follow(self._robots, rows, done, ranges, motions, lens, limits)
+            done = follow(rows, done, parcel, ranges, motions)
         for row in rows[self._robots.events[rows] > 0].tolist():
             self._attend(row)
 
@@ -356,21 +357,16 @@ class Albot1Batch:
         self._arrays[row] = enlarged(memory), sight, exits
         self._settle(row)
 
-    def _lens_for(self, laser: LaserGeometry) -> Lens:
+    def _lens(self, laser: LaserGeometry) -> Lens:
         """What views are constructed with from this laser's scans."""
-        kept = self._lens
-        if kept is not None and kept[0] is laser:
-            return kept[1]
         view = self.config.view
-        lens = Lens(
+        return Lens(
             directions=laser.directions,
             mount=(float(laser.mount[0]), float(laser.mount[1])),
             max_range=float(min(laser.max_range, view.max_range)),
             thresholds=view.thresholds,
             fit_lines=view.fit_lines,
         )
-        self._lens = (laser, lens)
-        return lens
 
 
 def _part(state: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:

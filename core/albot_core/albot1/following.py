@@ -15,6 +15,7 @@ from albot_core.albot1.recognition import length_of, moved
 from albot_core.albot1.sight import Sight, copy_sight
 from albot_core.albot1.storage import ROOM, exits_at, memory_at, sight_at
 from albot_core.albot1.trail import STRIDE
+from albot_core.parcel import Parcel, opened
 from albot_core.perception.surfaces import NO_EDGE, extract_surfaces
 
 
@@ -157,19 +158,15 @@ def _follow(
 
 @njit(cache=True, error_model="numpy", nogil=True)
 def follow(
-    robots: Robots,
-    rows: np.ndarray,
-    first: int,
-    ranges: np.ndarray,
-    motions: np.ndarray,
-    lens: Lens,
-    limits: Limits,
+    rows: np.ndarray, first: int, parcel: Parcel, ranges: np.ndarray, motions: np.ndarray
 ) -> int:
     """Let the robots in rows[first:] take in their readings; return how many rows are done.
 
     That is all of them, but where the next has too little room for what it sees: then it has
-    taken in nothing yet. `ranges` (n, beams) and `motions` (n, 3) are the readings of all robots.
+    taken in nothing yet. `ranges` (n, beams) and `motions` (n, 3) are the readings of all robots;
+    the parcel holds `Robots`, `Lens` and `Limits`.
     """
+    robots, lens, limits = opened(parcel)
     current = _desk(ranges.shape[1])
     for k in range(first, rows.shape[0]):
         row = rows[k]

@@ -63,7 +63,7 @@ class Sketch:
     def draw(self, senses: Senses) -> None:
         """Draw what is in view."""
         config = self._config
-        self.make_room(senses.pose)
+        self.make_room(senses.pose[:2])
         draw_scan(
             self._grid,
             self._covered,
@@ -144,7 +144,7 @@ class Sketch:
 
     def make_room(self, point: Points) -> None:
         """Take a larger sheet where a point comes near the edge of this one (m, map frame)."""
-        needed = np.abs(point[:2]).max() + self._config.reach + 1.0
+        needed = np.abs(point).max() + self._config.reach + 1.0
         while needed > len(self._grid) / 2 * self._config.cell:
             border = len(self._grid) // 2
             self._grid, self._covered = np.pad(self._grid, border), np.pad(self._covered, border)
