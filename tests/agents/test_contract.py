@@ -15,11 +15,13 @@ from albot_core.errors import InputError
 from tests.env.quick import IDS, QUICK
 
 
-def _actions(
-    agent: Agent, environment: str, form: str, seed: int, steps: int = 120, **options: Any
-) -> list[Any]:
+def _begun(name: str, environment: str, form: str = "flat") -> tuple[Agent, Any]:
     settings = {"world": "square-loop", "mapper": "odometry", "observation": form}
-    env = gymnasium.make(environment, **settings, **QUICK.get(environment, {}), **options)
+    env = gymnasium.make(environment, **settings, **QUICK.get(environment, {}))
+    return make_agent(name, env.get_wrapper_attr("observing")), env
+
+
+def _actions(agent: Agent, env: Any, seed: int, steps: int = 120) -> list[Any]:
     observation, info = begin_episode(env, agent, seed)
     actions = []
     for _ in range(steps):
@@ -32,7 +34,13 @@ def _actions(
 
 
 def test_the_agents_are_these() -> None:
-    assert agent_names() == ("gap-explorer", "oracle", "path-integration", "random")
+    assert agent_names() == (
+        "albot1-homing",
+        "gap-explorer",
+        "oracle",
+        "path-integration",
+        "random",
+    )
 
 
 @pytest.mark.parametrize("name", agent_names())
@@ -71,18 +79,18 @@ def test_an_unknown_agent_is_refused_with_a_hint() -> None:
 @pytest.mark.parametrize("environment", IDS)
 @pytest.mark.parametrize("name", agent_names())
 def test_actions_are_actions_whichever_form_observations_have(name: str, environment: str) -> None:
-    flat = _actions(make_agent(name), environment, "flat", 1, 40)
-    parts = _actions(make_agent(name), environment, "dict", 1, 40)
+    flat = _actions(*_begun(name, environment, "flat"), 1, 40)
+    parts = _actions(*_begun(name, environment, "dict"), 1, 40)
     assert np.array_equal(flat, parts)
 
 
 @pytest.mark.parametrize("environment", IDS)
 @pytest.mark.parametrize("name", agent_names())
 def test_a_reset_forgets_everything(name: str, environment: str) -> None:
-    agent = make_agent(name)
-    first = _actions(agent, environment, "flat", 1)
-    other = _actions(agent, environment, "flat", 2)
+    agent, env = _begun(name, environment)
+    first = _actions(agent, env, 1)
+    other = _actions(agent, env, 2)
     at_home = not np.any([action[:2] for action in first])  # Nothing is left to be done.
     # Who knows the truth does not mind the noise.
     assert at_home or agent.knows_truth or not np.array_equal(first, other)
-    assert np.array_equal(first, _actions(agent, environment, "flat", 1))
+    assert np.array_equal(first, _actions(agent, env, 1))

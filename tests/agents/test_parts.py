@@ -165,7 +165,7 @@ def test_the_flood_is_a_breadth_first_search(seed: int) -> None:
     start = (int(rng.integers(3, 21)), int(rng.integers(3, 21)))
     grid[start] = FREE
     before = np.empty(grid.shape, np.int64)
-    steps = flood(grid, start, 2, before)
+    steps = flood(grid, start, 2, before, False, (-1, -1))
     assert np.array_equal(steps, _slow_flood(grid, start, 2))
     for row, column in np.argwhere(steps > 0):
         r, c = divmod(int(before[row, column]), 24)
@@ -176,9 +176,9 @@ def test_the_flood_is_a_breadth_first_search(seed: int) -> None:
 def test_a_straight_way_is_free_or_not() -> None:
     grid = np.full((40, 40), FREE, np.int8)
     grid[20, 25] = BLOCKED
-    assert not straight_is_free(grid, (20, 5), (20, 35), 2)
-    assert straight_is_free(grid, (15, 5), (15, 35), 2)
-    assert straight_is_free(grid, (20, 5), (20, 20), 2)
+    assert not straight_is_free(grid, (20, 5), (20, 35), 2, False)
+    assert straight_is_free(grid, (15, 5), (15, 35), 2, False)
+    assert straight_is_free(grid, (20, 5), (20, 20), 2, False)
 
 
 def test_the_sketch_finds_the_way_through_the_doorway() -> None:

@@ -10,7 +10,6 @@ from gymnasium.spaces import Box
 
 from albot_agents.agent import Action, filled
 from albot_agents.scripted.senses import make_sense, sense_way
-from albot_core.errors import InputError
 from albot_core.exploration.wayfarer import Wayfarer
 from albot_core.geometry.poses import inverse
 from albot_env.tasks.action import ActionConfig
@@ -26,10 +25,8 @@ class Albot1Homing:
     by its laser.
 
     Args:
-        observing: How the environment makes observations; with `ways`.
-
-    Raises:
-        InputError: The observations do not show the way home.
+        observing: How the environment makes observations. Where they do not show the way home
+            (`ways`), it makes straight for home.
     """
 
     name: ClassVar[str] = "albot1-homing"
@@ -39,9 +36,6 @@ class Albot1Homing:
     """How near to where it believes home to be it declares (m)."""
 
     def __init__(self, observing: ObservationConfig) -> None:
-        if not observing.ways:
-            expected = "observations that show the way home, as in Albot/Homing-v0"
-            raise InputError(self.name, expected, "ObservationConfig.ways=False")
         self._observing = observing
         self._wayfarer = Wayfarer()
 

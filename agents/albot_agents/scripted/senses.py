@@ -30,6 +30,8 @@ def make_sense(observation: Any, config: ObservationConfig) -> Senses:
 
 def sense_way(observation: Any, config: ObservationConfig) -> Points | None:
     """The point ahead on the believed way home, in the robot's frame (m); None for none."""
+    if not config.ways:
+        return None
     parts = observation if isinstance(observation, dict) else config.split(observation)
     part = np.asarray(parts["way"], float)
     return config.home_distance(part[2]) * part[:2] if part[3] > 0 else None

@@ -47,7 +47,7 @@ from albot_core.albot1.updating import update_map
 from albot_core.albot1.wayfinding import way_lines
 from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_segments
-from albot_core.geometry.types import Segments
+from albot_core.geometry.types import Points, Segments
 from albot_core.mapper import next_of
 from albot_core.parcel import Packer
 from albot_core.perception.reading import LaserGeometry, Readings
@@ -85,7 +85,7 @@ class Albot1Batch:
             poses=np.zeros((count, 3)),
             surfaces=np.zeros(count, np.int64),
             events=np.zeros(count, np.int64),
-            trod=np.zeros((count, 2)),
+            trod=np.zeros((count, 3)),
             next_ids=np.zeros(count, np.int64),
         )
         for row in range(count):
@@ -134,6 +134,12 @@ class Albot1Batch:
         """
         return self._waypoints
 
+    def waypoint_home(self, row: int) -> Points | None:
+        """A point ahead on one's trail home, in its map's frame (m); None for none."""
+        sight = self._arrays[row][1]
+        view = sight.surfaces[: sight.size[0]]
+        return self._networks[row].trail_home(self.poses[row], view, AHEAD)
+
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
         """Find the way home of those that have gone on, or whose network has changed."""
         for row in rows.tolist():
@@ -144,7 +150,7 @@ class Albot1Batch:
                 self._found_at[row] = np.inf
             if np.hypot(*(self._found_at[row] - pose[:2])) > AFRESH:
                 self._found_at[row] = pose[:2]
-                ahead = network.trail_home(pose, AHEAD)
+                ahead = self.waypoint_home(row)
                 self._waypoints[row] = np.nan if ahead is None else ahead
 
     @property
@@ -242,8 +248,8 @@ class Albot1Batch:
         if len(network.visits) != memory.counts[VISIT] + 1:
             expected = f"the map's {memory.counts[VISIT]} visits"
             raise InputError("places.visits", expected, str(len(network.visits) - 1))
-        if state["trod"].shape != (2,) or not np.isfinite(state["trod"]).all():
-            raise InputError("trod", "two finite numbers", str(state["trod"].tolist()))
+        if state["trod"].shape != (3,) or not np.isfinite(state["trod"]).all():
+            raise InputError("trod", "three finite numbers", str(state["trod"].tolist()))
         self._arrays[row] = memory, sight, exits
         self._networks[row] = network
         self._forget_ways(row)

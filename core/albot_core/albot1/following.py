@@ -11,10 +11,10 @@ from albot_core.albot1.config import Limits
 from albot_core.albot1.exits import NO_GATE, cross_exit, remember_exits
 from albot_core.albot1.mapping import STEP, STRANGE, map_step
 from albot_core.albot1.memory import ALIVE, NEXT_ID, SUSPECT, room_left
-from albot_core.albot1.recognition import length_of, moved
+from albot_core.albot1.recognition import length_of, moved, wrap
 from albot_core.albot1.sight import Sight, copy_sight
 from albot_core.albot1.storage import ROOM, exits_at, memory_at, sight_at
-from albot_core.albot1.trail import STRIDE
+from albot_core.albot1.trail import LOOK_ROUND, STRIDE
 from albot_core.parcel import Parcel, opened
 from albot_core.perception.surfaces import NO_EDGE, extract_surfaces
 
@@ -37,7 +37,7 @@ class Lens(NamedTuple):
 CROSSED, SUSPECTED, ASTRAY, TROD = 1, 2, 4, 8
 """In `Robots.events`: the robot got through an exit; it met enough surfaces of an earlier
 visit; nothing of what it has seen twice is where it should be; it has gone a
-stride."""
+stride or looks elsewhere."""
 
 
 class Robots(NamedTuple):
@@ -56,7 +56,7 @@ class Robots(NamedTuple):
     events: np.ndarray
     """(n,) int64: what happened at the last reading: a sum of CROSSED, SUSPECTED, ASTRAY, TROD."""
     trod: np.ndarray
-    """(n, 2) float64: where it trod on its trail last (m; the map's frame)."""
+    """(n, 3) float64: where it trod on its trail last (m, rad; the map's frame)."""
     next_ids: np.ndarray
     """(n,) int64: the id that the next surface would have had before the last view."""
 
@@ -108,6 +108,17 @@ def _is_near(motion: np.ndarray, limits: Limits) -> bool:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
+def _has_gone_on(pose: np.ndarray, trod: np.ndarray) -> bool:
+    """Whether it is time to tread on the trail; then it does so here."""
+    square = (pose[0] - trod[0]) ** 2 + (pose[1] - trod[1]) ** 2
+    if square < STRIDE**2 and abs(wrap(pose[2] - trod[2])) < LOOK_ROUND:
+        return False
+    for i in range(3):
+        trod[i] = pose[i]
+    return True
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def _follow(
     robots: Robots,
     row: int,
@@ -149,9 +160,7 @@ def _follow(
     for i in range(3):
         robots.since[row, i] = since[i]
     moved(previous.pose, since, robots.poses[row])
-    pose, trod = robots.poses[row], robots.trod[row]
-    if (pose[0] - trod[0]) ** 2 + (pose[1] - trod[1]) ** 2 >= STRIDE**2:
-        trod[0], trod[1] = pose[0], pose[1]
+    if _has_gone_on(robots.poses[row], robots.trod[row]):
         robots.events[row] += TROD
     return True
 

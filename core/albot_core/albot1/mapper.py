@@ -11,7 +11,6 @@ from albot_core.albot1.batch import Albot1Batch
 from albot_core.albot1.config import Albot1Config
 from albot_core.albot1.network import START
 from albot_core.albot1.record import Event
-from albot_core.albot1.trail import AHEAD
 from albot_core.albot1.wayfinding import pointing, way_lines
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Points, Pose, Segments
@@ -116,7 +115,7 @@ class Albot1:
     @property
     def waypoint_home(self) -> Points | None:
         """A point some metres ahead on the trail home, in the map's frame (m)."""
-        return self._robot.network(0).trail_home(self._robot.poses[0], AHEAD)
+        return self._robot.waypoint_home(0)
 
     @property
     def is_lost(self) -> bool:

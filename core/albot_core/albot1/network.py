@@ -105,7 +105,7 @@ class PlaceNetwork:
         return needed
 
     def tread(self, pose: Pose, view: Segments) -> None:
-        """The robot has gone a stride farther.
+        """The robot has gone a stride farther, or turned to look elsewhere.
 
         Args:
             pose: Where it is in the map.
@@ -113,20 +113,26 @@ class PlaceNetwork:
         """
         trail = self.trail
         trail.tread(self.current, relative(self.frame, pose)[:2])
-        own = np.flatnonzero(trail.places == self.current)
-        points = transform_points(relative(pose, self.frame), trail.points[own])
-        clear = np.empty(len(own), np.bool_)
-        can_go_straight(view, len(view), points, clear)
-        trail.sees(own[clear], np.hypot(*points[clear].T))
+        away = self._in_sight(self._trodden(), pose, view)
+        seen = np.flatnonzero(np.isfinite(away))
+        trail.sees(seen, away[seen])
 
-    def trail_home(self, pose: Pose, ahead: float) -> Points | None:
+    def trail_home(self, pose: Pose, view: Segments, ahead: float) -> Points | None:
         """The point about so far ahead on the trail home (m), in the map's frame.
 
-        None where home is in reach, or no trail leads there.
+        None where home is in reach, or no trail leads there. The arguments are as for `tread`.
         """
         trodden = self._trodden()
         before = pose[:2]
-        for k in self.trail.way(self._set_out(trodden, before)):
+        away = np.hypot(*(trodden - before).T)
+        own = self.trail.places == self.current
+        # It sets out from points of this place, from those that it stands on, and those it sees.
+        near = np.where(own & (away < REACH) | (away < SAME), away, np.inf)
+        near = np.minimum(near, self._in_sight(trodden, pose, view))
+        if not np.isfinite(near).any():
+            within = own if own.any() else np.ones_like(own)
+            near = np.where(within, away, np.inf)
+        for k in self.trail.way(near):
             ahead -= float(np.hypot(*(trodden[k] - before)))
             before = trodden[k]
             if ahead <= 0:
@@ -143,20 +149,14 @@ class PlaceNetwork:
             points[own] = transform_points(frame, trail.points[own])
         return points
 
-    def _set_out(
-        self, trodden: Float64[np.ndarray, "points 2"], here: Points
+    def _in_sight(
+        self, trodden: Float64[np.ndarray, "points 2"], pose: Pose, view: Segments
     ) -> Float64[np.ndarray, "points"]:
-        """How far away those points of the trail are from which the robot can set out (m).
-
-        They are points of the present place, or it stands on them.
-        """
-        away = np.hypot(*(trodden - here).T)
-        own = self.trail.places == self.current
-        within = own & (away < REACH) | (away < SAME)
-        if not within.any():
-            within = own if own.any() else np.ones_like(own)
-            within = within & (away == away[within].min())
-        return np.where(within, away, np.inf)
+        """How far away the points are that the robot could go to straight (m); others infinity."""
+        points = transform_points(inverse(pose), trodden)
+        clear = np.empty(len(points), np.bool_)
+        can_go_straight(view, len(view), points, clear)
+        return np.where(clear, np.hypot(*points.T), np.inf)
 
     def remember_place(self, step: int, line: Line, seen: Segments, pose: Pose) -> None:
         """An exit is crossed (algorithms 5 and 7).

@@ -19,6 +19,8 @@ from albot_core.geometry.types import Points, Pose
 
 STRIDE = 0.5
 """The robot treads on the trail this often (m)."""
+LOOK_ROUND = np.radians(45.0)
+"""Having turned so far it looks for points of the trail anew (rad)."""
 SAME = 0.35
 """A point of the same place no farther away than this is trodden on again (m)."""
 NEAR = 0.6
