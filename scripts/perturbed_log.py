@@ -9,7 +9,6 @@ Prints the median, the least and the largest ATE, and of the odometer for compar
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -18,24 +17,9 @@ import numpy as np
 from albot_cli.main import exit_status
 from albot_cli.mapping_run import run_mapper, score
 from albot_core.errors import InputError
-from albot_core.geometry.poses import compose, relative
-from albot_core.logs.log import Log
+from albot_core.logs.disturbed import disturbed
 from albot_core.logs.reader import read_log
 from albot_core.logs.reference import read_reference
-
-RANGE_NOISE = 0.005
-MOTION_NOISE = np.array([0.003, 0.003, np.radians(0.1)])
-
-
-def disturbed(log: Log, rng: np.random.Generator) -> Log:
-    """The log with a little noise on every range and every motion."""
-    ranges = np.abs(log.ranges + rng.normal(0.0, RANGE_NOISE, log.ranges.shape))
-    motions = relative(log.odometry[:-1], log.odometry[1:])
-    motions += rng.normal(size=motions.shape) * MOTION_NOISE
-    odometry = [log.odometry[0]]
-    for motion in motions:
-        odometry.append(compose(odometry[-1], motion))
-    return replace(log, ranges=ranges, odometry=np.array(odometry))
 
 
 @click.command()

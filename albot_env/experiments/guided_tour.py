@@ -9,7 +9,7 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative, wrap_angle
-from albot_core.geometry.types import Points, Poses
+from albot_core.geometry.types import Points, Pose, Poses
 from albot_core.perception.reading import Reading
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
 from albot_env.sim.sensors import Sensors
@@ -45,6 +45,10 @@ class Journey:
         """Length of the way from view to view (m)."""
         return float(np.hypot(*np.diff(self.truth[:, :2], axis=0).T).sum())
 
+    def nearest_view(self, place: Points) -> int:
+        """Which view was taken nearest to a place of the world (m)."""
+        return int(np.hypot(*(self.truth[:, :2] - place).T).argmin())
+
 
 def guided_tour(
     world: World,
@@ -62,10 +66,9 @@ def guided_tour(
     Raises:
         InputError: The robot bumped into something: the tour is not clear of walls.
     """
-    first = waypoints[1] - waypoints[0]
-    start = np.array([*waypoints[0], np.arctan2(first[1], first[0])])
     simulator = Simulator(world, sensors=Sensors(odometer=odometer))
-    readings, truth = [simulator.reset(rng, start)], [simulator.pose]
+    readings = [simulator.reset(rng, first_pose(waypoints))]
+    truth = [simulator.pose]
     for leg, waypoint in enumerate(waypoints[1:], start=1):
         for reading in _follow_leg(simulator, waypoint, steps):
             readings.append(reading)
@@ -73,6 +76,12 @@ def guided_tour(
             if simulator.collided:
                 raise InputError(world.name, "a tour clear of walls", "a wall", place=f"leg {leg}")
     return Journey(readings=tuple(readings), truth=np.array(truth))
+
+
+def first_pose(waypoints: Points) -> Pose:
+    """At the first waypoint, facing the second."""
+    first = waypoints[1] - waypoints[0]
+    return np.array([*waypoints[0], np.arctan2(first[1], first[0])])
 
 
 def _follow_leg(simulator: Simulator, waypoint: Points, steps: StartStop) -> Iterator[Reading]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -13,8 +14,13 @@ from albot_core.files import replacing, write_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Figures: TypeAlias = "float | int | bool | str | Mapping[str, Figures]"
+Scalar: TypeAlias = float | int | bool | str | None
+"""A figure; None where it is not known."""
+Figures: TypeAlias = "Scalar | Mapping[str, Figures]"
 """What a report can hold."""
+
+_COLOURS = 48
+"""How many colours a picture has."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,12 +54,46 @@ class Report:
     def as_markdown(self) -> str:
         """The report for reading, with its pictures."""
         lines = [f"# {self.id}: {self.title}", "", self.text.strip(), ""]
-        lines += ["| | paper | measured |", "|---|---|---|"]
-        for name, value in self.measured.items():
-            lines.append(f"| {name} | {_cell(self.paper.get(name))} | {_cell(value)} |")
+        lines += self.table()
+        for table in self._tables:
+            columns = [name for name, _ in rows(next(iter(table.values())))]
+            lines += ["", f"| | {' | '.join(columns)} |", "|---" * (1 + len(columns)) + "|"]
+            for name, figures in table.items():
+                cells = " | ".join(cell(value) for _, value in rows(figures))
+                lines.append(f"| {name} | {cells} |")
         lines += ["", "Reached." if self.holds else "Not reached.", ""]
         lines += [f"![{name}]({name}.png)\n" for name in self.pictures]
         return "\n".join(lines)
+
+    def table(self) -> list[str]:
+        """The paper's figures beside those measured, but for groups of them, in Markdown."""
+        paper, measured = dict(rows(self.paper)), dict(rows(self._alone))
+        return [
+            "| | paper | measured |",
+            "|---|---|---|",
+            *(
+                f"| {name} | {cell(paper.get(name))} | {cell(measured.get(name))} |"
+                for name in {**measured, **paper}
+            ),
+        ]
+
+    @property
+    def _alone(self) -> dict[str, Figures]:
+        """What was measured that is no row of a table."""
+        return {
+            name: value
+            for name, value in self.measured.items()
+            if not isinstance(value, Mapping) or _is_spread(value)
+        }
+
+    @property
+    def _tables(self) -> list[dict[str, Mapping[str, Figures]]]:
+        """The groups of figures; those with the same names make one table, a row each."""
+        tables: dict[tuple[str, ...], dict[str, Mapping[str, Figures]]] = {}
+        for name, value in self.measured.items():
+            if isinstance(value, Mapping) and not _is_spread(value):
+                tables.setdefault(tuple(value), {})[name] = value
+        return list(tables.values())
 
     def write(self, folder: Path) -> list[Path]:
         """Write `result.json`, `report.md` and the pictures into `folder`; return their paths."""
@@ -61,18 +101,56 @@ class Report:
         for name, figure in self.pictures.items():
             path = folder / f"{name}.png"
             with replacing(path) as stream:
-                figure.savefig(stream, format="png", dpi=100)
+                stream.write(_small_png(figure))
             paths.append(path)
         write_text(folder / "result.json", json.dumps(self.as_json(), indent=2) + "\n")
         write_text(folder / "report.md", self.as_markdown())
         return [folder / "result.json", folder / "report.md", *paths]
 
 
-def _cell(value: Figures | None) -> str:
+def rows(figures: Mapping[str, Figures]) -> list[tuple[str, Scalar]]:
+    """The figures one by one; one within others is named after them too: `ring, error_m`.
+
+    A median with its worst is one figure.
+    """
+    found: list[tuple[str, Scalar]] = []
+    for name, value in figures.items():
+        if not isinstance(value, Mapping):
+            found.append((name, value))
+        elif _is_spread(value):
+            median, worst = (cell(entry) for _, entry in rows(value))
+            found.append((name, f"{median} (worst {worst})"))
+        else:
+            found += [(f"{name}, {inner}", entry) for inner, entry in rows(value)]
+    return found
+
+
+def _is_spread(figures: Mapping[str, Figures]) -> bool:
+    return tuple(figures) == ("median", "worst")
+
+
+def key(name: str) -> str:
+    """A mapper's name as part of a figure's."""
+    return name.replace("-", "_")
+
+
+def cell(value: Scalar) -> str:
+    """A figure for reading; a dash where there is none."""
     if value is None:
         return "–"
-    if isinstance(value, Mapping):
-        return "<br>".join(f"{key}: {_cell(entry)}" for key, entry in value.items())
-    if isinstance(value, float):
-        return f"{value:.3g}"
-    return str(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def _small_png(figure: Figure) -> bytes:
+    """The figure as a PNG of few colours, a third the size of one of many."""
+    from PIL import Image  # slow to load, as all that draws
+
+    drawn, packed = BytesIO(), BytesIO()
+    figure.savefig(drawn, format="png", dpi=80)
+    with Image.open(drawn) as picture:
+        picture.convert("RGB").quantize(_COLOURS, Image.Quantize.MAXCOVERAGE).save(
+            packed, format="png", optimize=True
+        )
+    return packed.getvalue()

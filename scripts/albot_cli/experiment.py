@@ -10,7 +10,17 @@ import click
 from albot_cli.outputs import check_folder
 from albot_cli.progress import progress
 from albot_core.errors import InputError
-from albot_env.experiments.registry import EXPERIMENTS, find_experiment
+from albot_env.experiments.index import write_index
+from albot_env.experiments.registry import (
+    EXPERIMENTS,
+    FIRST_SEED,
+    Experiment,
+    find_experiment,
+)
+from albot_env.experiments.report import Report, cell, rows
+
+ALL = "all"
+"""The ID that stands for every experiment."""
 
 
 @click.group()
@@ -32,32 +42,70 @@ def list_experiments(as_json: bool) -> None:
 
 @command.command("run")
 @click.argument("name", metavar="ID")
-@click.option("--seeds", type=int, help="How many seeds, from 0 on.")
+@click.option("--seeds", type=int, help=f"How many seeds, from {FIRST_SEED} on.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder for the report: Markdown, pictures, JSON.",
+    help="Folder for the report: Markdown, pictures, JSON. Of all: a folder each, and a page "
+    "over them, OUT.md.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def run_experiment(name: str, seeds: int | None, out: Path | None, as_json: bool) -> None:
-    """Run the experiment ID; `albot experiment list` names them."""
-    experiment = find_experiment(name)
-    count = experiment.seeds if seeds is None else seeds
-    if count < 1:
-        raise InputError("--seeds", "at least 1", str(count))
+    """Run the experiment ID, or all; `albot experiment list` names them."""
+    if seeds is not None and seeds < 1:
+        raise InputError("--seeds", "at least 1", str(seeds))
+    chosen = list(EXPERIMENTS.values()) if name == ALL else [find_experiment(name)]
+    for experiment in chosen:
+        experiment.check()
     if out is not None:
         check_folder(out)
-    with progress(experiment.id, count, "seeds") as tell:
-        report = experiment.run(range(count), tell)
+    if name == ALL:
+        _run_all(chosen, seeds, out, as_json)
+    else:
+        _run_one(chosen[0], seeds, out, as_json)
+
+
+def _run_one(experiment: Experiment, seeds: int | None, out: Path | None, as_json: bool) -> None:
+    report = _run(experiment, seeds)
     files = report.write(out) if out else []
     if as_json:
         click.echo(json.dumps(report.as_json() | {"files": [str(path) for path in files]}))
-        return
+    else:
+        _print(report, files)
+
+
+def _run_all(
+    experiments: list[Experiment], seeds: int | None, out: Path | None, as_json: bool
+) -> None:
+    """Run them one after the other; each report is written as soon as it is there."""
+    reports, files = [], []
+    for experiment in experiments:
+        report = _run(experiment, seeds)
+        written = report.write(out / experiment.id) if out else []
+        reports.append(report)
+        files += written
+        if not as_json:
+            _print(report, written)
+    if out:
+        files.append(write_index(reports, out))
+    if as_json:
+        found = [report.as_json() for report in reports]
+        click.echo(json.dumps({"experiments": found, "files": [str(path) for path in files]}))
+
+
+def _run(experiment: Experiment, seeds: int | None) -> Report:
+    count = experiment.seeds if seeds is None else seeds
+    with progress(experiment.id, count, "seeds") as tell:
+        return experiment.run(count, tell)
+
+
+def _print(report: Report, files: list[Path]) -> None:
     click.echo(f"{report.id}: {report.title}\n")
-    width = max(len(key) for key in report.measured)
+    paper, measured = dict(rows(report.paper)), rows(report.measured)
+    width = max(len(name) for name, _ in measured)
     click.echo(f"{'':{width}}  {'paper':>8}  {'measured':>8}")
-    for key, value in report.measured.items():
-        click.echo(f"{key:{width}}  {report.paper.get(key, '–')!s:>8}  {value!s:>8}")
-    click.echo("\nreached" if report.holds else "\nnot reached")
+    for name, value in measured:
+        click.echo(f"{name:{width}}  {cell(paper.get(name)):>8}  {cell(value):>8}")
+    click.echo("\nreached\n" if report.holds else "\nnot reached\n")
     for path in files:
         click.echo(str(path))

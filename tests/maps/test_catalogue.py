@@ -102,6 +102,16 @@ def test_the_tours_pass_the_places_in_the_thesis_order():
     assert np.array_equal(world.tours["single-loop"][-1], world.starts[0, :2])
 
 
+def test_the_tour_that_revisits_is_136_metres_and_ends_over_known_ground():
+    world = load_world("office-ring")
+    tour, ring = world.tours["revisit"], world.tours["single-loop"]
+    assert np.hypot(*np.diff(tour, axis=0).T).sum() == pytest.approx(136.0, abs=0.5)
+    assert np.array_equal(tour[: len(ring)], ring)
+    driven = shapely.LineString(ring)
+    assert shapely.LineString(tour[len(ring) - 1 :]).within(driven.buffer(1e-9))
+    assert np.array_equal(tour[-1], tour[0])
+
+
 @pytest.mark.parametrize("name", ["office-ring", "office-double"])
 def test_places_meet_only_at_their_exits(name):
     world = load_world(name)

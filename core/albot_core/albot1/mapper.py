@@ -143,7 +143,11 @@ class Albot1:
 
     @property
     def lost(self) -> int:
-        """At how many views no landmark was recognised and path integration stood in."""
+        """At how many views no landmark was recognised.
+
+        There path integration stands in (section 3.2.1); where what is remembered nearby
+        localises the robot, as in `albot1`, the other surfaces still correct it.
+        """
         return int(self._robot.lost[0])
 
     def state(self) -> dict[str, np.ndarray]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from jaxtyping import Float64
+from scipy.spatial import KDTree
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_segments
@@ -68,3 +69,20 @@ def surface_error(
     if not len(surfaces):
         return None
     return float(np.median(surface_distances(surfaces, walls, frame, spacing)))
+
+
+def cloud_error(
+    surfaces: _Surfaces, cloud: Float64[np.ndarray, "cloud 2"], frame: Pose, spacing: float = 0.05
+) -> float | None:
+    """As `surface_error`, where the walls are known only as the points of a cloud (m).
+
+    Raises:
+        InputError: The cloud is empty, or `spacing` is not a positive length.
+    """
+    if not len(cloud):
+        raise InputError("cloud", "at least one point", "none")
+    if not len(surfaces):
+        return None
+    points = sample_segments(transform_segments(frame, surfaces), spacing)
+    distances, _ = KDTree(cloud).query(points)
+    return float(np.median(distances))

@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from albot_core.errors import InputError
-from albot_core.evaluation.surfaces import sample_segments, surface_distances, surface_error
+from albot_core.evaluation.surfaces import (
+    cloud_error,
+    sample_segments,
+    surface_distances,
+    surface_error,
+)
 from albot_core.geometry.poses import inverse, transform_segments
 
 ROOM = np.array([[0.0, 0, 6, 0], [6, 0, 6, 4], [6, 4, 0, 4], [0, 4, 0, 0]])
@@ -73,3 +78,14 @@ def test_nothing_to_measure():
         surface_error(ROOM, np.empty((0, 4)), HERE)
     with pytest.raises(InputError, match="a positive length"):
         surface_error(ROOM, ROOM, HERE, spacing=0.0)
+
+
+def test_a_cloud_stands_for_the_walls_that_it_samples() -> None:
+    wall = np.array([[0.0, 0.0, 4.0, 0.0]])
+    cloud = sample_segments(wall, 0.01)
+    beside = wall + np.array([0.0, 0.25, 0.0, 0.25])
+    assert cloud_error(beside, cloud, np.zeros(3)) == pytest.approx(0.25, abs=1e-3)
+    assert cloud_error(beside, cloud, np.array([0.0, -0.25, 0.0])) == pytest.approx(0.0, abs=1e-2)
+    assert cloud_error(np.empty((0, 4)), cloud, np.zeros(3)) is None
+    with pytest.raises(InputError, match="at least one point"):
+        cloud_error(wall, np.empty((0, 2)), np.zeros(3))
