@@ -13,7 +13,6 @@ from albot_core.albot1.following import ASTRAY, CROSSED, SUSPECTED, Lens, Robots
 from albot_core.albot1.mapping import LOST, STEP, STRANGE, UPDATED_AT, UPDATES
 from albot_core.albot1.memory import (
     ALIVE,
-    SUSPECT,
     USED,
     VISIT,
     Memory,
@@ -28,6 +27,7 @@ from albot_core.albot1.memory import (
     room_left,
     seen_in_visit,
     stored_memory,
+    suspect_still,
 )
 from albot_core.albot1.network import START, PlaceNetwork
 from albot_core.albot1.network_state import rebuilt_network, stored_network
@@ -263,7 +263,7 @@ class Albot1Batch:
         memory, sight, _ = self._arrays[row]
         network, step = self._networks[row], int(self._robots.progress[row, STEP])
         met = memory.met[: len(network.visits), 0]
-        memory.counts[SUSPECT] = 0
+        suspect_still(memory, memory.met[: len(network.visits), 1])
         if network.recognize_place(step, met, self._before_it(row), sight.pose):
             arouse_from(memory, network.suspicions())
 
