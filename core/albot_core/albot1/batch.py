@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from albot_core.albot1.config import Albot1Config
-from albot_core.albot1.exits import Exits, no_exits, rebuilt_exits, stored_exits
+from albot_core.albot1.exits import GATE, Exits, no_exits, rebuilt_exits, stored_exits
 from albot_core.albot1.following import ASTRAY, CROSSED, SUSPECTED, Lens, Robots, follow
 from albot_core.albot1.mapping import LOST, STEP, STRANGE, UPDATED_AT, UPDATES
 from albot_core.albot1.memory import (
@@ -229,6 +229,8 @@ class Albot1Batch:
             self._lose(row)
         elif events & CROSSED:
             self._cross(row)
+        elif self._arrays[row][2].counts[1] == GATE:
+            pass  # between two places there is no telling which it is in
         elif network.lost_since:
             self._find(row)
         elif events & SUSPECTED:

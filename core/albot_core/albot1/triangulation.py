@@ -30,12 +30,16 @@ POINT_DOUBT, LINE_DOUBT = 0.15, 0.10
 ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""
 
+MEETING_GAP = 1.0
+"""A wall this near to one of an earlier visit may be it (m): so far a map drifts on its way
+round. It arouses a suspicion and no more."""
+
 FEWEST_TELLING = 5
 """With fewer surfaces in view nothing is said of how familiar it is."""
 
-POINT, SIDE, LINE = 0, 1, 2
-"""Columns of `matches`: the row of `expected` recognised by an end, which end, and the row
-recognised by its line; -1 where none."""
+POINT, SIDE, LINE, NEAR = 0, 1, 2, 3
+"""Columns of `matches`: the row of `expected` recognised by an end, which end, the row
+recognised by its line, and the one whose line is nearest; -1 where none."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -52,8 +56,8 @@ def _match(
     cos, sin = np.cos(correction[2]), np.sin(correction[2])
     points = 0
     for k in range(seen.shape[0]):
-        matches[k, POINT] = matches[k, LINE] = -1
-        nearest_gap, nearest_line = limits.landmark_gap**2, LINE_GAP
+        matches[k, POINT] = matches[k, LINE] = matches[k, NEAR] = -1
+        nearest_gap, nearest_line = limits.landmark_gap**2, MEETING_GAP
         for q in range(expected.shape[0]):
             if abs(wrap(expected[q, 5] - seen[k, 5] - correction[2])) >= limits.landmark_angle:
                 continue
@@ -70,7 +74,8 @@ def _match(
             aside = beside(expected[q], seen[k], correction, cos, sin)
             if aside < nearest_line:
                 nearest_line = aside
-                matches[k, LINE] = q
+                matches[k, NEAR] = q
+                matches[k, LINE] = q if aside < LINE_GAP else -1
         if matches[k, POINT] >= 0:
             points += 1
     return points
@@ -213,7 +218,7 @@ def triangulate(
 
     slots, edges, expected = remembered_nearby(memory, current.pose, seen, limits)
     correction = np.zeros(3)
-    matches = np.empty((seen.shape[0], 3), np.int64)
+    matches = np.empty((seen.shape[0], 4), np.int64)
     for _ in range(ROUNDS):
         _match(seen, seen_edges, expected, edges, correction, limits, matches)
         _adjust(seen, expected, matches, limits, correction)
@@ -228,6 +233,9 @@ def triangulate(
         which_row = matches[k, LINE] if matches[k, LINE] >= 0 else matches[k, POINT]
         if which_row >= 0:
             familiar += 1
+        else:
+            which_row = matches[k, NEAR]
+        if which_row >= 0:
             meet_again(memory, slots[which_row])
     cos, sin = np.cos(current.pose[2]), np.sin(current.pose[2])
     current.pose[0] += cos * correction[0] - sin * correction[1]
