@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from albot_core.albot1.config import Limits
-from albot_core.albot1.memory import Memory, meet_again
+from albot_core.albot1.memory import NEVER, VISIT, Memory, meet_again
 from albot_core.albot1.outlook import beside, remembered_nearby, seen_before, seen_now
 from albot_core.albot1.recognition import wrap
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
@@ -30,16 +30,16 @@ POINT_DOUBT, LINE_DOUBT = 0.15, 0.10
 ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""
 
-MEETING_GAP = 1.0
-"""A wall this near to one of an earlier visit may be it (m): so far a map drifts on its way
-round. It arouses a suspicion and no more."""
+MEETING_GAP, MEETING_ANGLE = 1.5, np.radians(15.0)
+"""A wall this near to one of an earlier visit (m), and turned no more (rad), may be it: so far
+a map drifts on its way round. It arouses a suspicion and no more."""
 
 FEWEST_TELLING = 5
 """With fewer surfaces in view nothing is said of how familiar it is."""
 
-POINT, SIDE, LINE, NEAR = 0, 1, 2, 3
-"""Columns of `matches`: the row of `expected` recognised by an end, which end, the row
-recognised by its line, and the one whose line is nearest; -1 where none."""
+POINT, SIDE, LINE = 0, 1, 2
+"""Columns of `matches`: the row of `expected` recognised by an end, which end, and the row
+recognised by its line; -1 where none."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -56,8 +56,8 @@ def _match(
     cos, sin = np.cos(correction[2]), np.sin(correction[2])
     points = 0
     for k in range(seen.shape[0]):
-        matches[k, POINT] = matches[k, LINE] = matches[k, NEAR] = -1
-        nearest_gap, nearest_line = limits.landmark_gap**2, MEETING_GAP
+        matches[k, POINT] = matches[k, LINE] = -1
+        nearest_gap, nearest_line = limits.landmark_gap**2, LINE_GAP
         for q in range(expected.shape[0]):
             if abs(wrap(expected[q, 5] - seen[k, 5] - correction[2])) >= limits.landmark_angle:
                 continue
@@ -74,8 +74,7 @@ def _match(
             aside = beside(expected[q], seen[k], correction, cos, sin)
             if aside < nearest_line:
                 nearest_line = aside
-                matches[k, NEAR] = q
-                matches[k, LINE] = q if aside < LINE_GAP else -1
+                matches[k, LINE] = q
         if matches[k, POINT] >= 0:
             points += 1
     return points
@@ -203,6 +202,28 @@ def _adjust(
 
 
 @njit(cache=True, error_model="numpy")
+def _meet_earlier(
+    memory: Memory,
+    slots: np.ndarray,
+    expected: np.ndarray,
+    seen: np.ndarray,
+    correction: np.ndarray,
+) -> None:
+    """Note which of the remembered surfaces are of earlier visits and may be in view."""
+    cos, sin = np.cos(correction[2]), np.sin(correction[2])
+    for q in range(expected.shape[0]):
+        visit = memory.marks[slots[q]]
+        if visit == memory.counts[VISIT] or memory.met[visit, 1] == NEVER:
+            continue
+        for k in range(seen.shape[0]):
+            if abs(wrap(expected[q, 5] - seen[k, 5] - correction[2])) >= MEETING_ANGLE:
+                continue
+            if beside(expected[q], seen[k], correction, cos, sin) < MEETING_GAP:
+                meet_again(memory, slots[q])
+                break
+
+
+@njit(cache=True, error_model="numpy")
 def triangulate(
     memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
 ) -> tuple[int, float]:
@@ -218,7 +239,7 @@ def triangulate(
 
     slots, edges, expected = remembered_nearby(memory, current.pose, seen, limits)
     correction = np.zeros(3)
-    matches = np.empty((seen.shape[0], 4), np.int64)
+    matches = np.empty((seen.shape[0], 3), np.int64)
     for _ in range(ROUNDS):
         _match(seen, seen_edges, expected, edges, correction, limits, matches)
         _adjust(seen, expected, matches, limits, correction)
@@ -230,13 +251,9 @@ def triangulate(
     for k in range(seen.shape[0]):
         if matches[k, POINT] >= 0:
             current.slots[which[k]] = slots[matches[k, POINT]]
-        which_row = matches[k, LINE] if matches[k, LINE] >= 0 else matches[k, POINT]
-        if which_row >= 0:
+        if matches[k, LINE] >= 0 or matches[k, POINT] >= 0:
             familiar += 1
-        else:
-            which_row = matches[k, NEAR]
-        if which_row >= 0:
-            meet_again(memory, slots[which_row])
+    _meet_earlier(memory, slots, expected, seen, correction)
     cos, sin = np.cos(current.pose[2]), np.sin(current.pose[2])
     current.pose[0] += cos * correction[0] - sin * correction[1]
     current.pose[1] += sin * correction[0] + cos * correction[1]
