@@ -8,7 +8,14 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from albot_core.albot1.config import Albot1Config
-from albot_core.albot1.exits import GATE, Exits, no_exits, rebuilt_exits, stored_exits
+from albot_core.albot1.exits import (
+    GATE,
+    Exits,
+    leave_exits,
+    no_exits,
+    rebuilt_exits,
+    stored_exits,
+)
 from albot_core.albot1.following import ASTRAY, CROSSED, SUSPECTED, Lens, Robots, follow
 from albot_core.albot1.mapping import LOST, STEP, STRANGE, UPDATED_AT, UPDATES
 from albot_core.albot1.memory import (
@@ -244,6 +251,7 @@ class Albot1Batch:
         line = gate[:4] if gate[4] > 0 else turned_round(gate[:4])
         step = int(self._robots.progress[row, STEP])
         self._networks[row].remember_place(step, line, seen_in_visit(memory), sight.pose)
+        leave_exits(exits, *sight.pose[:2])
         self._begin_visit(row)
 
     def _begin_visit(self, row: int) -> None:
