@@ -110,7 +110,7 @@ def place_journey(name: str, world: World, journey: Journey) -> PlacedJourney:
     for view, reading in enumerate(journey.readings):
         expected, before = mapper.predicted_exits, mapper.exits
         mapper.update(reading)
-        poses[view], places[view] = mapper.pose, mapper.network.current
+        poses[view], places[view] = mapper.pose, mapper.network.current or 0
         new, known = mapper.events[known:], len(mapper.events)
         if any(event.what in (Happening.NEW, Happening.ENTERED) for event in new):
             line = _nearest(before, poses[view - 1 : view + 1, :2].mean(axis=0))
