@@ -89,10 +89,14 @@ class PlaceNetwork:
         They are more for a larger place (section 4.1.2). What is met of places that an exit
         joins to the present one is seen through that exit, and they are not the same place.
         A place suspected on this side of the exit just crossed is suspected beyond it, for
-        what was met of it there is the map's no more: this is ours.
+        what was met of it there is the map's no more: this is ours. A robot that has lost its
+        way may be anywhere.
         """
         config = self.config
         needed = np.full(len(self.visits), NEVER, np.int32)
+        if self.lost_since:
+            needed[1:] = GLIMPSED
+            return needed
         glimpsed = self._glimpsed()
         for visit, place in enumerate(self.visits[1:-1], start=1):
             if place == self.current or self._are_joined(place, self.current):

@@ -34,9 +34,6 @@ MEETING_GAP, MEETING_ANGLE = 1.5, np.radians(15.0)
 """A wall this near to one of an earlier visit (m), and turned no more (rad), may be it: so far
 a map drifts on its way round. It arouses a suspicion and no more."""
 
-FEWEST_TELLING = 5
-"""With fewer surfaces in view nothing is said of how familiar it is."""
-
 POINT, SIDE, LINE = 0, 1, 2
 """Columns of `matches`: the row of `expected` recognised by an end, which end, and the row
 recognised by its line; -1 where none."""
@@ -226,11 +223,10 @@ def _meet_earlier(
 @njit(cache=True, error_model="numpy")
 def triangulate(
     memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
-) -> tuple[int, float]:
+) -> int:
     """Move `current.pose` from where the odometer says to where the remembered surfaces say.
 
-    Sets `current.slots` for the landmarks recognised there; returns their number, and which
-    share of the view's surfaces was recognised at all, 1 where there are too few to tell.
+    Sets `current.slots` for the landmarks recognised there; returns their number.
     """
     which, seen_edges, seen = seen_now(current, limits)
     edges, expected = seen_before(previous, motion, limits)
@@ -247,16 +243,12 @@ def triangulate(
 
     for k in range(current.size[0]):
         current.slots[k] = NOT_RECOGNIZED
-    familiar = 0
     for k in range(seen.shape[0]):
         if matches[k, POINT] >= 0:
             current.slots[which[k]] = slots[matches[k, POINT]]
-        if matches[k, LINE] >= 0 or matches[k, POINT] >= 0:
-            familiar += 1
     _meet_earlier(memory, slots, expected, seen, correction)
     cos, sin = np.cos(current.pose[2]), np.sin(current.pose[2])
     current.pose[0] += cos * correction[0] - sin * correction[1]
     current.pose[1] += sin * correction[0] + cos * correction[1]
     current.pose[2] = wrap(current.pose[2] + correction[2])
-    telling = seen.shape[0] >= FEWEST_TELLING
-    return int(recognized), familiar / seen.shape[0] if telling else 1.0
+    return int(recognized)
