@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from albot_core.geometry.poses import compose, transform_segments
+from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Poses, Segments
+from albot_core.topology.network import Network
 from albot_maps.world import World
 
 if TYPE_CHECKING:
@@ -52,3 +53,37 @@ def draw_map(axes: Axes, world: World, surfaces: Segments, poses: Poses, frame: 
     draw_floor(axes, transform_segments(frame, surfaces), SURFACE, 1.2)
     way = compose(frame, poses)
     axes.plot(way[:, 0], way[:, 1], color=PATH, lw=0.8)
+
+
+def draw_network(axes: Axes, world: World, network: Network, frame: Pose) -> None:
+    """Draw places in colours of their own, their exits, and the links between them.
+
+    Args:
+        axes: Where to draw.
+        world: The floor, drawn beneath.
+        network: The places, drawn where the map had them when they were learned.
+        frame: The map's frame as a pose in the world's.
+    """
+    from matplotlib import colormaps
+
+    colours = colormaps["tab10"].colors  # type: ignore[attr-defined]
+    draw_floor(axes, world.walls)
+    for one, other in network.links:
+        ends = [transform_points(frame, network.place(place).middle) for place in (one, other)]
+        axes.plot(*zip(*ends, strict=True), color=MARK, lw=1.2, ls=":")
+    for place in network.places:
+        colour = colours[place.id % len(colours)]
+        lay = compose(frame, place.frame)
+        draw_floor(axes, transform_segments(lay, place.surfaces), colour, 1.4)
+        for door in place.exits:
+            x1, y1, x2, y2 = transform_segments(lay, door.line[None])[0]
+            axes.plot((x1, x2), (y1, y2), color=colour, lw=3.0, alpha=0.6)
+        axes.annotate(
+            f"P{place.id + 1}",
+            tuple(transform_points(frame, place.middle)),
+            color=colour,
+            fontsize=12,
+            weight="bold",
+            ha="center",
+            bbox={"boxstyle": "round", "fc": "white", "ec": colour},
+        )

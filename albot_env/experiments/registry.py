@@ -81,6 +81,24 @@ EXPERIMENTS = {
             module="albot_env.experiments.albot1_e6",
             needs_data=True,
         ),
+        Experiment(
+            id="albot1-c1",
+            title="Albot1 learns a network of places (Hossain 2014, section 4.2.1)",
+            seeds=20,
+            module="albot_env.experiments.albot1_c1",
+        ),
+        Experiment(
+            id="albot1-c2",
+            title="Albot1 recognizes familiar places (Hossain 2014, section 4.2.2)",
+            seeds=20,
+            module="albot_env.experiments.albot1_c2",
+        ),
+        Experiment(
+            id="albot1-c3",
+            title="Albot1 knows which exit comes next (Hossain 2014, section 4.2.3)",
+            seeds=20,
+            module="albot_env.experiments.albot1_c3",
+        ),
     )
 }
 

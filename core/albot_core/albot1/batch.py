@@ -8,12 +8,18 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from albot_core.albot1.config import Albot1Config
-from albot_core.albot1.exits import Exits, no_exits, rebuilt_exits, stored_exits
+from albot_core.albot1.exits import (
+    GATE,
+    Exits,
+    leave_exits,
+    no_exits,
+    rebuilt_exits,
+    stored_exits,
+)
 from albot_core.albot1.following import ASTRAY, CROSSED, SUSPECTED, TROD, Lens, Robots, follow
 from albot_core.albot1.mapping import LOST, STEP, STRANGE, UPDATED_AT, UPDATES
 from albot_core.albot1.memory import (
     ALIVE,
-    SUSPECT,
     USED,
     VISIT,
     Memory,
@@ -28,6 +34,7 @@ from albot_core.albot1.memory import (
     room_left,
     seen_in_visit,
     stored_memory,
+    suspect_still,
 )
 from albot_core.albot1.network import START, PlaceNetwork
 from albot_core.albot1.network_state import rebuilt_network, stored_network
@@ -277,6 +284,8 @@ class Albot1Batch:
             self._lose(row)
         elif events & CROSSED:
             self._cross(row)
+        elif self._arrays[row][2].counts[1] == GATE:
+            pass  # between two places there is no telling which it is in
         elif network.lost_since:
             self._find(row)
         elif events & SUSPECTED:
@@ -295,6 +304,7 @@ class Albot1Batch:
         line = gate[:4] if gate[4] > 0 else turned_round(gate[:4])
         step = int(self._robots.progress[row, STEP])
         self._networks[row].remember_place(step, line, seen_in_visit(memory), sight.pose)
+        leave_exits(exits, *sight.pose[:2])
         self._begin_visit(row)
 
     def _begin_visit(self, row: int) -> None:
@@ -316,7 +326,7 @@ class Albot1Batch:
         memory, sight, _ = self._arrays[row]
         network, step = self._networks[row], int(self._robots.progress[row, STEP])
         met = memory.met[: len(network.visits), 0]
-        memory.counts[SUSPECT] = 0
+        suspect_still(memory, memory.met[: len(network.visits), 1])
         if network.recognize_place(step, met, self._before_it(row), sight.pose):
             arouse_from(memory, network.suspicions())
 

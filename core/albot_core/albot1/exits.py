@@ -34,6 +34,8 @@ ASLANT = np.radians(30.0)
 """…and turned no more than this from the line across the gap (rad)."""
 SAME = 0.6
 """Exits whose middles are nearer than this are one (m)."""
+NEARBY = 3.0
+"""When a place is left, exits farther away are forgotten (m)."""
 THROUGH = 0.3
 """A robot has crossed an exit once it is this far beyond its line (m)."""
 
@@ -250,6 +252,18 @@ def cross_exit(exits: Exits, ax: float, ay: float, pose: np.ndarray) -> bool:
         return False
     exits.counts[1] = NO_GATE
     return bool(beyond > 0.0)
+
+
+def leave_exits(exits: Exits, x: float, y: float) -> None:
+    """A place is left at (x, y): forget its exits but those nearby, of the place entered.
+
+    When the robot comes back they are seen again, and elsewhere if the map has drifted since.
+    """
+    lines = exits.lines[: exits.counts[0]]
+    away = np.hypot(*(0.5 * (lines[:, :2] + lines[:, 2:]) - (x, y)).T)
+    kept = lines[away < NEARBY]
+    exits.lines[: len(kept)] = kept
+    exits.counts[0] = len(kept)
 
 
 def stored_exits(exits: Exits) -> dict[str, np.ndarray]:

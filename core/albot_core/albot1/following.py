@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from albot_core.albot1.config import Limits
-from albot_core.albot1.exits import NO_GATE, cross_exit, remember_exits
+from albot_core.albot1.exits import cross_exit, remember_exits
 from albot_core.albot1.mapping import STEP, STRANGE, map_step
 from albot_core.albot1.memory import ALIVE, NEXT_ID, SUSPECT, room_left
 from albot_core.albot1.recognition import length_of, moved, wrap
@@ -36,8 +36,7 @@ class Lens(NamedTuple):
 
 CROSSED, SUSPECTED, ASTRAY, TROD = 1, 2, 4, 8
 """In `Robots.events`: the robot got through an exit; it met enough surfaces of an earlier
-visit; nothing of what it has seen twice is where it should be; it has gone a
-stride or looks elsewhere."""
+visit; it was moved; it has gone a stride or looks elsewhere."""
 
 
 class Robots(NamedTuple):
@@ -147,11 +146,10 @@ def _follow(
         copy_sight(current, previous)
         exits = exits_at(robots.table[row])
         remember_exits(exits, current, limits)
-        in_exit = exits.counts[1] != NO_GATE
-        if cross_exit(exits, x, y, current.pose):
+        if progress[STRANGE] > 1:
+            robots.events[row] += ASTRAY
+        elif progress[STRANGE] == 0 and cross_exit(exits, x, y, current.pose):
             robots.events[row] += CROSSED
-        elif progress[STRANGE] > 1 and not in_exit and exits.counts[1] == NO_GATE:
-            robots.events[row] += ASTRAY  # behind a doorway, though, all may be new
         if memory.counts[SUSPECT] > 0:
             robots.events[row] += SUSPECTED
         robots.surfaces[row] = memory.counts[ALIVE]

@@ -321,7 +321,12 @@ def arouse_from(memory: Memory, needed: np.ndarray) -> None:
     """Count the surfaces met again anew; `needed` is as for `begin_visit`."""
     memory.met[: len(needed), 0] = 0
     memory.met[: len(needed), 1] = needed
-    memory.counts[SUSPECT] = 0
+    suspect_still(memory, needed)
+
+
+def suspect_still(memory: Memory, needed: np.ndarray) -> None:
+    """Allay all suspicions but those for which nothing at all needs to be met again."""
+    memory.counts[SUSPECT] = int(np.argmin(needed)) if (needed < 0).any() else 0
 
 
 STORED = ("surfaces", "edges", "ids", "marks", "met_in", "met", "free", "counts")

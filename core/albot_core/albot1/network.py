@@ -25,6 +25,8 @@ from albot_core.topology.network import Network
 
 START = 0
 """The id of the place that the robot set out from; a place found to be it becomes it."""
+GLIMPSED = -1
+"""Surfaces that must be met again of a place suspected on the other side of an exit: none."""
 
 
 class PlaceNetwork:
@@ -94,11 +96,22 @@ class PlaceNetwork:
 
         They are more for a larger place (section 4.1.2). What is met of places that an exit
         joins to the present one is seen through that exit, and they are not the same place.
+        A place suspected on this side of the exit just crossed is suspected beyond it, for
+        what was met of it there is the map's no more: this is ours. A robot that has lost its
+        way may be anywhere.
         """
         config = self.config
         needed = np.full(len(self.visits), NEVER, np.int32)
+        if self.lost_since:
+            needed[1:] = GLIMPSED
+            return needed
+        glimpsed = self._glimpsed()
         for visit, place in enumerate(self.visits[1:-1], start=1):
-            if place != self.current and not self._are_joined(place, self.current):
+            if place == self.current or self._are_joined(place, self.current):
+                continue
+            if place in glimpsed:
+                needed[visit] = GLIMPSED
+            else:
                 size = len(self.sites[place].surfaces)
                 share = round(config.suspicion_share * size)
                 needed[visit] = min(max(share, config.fewest_met), config.most_met)
@@ -267,6 +280,19 @@ class PlaceNetwork:
                 return False
         self._looked_from = pose.copy()
         return True
+
+    def _glimpsed(self) -> set[int]:
+        """Places suspected, but refused, in the visit before the present one to a new place."""
+        begun, glimpsed = False, set()
+        for event in reversed(self.events):
+            if event.what == Happening.REFUSED:
+                if begun and event.needed >= 0:
+                    glimpsed.add(event.other)
+            elif begun or event.what != Happening.NEW:
+                break
+            else:
+                begun = True
+        return glimpsed
 
     def _are_joined(self, one: int, other: int) -> bool:
         """Whether an exit leads from the one place to the other."""

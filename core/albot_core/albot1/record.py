@@ -75,7 +75,9 @@ class Event:
             f"{self.matches} surfaces are the same ({self.left} to the left, {self.right} to "
             f"the right, {self.share:.0%} of the smaller description)"
         )
-        suspicion = f"{self.met} surfaces of {other} were met again, more than {self.needed}"
+        suspicion = f"{other} was in sight from the exit crossed"
+        if self.needed >= 0:
+            suspicion = f"{self.met} surfaces of {other} were met again, more than {self.needed}"
         match self.what:
             case Happening.SET_OUT:
                 return f"set out in {place}"

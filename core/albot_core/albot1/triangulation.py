@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from albot_core.albot1.config import Limits
-from albot_core.albot1.memory import Memory, meet_again
+from albot_core.albot1.memory import NEVER, VISIT, Memory, meet_again
 from albot_core.albot1.outlook import beside, remembered_nearby, seen_before, seen_now
 from albot_core.albot1.recognition import wrap
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
@@ -30,8 +30,9 @@ POINT_DOUBT, LINE_DOUBT = 0.15, 0.10
 ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""
 
-FEWEST_TELLING = 5
-"""With fewer surfaces in view nothing is said of how familiar it is."""
+MEETING_GAP, MEETING_ANGLE = 1.5, np.radians(15.0)
+"""A wall this near to one of an earlier visit (m), and turned no more (rad), may be it: so far
+a map drifts on its way round. It arouses a suspicion and no more."""
 
 POINT, SIDE, LINE = 0, 1, 2
 """Columns of `matches`: the row of `expected` recognised by an end, which end, and the row
@@ -198,13 +199,34 @@ def _adjust(
 
 
 @njit(cache=True, error_model="numpy")
+def _meet_earlier(
+    memory: Memory,
+    slots: np.ndarray,
+    expected: np.ndarray,
+    seen: np.ndarray,
+    correction: np.ndarray,
+) -> None:
+    """Note which of the remembered surfaces are of earlier visits and may be in view."""
+    cos, sin = np.cos(correction[2]), np.sin(correction[2])
+    for q in range(expected.shape[0]):
+        visit = memory.marks[slots[q]]
+        if visit == memory.counts[VISIT] or memory.met[visit, 1] == NEVER:
+            continue
+        for k in range(seen.shape[0]):
+            if abs(wrap(expected[q, 5] - seen[k, 5] - correction[2])) >= MEETING_ANGLE:
+                continue
+            if beside(expected[q], seen[k], correction, cos, sin) < MEETING_GAP:
+                meet_again(memory, slots[q])
+                break
+
+
+@njit(cache=True, error_model="numpy")
 def triangulate(
     memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
-) -> tuple[int, float]:
+) -> int:
     """Move `current.pose` from where the odometer says to where the remembered surfaces say.
 
-    Sets `current.slots` for the landmarks recognised there; returns their number, and which
-    share of the view's surfaces was recognised at all, 1 where there are too few to tell.
+    Sets `current.slots` for the landmarks recognised there; returns their number.
     """
     which, seen_edges, seen = seen_now(current, limits)
     edges, expected = seen_before(previous, motion, limits)
@@ -221,17 +243,12 @@ def triangulate(
 
     for k in range(current.size[0]):
         current.slots[k] = NOT_RECOGNIZED
-    familiar = 0
     for k in range(seen.shape[0]):
         if matches[k, POINT] >= 0:
             current.slots[which[k]] = slots[matches[k, POINT]]
-        which_row = matches[k, LINE] if matches[k, LINE] >= 0 else matches[k, POINT]
-        if which_row >= 0:
-            familiar += 1
-            meet_again(memory, slots[which_row])
+    _meet_earlier(memory, slots, expected, seen, correction)
     cos, sin = np.cos(current.pose[2]), np.sin(current.pose[2])
     current.pose[0] += cos * correction[0] - sin * correction[1]
     current.pose[1] += sin * correction[0] + cos * correction[1]
     current.pose[2] = wrap(current.pose[2] + correction[2])
-    telling = seen.shape[0] >= FEWEST_TELLING
-    return int(recognized), familiar / seen.shape[0] if telling else 1.0
+    return int(recognized)
