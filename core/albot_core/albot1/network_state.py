@@ -109,13 +109,10 @@ def _check_places(stored: Mapping[str, np.ndarray]) -> None:
         raise InputError("places.ids", "ascending numbers from 0", str(ids))
     if (sizes < 0).any() or sizes.sum(axis=0).tolist() != totals:
         raise InputError("places.sizes", f"counts that add up to {totals}", "others")
-    exits = dict(zip(ids, sizes[:, 1].tolist(), strict=True))
-    for leads_to, there in stored["links"].tolist():
-        if leads_to not in exits or not 0 <= there < exits[leads_to]:
-            raise InputError("places.links", "exits of known places", f"{leads_to}, {there}")
+    _check_links(ids, sizes[:, 1].tolist(), stored["links"].tolist())
     current, came_from, next_id, lost_since = stored["standing"].tolist()
     visits = stored["visits"].tolist()
-    known = current in exits and came_from in (-1, *ids) and set(visits[1:]) <= set(ids)
+    known = current in ids and came_from in (-1, *ids) and set(visits[1:]) <= set(ids)
     if not known or visits[:1] != [-1] or visits[-1] != current:
         raise InputError(
             "places.visits", "visits to known places, the last to the present one", "others"
@@ -125,3 +122,14 @@ def _check_places(stored: Mapping[str, np.ndarray]) -> None:
     what = stored["events"][:, 1]
     if not np.isin(what, list(Happening)).all():
         raise InputError("places.events", "known happenings", "others")
+
+
+def _check_links(ids: list[int], exits: list[int], links: list[list[int]]) -> None:
+    """Raise InputError unless every exit leads to one that leads back."""
+    doors = [(key, door) for key, count in zip(ids, exits, strict=True) for door in range(count)]
+    leads_to = dict(zip(doors, ((key, door) for key, door in links), strict=True))
+    for door, there in leads_to.items():
+        if leads_to.get(there) != door:
+            raise InputError(
+                "places.links", f"an exit that leads back to {door}", f"{leads_to.get(there)}"
+            )
