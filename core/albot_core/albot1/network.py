@@ -50,7 +50,8 @@ class PlaceNetwork:
         self.events: list[Event] = [Event(step=1, what=Happening.SET_OUT, place=START, other=-1)]
         self.came_from = -1
         self.next_id = 1
-        self._looked_from: Pose | None = None
+        self.looked_from: Pose | None = None
+        """Where the robot was at the last comparison in its present visit, if there was one."""
         # Of each visit, counted from 1: which place it was to, and the displacement then.
         self.visits: list[int] = [-1, START]
         self.displacements: list[Pose] = [np.zeros(3), np.zeros(3)]
@@ -198,11 +199,11 @@ class PlaceNetwork:
 
     def _looks_again(self, pose: Pose) -> bool:
         """Whether the robot has gone or turned enough since the last comparison."""
-        if self._looked_from is not None:
-            x, y, turn = relative(self._looked_from, pose)
+        if self.looked_from is not None:
+            x, y, turn = relative(self.looked_from, pose)
             if np.hypot(x, y) < self.config.look_spacing and abs(turn) < self.config.look_turn:
                 return False
-        self._looked_from = pose.copy()
+        self.looked_from = pose.copy()
         return True
 
     def _are_joined(self, one: int, other: int) -> bool:
@@ -237,6 +238,7 @@ class PlaceNetwork:
 
     def _begin_visit(self, place: int, came_from: int) -> None:
         self.current, self.came_from = place, came_from
+        self.looked_from = None
         self.visits.append(place)
         self.displacements.append(self.displacement)
         self.version += 1

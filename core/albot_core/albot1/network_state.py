@@ -23,6 +23,7 @@ _SHAPES = {
     "displacements": ("visits", 3),
     "standing": (4,),
     "displacement": (3,),
+    "looked_from": ("looks", 3),
     "events": ("events", COLUMNS),
 }
 """The arrays and their shapes; names stand for lengths that must agree."""
@@ -47,6 +48,9 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
             (network.current, network.came_from, network.next_id, network.lost_since), np.int64
         ),
         "displacement": network.displacement.copy(),
+        "looked_from": np.reshape(
+            [] if network.looked_from is None else network.looked_from, (-1, 3)
+        ).astype(float),
         "events": np.array([event.row() for event in network.events]),
     }
 
@@ -66,6 +70,8 @@ def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> P
     standing = stored["standing"].tolist()
     network.current, network.came_from, network.next_id, network.lost_since = standing
     network.displacement = stored["displacement"].copy()
+    looked_from = stored["looked_from"].copy()
+    network.looked_from = looked_from[-1] if len(looked_from) else None
     network.events = [Event.of_row(row) for row in stored["events"]]
     return network
 

@@ -161,6 +161,19 @@ def test_the_robot_looks_again_only_once_it_has_moved():
     assert len(walker.network.events) == refusals
 
 
+def test_in_a_new_visit_it_looks_at_once_and_where_it_looked_is_remembered():
+    walker = Walker()
+    for room in RING:
+        walker.go(room)
+    walker.network.sites[0].surfaces = np.empty((0, 4))
+    assert not walker.recognize()
+    again = rebuilt_network(stored_network(walker.network), walker.network.config)
+    assert again.looked_from is not None
+    np.testing.assert_array_equal(again.looked_from, walker.pose())
+    walker.go((0, 1))
+    assert walker.network.looked_from is None
+
+
 @st.composite
 def walks(draw: st.DrawFn) -> tuple[list[Room], list[bool]]:
     """A walk over the doors of a random building, and where the robot tries to recognise."""
