@@ -179,7 +179,7 @@ class Albot1Batch:
         """Let one forget everything."""
         memory, sight, exits = self._arrays[row]
         forget(memory)
-        exits.counts[:] = 0
+        exits.counts[:], exits.gate[:] = 0, 0
         self._networks[row] = PlaceNetwork(self.config.places)
         self._forget_ways(row)
         sight.size[0] = 0

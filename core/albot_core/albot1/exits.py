@@ -177,17 +177,23 @@ def crosses(line: np.ndarray, ax: float, ay: float, bx: float, by: float) -> boo
 
 @njit(cache=True, error_model="numpy")
 def _is_shut(line: np.ndarray, sight: Sight, cos: float, sin: float) -> bool:
-    """Whether a surface of the view stands across the middle half of a remembered exit."""
-    ax, ay = 0.75 * line[0] + 0.25 * line[2], 0.75 * line[1] + 0.25 * line[3]
-    bx, by = 0.25 * line[0] + 0.75 * line[2], 0.25 * line[1] + 0.75 * line[3]
-    px, py = ax - sight.pose[0], ay - sight.pose[1]
-    qx, qy = bx - sight.pose[0], by - sight.pose[1]
-    seen = np.empty(4)
-    seen[0], seen[1] = cos * px + sin * py, cos * py - sin * px
-    seen[2], seen[3] = cos * qx + sin * qy, cos * qy - sin * qx
+    """Whether a surface of the view stands in the middle of a remembered exit.
+
+    It crosses the middle half of the exit's line, or, as a shut door does, runs along it.
+    """
+    x = 0.5 * (line[0] + line[2]) - sight.pose[0]
+    y = 0.5 * (line[1] + line[3]) - sight.pose[1]
+    east, north = cos * x + sin * y, cos * y - sin * x
+    dx, dy = line[2] - line[0], line[3] - line[1]
+    ux, uy = 0.25 * (cos * dx + sin * dy), 0.25 * (cos * dy - sin * dx)
+    along, across = np.empty(4), np.empty(4)
+    along[0], along[1], along[2], along[3] = east - ux, north - uy, east + ux, north + uy
+    across[0], across[1], across[2], across[3] = east + uy, north - ux, east - uy, north + ux
     for k in range(sight.size[0]):
         wall = sight.surfaces[k]
-        if crosses(seen, wall[0], wall[1], wall[2], wall[3]):
+        if crosses(along, wall[0], wall[1], wall[2], wall[3]):
+            return True
+        if crosses(across, wall[0], wall[1], wall[2], wall[3]):
             return True
     return False
 

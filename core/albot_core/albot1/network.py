@@ -55,7 +55,8 @@ class PlaceNetwork:
         self.trail.tread(START, np.zeros(2))
         self.came_from = -1
         self.next_id = 1
-        self._looked_from: Pose | None = None
+        self.looked_from: Pose | None = None
+        """Where the robot was at the last comparison in its present visit, if there was one."""
         # Of each visit, counted from 1: which place it was to, and the displacement then.
         self.visits: list[int] = [-1, START]
         self.displacements: list[Pose] = [np.zeros(3), np.zeros(3)]
@@ -274,11 +275,11 @@ class PlaceNetwork:
 
     def _looks_again(self, pose: Pose) -> bool:
         """Whether the robot has gone or turned enough since the last comparison."""
-        if self._looked_from is not None:
-            x, y, turn = relative(self._looked_from, pose)
+        if self.looked_from is not None:
+            x, y, turn = relative(self.looked_from, pose)
             if np.hypot(x, y) < self.config.look_spacing and abs(turn) < self.config.look_turn:
                 return False
-        self._looked_from = pose.copy()
+        self.looked_from = pose.copy()
         return True
 
     def _glimpsed(self) -> set[int]:
@@ -326,6 +327,7 @@ class PlaceNetwork:
 
     def _begin_visit(self, place: int, came_from: int) -> None:
         self.current, self.came_from = place, came_from
+        self.looked_from = None
         self.visits.append(place)
         self.displacements.append(self.displacement)
         self.version += 1
@@ -377,40 +379,55 @@ class PlaceNetwork:
         one as well (line 13).
         """
         kept.describe(transformed(pose, gone.surfaces), self.config.alike)
-        same: list[tuple[Passage, Passage]] = []
-        indices = []
+        first = len(kept.passages)
         for passage in gone.passages:
-            line = transformed(pose, passage.line[None])[0]
-            index = kept.passage_at(line)
-            if index is None:
-                index = len(kept.passages)
-                kept.passages.append(
-                    Passage(line=line, leads_to=passage.leads_to, exit_there=passage.exit_there)
-                )
-            else:
-                same.append((kept.passages[index], passage))
-            indices.append(index)
+            passage.line = transformed(pose, passage.line[None])[0]
+            kept.passages.append(passage)
         for site in self.sites.values():
             for passage in site.passages:
                 if passage.leads_to == gone.id:
-                    passage.leads_to, passage.exit_there = kept.id, indices[passage.exit_there]
+                    passage.leads_to, passage.exit_there = kept.id, passage.exit_there + first
         self.trail.merge(kept.id, gone.id, pose)
-        self._forget(gone.id, kept.id)
-        for mine, theirs in same:
-            self._follow_up(step, mine, theirs)
+        self._forget(gone, kept, pose)
+        while kept.id in self.sites and self._unite_exits(step, kept):
+            pass
 
-    def _forget(self, gone: int, kept: int) -> None:
-        """Nothing speaks of a place any more but by the id of the one that it is."""
-        del self.sites[gone]
-        self.visits = [kept if place == gone else place for place in self.visits]
-        self.current = kept if self.current == gone else self.current
-        self.came_from = kept if self.came_from == gone else self.came_from
+    def _forget(self, gone: Site, kept: Site, pose: Pose) -> None:
+        """Nothing speaks of a place any more but as of the one that it is."""
+        del self.sites[gone.id]
+        # In a visit to the one, the other's frame lay where it does from here.
+        moved = compose(compose(gone.frame, inverse(pose)), inverse(kept.frame))
+        for visit, place in enumerate(self.visits):
+            if place == gone.id:
+                self.visits[visit] = kept.id
+                self.displacements[visit] = compose(self.displacements[visit], moved)
+        self.current = kept.id if self.current == gone.id else self.current
+        self.came_from = kept.id if self.came_from == gone.id else self.came_from
+
+    def _unite_exits(self, step: int, site: Site) -> bool:
+        """Make two exits one that are in one place; false where all are apart."""
+        for later, passage in enumerate(site.passages):
+            earlier = site.passage_at(passage.line, later)
+            if earlier is None:
+                continue
+            mine = site.passages[earlier]
+            if mine.leads_to == passage.leads_to:
+                self._drop(self.sites[passage.leads_to], passage.exit_there)
+                self._drop(site, later)
+                return True
+            if not self._are_joined(mine.leads_to, passage.leads_to):
+                self._follow_up(step, mine, passage)
+                return True
+        return False
+
+    def _drop(self, site: Site, door: int) -> None:
+        """Take an exit out of a place's list; those behind it move up, and are known so."""
+        del site.passages[door]
+        for moved in site.passages[door:]:
+            self.sites[moved.leads_to].passages[moved.exit_there].exit_there -= 1
 
     def _follow_up(self, step: int, mine: Passage, theirs: Passage) -> None:
         """Two exits found to be one: what they lead to is one place."""
-        ids = {mine.leads_to, theirs.leads_to} & self.sites.keys()
-        if len(ids) < 2 or self._are_joined(*ids):
-            return
         first, second = sorted((mine, theirs), key=lambda passage: passage.leads_to)
         kept, gone = self.sites[first.leads_to], self.sites[second.leads_to]
         turn = gone.frame[2] - kept.frame[2]

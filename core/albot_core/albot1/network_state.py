@@ -24,6 +24,7 @@ _SHAPES = {
     "displacements": ("visits", 3),
     "standing": (5,),
     "displacement": (3,),
+    "looked_from": ("looks", 3),
     "events": ("events", COLUMNS),
     "trail": ("points", 3),
     "trail_links": ("links", 3),
@@ -57,6 +58,9 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
             np.int64,
         ),
         "displacement": network.displacement.copy(),
+        "looked_from": np.reshape(
+            [] if network.looked_from is None else network.looked_from, (-1, 3)
+        ).astype(float),
         "events": np.array([event.row() for event in network.events]),
         "trail": np.column_stack((network.trail.points, network.trail.places)),
         "trail_links": np.array(
@@ -81,6 +85,8 @@ def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> P
     network.current, network.came_from, network.next_id, network.lost_since = standing[:4]
     network.trail = _trail(stored)
     network.displacement = stored["displacement"].copy()
+    looked_from = stored["looked_from"].copy()
+    network.looked_from = looked_from[-1] if len(looked_from) else None
     network.events = [Event.of_row(row) for row in stored["events"]]
     return network
 
@@ -133,19 +139,11 @@ def _check_places(stored: Mapping[str, np.ndarray]) -> None:
         raise InputError("places.ids", "ascending numbers from 0", str(ids))
     if (sizes < 0).any() or sizes.sum(axis=0).tolist() != totals:
         raise InputError("places.sizes", f"counts that add up to {totals}", "others")
-    exits = dict(zip(ids, sizes[:, 1].tolist(), strict=True))
-    for leads_to, there in stored["links"].tolist():
-        if leads_to not in exits or not 0 <= there < exits[leads_to]:
-            raise InputError("places.links", "exits of known places", f"{leads_to}, {there}")
-    current, came_from, next_id, lost_since, last = stored["standing"].tolist()
-    points = len(stored["trail"])
-    ends = stored["trail_links"][:, :2]
-    if not (np.isin(stored["trail"][:, 2], ids).all() and -1 <= last < points):
-        raise InputError("places.trail", "points of known places", "others")
-    if ((ends < 0) | (ends >= points)).any() or (stored["trail_links"][:, 2] <= 0).any():
-        raise InputError("places.trail_links", "pairs of points and lengths", "others")
+    _check_links(ids, sizes[:, 1].tolist(), stored["links"].tolist())
+    _check_trail(ids, stored)
+    current, came_from, next_id, lost_since, _ = stored["standing"].tolist()
     visits = stored["visits"].tolist()
-    known = current in exits and came_from in (-1, *ids) and set(visits[1:]) <= set(ids)
+    known = current in ids and came_from in (-1, *ids) and set(visits[1:]) <= set(ids)
     if not known or visits[:1] != [-1] or visits[-1] != current:
         raise InputError(
             "places.visits", "visits to known places, the last to the present one", "others"
@@ -155,3 +153,23 @@ def _check_places(stored: Mapping[str, np.ndarray]) -> None:
     what = stored["events"][:, 1]
     if not np.isin(what, list(Happening)).all():
         raise InputError("places.events", "known happenings", "others")
+
+
+def _check_trail(ids: list[int], stored: Mapping[str, np.ndarray]) -> None:
+    points, ends = len(stored["trail"]), stored["trail_links"][:, :2]
+    last = int(stored["standing"][4])
+    if not (np.isin(stored["trail"][:, 2], ids).all() and -1 <= last < points):
+        raise InputError("places.trail", "points of known places", "others")
+    if ((ends < 0) | (ends >= points)).any() or (stored["trail_links"][:, 2] <= 0).any():
+        raise InputError("places.trail_links", "pairs of points and lengths", "others")
+
+
+def _check_links(ids: list[int], exits: list[int], links: list[list[int]]) -> None:
+    """Raise InputError unless every exit leads to one that leads back."""
+    doors = [(key, door) for key, count in zip(ids, exits, strict=True) for door in range(count)]
+    leads_to = dict(zip(doors, ((key, door) for key, door in links), strict=True))
+    for door, there in leads_to.items():
+        if leads_to.get(there) != door:
+            raise InputError(
+                "places.links", f"an exit that leads back to {door}", f"{leads_to.get(there)}"
+            )

@@ -51,10 +51,10 @@ class Site:
         """Combine surfaces, in its frame, with its description (algorithm 5, line 11)."""
         self.surfaces = joined(self.surfaces, surfaces, alike)
 
-    def passage_at(self, line: Line) -> int | None:
-        """Which of its passages co-locates with a line in its frame; None where none does."""
+    def passage_at(self, line: Line, among: int | None = None) -> int | None:
+        """Which of its (first `among`) passages co-locates with a line in its frame, if any."""
         best, which = SAME_EXIT, None
-        for k, passage in enumerate(self.passages):
+        for k, passage in enumerate(self.passages[:among]):
             away = float(np.hypot(*(middle(passage.line) - middle(line))))
             turned = abs(wrap_angle(direction(passage.line) - direction(line)))
             if away < best and turned < SAME_DIRECTION:
