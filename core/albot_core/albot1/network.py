@@ -88,14 +88,17 @@ class PlaceNetwork:
         They are more for a larger place (section 4.1.2). What is met of places that an exit
         joins to the present one is seen through that exit, and they are not the same place.
         """
-        config = self.config
+        by_place = {key: self._needed(site) for key, site in self.sites.items()}
         needed = np.full(len(self.visits), NEVER, np.int32)
-        for visit, place in enumerate(self.visits[1:-1], start=1):
-            if place != self.current and not self._are_joined(place, self.current):
-                size = len(self.sites[place].surfaces)
-                share = round(config.suspicion_share * size)
-                needed[visit] = min(max(share, config.fewest_met), config.most_met)
+        needed[1:-1] = [by_place[place] for place in self.visits[1:-1]]
         return needed
+
+    def _needed(self, site: Site) -> int:
+        config = self.config
+        if site.id == self.current or self._are_joined(site.id, self.current):
+            return NEVER
+        share = round(config.suspicion_share * len(site.surfaces))
+        return min(max(share, config.fewest_met), config.most_met)
 
     def remember_place(self, step: int, line: Line, seen: Segments, pose: Pose) -> None:
         """An exit is crossed (algorithms 5 and 7).
