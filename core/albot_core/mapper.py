@@ -48,6 +48,10 @@ class Mapper(Protocol):
         """The places remembered and the exits between them; empty where it knows no places."""
 
     @property
+    def events(self) -> Sequence[object]:
+        """What happened to the network and why, in order; each is told as one line."""
+
+    @property
     def exits_home(self) -> Segments:
         """The exits on the believed way home, the next first, in the map's frame.
 

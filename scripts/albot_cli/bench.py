@@ -15,7 +15,7 @@ from albot_core.errors import InputError
 from albot_core.logs.reader import read_log
 from albot_core.registry import mapper_names
 
-PARTS = ("laser", "mapper", "env", "processes", "learner", "generator", "startup")
+PARTS = ("laser", "mapper", "journey", "env", "processes", "learner", "generator", "startup")
 
 
 @click.command()
@@ -29,7 +29,8 @@ PARTS = ("laser", "mapper", "env", "processes", "learner", "generator", "startup
 def command(parts: tuple[str, ...], log: Path | None, as_json: bool) -> None:
     """Measure speed: laser, mappers, environments, a learner, random worlds and the start.
 
-    Each figure is the best of several rounds on one core; of `processes` on as many as
+    The journey leads a mapper 10 km, kilometre by kilometre, to see whether it slows down.
+    Each other figure is the best of several rounds on one core; of `processes` on as many as
     there are processes, of `learner` on all cores.
     """
     for part in parts:
@@ -39,7 +40,7 @@ def command(parts: tuple[str, ...], log: Path | None, as_json: bool) -> None:
     chosen = parts or PARTS
     # The keys stand whether measured or not, so that programs can rely on them.
     figures: dict[str, Any] = {"machine": _machine(), "laser": [], "mapper": [], "env": []}
-    figures |= {"generator": [], "processes": {}, "learner": {}}
+    figures |= {"journey": [], "generator": [], "processes": {}, "learner": {}}
     with progress("bench", len(chosen), "parts") as tell:
         for done, part in enumerate(chosen, start=1):
             figures[part] = measures[part]()
@@ -54,13 +55,14 @@ def _measures(log: Path | None) -> dict[str, Callable[[], Any]]:
     from albot_env.benchmarks.generator import measure_generators
     from albot_env.benchmarks.laser import measure_laser
     from albot_env.benchmarks.learner import measure_learner
-    from albot_env.benchmarks.mapper import measure_growth, measure_mappers
+    from albot_env.benchmarks.mapper import measure_growth, measure_journey, measure_mappers
     from albot_env.benchmarks.processes import measure_processes
 
     readings = read_log(log).readings if log else None
     return {
         "laser": measure_laser,
         "mapper": lambda: measure_mappers(mapper_names(), readings) + measure_growth(),
+        "journey": measure_journey,
         "env": measure_environments,
         "processes": measure_processes,
         "learner": measure_learner,

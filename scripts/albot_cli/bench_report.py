@@ -18,6 +18,7 @@ def as_text(figures: Figures) -> str:
     ]
     lines += map(_laser, figures["laser"])
     lines += map(_mapper, figures["mapper"])
+    lines += map(_journey, figures["journey"])
     lines += map(_environment, figures["env"])
     lines += map(_processes, filter(None, [figures["processes"]]))
     lines += _learner(figures["learner"])
@@ -44,6 +45,14 @@ def _mapper(row: Figures) -> str:
     return (
         f"mapper      {row['surfaces']:7,d} surfaces  "
         f"{row['readings_per_second']:8,.0f} readings/s  {row['name']}{batch}"
+    )
+
+
+def _journey(row: Figures) -> str:
+    return (
+        f"journey     {row['path_km']:7,d} km        {row['us_per_reading']:8.1f} µs/reading  "
+        f"{row['name']}: {row['surfaces']} surfaces, {row['places']} places, "
+        f"{row['memory_bytes'] / 1024:,.0f} KiB"
     )
 
 

@@ -8,13 +8,16 @@ from pathlib import Path
 
 from albot_cli.mapping_run import MappingRun
 from albot_core.evaluation.trajectory import Trajectory, alignment
+from albot_core.files import write_text
 from albot_core.geometry.poses import compose
 from albot_core.logs.geojson import write_geojson
 from albot_core.logs.picture import write_picture
 from albot_core.logs.tum import write_tum
 from albot_core.mapfile import save_map
+from albot_core.topology.export import write_graphml
 
 TRAJECTORY, SURFACES, PICTURE, MAP = "trajectory.tum", "surfaces.geojson", "map.png", "map.albot"
+NETWORK, EVENTS = "network.graphml", "events.txt"
 
 
 def write_files(
@@ -22,15 +25,22 @@ def write_files(
 ) -> dict[str, str]:
     """Write trajectory, surfaces, picture and map; return their paths by kind.
 
-    They are written to a hidden folder, and moved over when all are whole.
+    Of a mapper that knows places the network and its events are written as well. All
+    are written to a hidden folder, and moved over when they are whole.
     """
     # Inside the folder where there is one: what is around it may not be ours to write to.
     around = folder if folder.exists() else folder.parent
     around.mkdir(parents=True, exist_ok=True)
     beside = Path(tempfile.mkdtemp(dir=around, prefix=f".{folder.name}."))
+    names = {"trajectory": TRAJECTORY, "surfaces": SURFACES, "picture": PICTURE, "map": MAP}
     try:
         write_tum(run.believed, beside / TRAJECTORY)
-        write_geojson(run.mapper.surfaces, beside / SURFACES)
+        network = run.mapper.network
+        write_geojson(run.mapper.surfaces, beside / SURFACES, network)
+        if network.places:
+            write_graphml(network, beside / NETWORK)
+            names |= {"network": NETWORK, "events": EVENTS}
+            write_text(beside / EVENTS, "".join(f"{event}\n" for event in run.mapper.events))
         save_map(run.mapper, beside / MAP)
         _draw(beside / PICTURE, title, run, reference)
         folder.mkdir(exist_ok=True)
@@ -38,7 +48,6 @@ def write_files(
             path.replace(folder / path.name)
     finally:
         shutil.rmtree(beside)
-    names = {"trajectory": TRAJECTORY, "surfaces": SURFACES, "picture": PICTURE, "map": MAP}
     return {kind: str(folder / name) for kind, name in names.items()}
 
 
@@ -51,4 +60,5 @@ def _draw(path: Path, title: str, run: MappingRun, reference: Trajectory | None)
         surfaces=run.mapper.surfaces,
         believed=run.believed.poses,
         reference=None if reference is None or frame is None else compose(frame, reference.poses),
+        network=run.mapper.network,
     )

@@ -24,7 +24,7 @@ def report(log: Log, run: MappingRun, mapped: Score, odometry: Score) -> dict[st
         "scans_per_second": scans / run.seconds,
         "updates": run.mapper.updates,
         "surfaces": len(run.mapper.surfaces),
-        "places": None,
+        "places": len(run.mapper.network.places) or None,
         "ate_rmse_m": mapped.trajectory.rmse if mapped.trajectory else None,
         "odometry_ate_rmse_m": odometry.trajectory.rmse if odometry.trajectory else None,
         "relations": _relations(mapped.relations),
@@ -56,7 +56,8 @@ def as_table(figures: dict[str, Any]) -> str:
     lines = [
         f"{figures['log']}: {figures['scans']} scans along {figures['path_m']:.1f} m",
         f"{figures['mapper']}: {figures['surfaces']} surfaces after {figures['updates']} updates, "
-        f"{figures['scans_per_second']:,.0f} scans/s",
+        + (f"{_many(figures['places'], 'place')}, " if figures["places"] else "")
+        + f"{figures['scans_per_second']:,.0f} scans/s",
     ]
     rows = [*_trajectory_rows(figures), *_relation_rows(figures), *_entropy_rows(figures)]
     if rows:

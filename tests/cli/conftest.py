@@ -17,6 +17,8 @@ from albot_core.geometry.poses import compose
 from albot_core.logs.tum import write_tum
 
 FILES = {"trajectory.tum", "surfaces.geojson", "map.png", "map.albot"}
+PLACES = {"network.graphml", "events.txt"}
+"""The files of a mapper that knows places besides."""
 """What `albot map --out` writes."""
 WIDTH, LENGTH = 2.0, 14.0
 """A corridor from (0, -1) to (14, 1), with a niche in its left wall (m)."""

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import networkx as nx
 import numpy as np
 import pytest
 from click.testing import Result
@@ -19,7 +20,7 @@ from albot_core.logs.reference import read_reference
 from albot_core.logs.tum import write_tum
 from albot_core.mapfile import load_map
 from albot_core.registry import mapper_names
-from tests.cli.conftest import FILES, figures
+from tests.cli.conftest import FILES, PLACES, figures
 
 KEYS = {
     "log",
@@ -58,7 +59,8 @@ def test_what_json_holds(mapper, corridor, call):
     assert told["surfaces"] >= 3
     assert told["seconds"] > 0
     assert told["scans_per_second"] == pytest.approx(28 / told["seconds"])
-    unknown = ("places", "ate_rmse_m", "odometry_ate_rmse_m", "relations", "files", "left_out")
+    assert told["places"] == (None if mapper in ("odometry", "none") else 1)
+    unknown = ("ate_rmse_m", "odometry_ate_rmse_m", "relations", "files", "left_out")
     assert all(told[key] is None for key in unknown)
 
 
@@ -100,7 +102,7 @@ def test_the_table_shows_the_odometer_beside_the_mapper(corridor, truth_file, ca
 def test_the_files(corridor, truth_file, call, tmp_path):
     out = tmp_path / "new" / "out"
     told = figures(call("map", corridor[0], "--reference", truth_file, "--out", out, "--json"))
-    assert {path.name for path in out.iterdir()} == FILES
+    assert {path.name for path in out.iterdir()} == FILES | PLACES
     assert {Path(path) for path in told["files"].values()} == set(out.iterdir())
     assert list(out.parent.iterdir()) == [out]
     mapper = load_map(out / "map.albot")
@@ -108,10 +110,21 @@ def test_the_files(corridor, truth_file, call, tmp_path):
     believed = read_reference(out / "trajectory.tum")
     np.testing.assert_array_equal(believed.stamps, corridor[1].stamps)
     np.testing.assert_allclose(believed.poses[-1], mapper.pose, atol=1e-9)
-    surfaces = json.loads((out / "surfaces.geojson").read_text())["features"]
-    assert len(surfaces) == told["surfaces"]
+    features = json.loads((out / "surfaces.geojson").read_text())["features"]
+    assert sum("kind" not in feature["properties"] for feature in features) == told["surfaces"]
+    assert sum("kind" in feature["properties"] for feature in features) == told["places"] == 1
+    assert (out / "events.txt").read_text() == "view 1: set out in P1\n"
+    assert list(nx.read_graphml(out / "network.graphml").nodes) == ["0"]
     with Image.open(out / "map.png") as picture:
         assert picture.format == "PNG"
+
+
+def test_a_mapper_without_places_leaves_no_files_of_places(corridor, call, tmp_path):
+    told = figures(
+        call("map", corridor[0], "--mapper", "odometry", "--out", tmp_path / "a", "--json")
+    )
+    assert {path.name for path in (tmp_path / "a").iterdir()} == FILES
+    assert set(told["files"]) == {"trajectory", "surfaces", "picture", "map"}
 
 
 def test_the_files_are_the_same_each_time(corridor, call, tmp_path):
@@ -127,7 +140,7 @@ def test_files_of_others_stay(corridor, call, tmp_path):
     (out / "notes.txt").write_text("mine")
     (out / "map.png").write_text("old")
     call("map", corridor[0], "--out", out)
-    assert {path.name for path in out.iterdir()} == FILES | {"notes.txt"}
+    assert {path.name for path in out.iterdir()} == FILES | PLACES | {"notes.txt"}
     assert (out / "map.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -170,7 +183,7 @@ def test_a_folder_is_filled_and_nothing_around_it_touched(corridor, call, tmp_pa
     monkeypatch.setattr(albot_cli.map_files, "write_picture", draw_and_look)
     assert call("map", corridor[0], "--out", out).exit_code == 0
     assert around == [out]
-    assert {path.name for path in out.iterdir()} == FILES
+    assert {path.name for path in out.iterdir()} == FILES | PLACES
 
 
 def test_a_reference_of_another_log_is_named(corridor, call, tmp_path):

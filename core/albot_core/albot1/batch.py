@@ -49,7 +49,7 @@ from albot_core.albot1.sight import (
 )
 from albot_core.albot1.storage import COLUMNS, addresses_of
 from albot_core.albot1.structure import joined
-from albot_core.albot1.trail import AHEAD
+from albot_core.albot1.treading import tread, waypoint_home
 from albot_core.albot1.updating import update_map
 from albot_core.albot1.wayfinding import way_lines
 from albot_core.errors import InputError
@@ -145,7 +145,7 @@ class Albot1Batch:
         """A point ahead on one's trail home, in its map's frame (m); None for none."""
         sight = self._arrays[row][1]
         view = sight.surfaces[: sight.size[0]]
-        return self._networks[row].trail_home(self.poses[row], view, AHEAD)
+        return waypoint_home(self._networks[row], self.poses[row], view)
 
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
         """Find the way home of those that have gone on, or whose network has changed."""
@@ -292,7 +292,7 @@ class Albot1Batch:
             self._suspect(row)
         if events & TROD:
             sight = self._arrays[row][1]
-            network.tread(self._robots.poses[row], sight.surfaces[: sight.size[0]])
+            tread(network, self._robots.poses[row], sight.surfaces[: sight.size[0]])
             if events == TROD:
                 return
         self._stand(row)

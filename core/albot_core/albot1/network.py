@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float64, Int32
+from jaxtyping import Int32
 
 from albot_core.albot1.config import PlacesConfig
 from albot_core.albot1.memory import NEVER
@@ -17,10 +17,10 @@ from albot_core.albot1.places import (
 )
 from albot_core.albot1.record import Event, Happening
 from albot_core.albot1.structure import Likeness, compare
-from albot_core.albot1.trail import REACH, SAME, Trail, can_go_straight
+from albot_core.albot1.trail import Trail
 from albot_core.geometry.poses import compose, inverse, relative, transform_points
 from albot_core.geometry.poses import transform_segments as transformed
-from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.geometry.types import Pose, Segments
 from albot_core.topology.network import Network
 
 START = 0
@@ -101,76 +101,23 @@ class PlaceNetwork:
         what was met of it there is the map's no more: this is ours. A robot that has lost its
         way may be anywhere.
         """
-        config = self.config
+        glimpsed = self._glimpsed()
+        by_place = {key: self._needed(site, glimpsed) for key, site in self.sites.items()}
         needed = np.full(len(self.visits), NEVER, np.int32)
         if self.lost_since:
             needed[1:] = GLIMPSED
-            return needed
-        glimpsed = self._glimpsed()
-        for visit, place in enumerate(self.visits[1:-1], start=1):
-            if place == self.current or self._are_joined(place, self.current):
-                continue
-            if place in glimpsed:
-                needed[visit] = GLIMPSED
-            else:
-                size = len(self.sites[place].surfaces)
-                share = round(config.suspicion_share * size)
-                needed[visit] = min(max(share, config.fewest_met), config.most_met)
+        else:
+            needed[1:-1] = [by_place[place] for place in self.visits[1:-1]]
         return needed
 
-    def tread(self, pose: Pose, view: Segments) -> None:
-        """The robot has gone a stride farther, or turned to look elsewhere.
-
-        Args:
-            pose: Where it is in the map.
-            view: The surfaces in view, in its own frame (m).
-        """
-        trail = self.trail
-        trail.tread(self.current, relative(self.frame, pose)[:2])
-        away = self._in_sight(self._trodden(), pose, view)
-        seen = np.flatnonzero(np.isfinite(away))
-        trail.sees(seen, away[seen])
-
-    def trail_home(self, pose: Pose, view: Segments, ahead: float) -> Points | None:
-        """The point about so far ahead on the trail home (m), in the map's frame.
-
-        None where home is in reach, or no trail leads there. The arguments are as for `tread`.
-        """
-        trodden = self._trodden()
-        before = pose[:2]
-        away = np.hypot(*(trodden - before).T)
-        own = self.trail.places == self.current
-        # It sets out from points of this place, from those that it stands on, and those it sees.
-        near = np.where(own & (away < REACH) | (away < SAME), away, np.inf)
-        near = np.minimum(near, self._in_sight(trodden, pose, view))
-        if not np.isfinite(near).any():
-            within = own if own.any() else np.ones_like(own)
-            near = np.where(within, away, np.inf)
-        for k in self.trail.way(near):
-            ahead -= float(np.hypot(*(trodden[k] - before)))
-            before = trodden[k]
-            if ahead <= 0:
-                return np.asarray(before)
-        return None
-
-    def _trodden(self) -> Float64[np.ndarray, "points 2"]:
-        """The points of the trail, in the map's frame as it is now (m)."""
-        trail = self.trail
-        points = np.empty_like(trail.points)
-        for place in np.unique(trail.places).tolist():
-            own = trail.places == place
-            frame = compose(self.displacement, self.sites[place].frame)
-            points[own] = transform_points(frame, trail.points[own])
-        return points
-
-    def _in_sight(
-        self, trodden: Float64[np.ndarray, "points 2"], pose: Pose, view: Segments
-    ) -> Float64[np.ndarray, "points"]:
-        """How far away the points are that the robot could go to straight (m); others infinity."""
-        points = transform_points(inverse(pose), trodden)
-        clear = np.empty(len(points), np.bool_)
-        can_go_straight(view, len(view), points, clear)
-        return np.where(clear, np.hypot(*points.T), np.inf)
+    def _needed(self, site: Site, glimpsed: set[int]) -> int:
+        config = self.config
+        if site.id == self.current or self._are_joined(site.id, self.current):
+            return NEVER
+        if site.id in glimpsed:
+            return GLIMPSED
+        share = round(config.suspicion_share * len(site.surfaces))
+        return min(max(share, config.fewest_met), config.most_met)
 
     def remember_place(self, step: int, line: Line, seen: Segments, pose: Pose) -> None:
         """An exit is crossed (algorithms 5 and 7).

@@ -10,6 +10,7 @@ from jaxtyping import Float64
 
 from albot_core.files import replacing
 from albot_core.geometry.types import Segments
+from albot_core.topology.network import NOWHERE, Network
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,6 +22,7 @@ _SHAPES = (0.4, 1.4)
 """Least and largest height of the map's frame, to its width."""
 
 _SURFACE, _PATH, _REFERENCE, _HOME = "#1f2933", "#d9480f", "#2b8a3e", "#1864ab"
+_PLACE, _EXIT = "#5f3dc4", "#e64980"
 
 
 def write_picture(
@@ -30,6 +32,7 @@ def write_picture(
     surfaces: Segments,
     believed: Float64[np.ndarray, "moments 3"],
     reference: Float64[np.ndarray, "others 3"] | None = None,
+    network: Network = NOWHERE,
 ) -> None:
     """Draw a map as a PNG file, whole or not at all; all in the map's frame (m).
 
@@ -39,12 +42,14 @@ def write_picture(
         surfaces: The surfaces remembered.
         believed: Where the robot believed to be.
         reference: Where it was, laid on `believed`; not drawn where there is none.
+        network: The places remembered, which are drawn as nodes with their links and exits.
     """
     # Imported here, since it takes long and most runs draw nothing.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     drawn = [np.zeros((1, 2)), surfaces.reshape(-1, 2), believed[:, :2]]
+    drawn += [place.middle[None] for place in network.places]
     if reference is not None:
         drawn.append(reference[:, :2])
     low, high = _bounds(np.concatenate(drawn))
@@ -59,7 +64,9 @@ def write_picture(
     axes.grid(color="#e4e7eb", linewidth=0.6)
     axes.set_axisbelow(True)
     _draw(axes, surfaces, believed, reference)
-    figure.legend(loc="outside lower center", ncols=4, frameon=False)
+    if network.places:
+        _draw_network(axes, network)
+    figure.legend(loc="outside lower center", ncols=6, frameon=False)
     with replacing(path) as stream:
         figure.savefig(stream, format="png")
 
@@ -92,3 +99,33 @@ def _draw(
         LineCollection(lines, colors=_SURFACE, linewidths=1.1, label="surfaces"), autolim=False
     )
     axes.plot(0, 0, "*", color=_HOME, markersize=14, linestyle="none", label="home", zorder=3)
+
+
+def _draw_network(axes: Axes, network: Network) -> None:
+    from matplotlib.collections import LineCollection
+
+    places = network.places
+    exits = np.concatenate([place.placed_exits for place in places]).reshape(-1, 2, 2)
+    middles = {place.id: place.middle for place in places}
+    links = [(middles[one], middles[other]) for one, other in network.links]
+    for lines, style in (
+        (links, {"colors": _PLACE, "linewidths": 1.4, "alpha": 0.6}),
+        (list(exits), {"colors": _EXIT, "linewidths": 3.0, "label": "exits"}),
+    ):
+        axes.add_collection(LineCollection(lines, zorder=4, **style), autolim=False)
+    x, y = np.array(list(middles.values())).T
+    axes.plot(
+        x,
+        y,
+        "o",
+        color=_PLACE,
+        markersize=15,
+        alpha=0.85,
+        linestyle="none",
+        label="places",
+        zorder=5,
+    )
+    for place, across, up in zip(places, x, y, strict=True):
+        axes.text(
+            across, up, place.label, color="white", size=7, ha="center", va="center", zorder=6
+        )

@@ -81,6 +81,11 @@ class OdometryMapper:
         return NOWHERE
 
     @property
+    def events(self) -> tuple[object, ...]:
+        """None: it knows no places."""
+        return ()
+
+    @property
     def exits_home(self) -> Segments:
         """None: it knows no exits."""
         return np.empty((0, 4))

@@ -43,6 +43,11 @@ class Place:
     """Its exits; they are known by their place in this row."""
 
     @property
+    def label(self) -> str:
+        """What it is called: P1 is the first."""
+        return f"P{self.id + 1}"
+
+    @property
     def middle(self) -> Points:
         """The middle of its exits, or of its surfaces where it has none, in the map's frame."""
         points = [door.middle for door in self.exits]
@@ -50,6 +55,12 @@ class Place:
             points = [self.surfaces.reshape(-1, 2).mean(axis=0)]
         inside = np.mean(points, axis=0) if points else np.zeros(2)
         return transform_points(self.frame, inside)
+
+    @property
+    def placed_exits(self) -> Segments:
+        """The lines across its exits in the map's frame (m)."""
+        lines = np.reshape([door.line for door in self.exits], (-1, 4)).astype(float)
+        return transform_segments(self.frame, lines)
 
     @property
     def placed_surfaces(self) -> Segments:
