@@ -287,7 +287,7 @@ def test_a_lost_robot_finds_itself_and_what_it_saw_meanwhile_stays_known():
         ("visits", lambda a: np.append(a[:-1], 99)),
         ("displacements", lambda a: a[1:]),
         ("standing", lambda a: a + 50),
-        ("standing", lambda a: a * [1, 1, 0, 1]),
+        ("standing", lambda a: a * [1, 1, 0, 1, 1]),
         ("standing", lambda a: a + np.array([0, 0, 0, 99, 0])),
         ("displacement", lambda a: a * np.inf),
         ("events", lambda a: a[:, 1:]),
