@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Points
 from albot_env.experiments.drawing import draw_network, draw_route
 from albot_env.experiments.guided_tour import guided_tour
 from albot_env.experiments.places_truth import PlacedJourney, place_journey
@@ -54,7 +54,9 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     return _report(world, seeds, placed)
 
 
-def loop_from(loop: Points, start: int) -> Points:
+def loop_from(
+    loop: Float64[np.ndarray, "waypoints 2"], start: int
+) -> Float64[np.ndarray, "tour 2"]:
     """A closed tour from one of its waypoints round to it, and on a little way.
 
     The robot goes on in the place that it set out from, as far as the way into it was left

@@ -11,7 +11,6 @@ from jaxtyping import Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
-from albot_core.geometry.types import Points
 from albot_env.experiments.albot1_e3 import DISTURBANCE, moved_by
 from albot_env.experiments.drawing import draw_network
 from albot_env.experiments.guided_tour import guided_tour
@@ -87,7 +86,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     return _report(world, seeds, laps)
 
 
-def twice_round(loop: Points) -> Points:
+def twice_round(loop: Float64[np.ndarray, "waypoints 2"]) -> Float64[np.ndarray, "tour 2"]:
     """A closed tour twice, and on to its second waypoint."""
     return np.concatenate((loop[:-1], loop, loop[1:2]))
 

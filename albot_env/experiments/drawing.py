@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 FLOOR, SURFACE, PATH, MARK = "#c9ccd1", "#22262b", "#d1603d", "#0a8a5f"
 """Colours of true walls, of what the robot remembers, of its way, and of what matters."""
+PLACES = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f")
+"""Colours of places, by their ids; they come again after the eighth."""
 
 
 def draw_floor(axes: Axes, walls: Segments, colour: str = FLOOR, width: float = 0.8) -> None:
@@ -64,15 +66,12 @@ def draw_network(axes: Axes, world: World, network: Network, frame: Pose) -> Non
         network: The places, drawn where the map had them when they were learned.
         frame: The map's frame as a pose in the world's.
     """
-    from matplotlib import colormaps
-
-    colours = colormaps["tab10"].colors  # type: ignore[attr-defined]
     draw_floor(axes, world.walls)
     for one, other in network.links:
         ends = [transform_points(frame, network.place(place).middle) for place in (one, other)]
         axes.plot(*zip(*ends, strict=True), color=MARK, lw=1.2, ls=":")
     for place in network.places:
-        colour = colours[place.id % len(colours)]
+        colour = PLACES[place.id % len(PLACES)]
         lay = compose(frame, place.frame)
         draw_floor(axes, transform_segments(lay, place.surfaces), colour, 1.4)
         for door in place.exits:

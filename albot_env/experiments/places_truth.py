@@ -106,12 +106,16 @@ def place_journey(name: str, world: World, journey: Journey) -> PlacedJourney:
         raise InputError("mapper", "one of Albot1's", name)
     poses, places = np.empty_like(journey.truth), np.zeros(len(journey.truth), np.int64)
     crossings: list[Crossing] = []
-    known = 0
+    place = known = 0
     for view, reading in enumerate(journey.readings):
         expected, before = mapper.predicted_exits, mapper.exits
         mapper.update(reading)
-        poses[view], places[view] = mapper.pose, mapper.network.current or 0
-        new, known = mapper.events[known:], len(mapper.events)
+        events = mapper.events
+        new, known = events[known:], len(events)
+        for event in new:
+            if event.what in (Happening.NEW, Happening.ENTERED, Happening.LOST):
+                place = event.other
+        poses[view], places[view] = mapper.pose, place
         if any(event.what in (Happening.NEW, Happening.ENTERED) for event in new):
             line = _nearest(before, poses[view - 1 : view + 1, :2].mean(axis=0))
             crossing = Crossing(

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from albot_env.experiments.albot1_c1 import loop_from
+from albot_env.experiments.guided_tour import Journey, guided_tour
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks.explore import ExploreEnv
-from albot_maps import Room, World
+from albot_maps import Room, World, load_world
 
 MakeEnv = Callable[..., ExploreEnv]
 
@@ -65,3 +67,11 @@ def episode(make_env: MakeEnv, tmp_path: Path) -> Path:
     drive(env, 40)
     env.close()
     return tmp_path / "episode.mcap"
+
+
+@pytest.fixture(scope="session")
+def ring_journey() -> Journey:
+    """Once round the ring and on to the tour's second waypoint, in steps of 1 m and 45°."""
+    world = load_world("office-ring")
+    tour = loop_from(world.tours["single-loop"], 0)
+    return guided_tour(world, tour, np.random.default_rng(0))
