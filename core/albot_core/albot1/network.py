@@ -88,15 +88,16 @@ class PlaceNetwork:
         They are more for a larger place (section 4.1.2). What is met of places that an exit
         joins to the present one is seen through that exit, and they are not the same place.
         """
-        by_place = {key: self._needed(site) for key, site in self.sites.items()}
+        joined = {self.current, *(passage.leads_to for passage in self.here.passages)}
+        by_place = {
+            key: NEVER if key in joined else self._needed(site) for key, site in self.sites.items()
+        }
         needed = np.full(len(self.visits), NEVER, np.int32)
         needed[1:-1] = [by_place[place] for place in self.visits[1:-1]]
         return needed
 
     def _needed(self, site: Site) -> int:
         config = self.config
-        if site.id == self.current or self._are_joined(site.id, self.current):
-            return NEVER
         share = round(config.suspicion_share * len(site.surfaces))
         return min(max(share, config.fewest_met), config.most_met)
 
