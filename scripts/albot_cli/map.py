@@ -12,7 +12,7 @@ from albot_cli.map_report import as_table, report
 from albot_cli.mapping_run import Score, run_mapper, score, warm_up
 from albot_cli.outputs import check_folder
 from albot_cli.progress import progress
-from albot_cli.recognition_report import recognition_figures
+from albot_cli.recognition_report import draw_recognition, recognition_figures
 from albot_core.errors import InputError
 from albot_core.evaluation.relations import read_relations
 from albot_core.logs.log import Log
@@ -76,6 +76,8 @@ def command(
         figures["recognition"] = recognition_figures(recorded, truth)
     title = f"{mapper} on {recorded.name}"
     figures["files"] = write_files(out, title, run, truth) if out else None
+    if out and figures.get("recognition"):
+        figures["files"]["recognition"] = draw_recognition(out, title, figures["recognition"])
     click.echo(json.dumps(figures) if as_json else as_table(figures))
 
 

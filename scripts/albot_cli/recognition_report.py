@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from albot_core.evaluation.recognition import measure_recognition
+from albot_core.evaluation.recognition_picture import draw_curve
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.logs.log import Log
 
@@ -32,6 +34,13 @@ def recognition_figures(log: Log, truth: Trajectory | None) -> dict[str, Any] | 
         "recall": {share: found.recall_at(float(share)) for share in ("1.00", "0.99", "0.95")},
         "curve": found.curve.tolist(),
     }
+
+
+def draw_recognition(folder: Path, title: str, figures: dict[str, Any]) -> str:
+    """Draw the curve into a folder; return the picture's path."""
+    path = folder / "recognition.png"
+    draw_curve(path, title, np.reshape(figures["curve"], (-1, 2)).astype(float))
+    return str(path)
 
 
 def recognition_row(figures: dict[str, Any]) -> str:
