@@ -1,15 +1,30 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+
+import numpy as np
+
+import albot_env.benchmarks.mapper as benchmark
 from albot_cli.bench_report import _journey
-from albot_env.benchmarks.mapper import measure_journey
+from albot_core.geometry.poses import relative
+from albot_core.perception.reading import Reading
+from tests.core.scenes import FURNITURE, house_walk, scan_from, two_rooms
 
 
-def test_a_journey_is_told_stage_by_stage():
-    row, last = measure_journey(2, 0.1)
-    assert (row["path_km"], last["path_km"]) == (0.1, 0.2)
+def test_a_journey_is_told_stage_by_stage(monkeypatch):
+    path, house = house_walk(), np.concatenate((two_rooms(), FURNITURE))
+    motions = relative(path[np.maximum(np.arange(len(path)) - 1, 0)], path)
+    readings = [
+        Reading(stamp=float(k), motion=motions[k], laser=scan_from(pose, house))
+        for k, pose in enumerate(path)
+    ]
+    tour = SimpleNamespace(truth=path, readings=readings)
+    monkeypatch.setattr(benchmark, "_tour", lambda: tour)
+    row, last = benchmark.measure_journey(2, 0.05)
+    assert (row["path_km"], last["path_km"]) == (0.05, 0.1)
     assert float(row["us_per_reading"]) > 0
-    assert 50 < int(row["surfaces"]) < 400
-    # Round and round a ring of six rooms: no places are added for those that are known.
-    assert (row["places"], last["places"]) == (6, 6)
-    assert 10_000 < int(row["memory_bytes"]) < 1_000_000
-    assert _journey(row).startswith("journey         0.1 km")
+    # To and fro between two rooms: nothing is added to what is known.
+    assert (row["places"], last["places"]) == (2, 2)
+    assert 10 < int(last["surfaces"]) < 60
+    assert 1_000 < int(last["memory_bytes"]) < 100_000
+    assert _journey(last).startswith("journey         0.1 km")
