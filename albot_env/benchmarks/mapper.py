@@ -70,11 +70,11 @@ def measure_growth(rounds: int = 5) -> list[dict[str, float | int | str]]:
     return rows
 
 
-def measure_journey(kilometres: int = 10) -> list[dict[str, float | int | str]]:
+def measure_journey(stages: int = 10, stage_km: float = 1.0) -> list[dict[str, float | int | str]]:
     """Lead `albot1` round `office-ring` again and again: does a long journey cost more?
 
     Returns:
-        A row for each kilometre: `path_km`, `us_per_reading` of its updates (CPU time),
+        A row for each stage: `path_km` at its end, `us_per_reading` of its updates (CPU time),
         `surfaces` and `places` remembered at its end, and `memory_bytes` of its whole state.
     """
     tour = _tour()
@@ -88,9 +88,9 @@ def measure_journey(kilometres: int = 10) -> list[dict[str, float | int | str]]:
     mapper.reset()
     rows: list[dict[str, float | int | str]] = []
     rounds = 0
-    for kilometre in range(1, kilometres + 1):
+    for path_km in stage_km * np.arange(1, stages + 1):
         began, started = rounds, time.process_time()
-        while rounds * length < 1000.0 * kilometre:
+        while rounds * length < 1000.0 * path_km:
             for reading in loop:
                 mapper.update(reading)
             rounds += 1
@@ -98,7 +98,7 @@ def measure_journey(kilometres: int = 10) -> list[dict[str, float | int | str]]:
         rows.append(
             {
                 "name": "albot1",
-                "path_km": kilometre,
+                "path_km": float(path_km),
                 "us_per_reading": 1e6 * seconds / ((rounds - began) * len(loop)),
                 "surfaces": len(mapper.surfaces),
                 "places": len(mapper.network.places),

@@ -50,7 +50,7 @@ def _mapper(row: Figures) -> str:
 
 def _journey(row: Figures) -> str:
     return (
-        f"journey     {row['path_km']:7,d} km        {row['us_per_reading']:8.1f} µs/reading  "
+        f"journey     {row['path_km']:7.1f} km        {row['us_per_reading']:8.1f} µs/reading  "
         f"{row['name']}: {row['surfaces']} surfaces, {row['places']} places, "
         f"{row['memory_bytes'] / 1024:,.0f} KiB"
     )

@@ -12,6 +12,7 @@ from albot_cli.map_report import as_table, report
 from albot_cli.mapping_run import Score, run_mapper, score, warm_up
 from albot_cli.outputs import check_folder
 from albot_cli.progress import progress
+from albot_cli.recognition_report import draw_recognition, recognition_figures
 from albot_core.errors import InputError
 from albot_core.evaluation.relations import read_relations
 from albot_core.logs.log import Log
@@ -33,6 +34,12 @@ _FILE = click.Path(path_type=Path)
 )
 @click.option("--relations", type=_FILE, help="True relations between poses (Kümmerle et al.).")
 @click.option("--out", type=_FILE, help="Folder for the trajectory, surfaces, picture and map.")
+@click.option(
+    "--recognition",
+    is_flag=True,
+    help="Measure as well how surely places are recognised by their structure; takes a "
+    "reference, and a minute or so.",
+)
 @click.option("--keep-going", is_flag=True, help="Map the good beginning of a damaged log.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
@@ -41,6 +48,7 @@ def command(
     reference: Path | None,
     relations: Path | None,
     out: Path | None,
+    recognition: bool,
     keep_going: bool,
     as_json: bool,
 ) -> None:
@@ -54,6 +62,8 @@ def command(
         check_folder(out)
     recorded = read_log(log, keep_going)
     truth = read_reference(reference) if reference else recorded.reference_trajectory
+    if recognition and truth is None:
+        raise InputError("--recognition", "a reference of where the robot was", "none")
     true_relations = read_relations(relations) if relations else None
     odometry = score(recorded.odometry_trajectory, truth, true_relations)
     _check_stamps(recorded, odometry, reference, relations)
@@ -62,8 +72,12 @@ def command(
         run = run_mapper(mapper, recorded, tell)
     mapped = score(run.believed, truth, true_relations)
     figures = report(recorded, run, mapped, odometry)
+    if recognition:
+        figures["recognition"] = recognition_figures(recorded, truth)
     title = f"{mapper} on {recorded.name}"
     figures["files"] = write_files(out, title, run, truth) if out else None
+    if out and figures.get("recognition"):
+        figures["files"]["recognition"] = draw_recognition(out, title, figures["recognition"])
     click.echo(json.dumps(figures) if as_json else as_table(figures))
 
 

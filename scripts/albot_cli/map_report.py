@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from albot_cli.mapping_run import MappingRun, Score
+from albot_cli.recognition_report import recognition_row
 from albot_core.evaluation.crispness import laid_points, mean_map_entropy
 from albot_core.evaluation.relations import RelationError
 from albot_core.geometry.types import Poses
@@ -65,6 +66,8 @@ def as_table(figures: dict[str, Any]) -> str:
         width = max(len(row[0]) for row in rows)
         lines += ["", f"{'':<{width}}  {names[0]:>16}  {names[1]:>16}"]
         lines += [f"{label:<{width}}  {mine:>16}  {its:>16}" for label, mine, its in rows]
+    if figures.get("recognition"):
+        lines += ["", recognition_row(figures["recognition"])]
     if figures["left_out"]:
         lost = figures["left_out"]
         counts = f"{_many(lost['lines'], 'line')}, {_many(lost['scans'], 'scan')}"

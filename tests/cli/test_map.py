@@ -99,6 +99,17 @@ def test_the_table_shows_the_odometer_beside_the_mapper(corridor, truth_file, ca
     assert re.fullmatch(r"map entropy, less is crisper +(-\d\.\d\d) +\1", entropy)
 
 
+def test_recognition_is_measured_where_the_truth_is_known(corridor, truth_file, call, tmp_path):
+    asked = ("map", corridor[0], "--reference", truth_file, "--recognition")
+    told = figures(call(*asked, "--out", tmp_path / "out", "--json"))["recognition"]
+    assert (tmp_path / "out" / "recognition.png").read_bytes().startswith(b"\x89PNG")
+    # A corridor once along: nothing is seen twice, and whatever is claimed is a false alarm.
+    assert told["queries"] == 0
+    assert told["recall"] == {"1.00": 0.0, "0.99": 0.0, "0.95": 0.0}
+    assert "recognised of 0 places seen before" in call(*asked).stdout
+    expect_error(call("map", corridor[0], "--recognition"), "--recognition", "a reference")
+
+
 def test_the_files(corridor, truth_file, call, tmp_path):
     out = tmp_path / "new" / "out"
     told = figures(call("map", corridor[0], "--reference", truth_file, "--out", out, "--json"))

@@ -102,7 +102,11 @@ class PlaceNetwork:
         way may be anywhere.
         """
         glimpsed = self._glimpsed()
-        by_place = {key: self._needed(site, glimpsed) for key, site in self.sites.items()}
+        joined = {self.current, *(passage.leads_to for passage in self.here.passages)}
+        by_place = {
+            key: NEVER if key in joined else self._needed(site, glimpsed)
+            for key, site in self.sites.items()
+        }
         needed = np.full(len(self.visits), NEVER, np.int32)
         if self.lost_since:
             needed[1:] = GLIMPSED
@@ -112,8 +116,6 @@ class PlaceNetwork:
 
     def _needed(self, site: Site, glimpsed: set[int]) -> int:
         config = self.config
-        if site.id == self.current or self._are_joined(site.id, self.current):
-            return NEVER
         if site.id in glimpsed:
             return GLIMPSED
         share = round(config.suspicion_share * len(site.surfaces))

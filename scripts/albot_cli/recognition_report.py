@@ -1,0 +1,52 @@
+"""What `albot map --recognition` tells: how surely places are recognised."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from albot_core.evaluation.recognition import measure_recognition
+from albot_core.evaluation.recognition_picture import draw_curve
+from albot_core.evaluation.trajectory import Trajectory
+from albot_core.logs.log import Log
+
+_TOLERANCE = 0.01
+"""Stamps of one moment differ by no more than this (s)."""
+
+
+def recognition_figures(log: Log, truth: Trajectory | None) -> dict[str, Any] | None:
+    """How surely the log's places are recognised; None where the truth is not known throughout.
+
+    `recall` is the share of the queries that are recognised without any false alarm, and with
+    one claim in a hundred, and in twenty, false; `curve` holds recall and precision.
+    """
+    if truth is None:
+        return None
+    at = np.clip(np.searchsorted(truth.stamps, log.stamps - _TOLERANCE), 0, len(truth.stamps) - 1)
+    if (np.abs(truth.stamps[at] - log.stamps) > _TOLERANCE).any():
+        return None
+    found = measure_recognition(log.readings, truth.poses[at])
+    return {
+        "queries": found.queries,
+        "claims": len(found.scores),
+        "recall": {share: found.recall_at(float(share)) for share in ("1.00", "0.99", "0.95")},
+        "curve": found.curve.tolist(),
+    }
+
+
+def draw_recognition(folder: Path, title: str, figures: dict[str, Any]) -> str:
+    """Draw the curve into a folder; return the picture's path."""
+    path = folder / "recognition.png"
+    draw_curve(path, title, np.reshape(figures["curve"], (-1, 2)).astype(float))
+    return str(path)
+
+
+def recognition_row(figures: dict[str, Any]) -> str:
+    """The figures as a line to read."""
+    recall = figures["recall"]
+    return (
+        f"recognised of {figures['queries']} places seen before: {recall['1.00']:.0%} without a "
+        f"false alarm, {recall['0.99']:.0%} with 1 % of them, {recall['0.95']:.0%} with 5 %"
+    )
