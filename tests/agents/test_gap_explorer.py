@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import albot_env
+from albot_agents.agent import choose
 from albot_agents.registry import make_agent
 from albot_maps import World
 
@@ -20,11 +21,11 @@ def _explore(world: str | World, steps: int, seed: int, **options: Any) -> dict[
     name, start = options.pop("agent", "gap-explorer"), options.pop("start", None)
     env = gymnasium.make("Albot/Explore-v0", world=world, max_episode_steps=steps, **options)
     agent = make_agent(name, env.get_wrapper_attr("observing"))
-    agent.reset(np.random.default_rng(seed))
+    agent.reset(np.random.default_rng(seed), env.action_space)
     observation, info = env.reset(seed=seed, options={} if start is None else {"start": start})
     contacts, over = 0, False
     while not over:
-        observation, _, _, over, info = env.step(agent.act(observation))
+        observation, _, _, over, info = env.step(choose(agent, observation, info))
         contacts += info["collided"]
     return {**info, "contacts": contacts}
 

@@ -185,7 +185,9 @@ def test_play_runs_the_same_episode(
     shown = played(violation.command, monkeypatch)
     assert len(shown) == 26
     assert all(np.array_equal(a.pose, b) for a, b in zip(shown[1:], poses, strict=True))
-    assert np.hypot(*(poses[-1] - poses[0])[:2]) + abs(poses[-1] - poses[0])[2] > 0.1
+    # Who drives home is there.
+    moved = np.hypot(*(poses[-1] - poses[0])[:2]) + abs(poses[-1] - poses[0])[2]
+    assert moved > 0.1 or agent not in ("gap-explorer", "random")
     capsys.readouterr()
 
 
