@@ -52,7 +52,7 @@ class PlaceNetwork:
         """Grows with every change."""
         self.events: list[Event] = [Event(step=1, what=Happening.SET_OUT, place=START, other=-1)]
         self.trail = Trail()
-        self.trail.tread(START, np.zeros(2))
+        self.trail.tread(START, np.zeros(3), np.empty((0, 4)))
         self.came_from = -1
         self.next_id = 1
         self.looked_from: Pose | None = None
@@ -218,6 +218,8 @@ class PlaceNetwork:
             if strange.id >= first:
                 frame = compose(motion, compose(self.displacement, strange.frame))
                 strange.frame = relative(learned, frame)
+        back = compose(relative(learned, motion), self.displacement)
+        self.trail.move(self.trail.places >= first, back, None)
         self.displacement, self.lost_since = learned, 0
         self._identify(step, site, compose(motion, likeness.pose))
         return motion
@@ -336,7 +338,6 @@ class PlaceNetwork:
             for passage in site.passages:
                 if passage.leads_to == gone.id:
                     passage.leads_to, passage.exit_there = kept.id, passage.exit_there + first
-        self.trail.merge(kept.id, gone.id, pose)
         self._forget(gone, kept, pose)
         while kept.id in self.sites and self._unite_exits(step, kept):
             pass
@@ -346,6 +347,7 @@ class PlaceNetwork:
         del self.sites[gone.id]
         # In a visit to the one, the other's frame lay where it does from here.
         moved = compose(compose(gone.frame, inverse(pose)), inverse(kept.frame))
+        self.trail.move(self.trail.places == gone.id, inverse(moved), kept.id)
         for visit, place in enumerate(self.visits):
             if place == gone.id:
                 self.visits[visit] = kept.id

@@ -8,14 +8,16 @@ them follow on one another.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 from numba import njit
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from albot_core.geometry.poses import transform_points
-from albot_core.geometry.types import Points, Pose
+from albot_core.geometry.types import Pose, Segments
 
 STRIDE = 0.5
 """The robot treads on the trail this often (m)."""
@@ -26,8 +28,6 @@ SAME = 0.35
 NEAR = 0.6
 """Between points of one place no farther apart than this one can go (m): a robot's body and a
 wall do not fit between."""
-
-
 AHEAD = 2.0
 """How far ahead on the trail the point is that is shown as the way (m)."""
 REACH = 1.0
@@ -38,11 +38,23 @@ CLEARANCE = 0.3
 """What is left to either side of a straight way to a point in view, at least (m)."""
 
 
+class About(NamedTuple):
+    """The points of the trail as seen from where the robot is."""
+
+    nearest: int
+    """The nearest of its place, -1 for none."""
+    away: Float64[np.ndarray, "points"]
+    """How far away each is (m)."""
+    can_go: Bool[np.ndarray, "points"]
+    """Whether the robot can go straight there."""
+
+
 class Trail:
-    """The points that one robot has come through, each in the frame of its place."""
+    """The points that one robot has come through, each in one of its places."""
 
     def __init__(self) -> None:
         self.points: Float64[np.ndarray, "points 2"] = np.empty((0, 2))
+        """In the enduring frame of the network of places (m)."""
         self.places: Int64[np.ndarray, "points"] = np.empty(0, np.int64)
         self.links: dict[tuple[int, int], float] = {}
         """Pairs of points (the less first) that follow on one another, and how far apart (m)."""
@@ -50,38 +62,44 @@ class Trail:
         """The point trodden on last; -1 where the robot did not walk from there."""
         self._ways: tuple[Float64[np.ndarray, "points"], Int64[np.ndarray, "points"]] | None = None
 
-    def tread(self, place: int, point: Points) -> None:
-        """The robot is at a point of a place, in the place's frame, a stride from the last."""
-        near = self._near(place, point, NEAR)
-        if near and near[0][0] < SAME:
-            here = near[0][1]
-        else:
+    def tread(self, place: int, pose: Pose, view: Segments) -> None:
+        """The robot has come a stride farther, or turned to look elsewhere.
+
+        Args:
+            place: The place that it believes to be in.
+            pose: Where it is in the enduring frame.
+            view: The surfaces in view, in its own frame (m).
+        """
+        about = self.look(place, pose, view)
+        here = about.nearest
+        if here < 0 or about.away[here] >= SAME:
             here = len(self.points)
-            self.points = np.concatenate((self.points, [point]))
+            self.points = np.concatenate((self.points, [pose[:2]]))
             self.places = np.append(self.places, place)
             self._ways = None
-            for away, other in near:
-                self._link(other, here, away)
         if self.last >= 0:
-            self._link(self.last, here, self._length(self.last, here))
+            self._link(
+                self.last, here, float(np.hypot(*(self.points[here] - self.points[self.last])))
+            )
         self.last = here
+        for k in np.flatnonzero(about.can_go).tolist():
+            self._link(here, k, float(about.away[k]))
 
-    def merge(self, kept: int, gone: int, pose: Pose) -> None:
-        """A place is another, in whose frame its own lies at `pose`."""
-        moved = np.flatnonzero(self.places == gone).tolist()
-        for k in moved:
-            point = transform_points(pose, self.points[k])
-            near = self._near(kept, point, NEAR)
-            self.points[k] = point
-            for away, other in near:
-                self._link(other, k, away)
-        self.places[moved] = kept
+    def look(self, place: int, pose: Pose, view: Segments) -> About:
+        """What of the trail is about the robot; the arguments are as for `tread`."""
+        away, can_go = np.empty(len(self.points)), np.empty(len(self.points), np.bool_)
+        nearest = look_about(self.points, self.places, place, pose, view, away, can_go)
+        return About(int(nearest), away, can_go)
+
+    def move(self, which: Bool[np.ndarray, "points"], motion: Pose, place: int | None) -> None:
+        """Move points that were learned elsewhere; they may be of another place than was thought.
+
+        What was at the origin of the enduring frame comes to be at `motion`.
+        """
+        self.points[which] = transform_points(motion, self.points[which])
+        if place is not None:
+            self.places[which] = place
         self._ways = None
-
-    def sees(self, ends: Int64[np.ndarray, "n"], lengths: Float64[np.ndarray, "n"]) -> None:
-        """From the point trodden on last, others can be gone to straight, so far away (m)."""
-        for end, length in zip(ends.tolist(), lengths.tolist(), strict=True):
-            self._link(self.last, end, length)
 
     def way(self, away: Float64[np.ndarray, "points"]) -> list[int]:
         """The points on the way home, to the first one trodden on.
@@ -99,19 +117,6 @@ class Trail:
         while way[-1] != 0:
             way.append(int(towards[way[-1]]))
         return way
-
-    def _near(self, place: int, point: Points, reach: float) -> list[tuple[float, int]]:
-        """The points of a place within reach, nearest first, with how far away they are (m)."""
-        which = np.flatnonzero(self.places == place)
-        away = np.hypot(*(self.points[which] - point).T)
-        order = np.flatnonzero(away <= reach)
-        order = order[np.argsort(away[order], kind="stable")]
-        return list(zip(away[order].tolist(), which[order].tolist(), strict=True))
-
-    def _length(self, one: int, other: int) -> float:
-        if self.places[one] != self.places[other]:
-            return STRIDE
-        return float(np.hypot(*(self.points[one] - self.points[other])))
 
     def _link(self, one: int, other: int, length: float) -> None:
         pair = (min(one, other), max(one, other))
@@ -131,21 +136,39 @@ class Trail:
 
 
 @njit(cache=True, error_model="numpy")
-def can_go_straight(
-    surfaces: np.ndarray, count: int, points: np.ndarray, clear: np.ndarray
-) -> None:
-    """Say of points (n, 2; robot's frame) before the robot whether nothing in view is in the way.
+def look_about(
+    points: np.ndarray,
+    places: np.ndarray,
+    place: int,
+    pose: np.ndarray,
+    view: np.ndarray,
+    away: np.ndarray,
+    can_go: np.ndarray,
+) -> int:
+    """Say of each point how far away it is (m), and whether the robot can go straight to it.
 
-    `surfaces` (count, 4) are those in view. `clear` (n,) bool receives the answer.
+    It can where it stands on it, where that is near in its own place, and where it is in view.
+    Returns the nearest point of its place, -1 where there is none.
     """
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    nearest, best = -1, np.inf
     for k in range(points.shape[0]):
-        x, y = points[k, 0], points[k, 1]
-        length = np.sqrt(x * x + y * y)
-        clear[k] = x > 0.0 and SAME < length < SIGHT
-        for j in range(count):
-            if not clear[k]:
+        dx, dy = points[k, 0] - pose[0], points[k, 1] - pose[1]
+        length = np.sqrt(dx * dx + dy * dy)
+        away[k] = length
+        own = places[k] == place
+        if own and length < best:
+            nearest, best = k, length
+        can_go[k] = length < SAME or (own and length < NEAR)
+        x, y = cos * dx + sin * dy, cos * dy - sin * dx
+        if can_go[k] or x <= 0.0 or length >= SIGHT:
+            continue
+        can_go[k] = True
+        for j in range(view.shape[0]):
+            if not _passes_clear(view[j], x / length, y / length, length):
+                can_go[k] = False
                 break
-            clear[k] = _passes_clear(surfaces[j], x / length, y / length, length)
+    return nearest
 
 
 @njit(cache=True, error_model="numpy")
