@@ -49,6 +49,15 @@ def moved(pose: np.ndarray, motion: np.ndarray, out: np.ndarray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
+def pose_in(frame: np.ndarray, pose: np.ndarray, out: np.ndarray) -> None:
+    """Write into `out` a pose as it is in a frame that is given beside it."""
+    cos, sin = np.cos(frame[2]), np.sin(frame[2])
+    x, y = pose[0] - frame[0], pose[1] - frame[1]
+    out[0], out[1] = cos * x + sin * y, cos * y - sin * x
+    out[2] = wrap(pose[2] - frame[2])
+
+
+@njit(cache=True, error_model="numpy")
 def seen_from(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
     """Write into `out` the surface as seen from a pose (equations 3.1 to 3.4).
 

@@ -82,8 +82,9 @@ class Trail:
                 self.last, here, float(np.hypot(*(self.points[here] - self.points[self.last])))
             )
         self.last = here
-        for k in np.flatnonzero(about.can_go).tolist():
-            self._link(here, k, float(about.away[k]))
+        seen = np.flatnonzero(about.can_go)
+        for k, away in zip(seen.tolist(), about.away[seen].tolist(), strict=True):
+            self._link(here, k, away)
 
     def look(self, place: int, pose: Pose, view: Segments) -> About:
         """What of the trail is about the robot; the arguments are as for `tread`."""
@@ -119,7 +120,7 @@ class Trail:
         return way
 
     def _link(self, one: int, other: int, length: float) -> None:
-        pair = (min(one, other), max(one, other))
+        pair = (one, other) if one < other else (other, one)
         if one != other and pair not in self.links:
             self.links[pair] = max(length, 1e-3)
             self._ways = None

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.albot1.network import PlaceNetwork
+from albot_core.albot1.recognition import pose_in
 from albot_core.albot1.trail import AHEAD, REACH
-from albot_core.geometry.poses import relative, transform_points
+from albot_core.geometry.poses import transform_points
 from albot_core.geometry.types import Points, Pose, Segments
 
 
@@ -18,7 +19,7 @@ def tread(network: PlaceNetwork, pose: Pose, view: Segments) -> None:
         pose: Where the robot is in the map.
         view: The surfaces in view, in its own frame (m).
     """
-    network.trail.tread(network.current, relative(network.displacement, pose), view)
+    network.trail.tread(network.current, _enduring(network, pose), view)
 
 
 def waypoint_home(network: PlaceNetwork, pose: Pose, view: Segments) -> Points | None:
@@ -26,7 +27,7 @@ def waypoint_home(network: PlaceNetwork, pose: Pose, view: Segments) -> Points |
 
     None where home is nearer, or no trail leads there. The arguments are as for `tread`.
     """
-    trail, here = network.trail, relative(network.displacement, pose)
+    trail, here = network.trail, _enduring(network, pose)
     about = trail.look(network.current, here, view)
     own = trail.places == network.current
     start = np.where(about.can_go | own & (about.away < REACH), about.away, np.inf)
@@ -39,3 +40,10 @@ def waypoint_home(network: PlaceNetwork, pose: Pose, view: Segments) -> Points |
         if ahead <= 0:
             return transform_points(network.displacement, before)
     return None
+
+
+def _enduring(network: PlaceNetwork, pose: Pose) -> Pose:
+    """A pose of the map in the enduring frame (compiled: it is asked for at every stride)."""
+    here = np.empty(3)
+    pose_in(network.displacement, pose, here)
+    return here
