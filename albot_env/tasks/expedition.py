@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64
 
 from albot_core.geometry.types import Pose, Segments
-from albot_core.mapper import MapperBatch
+from albot_core.mapper import TRAVEL, MapperBatch
 from albot_core.perception.reading import Readings
 from albot_core.registry import make_mappers
 from albot_env.sim import PIONEER_3DX
@@ -94,8 +94,7 @@ class Expedition:
             poses=self._fleet.poses,
             beliefs=beliefs,
             home_places=np.zeros((robots, 3)) if mappers is None else mappers.homes,
-            exits=np.full((robots, 4), np.nan) if mappers is None else mappers.next_exits,
-            waypoints=np.full((robots, 2), np.nan) if mappers is None else mappers.waypoints,
+            ways_home=np.full((robots, 7), np.nan) if mappers is None else mappers.ways_home,
             places=np.zeros((robots, 2), np.bool_) if mappers is None else mappers.places,
             homes=np.zeros((robots, 3)),
             motions=self._fleet.motions,
@@ -133,6 +132,7 @@ class Expedition:
             self._mappers.reset(row)
         else:
             self._senses.beliefs[row] = 0
+            self._senses.ways_home[row, TRAVEL] = 0
         self._worlds[row], self.world_names[row] = world, world.name
         standing.starts[row], standing.before[row] = start, start[:2]
         standing.steps[row], standing.path_lengths[row] = 0, 0.0
@@ -145,6 +145,7 @@ class Expedition:
             halt=self._fleet.halt(row),
             surveyed=self._survey.keep(row),
             belief=self.beliefs[row].copy(),
+            way_home=self._senses.ways_home[row].copy(),
             memory={} if self._mappers is None else self._mappers.state(row),
         )
 
@@ -160,6 +161,7 @@ class Expedition:
         self._survey.resume(row, rest.surveyed)
         if self._mappers is None:
             self._senses.beliefs[row] = rest.belief
+            self._senses.ways_home[row] = rest.way_home
         else:
             self._mappers.restore(row, rest.memory)
         standing = self._standing
@@ -198,10 +200,10 @@ class Expedition:
         self._fleet.sense(rows)
         senses = self._senses
         if self._mappers is None:
-            reckon(rows, senses.motions, senses.beliefs)
+            reckon(rows, senses.motions, senses.beliefs, senses.ways_home[:, TRAVEL])
         else:
             self._mappers.update(rows, self.readings)
-            if self.observing.ways:
+            if self.observing.shows_way_home:
                 self._mappers.find_ways(rows)
         self._survey.look(rows, senses, self.observations)
         self._appraise(rows)

@@ -17,7 +17,7 @@ from albot_env.tasks.action import DeclaringActionConfig, Numbers
 from albot_env.tasks.equipment import Equipment
 from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.homing_kernel import TERMS, Fields, Homecoming, appraise_homing, find_way
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.observation import HOMEWARD, ObservationConfig
 from albot_env.tasks.outing import Outing, OutingConfig, Outings
 from albot_env.tasks.reward import HomingWeights
 from albot_maps import World
@@ -29,7 +29,9 @@ class HomingConfig:
 
     actions: DeclaringActionConfig = field(default_factory=DeclaringActionConfig)
     """What actions ask for."""
-    observations: ObservationConfig = field(default_factory=lambda: ObservationConfig(ways=True))
+    observations: ObservationConfig = field(
+        default_factory=lambda: ObservationConfig(parts=HOMEWARD)
+    )
     """How observations are scaled, and which ground counts as covered."""
     weights: HomingWeights = field(default_factory=HomingWeights)
     """What the reward's terms are worth."""

@@ -185,34 +185,29 @@ def scale_ranges(ranges: np.ndarray, knee: float, longest: float, scaled: np.nda
 
 
 @njit(cache=True, error_model="numpy")
-def observe_motions(
-    motion: np.ndarray,
-    home: np.ndarray,
-    scales: tuple[float, float, float, float],
-    row: np.ndarray,
-) -> None:
-    """Fill `row` (8,) with the parts motion, heading and home of an observation.
-
-    The heading is that which the robot would have seen from home. `scales` are the step's
-    length and turn and the knee and range of home's distance.
-    """
-    step_length, step_turn, knee, longest = scales
+def observe_motion(motion: np.ndarray, length: float, turn: float, row: np.ndarray) -> None:
+    """Fill `row` (3,) with the part motion: in shares of a step's length (m) and turn (rad)."""
     for i in range(3):
-        share = motion[i] / (step_length if i < 2 else step_turn)
+        share = motion[i] / (length if i < 2 else turn)
         row[i] = min(max(share, -1.0), 1.0)
-    row[3], row[4] = math.cos(home[2]), -math.sin(home[2])
+
+
+@njit(cache=True, error_model="numpy")
+def observe_home(home: np.ndarray, knee: float, longest: float, row: np.ndarray) -> None:
+    """Fill `row` (3,) with the part home: direction and distance of home (robot frame)."""
     distance = math.hypot(home[0], home[1])
-    row[5], row[6] = 1.0, 0.0
+    row[0], row[1] = 1.0, 0.0
     if distance > 0.0:
-        row[5] = min(max(home[0] / distance, -1.0), 1.0)
-        row[6] = min(max(home[1] / distance, -1.0), 1.0)
-    row[7] = log_scale(distance, knee, longest)
+        row[0] = min(max(home[0] / distance, -1.0), 1.0)
+        row[1] = min(max(home[1] / distance, -1.0), 1.0)
+    row[2] = log_scale(distance, knee, longest)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
-def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray) -> None:
-    """Add the motions measured to beliefs x, y, heading (n, 3)."""
+def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray, travels: np.ndarray) -> None:
+    """Add the motions measured to beliefs x, y, heading (n, 3), their lengths to travels (n,)."""
     for i in rows:
+        travels[i] += math.hypot(motions[i, 0], motions[i, 1])
         cos, sin = math.cos(beliefs[i, 2]), math.sin(beliefs[i, 2])
         beliefs[i, 0] += cos * motions[i, 0] - sin * motions[i, 1]
         beliefs[i, 1] += sin * motions[i, 0] + cos * motions[i, 1]
@@ -220,34 +215,70 @@ def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def observe_way(
-    belief: np.ndarray,
-    line: np.ndarray,
-    point: np.ndarray,
-    scales: tuple[float, float, float, float],
-    row: np.ndarray,
+def observe_exit(
+    belief: np.ndarray, line: np.ndarray, knee: float, longest: float, row: np.ndarray
 ) -> None:
-    """Fill `row` (10,) with the parts exit and way of an observation.
+    """Fill `row` (6,) with the part exit of an observation.
 
-    `line` (4,) is the next exit home in the map, with the present place to its left, and
-    `point` (2,) a point ahead on the way home; NaN for none. `scales` as for the motions.
+    `line` (4,) is the next exit home in the map, with the present place to its left; NaN for
+    none. The lengths are the knee and range of home's distance.
     """
-    for k in range(10):
+    for k in range(6):
         row[k] = 0.0
-    row[2] = row[5] = row[8] = row[9] = -1.0
+    row[2] = row[5] = -1.0
+    if math.isnan(line[0]):
+        return
     cos, sin = math.cos(belief[2]), math.sin(belief[2])
-    if line[0] == line[0]:  # not NaN
-        east = 0.5 * (line[0] + line[2]) - belief[0]
-        north = 0.5 * (line[1] + line[3]) - belief[1]
-        row[2] = log_scale(math.hypot(east, north), scales[2], scales[3])
-        _direct(east, north, cos, sin, row)
-        _direct(line[3] - line[1], line[0] - line[2], cos, sin, row[3:])
-        row[5] = 1.0
-    if point[0] == point[0]:
-        east, north = point[0] - belief[0], point[1] - belief[1]
-        row[8] = log_scale(math.hypot(east, north), scales[2], scales[3])
-        _direct(east, north, cos, sin, row[6:])
-        row[9] = 1.0
+    east = 0.5 * (line[0] + line[2]) - belief[0]
+    north = 0.5 * (line[1] + line[3]) - belief[1]
+    row[2] = log_scale(math.hypot(east, north), knee, longest)
+    _direct(east, north, cos, sin, row)
+    _direct(line[3] - line[1], line[0] - line[2], cos, sin, row[3:])
+    row[5] = 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def observe_way(
+    belief: np.ndarray, point: np.ndarray, knee: float, longest: float, row: np.ndarray
+) -> None:
+    """Fill `row` (4,) with the part way of an observation.
+
+    `point` (2,) is a point ahead on the way home, in the map; NaN for none. The lengths are
+    the knee and range of home's distance.
+    """
+    row[0] = row[1] = 0.0
+    row[2] = row[3] = -1.0
+    if math.isnan(point[0]):
+        return
+    cos, sin = math.cos(belief[2]), math.sin(belief[2])
+    east, north = point[0] - belief[0], point[1] - belief[1]
+    row[2] = log_scale(math.hypot(east, north), knee, longest)
+    _direct(east, north, cos, sin, row)
+    row[3] = 1.0
+
+
+@njit(cache=True, error_model="numpy")
+def observe_confidence(travel: float, drift: float, near: float) -> float:
+    """The part confidence of an observation: from 1 where home is certain to -1.
+
+    It is the share of a normal distribution in the plane, of standard deviation drift ×
+    `travel` (m) along each axis, that is no farther than `near` (m) from its middle: 1 - exp(-r²
+    / 2σ²), stretched to [-1, 1].
+    """
+    deviation = drift * travel
+    return 1.0 - 2.0 * math.exp(-0.5 * (near / max(deviation, 1e-9)) ** 2)
+
+
+@njit(cache=True, error_model="numpy")
+def find_nearest(ranges: np.ndarray, nearest: np.ndarray) -> None:
+    """Fill `nearest` with the shortest of the ranges in each of as many equal sectors."""
+    beams, sectors = ranges.shape[0], nearest.shape[0]
+    for k in range(sectors):
+        first, last = k * beams // sectors, (k + 1) * beams // sectors
+        shortest = ranges[first]
+        for beam in range(first + 1, last):
+            shortest = min(shortest, ranges[beam])
+        nearest[k] = shortest
 
 
 @njit(cache=True, error_model="numpy")

@@ -6,6 +6,8 @@ reading, the rest from the mapper, which saw nothing but readings.
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -14,16 +16,32 @@ from gymnasium import spaces
 from jaxtyping import Float, Float32, Float64
 
 from albot_core.errors import InputError
-from albot_core.mapper import Mapper, next_of
+from albot_core.mapper import EXIT, POINT, TRAVEL, Mapper
 from albot_core.perception.reading import LaserGeometry, Reading, SonarGeometry
 from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.coverage import Coverage, CoverageConfig
-from albot_env.tasks.kernels import observe_motions, observe_way, scale_ranges
-from albot_env.tasks.survey_kernel import Scales
+from albot_env.tasks.kernels import (
+    find_nearest,
+    observe_confidence,
+    observe_exit,
+    observe_home,
+    observe_motion,
+    observe_way,
+    scale_ranges,
+)
+from albot_env.tasks.survey_kernel import Layout, Scales
 
 Parts = dict[str, Float32[np.ndarray, "..."]]
-"""An observation by part: `laser`, `sonar`, `motion`, `heading`, `home`, `place`,
-`exit`, `way`, `coverage`."""
+"""An observation by part."""
+
+PARTS = (
+    "laser", "sonar", "motion", "heading", "home", "confidence", "place", "exit", "way", "coverage",
+)  # fmt: skip
+"""All parts that there are, in the order in which they stand in the flat observation."""
+HOMEWARD = PARTS
+"""What a robot is shown that is to find home: everything."""
+USUAL = tuple(part for part in PARTS if part not in ("confidence", "exit", "way"))
+"""What others are shown: to find the way home costs time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,14 +66,37 @@ class ObservationConfig:
     """Travel in one step shown as 1, straight ahead or sideways (m)."""
     step_turn: float = 0.3
     """Turn in one step shown as 1 (rad)."""
-    ways: bool = False
-    """Whether the believed way home is shown: the parts `exit` and `way`."""
+    home_drift: float = 0.05
+    """Standard deviation of where home is believed to be, for each metre of the travel that the
+    belief rests on: that of Albot0's path integration (Schmidt, Wong and Yeap)."""
+    home_near: float = 1.0
+    """The confidence is that home is no farther than this from where it is believed (m)."""
+    laser_sectors: int | None = None
+    """Equal sectors of which the laser part shows the shortest range; None for every beam."""
+    parts: tuple[str, ...] = USUAL
+    """What is shown, of `PARTS`; the order does not matter. Robots without sonars lack `sonar`."""
     coverage: CoverageConfig = field(default_factory=CoverageConfig)
     """The egocentric patch of ground covered."""
 
     def __post_init__(self) -> None:
         ranges = "laser_range", "sonar_range", "laser_knee", "home_range", "home_knee"
-        check_fields(self, POSITIVE, *ranges, "step_length", "step_turn")
+        check_fields(self, POSITIVE, *ranges, "home_drift", "home_near", "step_length", "step_turn")
+        self._check_parts()
+        sectors = self.laser_sectors
+        if sectors is not None and not 1 <= sectors <= self.laser.beams:
+            expected = f"1 to the laser's {self.laser.beams} beams"
+            raise InputError("ObservationConfig.laser_sectors", expected, str(sectors))
+
+    def _check_parts(self) -> None:
+        """Refuse parts that are none, none at all, and one that is named twice."""
+        place, known = "ObservationConfig.parts", ", ".join(PARTS)
+        for part in self.parts:
+            if part not in PARTS:
+                close = difflib.get_close_matches(str(part), PARTS, n=1)
+                hint = f" (did you mean {close[0]}?)" if close else ""
+                raise InputError(place, f"some of {known}", f"{part}{hint}")
+        if not self.parts or len(set(self.parts)) < len(self.parts):
+            raise InputError(place, f"some of {known}, each once", str(list(self.parts)))
 
     def fitted(self, laser: LaserGeometry, sonar: SonarGeometry | None) -> ObservationConfig:
         """The same for a robot with these sensors."""
@@ -63,18 +104,49 @@ class ObservationConfig:
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """The shape of each part, in the order of the flat observation."""
+        """The shape of each part that is shown, in the order of the flat observation."""
         side = self.coverage.patch_cells
-        return {
-            "laser": (self.laser.beams,),
-            **({"sonar": (len(self.sonar.bearings),)} if self.sonar else {}),
+        sonars = 0 if self.sonar is None else len(self.sonar.bearings)
+        shapes: dict[str, tuple[int, ...]] = {
+            "laser": (self.laser_sectors or self.laser.beams,),
+            "sonar": (sonars,),
             "motion": (3,),
             "heading": (2,),
             "home": (3,),
+            "confidence": (1,),
             "place": (2,),
-            **({"exit": (6,), "way": (4,)} if self.ways else {}),
+            "exit": (6,),
+            "way": (4,),
             "coverage": (1, side, side),
         }
+        return {part: shapes[part] for part in PARTS if part in self.parts and shapes[part] != (0,)}
+
+    @property
+    def layout(self) -> Layout:
+        """Where each part begins in the flat observation."""
+        begins, at = dict.fromkeys(PARTS, -1), 0
+        for part, shape in self.shapes.items():
+            begins[part] = at
+            at += int(np.prod(shape))
+        return Layout(**begins)
+
+    @property
+    def shows_way_home(self) -> bool:
+        """Whether something is shown for which the way home must be found."""
+        return not {"confidence", "exit", "way"}.isdisjoint(self.parts)
+
+    def require(self, parts: Collection[str], who: str) -> None:
+        """Refuse to do without parts that somebody needs.
+
+        Raises:
+            InputError: One of the parts is not shown, or the laser only by sectors.
+        """
+        missing = [part for part in parts if part not in self.shapes]
+        shown = ", ".join(self.shapes)
+        if missing:
+            raise InputError(who, f"observations with the part {missing[0]}", shown)
+        if "laser" in parts and self.laser_sectors is not None:
+            raise InputError(who, "every beam of the laser", f"{self.laser_sectors} sectors")
 
     @property
     def dict_space(self) -> spaces.Space[Any]:
@@ -96,42 +168,42 @@ class ObservationConfig:
         without sonars lack; `motion` the odometer's last
         step forward, sideways and round; `heading` cosine and sine of the heading that the
         robot believes to have as seen from home; `home` the direction of home in the robot's
-        frame as cosine and sine, and its distance, -1 at home; `place` whether it is in a
-        place that it knows from before, and whether it has lost its way (1 or -1);
-        `coverage` the patch of `Coverage.patch`. With `ways`: `exit` direction and distance of
-        the next exit on the believed way home, then the direction in which to go through it,
-        and 1; `way` direction and distance of a point some metres ahead on the way home that
-        it remembers, and 1. Where there is none, directions are 0, the distance and the last
-        number -1.
+        frame as cosine and sine, and its distance, -1 at home; `confidence` how sure the mapper
+        may be of that, from 1 to -1 where it has lost its way (see `home_drift`); `place` whether
+        it is in a place that it knows from before, and whether it has lost its way (1 or -1);
+        `exit` direction and distance of the next exit on the believed way home, then the
+        direction in which to go through it, and 1; `way` direction and distance of a point some
+        metres ahead on the way home that it remembers, and 1; where there is none, directions
+        are 0, the distance and the last number -1; `coverage` the patch of `Coverage.patch`.
         """
-        row, way = np.empty(8, np.float32), np.empty(10, np.float32)
-        scales = (self.step_length, self.step_turn, self.home_knee, self.home_range)
-        observe_motions(
-            reading.motion,
-            mapper.home,
-            scales,
-            row,
-        )
-        ahead = mapper.waypoint_home
-        point = np.full(2, np.nan) if ahead is None else ahead
-        observe_way(mapper.pose, next_of(mapper.exits_home), point, scales, way)
-        flags = np.array((mapper.network.familiar, mapper.is_lost), np.float32)
-        sonar = reading.sonar
-        return {
-            "laser": self.observe_ranges(reading.laser.ranges),
-            **({} if sonar is None else {"sonar": self.observe_echoes(sonar.ranges)}),
-            "motion": row[:3].copy(),
-            "heading": row[3:5].copy(),
-            "home": row[5:8].copy(),
-            "place": 2 * flags - 1,
-            **({"exit": way[:6].copy(), "way": way[6:].copy()} if self.ways else {}),
-            "coverage": coverage.patch(mapper.pose),
-        }
+        way = mapper.way_home if self.shows_way_home else np.full(7, np.nan)
+        home, flags = mapper.home, (mapper.network.familiar, mapper.is_lost)
+        knee, longest = self.home_knee, self.home_range
+        parts = {name: np.empty(shape, np.float32) for name, shape in self.shapes.items()}
+        shown = parts | {name: np.empty(6, np.float32) for name in PARTS if name not in parts}
+        observe_motion(reading.motion, self.step_length, self.step_turn, shown["motion"])
+        shown["heading"][:2] = np.cos(home[2]), -np.sin(home[2])
+        observe_home(home, knee, longest, shown["home"])
+        shown["confidence"][0] = observe_confidence(way[TRAVEL], self.home_drift, self.home_near)
+        shown["place"][:2] = np.where(flags, 1, -1)
+        observe_exit(mapper.pose, way[EXIT], knee, longest, shown["exit"])
+        observe_way(mapper.pose, way[POINT], knee, longest, shown["way"])
+        if "laser" in parts:
+            parts["laser"] = self.observe_ranges(reading.laser.ranges)
+        if "sonar" in parts and reading.sonar is not None:
+            parts["sonar"] = self.observe_echoes(reading.sonar.ranges)
+        if "coverage" in parts:
+            parts["coverage"] = coverage.patch(mapper.pose)
+        return parts
 
-    def observe_ranges(self, ranges: Float[np.ndarray, "beams"]) -> Float32[np.ndarray, "beams"]:
+    def observe_ranges(self, ranges: Float[np.ndarray, "beams"]) -> Float32[np.ndarray, "shown"]:
         """Ranges (m) as the `laser` part shows them: 1 at 0, -1 at `laser_range` and beyond."""
-        scaled = np.empty(len(ranges), np.float32)
-        scale_ranges(np.asarray(ranges, np.float64), self.laser_knee, self.laser_range, scaled)
+        shown = np.asarray(ranges, np.float64)
+        if self.laser_sectors is not None:
+            shown = np.empty(self.laser_sectors)
+            find_nearest(np.asarray(ranges, np.float64), shown)
+        scaled = np.empty(len(shown), np.float32)
+        scale_ranges(shown, self.laser_knee, self.laser_range, scaled)
         return scaled
 
     def observe_echoes(self, ranges: Float[np.ndarray, "sonars"]) -> Float32[np.ndarray, "sonars"]:
@@ -157,12 +229,10 @@ class ObservationConfig:
             step_turn=self.step_turn,
             home_knee=self.home_knee,
             home_range=self.home_range,
-            ways=self.ways,
+            home_drift=self.home_drift,
+            home_near=self.home_near,
+            sectors=self.laser_sectors or 0,
         )
-
-    def flatten(self, parts: Parts) -> Float32[np.ndarray, "length"]:
-        """All parts in one row, in the order of `shapes`."""
-        return np.concatenate([parts[name].ravel() for name in self.shapes])
 
     def split(self, flat: Float[np.ndarray, "length"]) -> Parts:
         """The parts of a flat observation.

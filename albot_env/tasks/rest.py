@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from albot_core.geometry.types import Pose
+from albot_core.mapper import WayHome
 from albot_env.sim.fleet import Halt
 from albot_env.tasks.survey import Surveyed
 
@@ -25,5 +26,7 @@ class Rest:
     """What it has covered and entered."""
     belief: Pose
     """Where it believes to be, in its map's frame."""
+    way_home: WayHome
+    """The way home that it believes in."""
     memory: dict[str, np.ndarray]
     """Its mapper's state."""

@@ -48,7 +48,7 @@ class Survey:
 
     def __init__(self, robots: int, config: ObservationConfig, laser: LaserGeometry) -> None:
         self._config = config.coverage
-        self._scales = config.scales
+        self._scales, self._layout = config.scales, config.layout
         self._sight = config.coverage.sight(laser)
         self._covered = _no_ground(robots)
         self._believed = _no_ground(robots)
@@ -156,7 +156,8 @@ class Survey:
         self, covered: Ground, believed: Ground, rooms: Rooms, senses: Senses
     ) -> tuple[Any, ...]:
         """What the survey takes."""
-        return self._sight, covered, believed, rooms, self._scales, senses, self.findings
+        observing = self._scales, self._layout
+        return self._sight, covered, believed, rooms, *observing, senses, self.findings
 
 
 def _no_ground(robots: int) -> Ground:

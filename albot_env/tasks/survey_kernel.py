@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from albot_core.mapper import EXIT, POINT, TRAVEL
 from albot_core.parcel import Parcel, opened
 from albot_env.tasks.kernels import (
     cover,
     cut_patch,
     find_home,
+    find_nearest,
     find_room,
     is_time_to_look,
-    observe_motions,
+    observe_confidence,
+    observe_exit,
+    observe_home,
+    observe_motion,
     observe_way,
     scale_ranges,
 )
@@ -59,7 +65,24 @@ class Scales(NamedTuple):
     step_turn: float
     home_knee: float
     home_range: float
-    ways: bool
+    home_drift: float
+    home_near: float
+    sectors: int
+
+
+class Layout(NamedTuple):
+    """Where in an observation each part begins; -1 for those that are not shown."""
+
+    laser: int
+    sonar: int
+    motion: int
+    heading: int
+    home: int
+    confidence: int
+    place: int
+    exit: int
+    way: int
+    coverage: int
 
 
 class Senses(NamedTuple):
@@ -71,12 +94,8 @@ class Senses(NamedTuple):
     """(n, 3) float64: where they believe to be (map frame)."""
     home_places: np.ndarray
     """(n, 3) float64: where they believe home to be (map frame)."""
-    exits: np.ndarray
-    """(n, 4) float64: the next exit on the way home that they believe in (map frame); NaN for
-    none."""
-    waypoints: np.ndarray
-    """(n, 2) float64: a point ahead on the way home that they remember (map frame); NaN for
-    none."""
+    ways_home: np.ndarray
+    """(n, 7) float64: the ways home that they believe in (see `albot_core.mapper.WayHome`)."""
     places: np.ndarray
     """(n, 2) bool: whether they are in a place that they know from before; have lost their way."""
     homes: np.ndarray
@@ -111,12 +130,10 @@ def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
     """Survey the robots `rows`; each's observation goes into its row of `observations`.
 
     The parcel holds `Sight`, the `Ground` truly covered, that believed to be, `Rooms`, `Scales`,
-    `Senses` and `Findings`.
+    `Layout`, `Senses` and `Findings`.
     """
-    sight, covered, believed, rooms, s, senses, findings = opened(parcel)
-    beams, sonars = senses.ranges.shape[1], senses.echoes.shape[1]
-    rest = beams + sonars
-    steps = s.step_length, s.step_turn, s.home_knee, s.home_range
+    sight, covered, believed, rooms, s, layout, senses, findings = opened(parcel)
+    nearest = np.empty(s.sectors)
     for k in range(rows.shape[0]):
         i = rows[k]
         pose, belief, ranges = senses.poses[i], senses.beliefs[i], senses.ranges[i]
@@ -139,17 +156,45 @@ def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
             findings.rooms_entered[i] += 1
         find_home(belief, senses.home_places[i], senses.homes[i])
         row = observations[i]
-        scale_ranges(ranges, s.laser_knee, s.laser_range, row)
-        scale_ranges(senses.echoes[i], s.laser_knee, s.sonar_range, row[beams:rest])
-        observe_motions(senses.motions[i], senses.homes[i], steps, row[rest:])
-        at = rest + 8
+        if layout.laser >= 0:
+            seen = ranges
+            if s.sectors:
+                find_nearest(ranges, nearest)
+                seen = nearest
+            scale_ranges(seen, s.laser_knee, s.laser_range, row[layout.laser :])
+        if layout.sonar >= 0:
+            scale_ranges(senses.echoes[i], s.laser_knee, s.sonar_range, row[layout.sonar :])
+        _tell_motion(i, s, layout, senses, row)
+        _tell_beliefs(i, s, layout, senses, row)
+        if layout.coverage >= 0:
+            cut_patch(
+                believed.grids[i], side, s.cell, centre, belief,
+                s.patch_cell, s.patch_cells, row[layout.coverage :],
+            )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def _tell_motion(i: int, s: Scales, layout: Layout, senses: Senses, row: np.ndarray) -> None:
+    """Fill in the parts motion, heading and home of robot i, as far as they are shown."""
+    home = senses.homes[i]
+    if layout.motion >= 0:
+        observe_motion(senses.motions[i], s.step_length, s.step_turn, row[layout.motion :])
+    if layout.heading >= 0:
+        row[layout.heading], row[layout.heading + 1] = math.cos(home[2]), -math.sin(home[2])
+    if layout.home >= 0:
+        observe_home(home, s.home_knee, s.home_range, row[layout.home :])
+
+
+@njit(cache=True, error_model="numpy")
+def _tell_beliefs(i: int, s: Scales, layout: Layout, senses: Senses, row: np.ndarray) -> None:
+    """Fill in what robot i makes of its map, as far as it is shown."""
+    belief, way = senses.beliefs[i], senses.ways_home[i]
+    if layout.confidence >= 0:
+        row[layout.confidence] = observe_confidence(way[TRAVEL], s.home_drift, s.home_near)
+    if layout.place >= 0:
         for flag in range(2):
-            row[at + flag] = 1.0 if senses.places[i, flag] else -1.0
-        at += 2
-        if s.ways:
-            observe_way(belief, senses.exits[i], senses.waypoints[i], steps, row[at:])
-            at += 10
-        cut_patch(
-            believed.grids[i], side, s.cell, centre, belief,
-            s.patch_cell, s.patch_cells, row[at:],
-        )  # fmt: skip
+            row[layout.place + flag] = 1.0 if senses.places[i, flag] else -1.0
+    if layout.exit >= 0:
+        observe_exit(belief, way[EXIT], s.home_knee, s.home_range, row[layout.exit :])
+    if layout.way >= 0:
+        observe_way(belief, way[POINT], s.home_knee, s.home_range, row[layout.way :])

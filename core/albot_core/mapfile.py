@@ -23,7 +23,7 @@ from albot_core.mapper import Mapper
 from albot_core.registry import MAPPERS, make_mapper
 
 FORMAT = "albot-map"
-VERSION = 2
+VERSION = 3
 
 _HEADER = "header.json"
 _EPOCH = (1980, 1, 1, 0, 0, 0)

@@ -9,9 +9,21 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.poses import compose
-from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.geometry.types import Pose, Segments
 from albot_core.perception.reading import Reading, Readings
 from albot_core.topology.network import Network
+
+WayHome = Float64[np.ndarray, "7"]
+"""A believed way home, in the map's frame: `EXIT`, `POINT` and `TRAVEL`."""
+EXIT = slice(0, 4)
+"""The line across the next exit on the way, the present place to its left; NaN where home is in
+this place, or where no way through exits is known."""
+POINT = slice(4, 6)
+"""A point a little ahead on the way; NaN where home is nearer, or where none is known."""
+TRAVEL = 6
+"""Length of the travel that the belief of where home is rests on (m): along the way remembered,
+or all that was driven where home is known by path integration alone; infinite where the
+robot has lost its way or knows none."""
 
 
 @runtime_checkable
@@ -52,17 +64,10 @@ class Mapper(Protocol):
         """What happened to the network and why, in order; each is told as one line."""
 
     @property
-    def exits_home(self) -> Segments:
-        """The exits on the believed way home, the next first, in the map's frame.
+    def way_home(self) -> WayHome:
+        """The way home that it believes in, as seen from where it is now (see `WayHome`).
 
-        None where home is in the present place, or no way over the network leads there.
-        """
-
-    @property
-    def waypoint_home(self) -> Points | None:
-        """A point a little ahead on the way home that it came by, in the map's frame (m).
-
-        None where home is nearer, or where it remembers no way.
+        It may be kept for a little way, until the robot has moved on.
         """
 
     @property
@@ -107,18 +112,8 @@ class MapperBatch(Protocol):
         """Where home is believed to be, in each one's map's frame: written over."""
 
     @property
-    def next_exits(self) -> Float64[np.ndarray, "robots 4"]:
-        """The next exit on each one's believed way home, in its map's frame; NaN for none.
-
-        As of the last `find_ways`: written over (see `Mapper.exits_home`).
-        """
-
-    @property
-    def waypoints(self) -> Float64[np.ndarray, "robots 2"]:
-        """A point a little ahead on each one's way home, in its map's frame; NaN for none.
-
-        As of the last `find_ways`: written over (see `Mapper.waypoint_home`).
-        """
+    def ways_home(self) -> Float64[np.ndarray, "robots 7"]:
+        """The way home that each believes in, as of the last `find_ways`: written over."""
 
     @property
     def places(self) -> Bool[np.ndarray, "robots 2"]:
@@ -128,7 +123,7 @@ class MapperBatch(Protocol):
         """
 
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Find the next exit home of some."""
+        """Find the ways home of some."""
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
@@ -165,8 +160,7 @@ class LoopedMappers:
         self._mappers = tuple(mappers)
         self.poses = np.zeros((len(self._mappers), 3))
         self.homes = np.zeros((len(self._mappers), 3))
-        self.next_exits = np.full((len(self._mappers), 4), np.nan)
-        self.waypoints = np.full((len(self._mappers), 2), np.nan)
+        self.ways_home = np.full((len(self._mappers), 7), np.nan)
         self.places = np.zeros((len(self._mappers), 2), np.bool_)
         self.updates = np.zeros(len(self._mappers), np.int64)
         self.surface_counts = np.zeros(len(self._mappers), np.int64)
@@ -184,11 +178,9 @@ class LoopedMappers:
             self._place(row)
 
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Find the next exit home of some."""
+        """Find the ways home of some."""
         for row in rows.tolist():
-            self.next_exits[row] = next_of(self._mappers[row].exits_home)
-            ahead = self._mappers[row].waypoint_home
-            self.waypoints[row] = np.nan if ahead is None else ahead
+            self.ways_home[row] = self._mappers[row].way_home
 
     def surfaces(self, row: int) -> Segments:
         """The surfaces that one remembers, in its map's frame."""
@@ -214,8 +206,3 @@ class LoopedMappers:
         self.poses[row] = mapper.pose
         self.homes[row] = compose(mapper.pose, mapper.home)
         self.places[row] = mapper.network.familiar, mapper.is_lost
-
-
-def next_of(exits: Segments) -> Float64[np.ndarray, "4"]:
-    """The first of the exits on a way; NaN where there is none."""
-    return exits[0] if len(exits) else np.full(4, np.nan)

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from albot_agents.agent import Action, filled
-from albot_agents.scripted.senses import make_sense, sense_way
+from albot_agents.scripted.senses import SENSED, make_sense, sense_way
 from albot_core.exploration.wayfarer import Wayfarer
 from albot_core.geometry.poses import inverse
 from albot_env.tasks.action import ActionConfig
@@ -26,7 +26,7 @@ class Albot1Homing:
 
     Args:
         observing: How the environment makes observations. Where they do not show the way home
-            (`ways`), it makes straight for home.
+            (the part `way`), it makes straight for home.
     """
 
     name: ClassVar[str] = "albot1-homing"
@@ -36,6 +36,7 @@ class Albot1Homing:
     """How near to where it believes home to be it declares (m)."""
 
     def __init__(self, observing: ObservationConfig) -> None:
+        observing.require(SENSED, self.name)
         self._observing = observing
         self._wayfarer = Wayfarer()
 

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from albot_agents.agent import Action, filled
-from albot_agents.scripted.senses import make_sense
+from albot_agents.scripted.senses import SENSED, make_sense
 from albot_core.exploration.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_env.tasks.action import ActionConfig
 from albot_env.tasks.observation import ObservationConfig
@@ -26,6 +26,7 @@ class GapExplorerAgent:
     knows_truth: ClassVar[bool] = False
 
     def __init__(self, observing: ObservationConfig) -> None:
+        observing.require(SENSED, self.name)
         self._observing = observing
         self._explorer = GapExplorer(GapExplorerConfig(near=observing.coverage.radius))
 

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from albot_agents.agent import Action, filled
-from albot_agents.scripted.senses import make_sense
+from albot_agents.scripted.senses import SENSED, make_sense
 from albot_core.exploration.approach import Approach
 from albot_core.geometry.poses import inverse, transform_points
 from albot_env.tasks.action import ActionConfig
@@ -34,6 +34,7 @@ class Oracle:
     """How near to home it stops (m)."""
 
     def __init__(self, observing: ObservationConfig) -> None:
+        observing.require(SENSED, self.name)
         self._observing = observing
         self._approach = Approach()
 

@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from albot_agents.agent import Action, filled
-from albot_agents.scripted.senses import make_sense
+from albot_agents.scripted.senses import SENSED, make_sense
 from albot_core.exploration.approach import Approach
 from albot_core.geometry.poses import compose, inverse
 from albot_core.geometry.types import Pose
@@ -35,6 +35,7 @@ class PathIntegration:
     """The home vector is nothing where it is shorter than this (m)."""
 
     def __init__(self, observing: ObservationConfig) -> None:
+        observing.require(SENSED, self.name)
         self._observing = observing
         self._approach = Approach()
 

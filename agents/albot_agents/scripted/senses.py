@@ -10,6 +10,9 @@ from albot_core.exploration.senses import Senses
 from albot_core.geometry.types import Points
 from albot_env.tasks.observation import ObservationConfig
 
+SENSED = ("laser", "motion", "heading", "home")
+"""The parts of an observation that `make_sense` makes sense of."""
+
 
 def make_sense(observation: Any, config: ObservationConfig) -> Senses:
     """Undo the scaling of an observation, flat or by part."""
@@ -30,7 +33,7 @@ def make_sense(observation: Any, config: ObservationConfig) -> Senses:
 
 def sense_way(observation: Any, config: ObservationConfig) -> Points | None:
     """The point ahead on the believed way home, in the robot's frame (m); None for none."""
-    if not config.ways:
+    if "way" not in config.shapes:
         return None
     parts = observation if isinstance(observation, dict) else config.split(observation)
     part = np.asarray(parts["way"], float)

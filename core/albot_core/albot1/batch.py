@@ -49,13 +49,13 @@ from albot_core.albot1.sight import (
 )
 from albot_core.albot1.storage import COLUMNS, addresses_of
 from albot_core.albot1.structure import joined
-from albot_core.albot1.treading import tread, waypoint_home
+from albot_core.albot1.treading import follow_home, tread
 from albot_core.albot1.updating import update_map
 from albot_core.albot1.wayfinding import way_lines
 from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_segments
-from albot_core.geometry.types import Points, Segments
-from albot_core.mapper import next_of
+from albot_core.geometry.types import Segments
+from albot_core.mapper import EXIT, POINT, TRAVEL
 from albot_core.parcel import Packer
 from albot_core.perception.reading import LaserGeometry, Readings
 
@@ -80,9 +80,8 @@ class Albot1Batch:
         self._arrays: list[tuple[Memory, Sight, Exits]] = []
         self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
         self._homes = np.zeros((count, 3))
-        self._next_exits = np.full((count, 4), np.nan)
         self._places = np.zeros((count, 2), np.bool_)
-        self._waypoints = np.full((count, 2), np.nan)
+        self._ways_home = np.full((count, 7), np.nan)
         self._found_at = np.full((count, 2), np.inf)
         self._versions = np.full(count, -1)
         self._robots = Robots(
@@ -121,44 +120,33 @@ class Albot1Batch:
         return self._homes
 
     @property
-    def next_exits(self) -> Float64[np.ndarray, "robots 4"]:
-        """The next exit on each one's believed way home, in its map's frame; NaN for none.
-
-        As of the last `find_ways`. Written over.
-        """
-        return self._next_exits
-
-    @property
     def places(self) -> Bool[np.ndarray, "robots 2"]:
         """Whether each knows its place from before; has lost its way. Written over."""
         return self._places
 
     @property
-    def waypoints(self) -> Float64[np.ndarray, "robots 2"]:
-        """A point ahead on each one's trail home, in its map's frame; NaN for none.
-
-        As of the last `find_ways`. Written over.
-        """
-        return self._waypoints
-
-    def waypoint_home(self, row: int) -> Points | None:
-        """A point ahead on one's trail home, in its map's frame (m); None for none."""
-        sight = self._arrays[row][1]
-        view = sight.surfaces[: sight.size[0]]
-        return waypoint_home(self._networks[row], self.poses[row], view)
+    def ways_home(self) -> Float64[np.ndarray, "robots 7"]:
+        """The way home that each believes in, as of the last `find_ways`. Written over."""
+        return self._ways_home
 
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Find the way home of those that have gone on, or whose network has changed."""
+        """Find the way home of those that have gone on (AFRESH), or whose network has changed.
+
+        The next exit is that of when the network last changed, as it does with each exit
+        crossed: within a place the way does not turn round for another exit.
+        """
         for row in rows.tolist():
-            network, pose = self._networks[row], self.poses[row]
+            network, pose, way = self._networks[row], self.poses[row], self._ways_home[row]
             if self._versions[row] != network.version:
                 self._versions[row] = network.version
-                self._next_exits[row] = next_of(way_lines(network, pose, START))
+                exits = way_lines(network, pose, START)
+                way[EXIT] = exits[0] if len(exits) else np.nan
                 self._found_at[row] = np.inf
             if np.hypot(*(self._found_at[row] - pose[:2])) > AFRESH:
                 self._found_at[row] = pose[:2]
-                ahead = self.waypoint_home(row)
-                self._waypoints[row] = np.nan if ahead is None else ahead
+                sight = self._arrays[row][1]
+                ahead = follow_home(network, pose, sight.surfaces[: sight.size[0]])
+                way[POINT], way[TRAVEL] = ahead.point, ahead.length
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:

@@ -9,11 +9,11 @@ from jaxtyping import Float64
 
 from albot_core.albot1.batch import Albot1Batch
 from albot_core.albot1.config import Albot1Config
-from albot_core.albot1.network import START
 from albot_core.albot1.record import Event
 from albot_core.albot1.wayfinding import pointing, way_lines
 from albot_core.geometry.poses import relative
-from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.geometry.types import Pose, Segments
+from albot_core.mapper import WayHome
 from albot_core.perception.reading import Reading
 from albot_core.topology.network import Network
 
@@ -108,14 +108,13 @@ class Albot1:
         return tuple(self._robot.network(0).events)
 
     @property
-    def exits_home(self) -> Segments:
-        """The exits on the believed way home, the next first, in the map's frame (m)."""
-        return self.way_to(START)
+    def way_home(self) -> WayHome:
+        """The next exit, a point ahead on the trail, and the trail's length, all homewards.
 
-    @property
-    def waypoint_home(self) -> Points | None:
-        """A point some metres ahead on the trail home, in the map's frame (m)."""
-        return self._robot.waypoint_home(0)
+        Found anew after so much way as `Albot1Batch.find_ways` says.
+        """
+        self._robot.find_ways(_ITSELF)
+        return np.array(self._robot.ways_home[0])
 
     @property
     def is_lost(self) -> bool:

@@ -49,6 +49,15 @@ class About(NamedTuple):
     """Whether the robot can go straight there."""
 
 
+class Way(NamedTuple):
+    """A way along the trail."""
+
+    points: list[int]
+    """The points on it, the nearest first; none where no trail leads there."""
+    length: float
+    """How long it is, the way to the nearest included (m); infinite where there is none."""
+
+
 class Trail:
     """The points that one robot has come through, each in one of its places."""
 
@@ -102,22 +111,21 @@ class Trail:
             self.places[which] = place
         self._ways = None
 
-    def way(self, away: Float64[np.ndarray, "points"]) -> list[int]:
-        """The points on the way home, to the first one trodden on.
-
-        None where no trail leads home.
+    def way(self, away: Float64[np.ndarray, "points"]) -> Way:
+        """The way home, to the first point trodden on.
 
         Args:
             away: How far away each point is from which one may set out (m), infinity for others.
         """
         lengths, towards = self._homewards()
         here = int(np.argmin(away + lengths))
-        if not np.isfinite(away[here] + lengths[here]):
-            return []
-        way = [here]
-        while way[-1] != 0:
-            way.append(int(towards[way[-1]]))
-        return way
+        length = float(away[here] + lengths[here])
+        if not np.isfinite(length):
+            return Way([], length)
+        points = [here]
+        while points[-1] != 0:
+            points.append(int(towards[points[-1]]))
+        return Way(points, length)
 
     def _link(self, one: int, other: int, length: float) -> None:
         pair = (one, other) if one < other else (other, one)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from albot_core.albot1.network import PlaceNetwork
@@ -22,24 +24,33 @@ def tread(network: PlaceNetwork, pose: Pose, view: Segments) -> None:
     network.trail.tread(network.current, _enduring(network, pose), view)
 
 
-def waypoint_home(network: PlaceNetwork, pose: Pose, view: Segments) -> Points | None:
-    """The point some metres (AHEAD) farther on the trail home, in the map's frame (m).
+class Homewards(NamedTuple):
+    """The trail home from where the robot is."""
 
-    None where home is nearer, or no trail leads there. The arguments are as for `tread`.
-    """
+    point: Points
+    """The point some metres (AHEAD) farther on it, in the map's frame (m); NaN where home is
+    nearer."""
+    length: float
+    """How long it is (m); infinite where none leads home, or the robot has lost its way."""
+
+
+def follow_home(network: PlaceNetwork, pose: Pose, view: Segments) -> Homewards:
+    """The trail home. The arguments are as for `tread`."""
     trail, here = network.trail, _enduring(network, pose)
     about = trail.look(network.current, here, view)
     own = trail.places == network.current
     start = np.where(about.can_go | own & (about.away < REACH), about.away, np.inf)
     if not np.isfinite(start).any():
         start = np.where(own if own.any() else np.ones_like(own), about.away, np.inf)
+    way = trail.way(start)
+    length = np.inf if network.lost_since else way.length
     ahead, before = AHEAD, here[:2]
-    for k in trail.way(start):
+    for k in way.points:
         ahead -= float(np.hypot(*(trail.points[k] - before)))
         before = trail.points[k]
         if ahead <= 0:
-            return transform_points(network.displacement, before)
-    return None
+            return Homewards(transform_points(network.displacement, before), length)
+    return Homewards(np.full(2, np.nan), length)
 
 
 def _enduring(network: PlaceNetwork, pose: Pose) -> Pose:

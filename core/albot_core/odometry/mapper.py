@@ -15,7 +15,8 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, relative, transform_segments
-from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.geometry.types import Pose, Segments
+from albot_core.mapper import WayHome
 from albot_core.perception.reading import Reading
 from albot_core.perception.view import ViewConfig, construct_view
 from albot_core.topology.network import NOWHERE, Network
@@ -86,14 +87,9 @@ class OdometryMapper:
         return ()
 
     @property
-    def exits_home(self) -> Segments:
-        """None: it knows no exits."""
-        return np.empty((0, 4))
-
-    @property
-    def waypoint_home(self) -> Points | None:
-        """None: it remembers no way."""
-        return None
+    def way_home(self) -> WayHome:
+        """No exit and no point ahead; its belief rests on all that it has driven."""
+        return np.array((*6 * (np.nan,), self._driven))
 
     @property
     def is_lost(self) -> bool:
@@ -109,6 +105,7 @@ class OdometryMapper:
         """Forget everything; the next reading is the first."""
         self._pose = np.zeros(3)
         self._laid_at = np.zeros(3)
+        self._driven = 0.0
         self._updates = 0
         self._store = np.empty((0, 4))
         self._end = 0
@@ -117,6 +114,7 @@ class OdometryMapper:
         """Take in a reading; true where its view was laid down."""
         if self._updates:
             self._pose = compose(self._pose, reading.motion)
+            self._driven += float(np.hypot(reading.motion[0], reading.motion[1]))
             if not self._has_moved_on():
                 return False
         view = construct_view(reading.laser, self.config.view)
@@ -130,6 +128,7 @@ class OdometryMapper:
         return {
             "pose": self.pose,
             "laid_at": self._laid_at.copy(),
+            "driven": np.array(self._driven),
             "updates": np.array(self._updates, np.int64),
             "surfaces": self.surfaces,
         }
@@ -138,6 +137,7 @@ class OdometryMapper:
         """Become the mapper that returned `state`."""
         self._pose = state["pose"].copy()
         self._laid_at = state["laid_at"].copy()
+        self._driven = float(state["driven"])
         self._updates = int(state["updates"])
         self._store = state["surfaces"].copy()
         self._end = len(self._store)

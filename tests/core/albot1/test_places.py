@@ -10,6 +10,7 @@ from albot_core.albot1.mapper import Albot1
 from albot_core.albot1.record import Happening
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, transform_segments
+from albot_core.mapper import EXIT
 from albot_core.perception.reading import Reading, Readings
 from tests.core.scenes import FURNITURE, house_walk, scan_from, two_rooms
 
@@ -56,7 +57,7 @@ def test_two_rooms_are_two_places_joined_by_their_door(noisy):
 def test_the_way_home_leads_through_the_door(noisy):
     mapper = led(noisy[:14])
     assert mapper.network.current == 1
-    (line,) = mapper.exits_home
+    line = mapper.way_home[EXIT]
     assert np.hypot(*(0.5 * (line[:2] + line[2:]) - (2.5, 0.0))) < 0.2
     direction, distance = mapper.point_to(0)
     home = relative(noisy_truth(13), np.zeros(3))
@@ -66,7 +67,7 @@ def test_the_way_home_leads_through_the_door(noisy):
         mapper.way_to(5)
     for reading in noisy[14:]:
         mapper.update(reading)
-    assert len(mapper.exits_home) == 0
+    assert np.isnan(mapper.way_home[EXIT]).all()
 
 
 def noisy_truth(step: int) -> np.ndarray:
@@ -117,9 +118,8 @@ def test_a_batch_does_what_a_single_one_does(noisy):
         same_state(batch.state(row), single.state())
         home = compose(single.pose, single.home)
         np.testing.assert_allclose(batch.homes[row], home, atol=1e-12)
-        way = single.exits_home
-        expected = way[0] if len(way) else np.full(4, np.nan)
-        np.testing.assert_array_equal(batch.next_exits[row], expected)
+        batch.find_ways(np.array([row]))
+        np.testing.assert_array_equal(batch.ways_home[row], single.way_home)
     assert all(len(single.network.places) > 1 for single in singles)
 
 

@@ -11,7 +11,7 @@ from shapely.geometry import LineString, box
 from albot_core.albot1.config import PlacesConfig
 from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.trail import CLEARANCE, SAME, SIGHT, Trail, look_about
-from albot_core.albot1.treading import tread, waypoint_home
+from albot_core.albot1.treading import follow_home, tread
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 
 NOTHING = np.empty((0, 4))
@@ -37,7 +37,7 @@ def test_the_way_home_is_the_way_that_it_came() -> None:
     _walk(trail, *((0.5 * k, 0.0) for k in range(1, 9)))
     away = np.full(9, np.inf)
     away[8] = 0.1
-    assert trail.way(away) == list(range(8, -1, -1))
+    assert trail.way(away).points == list(range(8, -1, -1))
 
 
 def test_it_treads_on_its_old_points_again() -> None:
@@ -59,10 +59,10 @@ def test_a_point_in_view_cuts_a_long_way_short() -> None:
     _walk(trail, (0.0, 1.0), (0.0, 2.0), (1.0, 2.0), (2.0, 2.0))
     away = np.full(5, np.inf)
     away[4] = 0.0
-    assert trail.way(away) == [4, 3, 2, 1, 0]
+    assert trail.way(away).points == [4, 3, 2, 1, 0]
     facing_home = np.array((2.0, 2.0, -0.75 * np.pi))
     trail.tread(0, facing_home, np.array(((1.0, -1.5, 1.6, -1.5),)))
-    assert trail.way(away) == [4, 0]
+    assert trail.way(away).points == [4, 0]
 
 
 def test_a_wall_between_bars_the_short_cut() -> None:
@@ -118,9 +118,11 @@ def test_the_waypoint_is_ahead_on_the_way_and_none_near_home(
     for k in range(1, 13):
         pose = compose(network.displacement, np.array((0.5 * k, 0.0, 0.0)))
         tread(network, pose, NOTHING)
-    ahead = waypoint_home(network, pose, NOTHING)
-    assert ahead is not None
+    ahead, length = follow_home(network, pose, NOTHING)
+    assert length == pytest.approx(6.0)
     expected = transform_points(network.displacement, np.array((4.0, 0.0)))
     np.testing.assert_allclose(ahead, expected, atol=1e-9)
     near = compose(network.displacement, np.array((0.5, 0.0, 0.0)))
-    assert waypoint_home(network, near, NOTHING) is None
+    nothing, length = follow_home(network, near, NOTHING)
+    assert np.isnan(nothing).all()
+    assert length == pytest.approx(0.5)

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from albot_agents.registry import make_agent
 from albot_core.errors import InputError
+from albot_core.geometry.poses import relative
 from albot_core.registry import make_mapper
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks.coverage import Coverage
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.exploration import ExploreConfig
+from albot_env.tasks.kernels import observe_confidence
+from albot_env.tasks.observation import HOMEWARD, ObservationConfig
 from tests.env.conftest import drive
 
 CONFIG = ObservationConfig()
@@ -68,12 +74,90 @@ def test_observations_are_a_function_of_the_readings_alone(make_env, tmp_path: P
     seen = drive(env, 60)
     env.close()
 
-    mapper, ground = make_mapper("albot1"), Coverage(CONFIG.coverage, 20.0)
-    moments = list(EpisodeReader(tmp_path / "a.mcap").moments())
+    assert_replayed(seen, tmp_path / "a.mcap", CONFIG)
+
+
+def assert_replayed(seen: list[tuple[Any, Any]], path: Path, config: ObservationConfig) -> None:
+    """A fresh mapper makes the same observations of the readings recorded."""
+    mapper, ground = make_mapper("albot1"), Coverage(config.coverage, 20.0)
+    moments = list(EpisodeReader(path).moments())
     assert len(moments) == len(seen)
     for moment, (observation, _) in zip(moments, seen, strict=True):
         mapper.update(moment.reading)
         ground.follow(moment.reading.motion, mapper.pose, moment.reading.laser)
-        again = CONFIG.observe(moment.reading, mapper, ground)
+        again = config.observe(moment.reading, mapper, ground)
+        assert again.keys() == observation.keys()
         for name, part in observation.items():
-            assert np.array_equal(again[name], part), name
+            np.testing.assert_array_equal(again[name], part, err_msg=name)
+
+
+@pytest.mark.parametrize("sectors", [None, 20])
+def test_the_way_home_is_a_function_of_the_readings_too(make_env, tmp_path: Path, sectors) -> None:
+    config = replace(ObservationConfig(parts=HOMEWARD), laser_sectors=sectors)
+    env = make_env(mapper="albot1", observation="dict", config=ExploreConfig(observations=config))
+    env.recorder = EpisodeWriter(tmp_path / "a.mcap")
+    seen = [env.reset(seed=5, options={"start": 0})]
+    for goal in ((8.0, 2.5), (8.2, 1.5), (4.0, 2.0)):
+        while np.hypot(*(goal - seen[-1][1]["pose"][:2])) > 0.3:
+            ahead = relative(seen[-1][1]["pose"], np.array((*goal, 0.0)))
+            turn = np.arctan2(ahead[1], ahead[0])
+            action = np.array((0.6 * max(0.0, np.cos(turn)), np.clip(turn, -0.5, 0.5)))
+            observation, _, _, _, info = env.step(action)
+            seen.append((observation, info))
+    env.close()
+    assert {observation["exit"][5] for observation, _ in seen} == {-1.0, 1.0}
+    assert {observation["way"][3] for observation, _ in seen} == {-1.0, 1.0}
+    confident = [observation["confidence"][0] for observation, _ in seen]
+    assert max(confident) == 1.0
+    assert min(confident) < 0.99
+    assert_replayed(seen, tmp_path / "a.mcap", env.observing)
+
+
+def test_confidence_falls_with_travel_as_a_normal_distribution_widens() -> None:
+    near = [observe_confidence(travel, 0.05, 1.0) for travel in (0.0, 20.0, 60.0, np.inf)]
+    inside = [1.0, 1 - np.exp(-0.5), 1 - np.exp(-0.5 / 9), 0.0]
+    assert near == pytest.approx([2 * share - 1 for share in inside])
+
+
+def test_a_sector_shows_its_nearest_beam() -> None:
+    config = replace(CONFIG, laser_sectors=4)
+    ranges = np.full(181, 9.0)
+    ranges[44], ranges[45], ranges[180] = 1.0, 2.0, 3.0
+    expected = CONFIG.observe_ranges(np.array((1.0, 2.0, 9.0, 3.0)))
+    assert config.observe_ranges(ranges).tolist() == expected.tolist()
+
+
+def test_only_the_parts_asked_for_are_shown(make_env) -> None:
+    parts = ("home", "laser", "place")
+    config = replace(CONFIG, parts=parts, laser_sectors=12)
+    env = make_env(config=ExploreConfig(observations=config))
+    whole = drive(make_env(), 5)
+    for (few, _), (all_of_it, _) in zip(drive(env, 5), whole, strict=True):
+        shown, others = config.split(few), CONFIG.split(all_of_it)
+        assert list(shown) == ["laser", "home", "place"]
+        assert env.observation_space.contains(few)
+        assert shown["home"].tolist() == others["home"].tolist()
+        assert shown["laser"].max() == others["laser"].max()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"parts": ("lasr",)}, "did you mean laser"),
+        ({"parts": ()}, "each once, found"),
+        ({"parts": ("home", "home")}, "each once, found"),
+        ({"laser_sectors": 0}, "1 to the laser's 181 beams"),
+        ({"laser_sectors": 500}, "1 to the laser's 181 beams"),
+        ({"home_drift": 0.0}, "home_drift"),
+    ],
+)
+def test_observations_that_cannot_be_are_refused(change, message) -> None:
+    with pytest.raises(InputError, match=message):
+        replace(CONFIG, **change)
+
+
+def test_who_needs_a_part_is_told_that_it_is_missing() -> None:
+    with pytest.raises(InputError, match="gap-explorer: expected observations with the part laser"):
+        make_agent("gap-explorer", replace(CONFIG, parts=("home",)))
+    with pytest.raises(InputError, match="oracle: expected every beam"):
+        make_agent("oracle", replace(CONFIG, laser_sectors=5))
