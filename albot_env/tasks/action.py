@@ -14,6 +14,21 @@ from albot_core.ranges import POSITIVE, check_fields
 
 Numbers = Float64[np.ndarray, "robots numbers"]
 
+DRIVING = (
+    (1.0, 0.0),
+    (0.4, 0.0),
+    (0.6, 0.25),
+    (0.6, -0.25),
+    (0.25, 0.5),
+    (0.25, -0.5),
+    (0.0, 0.5),
+    (0.0, -0.5),
+    (-0.25, 0.0),
+    (0.0, 0.0),
+)
+"""Speed and turn rate of the actions by number, as shares: fast and slowly ahead, wide and
+narrow curves to the left and to the right, turns on the spot, back, and stop."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ActionConfig:
@@ -34,6 +49,42 @@ class ActionConfig:
     def space(self) -> spaces.Box:
         """The space of actions, whose numbers are `names`."""
         return spaces.Box(-1, 1, (len(self.names),), np.float32)
+
+    @property
+    def choices(self) -> Float64[np.ndarray, "choices numbers"]:
+        """The actions among which a simple learner chooses.
+
+        Each of `DRIVING`; then, standing still, each further number at 1.
+        """
+        rows = np.full((len(DRIVING) + len(self.names) - 2, len(self.names)), -1.0)
+        rows[:, :2] = 0.0
+        rows[: len(DRIVING), :2] = DRIVING
+        for k in range(2, len(self.names)):
+            rows[len(DRIVING) + k - 2, k] = 1.0
+        return rows
+
+    @property
+    def choice_space(self) -> spaces.Discrete:
+        """The space of actions by number: rows of `choices`."""
+        return spaces.Discrete(len(self.choices))
+
+    def chosen(self, choices: Any, count: int | None, environment: str) -> Any:
+        """The actions of these numbers, for `single` (count None) or `batch`.
+
+        Raises:
+            InputError: They are not whole numbers in range, or not as many as environments.
+        """
+        table = self.choices
+        expected = f"a whole number from 0 to {len(table) - 1}"
+        expected += "" if count is None else f" for each of {count}"
+        numbers = np.asarray(choices)
+        if numbers.dtype.kind not in "iu" or numbers.shape != (() if count is None else (count,)):
+            raise InputError(environment, expected, repr(choices), place="action")
+        wrong = np.flatnonzero((numbers < 0) | (numbers >= len(table)))
+        if len(wrong):
+            place = "action" if count is None else f"action of environment {wrong[0]}"
+            raise InputError(environment, expected, str(numbers.ravel()[wrong[0]]), place=place)
+        return table[numbers]
 
     def single(self, action: Any, environment: str) -> Numbers:
         """An action as a batch of one.

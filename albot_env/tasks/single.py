@@ -44,6 +44,8 @@ class Settings(TypedDict, total=False):
     do not show them."""
     observation: str
     """`flat` or `dict`."""
+    action: str
+    """`continuous`, or `discrete`: a number of `ActionConfig.choices`."""
     movables: bool
     """Whether doors, boxes and people move in worlds that have any; if not, they are left out."""
 
@@ -61,7 +63,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
     Args:
         gather: Makes the expedition of so many robots with this equipment.
         world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
-        mapper, odometer, laser, sonar, scenes, observation, movables: See `Settings`.
+        mapper, odometer, laser, sonar, scenes, observation, action, movables: See `Settings`.
         render_mode: See `SingleSettings`.
 
     Raises:
@@ -82,6 +84,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         sonar: str = "pioneer",
         scenes: str = "none",
         observation: str = "flat",
+        action: str = "continuous",
         movables: bool = True,
         render_mode: str | None = None,
     ) -> None:
@@ -103,7 +106,9 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         self._flat = wants_flat(observation, task)
         self.observing = scaling = self._robot.observing
         """How observations are made of readings, with the sensors chosen."""
-        self.action_space = self._robot.actions.space
+        actions = self._robot.actions
+        self._discrete = wants_discrete(action, task)
+        self.action_space = actions.choice_space if self._discrete else actions.space
         self.observation_space = scaling.flat_space if self._flat else scaling.dict_space
         self._updates = -1
         self._begun = False
@@ -141,11 +146,13 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         """Drive for 0.1 s.
 
         Raises:
-            InputError: The action is not as many numbers in [-1, 1] as the action space wants.
+            InputError: The action is not in the action space.
         """
         if not self._begun:
             raise gymnasium.error.ResetNeeded(f"{self._task}: reset before the first step")
         robot = self._robot
+        if self._discrete:
+            action = robot.actions.chosen(action, None, self._task)
         robot.act(robot.actions.single(action, self._task))
         robot.look()
         if self._trace is not None:
@@ -273,6 +280,17 @@ def wants_flat(observation: str, task: str) -> bool:
     if observation not in ("flat", "dict"):
         raise InputError(task, "flat or dict", str(observation), place="observation")
     return observation == "flat"
+
+
+def wants_discrete(action: str, task: str) -> bool:
+    """Whether actions are numbers of choices.
+
+    Raises:
+        InputError: Continuous, or discrete: there is nothing else.
+    """
+    if action not in ("continuous", "discrete"):
+        raise InputError(task, "continuous or discrete", str(action), place="action")
+    return action == "discrete"
 
 
 def _single(fact: Any) -> Any:

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float32, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_env.tasks.equipment import Equipment
-from albot_env.tasks.single import METADATA, Robots, Settings, equip, wants_flat
+from albot_env.tasks.single import METADATA, Robots, Settings, equip, wants_discrete, wants_flat
 from albot_env.tasks.start import choose_start, choose_world
 from albot_env.vector.settings import (
     Worlds,
@@ -65,7 +65,7 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         num_envs: How many environments.
         world: A world spec, a world or worlds for all, of which each reset draws one; or
             such for each.
-        mapper, odometer, laser, sonar, scenes, observation, movables: See `Settings`.
+        mapper, odometer, laser, sonar, scenes, observation, action, movables: See `Settings`.
         max_episode_steps, autoreset_mode, threads: See `BatchSettings`.
 
     Raises:
@@ -86,6 +86,7 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         sonar: str = "pioneer",
         scenes: str = "none",
         observation: str = "flat",
+        action: str = "continuous",
         movables: bool = True,
         max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
@@ -114,7 +115,9 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         self._flat = wants_flat(observation, task)
         self._limit = max_episode_steps
         self._scaling = scaling = self._robots.observing
-        self.single_action_space = self._robots.actions.space
+        actions = self._robots.actions
+        self._discrete = wants_discrete(action, task)
+        self.single_action_space = actions.choice_space if self._discrete else actions.space
         self.single_observation_space = scaling.flat_space if self._flat else scaling.dict_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -154,11 +157,13 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         """Drive for 0.1 s.
 
         Raises:
-            InputError: An action is not as many numbers in [-1, 1] as the action space wants.
+            InputError: An action is not in the action space.
             ResetNeeded: An environment has not been reset, or is over in `Disabled` mode.
         """
         resetting = self._check_begun()
         robots = self._robots
+        if self._discrete:
+            actions = robots.actions.chosen(actions, self.num_envs, self._task)
         robots.act(robots.actions.batch(actions, self.num_envs, self._task))
         self._begin(np.flatnonzero(resetting), {})
         robots.look()
