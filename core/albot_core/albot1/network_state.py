@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from albot_core.albot1.config import PlacesConfig
+from albot_core.albot1.homewards import rebuilt_homewards
 from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import Passage, Site
 from albot_core.albot1.record import COLUMNS, Event, Happening
@@ -63,9 +64,7 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
         ).astype(float),
         "events": np.array([event.row() for event in network.events]),
         "trail": np.column_stack((network.trail.points, network.trail.places)),
-        "trail_links": np.array(
-            [(*pair, length) for pair, length in network.trail.links.items()], float
-        ).reshape(-1, 3),
+        "trail_links": network.trail.homewards.links,
     }
 
 
@@ -112,7 +111,7 @@ def _trail(stored: Mapping[str, np.ndarray]) -> Trail:
     trail = Trail()
     trail.points = stored["trail"][:, :2].copy()
     trail.places = stored["trail"][:, 2].astype(np.int64)
-    trail.links = {(int(a), int(b)): float(length) for a, b, length in stored["trail_links"]}
+    trail.homewards = rebuilt_homewards(len(trail.points), stored["trail_links"])
     trail.last = int(stored["standing"][4])
     return trail
 

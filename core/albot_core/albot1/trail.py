@@ -8,14 +8,14 @@ them follow on one another.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 from numba import njit
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
+from albot_core.albot1.homewards import HOME, Homewards
 from albot_core.geometry.poses import transform_points
 from albot_core.geometry.types import Pose, Segments
 
@@ -65,11 +65,10 @@ class Trail:
         self.points: Float64[np.ndarray, "points 2"] = np.empty((0, 2))
         """In the enduring frame of the network of places (m)."""
         self.places: Int64[np.ndarray, "points"] = np.empty(0, np.int64)
-        self.links: dict[tuple[int, int], float] = {}
-        """Pairs of points (the less first) that follow on one another, and how far apart (m)."""
+        self.homewards = Homewards()
+        """Which points follow on one another, and the ways home over them."""
         self.last = -1
         """The point trodden on last; -1 where the robot did not walk from there."""
-        self._ways: tuple[Float64[np.ndarray, "points"], Int64[np.ndarray, "points"]] | None = None
 
     def tread(self, place: int, pose: Pose, view: Segments) -> None:
         """The robot has come a stride farther, or turned to look elsewhere.
@@ -85,15 +84,13 @@ class Trail:
             here = len(self.points)
             self.points = np.concatenate((self.points, [pose[:2]]))
             self.places = np.append(self.places, place)
-            self._ways = None
+            self.homewards.add_point()
         if self.last >= 0:
-            self._link(
-                self.last, here, float(np.hypot(*(self.points[here] - self.points[self.last])))
-            )
+            follows = np.arange(len(self.points)) == self.last
+            x, y = (self.points[here] - self.points[self.last]).tolist()
+            self.homewards.link(here, follows, np.full(len(follows), math.hypot(x, y)))
         self.last = here
-        seen = np.flatnonzero(about.can_go)
-        for k, away in zip(seen.tolist(), about.away[seen].tolist(), strict=True):
-            self._link(here, k, away)
+        self.homewards.link(here, about.can_go, about.away)
 
     def look(self, place: int, pose: Pose, view: Segments) -> About:
         """What of the trail is about the robot; the arguments are as for `tread`."""
@@ -109,7 +106,6 @@ class Trail:
         self.points[which] = transform_points(motion, self.points[which])
         if place is not None:
             self.places[which] = place
-        self._ways = None
 
     def way(self, away: Float64[np.ndarray, "points"]) -> Way:
         """The way home, to the first point trodden on.
@@ -117,31 +113,15 @@ class Trail:
         Args:
             away: How far away each point is from which one may set out (m), infinity for others.
         """
-        lengths, towards = self._homewards()
+        lengths, towards = self.homewards.lengths, self.homewards.towards
         here = int(np.argmin(away + lengths))
         length = float(away[here] + lengths[here])
         if not np.isfinite(length):
             return Way([], length)
         points = [here]
-        while points[-1] != 0:
+        while points[-1] != HOME:
             points.append(int(towards[points[-1]]))
         return Way(points, length)
-
-    def _link(self, one: int, other: int, length: float) -> None:
-        pair = (one, other) if one < other else (other, one)
-        if one != other and pair not in self.links:
-            self.links[pair] = max(length, 1e-3)
-            self._ways = None
-
-    def _homewards(self) -> tuple[Float64[np.ndarray, "points"], Int64[np.ndarray, "points"]]:
-        """From each point, the length of the way home (m) and the next point on it."""
-        if self._ways is None:
-            count = len(self.points)
-            pairs = np.array(list(self.links), np.int64).reshape(-1, 2)
-            lengths = np.array(list(self.links.values()))
-            graph = csr_array((lengths, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
-            self._ways = dijkstra(graph, directed=False, indices=0, return_predecessors=True)
-        return self._ways
 
 
 @njit(cache=True, error_model="numpy")

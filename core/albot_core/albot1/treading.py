@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +25,7 @@ def tread(network: PlaceNetwork, pose: Pose, view: Segments) -> None:
     network.trail.tread(network.current, _enduring(network, pose), view)
 
 
-class Homewards(NamedTuple):
+class TrailHome(NamedTuple):
     """The trail home from where the robot is."""
 
     point: Points
@@ -34,7 +35,7 @@ class Homewards(NamedTuple):
     """How long it is (m); infinite where none leads home, or the robot has lost its way."""
 
 
-def follow_home(network: PlaceNetwork, pose: Pose, view: Segments) -> Homewards:
+def follow_home(network: PlaceNetwork, pose: Pose, view: Segments) -> TrailHome:
     """The trail home. The arguments are as for `tread`."""
     trail, here = network.trail, _enduring(network, pose)
     about = trail.look(network.current, here, view)
@@ -44,13 +45,14 @@ def follow_home(network: PlaceNetwork, pose: Pose, view: Segments) -> Homewards:
         start = np.where(own if own.any() else np.ones_like(own), about.away, np.inf)
     way = trail.way(start)
     length = np.inf if network.lost_since else way.length
-    ahead, before = AHEAD, here[:2]
+    ahead, before = AHEAD, here[:2].tolist()
     for k in way.points:
-        ahead -= float(np.hypot(*(trail.points[k] - before)))
-        before = trail.points[k]
+        point = trail.points[k].tolist()
+        ahead -= math.dist(before, point)
+        before = point
         if ahead <= 0:
-            return Homewards(transform_points(network.displacement, before), length)
-    return Homewards(np.full(2, np.nan), length)
+            return TrailHome(transform_points(network.displacement, trail.points[k]), length)
+    return TrailHome(np.full(2, np.nan), length)
 
 
 def _enduring(network: PlaceNetwork, pose: Pose) -> Pose:
