@@ -83,7 +83,7 @@ class Albot1Batch:
         self._places = np.zeros((count, 2), np.bool_)
         self._ways_home = np.full((count, 7), np.nan)
         self._found_at = np.full((count, 2), np.inf)
-        self._versions = np.full(count, -1)
+        self._versions = [-1] * count
         self._robots = Robots(
             table=np.zeros((count, COLUMNS), np.int64),
             progress=np.zeros((count, 5), np.int64),
@@ -135,18 +135,20 @@ class Albot1Batch:
         The next exit is that of when the network last changed, as it does with each exit
         crossed: within a place the way does not turn round for another exit.
         """
-        for row in rows.tolist():
-            network, pose, way = self._networks[row], self.poses[row], self._ways_home[row]
-            if self._versions[row] != network.version:
+        gone = np.hypot(*(self._found_at[rows] - self.poses[rows, :2]).T) > AFRESH
+        for row, has_gone in zip(rows.tolist(), gone.tolist(), strict=True):
+            network = self._networks[row]
+            has_changed = self._versions[row] != network.version
+            if not (has_gone or has_changed):
+                continue
+            pose, way, sight = self.poses[row], self._ways_home[row], self._arrays[row][1]
+            if has_changed:
                 self._versions[row] = network.version
                 exits = way_lines(network, pose, START)
                 way[EXIT] = exits[0] if len(exits) else np.nan
-                self._found_at[row] = np.inf
-            if np.hypot(*(self._found_at[row] - pose[:2])) > AFRESH:
-                self._found_at[row] = pose[:2]
-                sight = self._arrays[row][1]
-                ahead = follow_home(network, pose, sight.surfaces[: sight.size[0]])
-                way[POINT], way[TRAVEL] = ahead.point, ahead.length
+            self._found_at[row] = pose[:2]
+            ahead = follow_home(network, pose, sight.surfaces[: sight.size[0]])
+            way[POINT], way[TRAVEL] = ahead.point, ahead.length
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
