@@ -10,7 +10,10 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from threading import Lock
+from typing import Any
 
 import numpy as np
 
@@ -26,8 +29,9 @@ from albot_env.tasks.rest import Rest
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField
 
-KEPT = 256
-"""Journeys that are kept; the one that was longest not asked for is made again."""
+KEPT = 1024
+"""Journeys that are kept in a process, whoever made them; the one that was longest not asked
+for is made again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +68,34 @@ class Outing:
     """Whether the robot got stuck before it came as far as it was to."""
 
 
+class Shelf:
+    """The journeys that are kept. Each holds its world, whose id so is nobody else's."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[tuple[Any, ...], Outing] = OrderedDict()
+        self._lock = Lock()
+
+    def fetch(self, key: tuple[Any, ...], make: Callable[[], Outing]) -> Outing:
+        """The journey with this key, which is made where it is not kept."""
+        with self._lock:
+            kept = self._kept.get(key)
+        outing = make() if kept is None else kept
+        with self._lock:
+            self._kept[key] = outing
+            self._kept.move_to_end(key)
+            if len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
+        return outing
+
+    def clear(self) -> None:
+        """Keep none any more."""
+        with self._lock:
+            self._kept.clear()
+
+
+SHELF = Shelf()
+
+
 class Outings:
     """Makes outward journeys, and keeps them.
 
@@ -88,6 +120,8 @@ class Outings:
     ) -> None:
         self._config = config
         self._journeys = journeys
+        seen = observations.coverage, observations.laser_range
+        self._kind = replace(equipment, threads=1), *seen, config
         self._scout = Expedition(
             1,
             replace(equipment, threads=1),
@@ -95,20 +129,14 @@ class Outings:
             observations=observations,
         )
         self._explorer = GapExplorer(GapExplorerConfig(near=observations.coverage.radius))
-        self._kept: OrderedDict[tuple[int, bytes, int], Outing] = OrderedDict()
 
     def draw(self, world: World, start: Pose, rng: np.random.Generator) -> Outing:
         """A journey from a start, drawn at random."""
         if not self._journeys:
             return self._travel(world, start, int(rng.integers(2**63)))
         number = int(rng.integers(self._journeys))
-        key = (id(world), start.tobytes(), number)
-        if key not in self._kept:
-            self._kept[key] = self._travel(world, start, number)
-            if len(self._kept) > KEPT:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(key)
-        return self._kept[key]
+        key = (self._kind, id(world), start.tobytes(), number)
+        return SHELF.fetch(key, lambda: self._travel(world, start, number))
 
     def close(self) -> None:
         """Let the scout go."""

@@ -17,7 +17,7 @@ from tests.env.quick import IDS, QUICK
 
 def _begun(name: str, environment: str, form: str = "flat") -> tuple[Agent, Any]:
     settings = {"world": "square-loop", "mapper": "odometry", "observation": form}
-    env = gymnasium.make(environment, **settings, **QUICK.get(environment, {}))
+    env = gymnasium.make(environment, **{**settings, **QUICK.get(environment, {})})
     return make_agent(name, env.get_wrapper_attr("observing")), env
 
 

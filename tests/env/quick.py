@@ -10,14 +10,18 @@ import numpy as np
 import albot_env
 from albot_env.tasks.homecoming import HomingConfig
 from albot_env.tasks.outing import OutingConfig
+from albot_maps import load_world
 
 assert albot_env.__doc__  # Importing it registers the environments.
 IDS = sorted(name for name in gymnasium.registry if name.startswith("Albot/"))
 
 STROLL = HomingConfig(outing=OutingConfig(shortest=1.0, longest=2.0, away=0.0))
 """A journey out of a metre or two."""
-QUICK: dict[str, dict[str, Any]] = {"Albot/Homing-v0": {"config": STROLL, "journeys": 1}}
-"""What journeys out would take is not what contracts are about."""
+QUICK: dict[str, dict[str, Any]] = {
+    "Albot/Homing-v0": {"config": STROLL, "journeys": 1, "world": load_world("square-loop")}
+}
+"""What journeys out would take is not what contracts are about. In one and the same world they
+are kept from one test to the next."""
 
 
 def width(environment: str) -> int:

@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
+from albot_env.tasks import outing as outing_module
 from albot_env.tasks.homecoming import HomingConfig
 from albot_env.tasks.homing import HomingEnv
 from albot_env.tasks.homing_kernel import success_weighted
-from albot_env.tasks.outing import OutingConfig
+from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.outing import OutingConfig, Outings, Shelf
 from albot_env.tasks.reward import HomingWeights
 from albot_maps import World
 from tests.env.quick import STROLL, drawn_actions
@@ -144,19 +146,46 @@ def test_a_robot_begins_with_what_it_has_seen(two_rooms: World, mapper: str) -> 
     assert info["time"] == 0.0
 
 
-def test_kept_journeys_are_those_that_would_be_made(two_rooms: World) -> None:
+def test_kept_journeys_are_those_that_would_be_made(
+    two_rooms: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Whoever asks first, and whatever was driven in between."""
+    ours, nobodys = Shelf(), Shelf()
+    monkeypatch.setattr(outing_module, "SHELF", ours)
     one, other = (_make(two_rooms, journeys=2, mapper="odometry") for _ in range(2))
     other.reset(seed=11)
     for _ in range(5):
         other.step(np.array((1, 0.3, -1), np.float32))
     begins = []
     for seed in range(8):
-        (seen, info), (again, twin) = one.reset(seed=seed), other.reset(seed=seed)
+        seen, info = one.reset(seed=seed)
+        monkeypatch.setattr(outing_module, "SHELF", nobodys)
+        again, twin = other.reset(seed=seed)
+        nobodys.clear()
+        monkeypatch.setattr(outing_module, "SHELF", ours)
         assert np.array_equal(seen, again)
         assert np.array_equal(info["pose"], twin["pose"])
         begins.append(tuple(info["pose"]))
     assert 2 <= len(set(begins)) <= 4  # Two journeys from each of two starts.
+
+
+def test_robots_that_see_otherwise_share_journeys(
+    two_rooms: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(outing_module, "SHELF", Shelf())
+    made = []
+    travel = Outings._travel
+    monkeypatch.setattr(Outings, "_travel", lambda *given: (made.append(1), travel(*given))[1])
+    short = OutingConfig(shortest=2.0, longest=3.0, away=1.0)
+    blind = HomingConfig(outing=short, observations=ObservationConfig(parts=("home",)))
+    for settings in ({"config": HomingConfig(outing=short)}, {"config": blind}):
+        begun = [_make(two_rooms, journeys=1, **settings).reset(seed=k)[1] for k in (1, 1, 2)]
+        assert np.array_equal(begun[0]["pose"], begun[1]["pose"])
+    assert len(made) <= 2  # One from each start.
+    longer = HomingConfig(outing=OutingConfig(shortest=3.0, longest=4.0, away=1.0))
+    _make(two_rooms, journeys=1, config=longer).reset(seed=1)
+    _make(two_rooms, journeys=1, odometer="poor", config=longer).reset(seed=1)
+    assert len(made) > 2
 
 
 def test_new_journeys_are_all_different(two_rooms: World) -> None:
