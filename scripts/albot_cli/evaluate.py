@@ -78,8 +78,9 @@ def command(
     median with bootstrapped 95 % intervals), how far from home it ended. The exit status
     is 130 where Ctrl-C ended it before: then the figures are those of the episodes so far.
     """
-    from albot_agents.evaluation.plan import check_task, parse_seeds, plan_trials
+    from albot_agents.evaluation.plan import parse_seeds, plan_trials
     from albot_agents.registry import find_agent
+    from albot_agents.task import check_task
 
     check_task(task)
     inside = mapper or find_agent(agent).mapper
