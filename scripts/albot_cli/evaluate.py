@@ -83,18 +83,22 @@ def command(
     from albot_agents.task import check_task
 
     check_task(task)
-    inside = mapper or find_agent(agent).mapper
-    settings: dict[str, Any] = {"mapper": inside, "odometer": odometer}
+    entry = find_agent(agent)
+    settings: dict[str, Any] = {"odometer": odometer}
+    if mapper is not None:
+        settings["mapper"] = mapper
     if steps is not None:
         settings["max_episode_steps"] = steps
     if outward is not None:
         settings["config"] = _way_out(task, outward)
     if out is not None:
         check_folder(out)
+    settings = entry.environment(task, settings)
     trials = plan_trials(task, agent, worlds, parse_seeds(seeds), settings)
     trials[0].make().close()  # What is wrong with the settings is told before the work.
     began = time.perf_counter()
     outcomes, stopped = _run(trials, jobs or os.cpu_count() or 1)
+    inside = settings.get("mapper", entry.mapper)
     facts: dict[str, Any] = {"task": task, "agent": agent, "mapper": inside, "odometer": odometer}
     facts |= _summary(outcomes)
     facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}

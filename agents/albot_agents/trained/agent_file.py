@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,8 @@ from albot_agents.task import config_kind, for_one, read_settings, task_names
 from albot_agents.trained.network import NetworkConfig
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
+from albot_env.tasks.observation import ObservationConfig
+from albot_maps.formats.yaml_document import shown
 
 FORMAT = ArchiveFormat(name="albot-agent", version=1, kind="agent file", largest=1 << 24)
 SUFFIX = ".albot"
@@ -40,6 +43,19 @@ class AgentFile:
     """The network's arrays, float32."""
     training: Mapping[str, Any] = field(default_factory=dict)
     """How it came to be: plain data, for people."""
+
+    @property
+    def algorithm(self) -> str:
+        """What it was trained by."""
+        plan = self.training.get("plan")
+        told = plan.get("algorithm") if isinstance(plan, Mapping) else None
+        return str(told or "an unknown algorithm")
+
+    @property
+    def observing(self) -> ObservationConfig:
+        """How the environment made observations."""
+        data = self.settings["config"]["observations"]
+        return read_config(ObservationConfig, data, Where("the agent's observations"))
 
     def save(self, path: Path) -> None:
         """Write the file, whole or not at all.
@@ -92,10 +108,7 @@ def read_agent(path: Path) -> AgentFile:
         raise where.at(name).error("a value", "none")
     if fields["task"] not in task_names():
         raise where.at("task").error(f"one of {', '.join(task_names())}", fields["task"])
-    unknown = sorted(fields["settings"].keys() - set(KEPT_SETTINGS))
-    if unknown:
-        raise where.at("settings").error(f"only {', '.join(KEPT_SETTINGS)}", unknown[0])
-    read_settings(fields["task"], fields["settings"], where.at("settings"))
+    _check_settings(fields["task"], fields["settings"], fields["network"], where.at("settings"))
     _check_weights(path, fields["network"], weights)
     return AgentFile(**fields, weights=weights)
 
@@ -110,6 +123,26 @@ def kept_settings(settings: Mapping[str, Any], observing: Any) -> dict[str, Any]
     kept = {name: plain(settings[name]) for name in KEPT_SETTINGS if name in settings}
     config = {key: value for key, value in kept.get("config", {}).items() if key in KEPT_CONFIG}
     return kept | {"config": merged(config, {"observations": plain(observing)})}
+
+
+def _check_settings(
+    task: str, settings: Mapping[str, Any], network: NetworkConfig, where: Where
+) -> None:
+    """Refuse settings that are none, or whose observations are not what the network takes."""
+    unknown = sorted(settings.keys() - set(KEPT_SETTINGS))
+    if unknown:
+        raise where.error(f"only {', '.join(KEPT_SETTINGS)}", unknown[0])
+    read_settings(task, settings, where)
+    where = where.at("config")
+    config = settings.get("config")
+    if not isinstance(config, Mapping) or set(config) - set(KEPT_CONFIG):
+        raise where.error(f"a mapping with {' and '.join(KEPT_CONFIG)}", shown(config))
+    where = where.at("observations")
+    observing = read_config(ObservationConfig, config.get("observations"), where)
+    # Nothing is made of this size before it is known to be that of arrays that are there.
+    length = sum(math.prod(shape) for shape in observing.shapes.values())
+    if length != network.inputs:
+        raise where.error(f"what makes {network.inputs} numbers", f"{length}")
 
 
 def _check_weights(path: Path, network: NetworkConfig, weights: Mapping[str, np.ndarray]) -> None:

@@ -18,11 +18,11 @@ _LAYERS = Range("a whole number from 0 to 8", 0.0, 8.0, whole=True)
 
 
 def _elu(values: Row) -> Row:
-    return np.where(values > 0, values, np.expm1(np.minimum(values, 0)))
+    return np.asarray(np.where(values > 0, values, np.expm1(np.minimum(values, 0))))
 
 
 def _relu(values: Row) -> Row:
-    return np.maximum(values, 0)
+    return np.asarray(np.maximum(values, 0))
 
 
 def _sigmoid(values: Row) -> Row:
@@ -109,7 +109,7 @@ class Network:
             row = self._remember(k, row)
         for k in range(len(self._config.layers)):
             row = self._activate(weights[f"layer{k}.weight"] @ row + weights[f"layer{k}.bias"])
-        return weights["action.weight"] @ row + weights["action.bias"]
+        return np.asarray(weights["action.weight"] @ row + weights["action.bias"])
 
     def _remember(self, k: int, row: Row) -> Row:
         """One step of an LSTM layer."""
@@ -118,4 +118,4 @@ class Network:
         enter, keep, new, leave = np.split(gates + weights[f"lstm{k}.bias"], 4)
         self._cells[k] = _sigmoid(keep) * self._cells[k] + _sigmoid(enter) * np.tanh(new)
         self._hidden[k] = _sigmoid(leave) * np.tanh(self._cells[k])
-        return self._hidden[k].copy()
+        return np.asarray(self._hidden[k].copy())

@@ -68,4 +68,4 @@ class TrainedAgent:
         answer = self._network(np.asarray(observation, np.float32))
         if self._file.discrete:
             return np.int64(np.argmax(answer))
-        return np.clip(answer, -1, 1)
+        return np.asarray(np.clip(answer, -1, 1))

@@ -39,7 +39,7 @@ class Exporter:
 
     def agent(self, learner: OnPolicyAlgorithm, training: Mapping[str, Any]) -> AgentFile:
         """The policy as it is now, with what is to be told of its training."""
-        plan, policy = self._plan, learner.policy
+        plan = self._plan
         (inputs,) = learner.observation_space.shape or ()
         weights = _weights(learner, plan)
         return AgentFile(
@@ -50,7 +50,7 @@ class Exporter:
                 inputs=inputs,
                 layers=plan.policy.net_arch,
                 activation=plan.policy.activation,
-                outputs=policy.action_net.out_features,
+                outputs=len(weights["action.bias"]),
                 lstm_size=plan.policy.lstm_size if plan.recurrent else 0,
                 lstm_layers=plan.policy.lstm_layers if plan.recurrent else 0,
             ),
@@ -72,7 +72,7 @@ def _weights(learner: OnPolicyAlgorithm, plan: TrainingPlan) -> dict[str, np.nda
             weights[f"lstm{k}.hidden"] = state[f"lstm_actor.weight_hh_l{k}"]
             # PyTorch keeps two biases that are only ever added.
             biases = (state[f"lstm_actor.bias_{part}_l{k}"] for part in ("ih", "hh"))
-            weights[f"lstm{k}.bias"] = sum(biases)  # type: ignore[assignment]
+            weights[f"lstm{k}.bias"] = sum(biases)
     for k in range(len(plan.policy.net_arch)):
         for part in ("weight", "bias"):
             # Between the layers stand their activations.
