@@ -115,7 +115,10 @@ def read_value(kind: Any, data: Any, where: Where, base: Any = None) -> Any:
     if origin in (list, Sequence) and isinstance(data, list):
         (each,) = get_args(kind)
         return [read_value(each, value, where.at(k)) for k, value in enumerate(data)]
-    if origin in (dict, Mapping) or kind is Any:
+    if origin in (dict, Mapping) and isinstance(data, Mapping):
+        _, each = get_args(kind)
+        return {key: read_value(each, value, where.at(key)) for key, value in data.items()}
+    if kind is Any:
         return data
     if kind is float and isinstance(data, int | float) and not isinstance(data, bool):
         return float(data)
@@ -207,6 +210,6 @@ def _name(kind: Any) -> str:
     if get_origin(kind) in (typing.Union, types.UnionType):
         return " or ".join(_name(each) for each in get_args(kind) if each is not type(None))
     if get_origin(kind) is not None:
-        return "a list"
+        return "a mapping" if get_origin(kind) in (dict, Mapping) else "a list"
     words = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}
     return words.get(kind, getattr(kind, "__name__", str(kind)))

@@ -112,7 +112,7 @@ def _trained(name: str, path: Path) -> AgentEntry:
     """The trained agent in a file."""
     file = read_agent(path)
     return AgentEntry(
-        summary=f"Trained for {file.task} by {file.algorithm}.",
+        summary=f"Trained for {file.task} by {file.training.plan.algorithm}.",
         make=lambda observing: TrainedAgent(name, file, observing),
         mapper=file.settings.get("mapper", "albot1"),
         file=file,

@@ -100,7 +100,7 @@ def command(
     outcomes, stopped = _run(trials, jobs or os.cpu_count() or 1)
     inside = settings.get("mapper", entry.mapper)
     facts: dict[str, Any] = {"task": task, "agent": agent, "mapper": inside, "odometer": odometer}
-    facts |= _summary(outcomes)
+    facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes)}
     facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}
     if out is not None:
         _save(out, facts, outcomes)

@@ -13,6 +13,7 @@ import numpy as np
 from albot_agents.plain import Where, merged, plain, read_config, read_fields
 from albot_agents.task import config_kind, for_one, read_settings, task_names
 from albot_agents.trained.network import NetworkConfig
+from albot_agents.training.plan import TrainingPlan
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
 from albot_env.tasks.observation import ObservationConfig
@@ -25,6 +26,31 @@ KEPT_SETTINGS = ("mapper", "laser", "sonar", "scenes", "action", "config")
 """Settings of the environment by which an agent sees and acts; of `config`…"""
 KEPT_CONFIG = ("observations", "actions")
 """…these."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingFacts:
+    """How an agent came to be."""
+
+    plan: TrainingPlan
+    """The plan, the seed in it."""
+    command: str
+    """The command that began the training."""
+    samples: int
+    """Samples so far."""
+    episodes: int
+    """Episodes so far."""
+    seconds: float
+    """How long it took (s)."""
+    python: str
+    """Python's version."""
+    machine: str
+    """What it ran on."""
+    versions: Mapping[str, str]
+    """Versions of the packages that it ran with."""
+    curve: Mapping[str, list[float]] = field(default_factory=dict)
+    """Means of the evaluations so far: `samples`, `return` and, where known, `success_rate` and
+    `spl`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,15 +67,8 @@ class AgentFile:
     """How its network is built."""
     weights: Mapping[str, np.ndarray]
     """The network's arrays, float32."""
-    training: Mapping[str, Any] = field(default_factory=dict)
-    """How it came to be: plain data, for people."""
-
-    @property
-    def algorithm(self) -> str:
-        """What it was trained by."""
-        plan = self.training.get("plan")
-        told = plan.get("algorithm") if isinstance(plan, Mapping) else None
-        return str(told or "an unknown algorithm")
+    training: TrainingFacts
+    """How it came to be."""
 
     @property
     def observing(self) -> ObservationConfig:
@@ -102,7 +121,7 @@ def read_agent(path: Path) -> AgentFile:
     header, weights = FORMAT.read(path)
     where = Where(f"{path}, {HEADER}")
     kinds = {"task": str, "settings": dict[str, Any], "discrete": bool}
-    kinds |= {"network": NetworkConfig, "training": dict[str, Any]}
+    kinds |= {"network": NetworkConfig, "training": TrainingFacts}
     fields = read_fields(kinds, header, where)
     for name in kinds.keys() - fields.keys():
         raise where.at(name).error("a value", "none")

@@ -7,8 +7,14 @@ from pathlib import Path
 
 from albot_agents.trained.agent_file import SUFFIX
 
+_FOLDER = Path(str(resources.files("albot_agents.trained")))
+
 
 def shipped_agents() -> dict[str, Path]:
     """Their files by name, in the order of the alphabet."""
-    folder = Path(str(resources.files("albot_agents.trained")))
-    return {path.name.removesuffix(SUFFIX): path for path in sorted(folder.glob(f"*{SUFFIX}"))}
+    return {path.stem: path for path in sorted(_FOLDER.glob(f"*{SUFFIX}"))}
+
+
+def card_of(name: str) -> Path:
+    """The model card of one of them."""
+    return _FOLDER / f"{name}.md"

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import gymnasium
 import numpy as np
 from gymnasium.spaces import Discrete
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from albot_agents.task import for_one
-from albot_agents.trained.agent_file import AgentFile, kept_settings
+from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings
 from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.reading import stage_settings
@@ -37,7 +34,7 @@ class Exporter:
         self._settings = kept_settings(settings, env.get_wrapper_attr("observing"))
         env.close()
 
-    def agent(self, learner: OnPolicyAlgorithm, training: Mapping[str, Any]) -> AgentFile:
+    def agent(self, learner: OnPolicyAlgorithm, training: TrainingFacts) -> AgentFile:
         """The policy as it is now, with what is to be told of its training."""
         plan = self._plan
         (inputs,) = learner.observation_space.shape or ()

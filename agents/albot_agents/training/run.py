@@ -12,7 +12,8 @@ from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from torch.utils.tensorboard import SummaryWriter
 
-from albot_agents.plain import Where, plain, read_fields
+from albot_agents.plain import Where, read_fields
+from albot_agents.trained.agent_file import TrainingFacts
 from albot_agents.training.checkpoint import (
     Checkpoint,
     checkpoints,
@@ -156,7 +157,7 @@ class TrainingRun:
             "stage_began": self._stage_began,
             "monitor": self._monitor.size,
             "seconds": self._course.elapsed,
-            "episodes": int(self._left["episodes"]) + self._course.episodes,
+            "episodes": self._episodes,
         }
         return take_checkpoint(self.learner, run)
 
@@ -167,17 +168,22 @@ class TrainingRun:
         if self._snapshot.samples == self.learner.num_timesteps:
             self._exporter.agent(self.learner, self._facts()).save(self._folder.last)
 
-    def _facts(self) -> dict[str, Any]:
+    def _facts(self) -> TrainingFacts:
         """What an agent's file tells of its training."""
-        return {
-            "samples": self.learner.num_timesteps,
-            "seconds": round(self._course.elapsed, 1),
-            "episodes": int(self._left["episodes"]) + self._course.episodes,
-            "command": self._folder.command,
-            "plan": plain(self._plan),
-            "curve": self._evaluations.curve if self._evaluations else {},
+        return TrainingFacts(
+            plan=self._plan,
+            command=self._folder.command,
+            samples=self.learner.num_timesteps,
+            episodes=self._episodes,
+            seconds=round(self._course.elapsed, 1),
+            curve=self._evaluations.curve if self._evaluations else {},
             **facts(),
-        }
+        )
+
+    @property
+    def _episodes(self) -> int:
+        """Episodes since the training began."""
+        return int(self._left["episodes"]) + self._course.episodes
 
     def _result(self, stopped: bool) -> dict[str, Any]:
         """What came of it."""
