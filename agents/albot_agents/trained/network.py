@@ -102,7 +102,9 @@ class Network:
         self._hidden = np.zeros(shape, np.float32)
         self._cells = np.zeros(shape, np.float32)
 
-    def __call__(self, observation: Row) -> Row:
+    def __call__(
+        self, observation: Float32[np.ndarray, "inputs"]
+    ) -> Float32[np.ndarray, "outputs"]:
         """The network's answer to the next observation."""
         weights, row = self._weights, observation
         for k in range(self._config.lstm_layers):
@@ -111,7 +113,7 @@ class Network:
             row = self._activate(weights[f"layer{k}.weight"] @ row + weights[f"layer{k}.bias"])
         return np.asarray(weights["action.weight"] @ row + weights["action.bias"])
 
-    def _remember(self, k: int, row: Row) -> Row:
+    def _remember(self, k: int, row: Float32[np.ndarray, "inputs"]) -> Float32[np.ndarray, "units"]:
         """One step of an LSTM layer."""
         weights = self._weights
         gates = weights[f"lstm{k}.input"] @ row + weights[f"lstm{k}.hidden"] @ self._hidden[k]

@@ -128,7 +128,8 @@ class Course(VecEnvWrapper):
         its = {"r": float(self._returns[row]), "l": int(self._lengths[row]), "t": self.elapsed}
         info["episode"] = its
         self.episodes += 1
-        self._rows.append((*its.values(), *(info.get(name) for name in FIGURES)))
+        figures = (float(info[name]) if name in info else None for name in FIGURES)
+        self._rows.append((*its.values(), *figures))
         if "is_success" in info:
             self._recent.append(bool(info["is_success"]))
 

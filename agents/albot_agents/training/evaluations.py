@@ -81,7 +81,7 @@ class Evaluations:
     def curve(self) -> dict[str, list[float]]:
         """Means after so many `samples`: `return`, and where known `success_rate` and `spl`."""
         names = {"return": "results", "success_rate": "successes", "spl": "spl"}
-        curve = {"samples": [int(count) for count in self._found["timesteps"]]}
+        curve = {"samples": self._found["timesteps"].astype(float).tolist()}
         means = {name: self._found[key].mean(axis=1) for name, key in names.items()}
         return curve | {
             name: row.tolist() for name, row in means.items() if not np.isnan(row).any()

@@ -6,6 +6,7 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Discrete
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from stable_baselines3.common.policies import ActorCriticPolicy
 
 from albot_agents.task import for_one
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings
@@ -38,7 +39,7 @@ class Exporter:
         """The policy as it is now, with what is to be told of its training."""
         plan = self._plan
         (inputs,) = learner.observation_space.shape or ()
-        weights = _weights(learner, plan)
+        weights = policy_weights(learner.policy, plan)
         return AgentFile(
             task=plan.task,
             settings=self._settings,
@@ -56,11 +57,10 @@ class Exporter:
         )
 
 
-def _weights(learner: OnPolicyAlgorithm, plan: TrainingPlan) -> dict[str, np.ndarray]:
-    """The arrays of the policy's network, under our names."""
+def policy_weights(policy: ActorCriticPolicy, plan: TrainingPlan) -> dict[str, np.ndarray]:
+    """The arrays of a policy's network of stable-baselines3, under our names."""
     state = {
-        name: value.detach().cpu().numpy().copy()
-        for name, value in learner.policy.state_dict().items()
+        name: value.detach().cpu().numpy().copy() for name, value in policy.state_dict().items()
     }
     weights: dict[str, np.ndarray] = {}
     if plan.recurrent:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import json
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from albot_core.errors import InputError
+from albot_core.files import write_text
 
 FIGURES = ("is_success", "spl", "coverage", "distance_home")
 """What an episode's last info tells that is written down as well, where the task knows it."""
 _COLUMNS = ("r", "l", "t", *FIGURES)
-Row = Sequence[float | None]
+Row = Sequence[float | int | None]
 """Return, steps, seconds since the training began, and the figures; None for unknown."""
 
 
@@ -32,19 +34,12 @@ class MonitorFile:
     def __init__(self, path: Path, task: str, size: int = 0) -> None:
         self._path = path
         header = f"#{json.dumps({'t_start': time.time(), 'env_id': task})}\n{','.join(_COLUMNS)}\n"
-        try:
-            if not size:
-                path.write_text(header, encoding="utf-8")
-                size = len(header.encode())
-            self._stream = path.open("r+b", buffering=0)
-            if self._stream.seek(0, 2) < size:
-                raise InputError(path, f"{size} bytes or more", str(self._stream.tell()))
-            self._stream.truncate(size)
-            self._stream.seek(size)
-        except OSError as error:
-            raise InputError(path, "a file to write", error.strerror or str(error)) from None
+        if not size:
+            write_text(path, header)
+            size = len(header.encode())
         self.size = size
         """Bytes of all episodes written so far."""
+        self._write(b"")
 
     def add(self, rows: Sequence[Row]) -> None:
         """Write episodes down.
@@ -52,24 +47,34 @@ class MonitorFile:
         Raises:
             InputError: There is no room left.
         """
-        if not rows:
-            return
-        lines = "".join(f"{','.join(map(_cell, row))}\n" for row in rows).encode()
+        if rows:
+            lines = "".join(f"{','.join(map(_cell, row))}\n" for row in rows).encode()
+            self._write(lines)
+            self.size += len(lines)
+
+    def _write(self, lines: bytes) -> None:
+        """Let lines follow what counts, and nothing else; all of them or none."""
         try:
-            written = self._stream.write(lines)
-            if written != len(lines):
-                written += self._stream.write(lines[written:])
+            with self._path.open("r+b", buffering=0) as stream:
+                if stream.seek(0, 2) < self.size:
+                    found = str(stream.tell())
+                    raise InputError(self._path, f"{self.size} bytes or more", found)
+                stream.truncate(self.size)
+                stream.seek(self.size)
+                try:
+                    _write_all(stream, lines)
+                except OSError:
+                    stream.truncate(self.size)
+                    raise
         except OSError as error:
-            self._stream.truncate(self.size)
             raise InputError(self._path, "room to write", error.strerror or str(error)) from None
-        self.size += written
-
-    def close(self) -> None:
-        """Close the file."""
-        self._stream.close()
 
 
-def _cell(value: float | None) -> str:
-    if value is None:
-        return ""
-    return f"{float(value):.6g}" if not isinstance(value, int) else str(int(value))
+def _write_all(stream: io.FileIO, content: bytes) -> None:
+    """Write everything: a disk that is nearly full takes a part first, and then says so."""
+    while content:
+        content = content[stream.write(content) :]
+
+
+def _cell(value: float | int | None) -> str:
+    return "" if value is None else f"{value:.7g}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import errno
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
@@ -36,11 +36,8 @@ _RUN = {"stage": int, "stage_began": int, "monitor": int, "seconds": float, "epi
 monitor file, seconds and episodes so far."""
 
 
-class Tell(Protocol):
-    """Is told how far a run has come."""
-
-    def __call__(self, done: int, note: str = "") -> None:
-        """So many samples, and how it goes."""
+Tell = Callable[[int, str], None]
+"""Is told how many samples there were, and how it goes."""
 
 
 class TrainingRun:
@@ -62,7 +59,7 @@ class TrainingRun:
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
         self._folder, self._plan = folder, plan
-        self._tell: Tell = lambda done, note="": None
+        self._tell: Tell = lambda done, note: None
         found = _newest(folder, warn)
         self._left = dict.fromkeys(_RUN, 0) | ({} if found is None else _read_run(*found))
         self._exporter = Exporter(plan)
@@ -79,8 +76,6 @@ class TrainingRun:
         self._stage_began = int(self._left["stage_began"])
         self._began_at = self._saved_at = self._measured_at = self.learner.num_timesteps
         self._evaluations = self._open_evaluations()
-        self._log = _Log(str(folder.tensorboard), self.learner.num_timesteps)
-        self.learner.set_logger(Logger(str(folder.tensorboard), [self._log]))
         self._snapshot = self._take()
 
     def run(self, tell: Tell | None = None) -> dict[str, Any]:
@@ -93,6 +88,8 @@ class TrainingRun:
             InputError: There is no room to write; the last good checkpoint is whole.
         """
         stopped, self._tell = False, tell or self._tell
+        log = _Log(str(self._folder.tensorboard), self.learner.num_timesteps)
+        self.learner.set_logger(Logger(str(self._folder.tensorboard), [log]))
         try:
             remaining = self._plan.n_timesteps - self.learner.num_timesteps
             if remaining > 0:
@@ -108,8 +105,15 @@ class TrainingRun:
             found = f"{error.strerror}; {self._good()}"
             raise InputError(self._folder.path, "room to write", found) from None
         finally:
-            self._close()
+            log.close()
+            self.close()
         return self._result(stopped)
+
+    def close(self) -> None:
+        """Let the environments go; called by `run`."""
+        self._course.close()
+        if self._evaluations is not None:
+            self._evaluations.close()
 
     def _between(self, last: bool = False) -> None:
         """Between two rollouts, and at the end: measure, write, move on."""
@@ -231,13 +235,6 @@ class TrainingRun:
     def _good(self) -> str:
         left = checkpoints(self._folder.checkpoints)
         return f"{left[-1]} is whole" if left else "there is no checkpoint yet"
-
-    def _close(self) -> None:
-        self._course.close()
-        self._monitor.close()
-        self._log.close()
-        if self._evaluations is not None:
-            self._evaluations.close()
 
 
 class _Steward(BaseCallback):

@@ -20,7 +20,7 @@ class Schedule:
     last: float
     """…and at the end."""
 
-    def __call__(self, remaining: float) -> float:
+    def __call__(self, remaining: float | int) -> float:
         """The value when this share of the training is still to come."""
         return self.last + (self.first - self.last) * remaining
 
