@@ -34,7 +34,7 @@ class TrainedAgent:
     def __init__(self, name: str, file: AgentFile, observing: ObservationConfig) -> None:
         self.name = name
         self._file = file
-        self._observing = observing
+        self._parts = tuple(observing.shapes)
         self._network = Network(file.network, file.weights)
         trained = file.settings.get("config", {}).get("observations", {})
         apart = differences(plain(observing), trained)
@@ -64,7 +64,7 @@ class TrainedAgent:
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """The mean action of its policy, or the likeliest of a discrete set."""
         if isinstance(observation, dict):
-            observation = self._observing.flatten(observation)
+            observation = np.concatenate([observation[part].ravel() for part in self._parts])
         answer = self._network(np.asarray(observation, np.float32))
         if self._file.discrete:
             return np.int64(np.argmax(answer))

@@ -40,7 +40,7 @@ def test_nested_settings_keep_their_defaults(tmp_path: Path) -> None:
     file = plan_file(tmp_path / "a.yml", env={"config": {"observations": {"home_range": 50}}})
     config = stage_settings(read_plan(file), StagePlan())["config"]
     assert config.observations.home_range == 50.0
-    assert config.observations.ways  # As the task has it, other than an ObservationConfig.
+    assert "way" in config.observations.parts  # As the task has it, not as an ObservationConfig.
     assert config.outing.longest == 2.0
 
 
