@@ -15,8 +15,9 @@ from albot_core.errors import InputError
 
 _ACTIVATIONS = {"elu": torch.nn.ELU, "relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
 GPU_UNITS = 1024
-"""A hidden layer of so many units gains by a GPU; smaller ones lose more on the way there and
-back at every step."""
+"""Units of a hidden layer from which on `auto` takes the GPU. At every step of the environments
+data go there and back, so that small networks are slower there (stable-baselines3 warns of that
+itself, with its issue 1245)."""
 
 
 def make_learner(plan: TrainingPlan, envs: VecEnv) -> OnPolicyAlgorithm:

@@ -141,8 +141,9 @@ class TrainingPlan:
     device: str = "auto"
     """`cpu`, `cuda`, or `auto`: the GPU where there is one and the networks are large enough to
     gain by it."""
-    torch_threads: int = 0
-    """Threads of the learner; 0 for as many as there are processors."""
+    torch_threads: int = 1
+    """Threads of the learner; 0 for as many as there are processors. Two that share their
+    processors with another process wait for each other, ten times longer than one works."""
 
     def __post_init__(self) -> None:
         counts = "n_timesteps", "n_envs", "n_steps", "batch_size", "n_epochs", "checkpoint_every"

@@ -119,3 +119,12 @@ def test_the_plan_of_nothing_is_whole() -> None:
     plan = TrainingPlan()
     assert plan.stages == (StagePlan(),)
     assert plan.n_envs * plan.n_steps % plan.batch_size == 0
+
+
+def test_the_plan_in_the_documents_is_one(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[3] / "docs" / "training.md").read_text(encoding="utf-8")
+    example = text.split("```yaml\n")[1].split("```")[0]
+    (tmp_path / "plan.yml").write_text(example, encoding="utf-8")
+    plan = read_plan(tmp_path / "plan.yml")
+    assert len(plan.stages) == 2
+    assert plan.env["config"]["observations"]["laser_sectors"] == 36
