@@ -215,12 +215,16 @@ class TrainingRun:
         }
 
     def _note(self) -> str:
-        rate = self._course.success_rate
-        stages = len(self._plan.stages)
-        stage = f"stage {self._course.stage + 1} of {stages}, " if stages > 1 else ""
-        return f"{stage}{self._course.episodes:,} episodes" + (
-            "" if rate is None else f", {rate:.0%} success"
-        )
+        """How it goes."""
+        stages, rate = len(self._plan.stages), self._course.success_rate
+        told = [f"stage {self._course.stage + 1} of {stages}"] if stages > 1 else []
+        told.append(f"{self._episodes:,} episodes")
+        if rate is not None:
+            told.append(f"{rate:.0%} success")
+        measured = (self._evaluations.last if self._evaluations else {}).get("success_rate")
+        if measured is not None:
+            told.append(f"{measured:.0%} in the evaluation")
+        return ", ".join(told)
 
     def _chance(self) -> int:
         """The seed of what environments draw from here on."""
