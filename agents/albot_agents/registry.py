@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 from albot_agents.agent import Agent
+from albot_agents.plain import hint
 from albot_agents.scripted.albot1_homing import Albot1Homing
 from albot_agents.scripted.gap_explorer import GapExplorerAgent
 from albot_agents.scripted.oracle import Oracle
 from albot_agents.scripted.path_integration import PathIntegration
 from albot_agents.scripted.wanderer import Wanderer
+from albot_agents.trained.agent_file import SUFFIX, AgentFile, read_agent
+from albot_agents.trained.shipped import shipped_agents
+from albot_agents.trained.trained_agent import TrainedAgent
 from albot_core.errors import InputError
 from albot_env.tasks.observation import ObservationConfig
 
@@ -29,6 +34,28 @@ class AgentEntry:
     """What makes it, for an environment that makes observations so."""
     mapper: str = "albot1"
     """The mapper that it is evaluated with where no other is asked for."""
+    file: AgentFile | None = None
+    """What it was trained to, of a trained agent."""
+
+    @property
+    def observing(self) -> ObservationConfig:
+        """How environments make the observations that it is used to."""
+        return USUAL if self.file is None else self.file.observing
+
+    def environment(self, task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+        """What an environment is made with so that it can act in it.
+
+        Args:
+            task: Id of the environment.
+            settings: What is wanted besides; it goes before the agent's own, but for what a
+                trained agent sees and what its actions mean.
+
+        Raises:
+            InputError: The task has no such settings.
+        """
+        if self.file is None:
+            return {"mapper": self.mapper} | dict(settings)
+        return self.file.environment(task, settings)
 
 
 AGENTS = {
@@ -54,36 +81,55 @@ AGENTS = {
         summary="Acts at random: the lower bound.", make=lambda _: Wanderer(), mapper="none"
     ),
 }
-"""All agents by name, in the order of the alphabet."""
+"""The scripted agents by name, in the order of the alphabet."""
 
 
 def agent_names() -> tuple[str, ...]:
-    """The names of all agents."""
-    return tuple(AGENTS)
+    """The names of all agents: the scripted ones, then the trained ones that ship."""
+    return (*AGENTS, *shipped_agents())
 
 
 def find_agent(name: str) -> AgentEntry:
-    """The agent of a name.
+    """The agent of a name, or the trained one in a file.
 
     Raises:
-        InputError: There is none; the message names the nearest.
+        InputError: There is none, and the message names the nearest; or the file is none of
+            an agent.
     """
-    if name not in AGENTS:
-        close = difflib.get_close_matches(name, AGENTS, n=1)
-        hint = f" (did you mean {close[0]}?)" if close else ""
-        raise InputError("agent", f"one of {', '.join(AGENTS)}", f"{name or 'nothing'}{hint}")
-    return AGENTS[name]
+    if name in AGENTS:
+        return AGENTS[name]
+    shipped = shipped_agents()
+    if name in shipped:
+        return _trained(name, shipped[name])
+    if name.endswith(SUFFIX) or Path(name).is_file():
+        return _trained(name, Path(name))
+    names = (*AGENTS, *shipped)
+    expected = f"one of {', '.join(names)}, or a file"
+    raise InputError("agent", expected, f"{name or 'nothing'}{hint(name, names)}")
 
 
-def make_agent(name: str, observing: ObservationConfig = USUAL) -> Agent:
+def _trained(name: str, path: Path) -> AgentEntry:
+    """The trained agent in a file."""
+    file = read_agent(path)
+    return AgentEntry(
+        summary=f"Trained for {file.task} by {file.training.plan.algorithm}.",
+        make=lambda observing: TrainedAgent(name, file, observing),
+        mapper=file.settings.get("mapper", "albot1"),
+        file=file,
+    )
+
+
+def make_agent(name: str, observing: ObservationConfig | None = None) -> Agent:
     """A new agent.
 
     Args:
-        name: One of `agent_names`.
+        name: One of `agent_names`, or the path of a trained agent's file.
         observing: How the environment that it is to act in makes observations (its
-            `observing`).
+            `observing`); by default the environments' usual way, or that in which it was trained.
 
     Raises:
-        InputError: There is no agent of this name.
+        InputError: There is no agent of this name, the file is none of an agent, or it was
+            trained with other observations.
     """
-    return find_agent(name).make(observing)
+    entry = find_agent(name)
+    return entry.make(entry.observing if observing is None else observing)

@@ -1,10 +1,14 @@
-"""`albot agents`: the agents."""
+"""`albot agents`: the agents, and the cards of trained ones."""
 
 from __future__ import annotations
 
 import json
+from pathlib import Path
+from typing import Any
 
 import click
+
+_FILE = click.Path(path_type=Path, dir_okay=False)
 
 
 @click.group()
@@ -15,21 +19,50 @@ def command() -> None:
 @command.command("list")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def list_agents(as_json: bool) -> None:
-    """List the agents and what each does."""
-    from albot_agents.registry import AGENTS, make_agent
+    """List the agents and what each does; of trained ones, where their cards are."""
+    from albot_agents.registry import agent_names, find_agent, make_agent
+    from albot_agents.trained.shipped import card_of
 
-    rows = [
-        {
-            "name": name,
-            "summary": entry.summary,
-            "mapper": entry.mapper,
-            "knows_truth": make_agent(name).knows_truth,
-        }
-        for name, entry in AGENTS.items()
-    ]
+    rows = []
+    for name in agent_names():
+        entry = find_agent(name)
+        row: dict[str, Any] = {"name": name, "summary": entry.summary, "mapper": entry.mapper}
+        row["knows_truth"] = make_agent(name).knows_truth
+        if entry.file is not None:
+            row |= {"task": entry.file.task, "card": str(card_of(name))}
+        rows.append(row)
     if as_json:
         click.echo(json.dumps({"agents": rows}))
         return
-    width = max(map(len, AGENTS))
+    width = max(len(row["name"]) for row in rows)
     for row in rows:
-        click.echo(f"{row['name']:<{width}}  {row['summary']}")
+        card = f"  {row['card']}" if "card" in row else ""
+        click.echo(f"{row['name']:<{width}}  {row['summary']}{card}")
+
+
+@command.command("card")
+@click.argument("file", type=_FILE)
+@click.option(
+    "--evaluation",
+    "evaluations",
+    multiple=True,
+    type=_FILE,
+    help="Figures to show: evaluation.json of `albot evaluate --out`; repeatable.",
+)
+@click.option("--out", type=_FILE, help="The card.  [default: FILE's name with .md]")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+def write_agents_card(
+    file: Path, evaluations: tuple[Path, ...], out: Path | None, as_json: bool
+) -> None:
+    """Write the model card of the trained agent in FILE, and its learning curve."""
+    from albot_agents.trained.agent_file import read_agent
+    from albot_agents.trained.card import read_evaluation, write_card
+
+    agent = read_agent(file)
+    figures = [read_evaluation(path) for path in evaluations]
+    written = write_card(agent, file.stem, out or file.with_suffix(".md"), figures)
+    if as_json:
+        click.echo(json.dumps({"files": [str(path) for path in written]}))
+        return
+    for path in written:
+        click.echo(path)

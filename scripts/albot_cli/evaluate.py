@@ -78,24 +78,29 @@ def command(
     median with bootstrapped 95 % intervals), how far from home it ended. The exit status
     is 130 where Ctrl-C ended it before: then the figures are those of the episodes so far.
     """
-    from albot_agents.evaluation.plan import check_task, parse_seeds, plan_trials
+    from albot_agents.evaluation.plan import parse_seeds, plan_trials
     from albot_agents.registry import find_agent
+    from albot_agents.task import check_task
 
     check_task(task)
-    inside = mapper or find_agent(agent).mapper
-    settings: dict[str, Any] = {"mapper": inside, "odometer": odometer}
+    entry = find_agent(agent)
+    settings: dict[str, Any] = {"odometer": odometer}
+    if mapper is not None:
+        settings["mapper"] = mapper
     if steps is not None:
         settings["max_episode_steps"] = steps
     if outward is not None:
         settings["config"] = _way_out(task, outward)
     if out is not None:
         check_folder(out)
+    settings = entry.environment(task, settings)
     trials = plan_trials(task, agent, worlds, parse_seeds(seeds), settings)
     trials[0].make().close()  # What is wrong with the settings is told before the work.
     began = time.perf_counter()
     outcomes, stopped = _run(trials, jobs or os.cpu_count() or 1)
+    inside = settings.get("mapper", entry.mapper)
     facts: dict[str, Any] = {"task": task, "agent": agent, "mapper": inside, "odometer": odometer}
-    facts |= _summary(outcomes)
+    facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes)}
     facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}
     if out is not None:
         _save(out, facts, outcomes)

@@ -22,6 +22,7 @@ SUBCOMMANDS = {
     "mappers": "List the mapping systems.",
     "play": "Watch a robot explore and map, or play an episode back.",
     "stress": "Drive agents through many worlds and check every step.",
+    "train": "Let an agent learn a task.",
     "worlds": "List, show, check and convert worlds.",
 }
 

@@ -146,19 +146,14 @@ def _run(
     import gymnasium
 
     from albot_agents.episode import begin_episode
-    from albot_agents.registry import make_agent
+    from albot_agents.registry import find_agent, make_agent
     from albot_cli.stage import open_stage
     from albot_env.recording.writer import EpisodeWriter
     from albot_env.tasks.explore import ENVIRONMENT, ExploreEnv
 
-    env = gymnasium.make(
-        ENVIRONMENT,
-        world=world,
-        mapper=mapper,
-        movables=not no_movables,
-        max_episode_steps=steps,
-        **sensors,
-    )
+    settings = {"world": world, "mapper": mapper, "movables": not no_movables, **sensors}
+    settings = find_agent(agent).environment(ENVIRONMENT, settings)
+    env = gymnasium.make(ENVIRONMENT, max_episode_steps=steps, **settings)
     driver = make_agent(agent, env.get_wrapper_attr("observing"))
     warm_up(mapper)
     explorer = env.unwrapped

@@ -10,9 +10,9 @@ import pytest
 
 from albot_agents.agent import Agent, choose
 from albot_agents.episode import begin_episode
-from albot_agents.registry import AGENTS, agent_names, make_agent
+from albot_agents.registry import AGENTS, agent_names, find_agent, make_agent
 from albot_core.errors import InputError
-from tests.env.quick import IDS, QUICK
+from tests.env.quick import QUICK
 
 
 def _begun(name: str, environment: str, form: str = "flat") -> tuple[Agent, Any]:
@@ -34,7 +34,7 @@ def _actions(agent: Agent, env: Any, seed: int, steps: int = 120) -> list[Any]:
 
 
 def test_the_agents_are_these() -> None:
-    assert agent_names() == (
+    assert tuple(AGENTS) == (
         "albot1-homing",
         "gap-explorer",
         "oracle",
@@ -49,7 +49,7 @@ def test_an_agent_is_found_by_its_name(name: str) -> None:
     assert isinstance(agent, Agent)
     assert agent.name == name
     assert make_agent(name) is not agent
-    assert AGENTS[name].summary.endswith(".")
+    assert find_agent(name).summary.endswith(".")
 
 
 def test_only_the_oracle_knows_the_truth() -> None:
@@ -76,16 +76,14 @@ def test_an_unknown_agent_is_refused_with_a_hint() -> None:
         make_agent("gap_explorer")
 
 
-@pytest.mark.parametrize("environment", IDS)
-@pytest.mark.parametrize("name", agent_names())
+@pytest.mark.parametrize(("name", "environment"), ACTING)
 def test_actions_are_actions_whichever_form_observations_have(name: str, environment: str) -> None:
     flat = _actions(*_begun(name, environment, "flat"), 1, 40)
     parts = _actions(*_begun(name, environment, "dict"), 1, 40)
     assert np.array_equal(flat, parts)
 
 
-@pytest.mark.parametrize("environment", IDS)
-@pytest.mark.parametrize("name", agent_names())
+@pytest.mark.parametrize(("name", "environment"), ACTING)
 def test_a_reset_forgets_everything(name: str, environment: str) -> None:
     agent, env = _begun(name, environment)
     first = _actions(agent, env, 1)

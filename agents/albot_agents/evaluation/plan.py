@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -43,19 +42,6 @@ class Trial:
         return gymnasium.make(
             self.task, world=self.world, disable_env_checker=True, **self.settings
         )
-
-
-def check_task(task: str) -> None:
-    """Refuse a task that is none.
-
-    Raises:
-        InputError: There is none of this name; the message names the nearest.
-    """
-    tasks = sorted(name for name in gymnasium.registry if name.startswith("Albot/"))
-    if task not in tasks:
-        close = difflib.get_close_matches(task, tasks, n=1, cutoff=0.4)
-        hint = f" (did you mean {close[0]}?)" if close else ""
-        raise InputError("task", f"one of {', '.join(tasks)}", f"{task or 'nothing'}{hint}")
 
 
 def parse_seeds(text: str) -> range:

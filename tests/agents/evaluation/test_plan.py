@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from albot_agents.evaluation.plan import check_task, parse_seeds, plan_trials
+from albot_agents.evaluation.plan import parse_seeds, plan_trials
+from albot_agents.task import check_task
 from albot_core.errors import InputError
 from albot_maps import catalogue_names
 from albot_maps.generators.spec import seeded

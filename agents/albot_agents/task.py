@@ -1,0 +1,88 @@
+"""Tasks: the environments by name, and what each of them can be set to."""
+
+from __future__ import annotations
+
+import inspect
+import typing
+from collections.abc import Mapping
+from typing import Any, get_args, get_origin
+
+import gymnasium
+from gymnasium.envs.registration import load_env_creator
+
+import albot_env
+from albot_agents.plain import Where, hint, read_fields
+from albot_core.errors import InputError
+
+assert albot_env.__doc__  # Importing it registers the environments.
+
+PREFIX = "Albot/"
+
+
+def task_names() -> tuple[str, ...]:
+    """The ids of all tasks."""
+    return tuple(sorted(name for name in gymnasium.registry if name.startswith(PREFIX)))
+
+
+def check_task(task: str) -> None:
+    """Refuse a task that is none.
+
+    Raises:
+        InputError: There is none of this name; the message names the nearest.
+    """
+    tasks = task_names()
+    if task not in tasks:
+        found = f"{task or 'nothing'}{hint(task, tasks)}"
+        raise InputError("task", f"one of {', '.join(tasks)}", found)
+
+
+def batch_settings(task: str) -> dict[str, Any]:
+    """What a batch of a task's environments can be set to: types by name."""
+    return _settings(gymnasium.spec(task).vector_entry_point)
+
+
+def single_settings(task: str) -> dict[str, Any]:
+    """What a single environment of a task can be set to: types by name."""
+    return _settings(gymnasium.spec(task).entry_point)
+
+
+def config_kind(task: str) -> Any:
+    """The dataclass of a task's configuration."""
+    kinds = get_args(single_settings(task)["config"])
+    return next(kind for kind in kinds if kind is not type(None))
+
+
+def read_settings(task: str, data: Any, where: Where) -> dict[str, Any]:
+    """Settings of a batch of a task's environments from plain data.
+
+    Raises:
+        InputError: There is no such setting, or its value is none; it names the place.
+    """
+    known = {
+        name: kind
+        for name, kind in batch_settings(task).items()
+        if name not in ("num_envs", "autoreset_mode")
+    }
+    return read_fields(known, data, where)
+
+
+def for_one(task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of a batch's settings that a single environment has as well."""
+    known = single_settings(task)
+    return {name: value for name, value in settings.items() if name in known}
+
+
+def _settings(entry_point: Any) -> dict[str, Any]:
+    """The arguments of what makes an environment, those of `**settings` among them."""
+    maker: Any = load_env_creator(entry_point) if isinstance(entry_point, str) else entry_point
+    parameters = inspect.signature(maker.__init__).parameters
+    kinds: dict[str, Any] = {}
+    for name, kind in typing.get_type_hints(maker.__init__).items():
+        if name not in parameters:
+            continue  # What is returned.
+        if parameters[name].kind is inspect.Parameter.VAR_KEYWORD:
+            assert get_origin(kind) is typing.Unpack
+            kinds |= typing.get_type_hints(get_args(kind)[0])
+        else:
+            kinds[name] = kind
+    return kinds

@@ -1,0 +1,181 @@
+"""A trained agent as one file: what it was trained for, its network, and how it came to be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from albot_agents.plain import Where, merged, plain, read_config, read_fields
+from albot_agents.task import config_kind, for_one, read_settings, task_names
+from albot_agents.trained.network import NetworkConfig
+from albot_agents.training.plan import TrainingPlan
+from albot_core.archive import HEADER, ArchiveFormat
+from albot_core.errors import InputError
+from albot_env.tasks.observation import ObservationConfig
+from albot_maps.formats.yaml_document import shown
+
+FORMAT = ArchiveFormat(name="albot-agent", version=1, kind="agent file", largest=1 << 24)
+SUFFIX = ".albot"
+
+KEPT_SETTINGS = ("mapper", "laser", "sonar", "scenes", "action", "config")
+"""Settings of the environment by which an agent sees and acts; of `config`…"""
+KEPT_CONFIG = ("observations", "actions")
+"""…these."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingFacts:
+    """How an agent came to be."""
+
+    plan: TrainingPlan
+    """The plan, the seed in it."""
+    command: str
+    """The command that began the training."""
+    samples: int
+    """Samples so far."""
+    episodes: int
+    """Episodes so far."""
+    seconds: float
+    """How long it took (s)."""
+    python: str
+    """Python's version."""
+    machine: str
+    """What it ran on."""
+    versions: Mapping[str, str]
+    """Versions of the packages that it ran with."""
+    curve: Mapping[str, list[float]] = field(default_factory=dict)
+    """Means of the evaluations so far: `samples`, `return` and, where known, `success_rate` and
+    `spl`."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AgentFile:
+    """What an agent's file holds."""
+
+    task: str
+    """Id of the environment that it was trained in."""
+    settings: Mapping[str, Any]
+    """Settings of the environment by which it sees and acts, as plain data."""
+    discrete: bool
+    """Whether it chooses one action of a set; if not, its actions are numbers in [-1, 1]."""
+    network: NetworkConfig
+    """How its network is built."""
+    weights: Mapping[str, np.ndarray]
+    """The network's arrays, float32."""
+    training: TrainingFacts
+    """How it came to be."""
+
+    @property
+    def observing(self) -> ObservationConfig:
+        """How the environment made observations."""
+        data = self.settings["config"]["observations"]
+        return read_config(ObservationConfig, data, Where("the agent's observations"))
+
+    def save(self, path: Path) -> None:
+        """Write the file, whole or not at all.
+
+        Raises:
+            InputError: It cannot be written.
+            OSError: There is no room left.
+        """
+        header = {
+            "task": self.task,
+            "settings": plain(self.settings),
+            "discrete": self.discrete,
+            "network": plain(self.network),
+            "training": plain(self.training),
+        }
+        FORMAT.write(path, header, self.weights)
+
+    def environment(self, task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+        """What a single environment is made with so that the agent can act in it.
+
+        Args:
+            task: Id of the environment.
+            settings: What is wanted besides, which goes before the agent's own but for what it
+                sees and how it acts.
+
+        Raises:
+            InputError: The task has no such settings.
+        """
+        its = dict(self.settings)
+        config, kind = its.pop("config", {}), config_kind(task)
+        where = Where(f"the agent's settings in {task}")
+        base = settings.get("config") or kind()
+        seen = read_config(kind, config, where, base)
+        return for_one(task, read_settings(task, its, where)) | dict(settings) | {"config": seen}
+
+
+def read_agent(path: Path) -> AgentFile:
+    """The agent in a file.
+
+    Raises:
+        InputError: The file is missing, torn, of another version, or holds anything but what
+            belongs to an agent; the message names the place in it.
+    """
+    header, weights = FORMAT.read(path)
+    where = Where(f"{path}, {HEADER}")
+    kinds = {"task": str, "settings": dict[str, Any], "discrete": bool}
+    kinds |= {"network": NetworkConfig, "training": TrainingFacts}
+    fields = read_fields(kinds, header, where)
+    for name in kinds.keys() - fields.keys():
+        raise where.at(name).error("a value", "none")
+    if fields["task"] not in task_names():
+        raise where.at("task").error(f"one of {', '.join(task_names())}", fields["task"])
+    _check_settings(fields["task"], fields["settings"], fields["network"], where.at("settings"))
+    _check_weights(path, fields["network"], weights)
+    return AgentFile(**fields, weights=weights)
+
+
+def kept_settings(settings: Mapping[str, Any], observing: Any) -> dict[str, Any]:
+    """Those settings of an environment by which an agent sees and acts, as plain data.
+
+    Args:
+        settings: The settings.
+        observing: How the environment makes observations, fitted to its sensors.
+    """
+    kept = {name: plain(settings[name]) for name in KEPT_SETTINGS if name in settings}
+    config = {key: value for key, value in kept.get("config", {}).items() if key in KEPT_CONFIG}
+    return kept | {"config": merged(config, {"observations": plain(observing)})}
+
+
+def _check_settings(
+    task: str, settings: Mapping[str, Any], network: NetworkConfig, where: Where
+) -> None:
+    """Refuse settings that are none, or whose observations are not what the network takes."""
+    unknown = sorted(settings.keys() - set(KEPT_SETTINGS))
+    if unknown:
+        raise where.error(f"only {', '.join(KEPT_SETTINGS)}", unknown[0])
+    read_settings(task, settings, where)
+    where = where.at("config")
+    config = settings.get("config")
+    if not isinstance(config, Mapping) or set(config) - set(KEPT_CONFIG):
+        raise where.error(f"a mapping with {' and '.join(KEPT_CONFIG)}", shown(config))
+    where = where.at("observations")
+    observing = read_config(ObservationConfig, config.get("observations"), where)
+    # Nothing is made of this size before it is known to be that of arrays that are there.
+    length = sum(math.prod(shape) for shape in observing.shapes.values())
+    if length != network.inputs:
+        raise where.error(f"what makes {network.inputs} numbers", f"{length}")
+
+
+def _check_weights(path: Path, network: NetworkConfig, weights: Mapping[str, np.ndarray]) -> None:
+    """Refuse arrays that are not just those of the network."""
+    shapes = network.shapes
+    for name in sorted(shapes.keys() | weights.keys()):
+        place = f"{name}.npy"
+        if name not in weights:
+            raise InputError(path, f"the array {name}", "none", place=place)
+        if name not in shapes:
+            raise InputError(path, "only arrays of the network", name, place=place)
+        array = weights[name]
+        if array.shape != shapes[name] or array.dtype != np.float32:
+            expected = f"shape {shapes[name]} of float32"
+            raise InputError(path, expected, f"{array.shape} of {array.dtype}", place=place)
+        if not np.isfinite(array).all():
+            raise InputError(path, "finite numbers", "others", place=place)

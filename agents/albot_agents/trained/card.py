@@ -1,0 +1,150 @@
+"""A trained agent's model card: what it was trained for, how, and what it reaches."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from albot_agents.plain import merged, plain
+from albot_agents.trained.agent_file import AgentFile
+from albot_core.errors import InputError
+from albot_core.files import read_bytes, replacing, write_text
+
+_FIGURES = {
+    "success_rate": "success",
+    "spl": "SPL",
+    "soft_spl": "soft SPL",
+    "mean_coverage": "coverage",
+    "collisions_per_m": "collisions per m",
+}
+"""What the card tells of an evaluation, where it is known."""
+_INTERVALS = {"success_rate": "ci95", "spl": "spl_ci95", "soft_spl": "soft_spl_ci95"}
+
+
+def write_card(
+    agent: AgentFile, name: str, path: Path, evaluations: Sequence[Mapping[str, Any]] = ()
+) -> list[Path]:
+    """Write an agent's card, and its learning curve beside it where it has one.
+
+    Args:
+        agent: The agent.
+        name: Its name.
+        path: The card, a Markdown file; the picture takes its name.
+        evaluations: What `albot evaluate --json` told of it.
+
+    Returns:
+        The files written.
+
+    Raises:
+        InputError: They cannot be written.
+    """
+    picture = path.with_suffix(".png")
+    curve = agent.training.curve
+    sections = [_heading(agent, name), _origin(agent)]
+    if evaluations:
+        sections.append(_table(evaluations))
+    written = [path]
+    if curve.get("samples"):
+        _draw(curve, picture)
+        written.append(picture)
+        sections.append(f"## Learning curve\n\n![Learning curve]({picture.name})")
+    plan = yaml.safe_dump(plain(agent.training.plan), sort_keys=False)
+    sections.append(f"## Plan\n\n```yaml\n{plan}```")
+    write_text(path, "\n\n".join(sections) + "\n")
+    return written
+
+
+def read_evaluation(path: Path) -> dict[str, Any]:
+    """What `albot evaluate` wrote as `evaluation.json`.
+
+    Raises:
+        InputError: The file is missing or something else.
+    """
+    try:
+        found = json.loads(read_bytes(path))
+    except ValueError as error:
+        raise InputError(path, "JSON", str(error)) from None
+    if not isinstance(found, dict) or "success_rate" not in found:
+        raise InputError(path, "the figures of `albot evaluate`", "something else")
+    return found
+
+
+def _heading(agent: AgentFile, name: str) -> str:
+    network = agent.network
+    lstm = f"{network.lstm_layers} × LSTM {network.lstm_size}, " if network.lstm_layers else ""
+    layers = " × ".join(map(str, network.layers))
+    actions = f"{network.outputs} {'discrete actions' if agent.discrete else 'numbers'}"
+    return (
+        f"# {name}\n\nA policy for `{agent.task}`, trained by {agent.training.plan.algorithm}: "
+        f"{network.inputs} inputs, {lstm}{layers} {network.activation}, {actions}. It acts as "
+        f"its network holds for best; nothing is drawn by chance."
+    )
+
+
+def _origin(agent: AgentFile) -> str:
+    """How it came to be."""
+    training, plan = agent.training, agent.training.plan
+    stages = (plan.env, *(merged(plan.env, stage.env) for stage in plan.curriculum))
+    worlds = [stage.get("world", "office-ring") for stage in stages]
+    shown = dict.fromkeys(world if isinstance(world, str) else ", ".join(world) for world in worlds)
+    rows = {
+        "command": f"`{training.command}`",
+        "seed": plan.seed,
+        "worlds": "; ".join(f"`{world}`" for world in shown),
+        "mapper": f"`{agent.settings.get('mapper', 'albot1')}`",
+        "samples": f"{training.samples:,} in {training.episodes:,} episodes",
+        "time": f"{training.seconds / 3600:.2f} h, {training.machine}",
+        "versions": ", ".join(f"{name} {number}" for name, number in training.versions.items()),
+    }
+    lines = [f"| {name} | {value} |" for name, value in rows.items()]
+    return "\n".join(("## Training", "", "| | |", "|---|---|", *lines))
+
+
+def _table(evaluations: Sequence[Mapping[str, Any]]) -> str:
+    """What it reaches; in brackets the 95 % intervals."""
+    names = [name for name in _FIGURES if any(found.get(name) is not None for found in evaluations)]
+    head = ["task", "worlds", "seeds", "odometer", "mapper", "episodes"]
+    head += [_FIGURES[name] for name in names]
+    rows = []
+    for found in evaluations:
+        worlds = ", ".join(f"`{spec}`" for spec in found.get("world_specs", ()))
+        cells = [found["task"], worlds, found.get("seeds", ""), found["odometer"], found["mapper"]]
+        cells += [found["episodes"], *(_cell(found, name) for name in names)]
+        rows.append(cells)
+    lines = [f"| {' | '.join(map(str, row))} |" for row in (head, ["---"] * len(head), *rows)]
+    return "\n".join(("## Figures", "", *lines))
+
+
+def _cell(found: Mapping[str, Any], name: str) -> str:
+    value, interval = found.get(name), found.get(_INTERVALS.get(name, ""))
+    if value is None:
+        return ""
+    return f"{value:.3f}" + (f" ({interval[0]:.3f} to {interval[1]:.3f})" if interval else "")
+
+
+def _draw(curve: Mapping[str, Any], path: Path) -> None:
+    """The evaluations in the course of the training."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    names = {"success_rate": "success", "spl": "SPL", "return": "return"}
+    shares = [name for name in ("success_rate", "spl") if name in curve]
+    figure = Figure(figsize=(7, 3.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(1, 2 if shares else 1, squeeze=False)[0]
+    for panel, shown in zip(
+        axes, ([*shares], ["return"]) if shares else (["return"],), strict=True
+    ):
+        for name in shown:
+            panel.plot(curve["samples"], curve[name], marker=".", label=names[name])
+        panel.set(xlabel="samples")
+        panel.legend(frameon=False)
+        panel.grid(alpha=0.3)
+    if shares:
+        axes[0].set_ylim(0, 1)
+    with replacing(path) as stream:
+        figure.savefig(stream, format="png", dpi=100, metadata={"Software": "albot-env"})

@@ -1,0 +1,71 @@
+"""A trained agent in an environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium.spaces import Box, Discrete, Space
+
+from albot_agents.agent import Action
+from albot_agents.plain import differences, plain
+from albot_agents.trained.agent_file import AgentFile
+from albot_agents.trained.network import Network
+from albot_core.errors import InputError
+from albot_env.tasks.observation import ObservationConfig
+
+
+class TrainedAgent:
+    """Does what its network holds for best, and nothing by chance.
+
+    Args:
+        name: Its name, or the path of its file.
+        file: What the file holds.
+        observing: How the environment makes observations.
+
+    Raises:
+        InputError: The environment makes observations in another way than that in which it was
+            trained; the message says what differs.
+    """
+
+    knows_truth: ClassVar[bool] = False
+
+    def __init__(self, name: str, file: AgentFile, observing: ObservationConfig) -> None:
+        self.name = name
+        self._file = file
+        self._parts = tuple(observing.shapes)
+        self._network = Network(file.network, file.weights)
+        trained = file.settings.get("config", {}).get("observations", {})
+        apart = differences(plain(observing), trained)
+        if apart:
+            raise InputError(name, "observations as in its training", "; ".join(apart))
+        (length,) = observing.flat_space.shape
+        if length != file.network.inputs:
+            expected = f"observations of {file.network.inputs} numbers"
+            raise InputError(name, expected, f"{length}")
+
+    def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
+        """Begin anew.
+
+        Raises:
+            InputError: The environment has other actions than those in which it was trained.
+        """
+        outputs = self._file.network.outputs
+        mine = f"{outputs} discrete" if self._file.discrete else f"{outputs} numbers"
+        if isinstance(actions, Discrete):
+            theirs = f"{actions.n} discrete"
+        else:
+            theirs = f"{actions.shape[0]} numbers" if isinstance(actions, Box) else str(actions)
+        if mine != theirs:
+            raise InputError(self.name, f"actions as in its training: {mine}", theirs)
+        self._network.reset()
+
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
+        """The mean action of its policy, or the likeliest of a discrete set."""
+        if isinstance(observation, dict):
+            observation = np.concatenate([observation[part].ravel() for part in self._parts])
+        answer = self._network(np.asarray(observation, np.float32))
+        if self._file.discrete:
+            return np.int64(np.argmax(answer))
+        return np.asarray(np.clip(answer, -1, 1))

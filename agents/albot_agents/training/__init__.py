@@ -1,0 +1,1 @@
+"""Training: agents that learn by reinforcement, by runs that can be killed and resumed."""

@@ -1,0 +1,173 @@
+"""Checkpoints: all that a learner knows, as arrays and plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+
+from albot_agents.plain import Where, read_fields, read_value
+from albot_core.archive import HEADER, ArchiveFormat
+from albot_core.errors import InputError
+
+FORMAT = ArchiveFormat(name="albot-checkpoint", version=1, kind="checkpoint", largest=1 << 30)
+SUFFIX = ".checkpoint"
+KEPT = 2
+"""Checkpoints that are kept, the newest ones."""
+
+_MOMENTS = ("exp_avg", "exp_avg_sq", "step")
+"""What Adam keeps of each parameter."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Checkpoint:
+    """A learner between two rollouts, and how far its run has come."""
+
+    samples: int
+    """Samples so far."""
+    updates: int
+    """Passes through the samples so far, as stable-baselines3 counts them."""
+    run: Mapping[str, Any]
+    """What the run keeps besides; plain data."""
+    random: tuple[float, ...]
+    """Place, and whether and which normal number is left over, in numpy's generator."""
+    arrays: Mapping[str, np.ndarray]
+    """Weights, Adam's moments, and the states of random generators."""
+
+    def save(self, folder: Path) -> Path:
+        """Write it, and remove all but the newest `KEPT`; where it is.
+
+        Raises:
+            InputError: It cannot be written; the message names the last good one.
+        """
+        path = folder / f"{self.samples:012d}{SUFFIX}"
+        header = {"samples": self.samples, "updates": self.updates, "run": dict(self.run)}
+        try:
+            FORMAT.write(path, header | {"random": list(self.random)}, self.arrays)
+        except OSError as error:
+            left = checkpoints(folder)
+            good = f"; {left[-1]} is whole" if left else ""
+            reason = error.strerror or str(error)
+            raise InputError(path, "room for a checkpoint", f"{reason}{good}") from None
+        for old in checkpoints(folder)[:-KEPT]:
+            old.unlink(missing_ok=True)
+        return path
+
+
+def checkpoints(folder: Path) -> list[Path]:
+    """The checkpoints in a folder, the newest last."""
+    return sorted(folder.glob(f"*{SUFFIX}"))
+
+
+def take_checkpoint(learner: OnPolicyAlgorithm, run: Mapping[str, Any]) -> Checkpoint:
+    """What a learner knows now."""
+    arrays = {
+        f"weight.{name}": _array(value) for name, value in learner.policy.state_dict().items()
+    }
+    kept = learner.policy.optimizer.state
+    for name, parameter in learner.policy.named_parameters():
+        for moment, value in kept.get(parameter, {}).items():
+            arrays[f"adam.{moment}.{name}"] = _array(value)
+    _, keys, *place = np.random.get_state()  # noqa: NPY002 - what stable-baselines3 draws from
+    arrays["random.numpy"] = np.asarray(keys, np.uint32)
+    arrays["random.torch"] = _array(torch.get_rng_state())
+    if torch.cuda.is_available():
+        arrays["random.cuda"] = _array(torch.cuda.get_rng_state())
+    return Checkpoint(
+        samples=learner.num_timesteps,
+        updates=int(learner._n_updates),
+        run=run,
+        random=tuple(float(number) for number in place),
+        arrays=arrays,
+    )
+
+
+def read_checkpoint(path: Path) -> Checkpoint:
+    """The checkpoint in a file.
+
+    Raises:
+        InputError: The file is missing, torn, or no checkpoint.
+    """
+    header, arrays = FORMAT.read(path)
+    kinds = {"samples": int, "updates": int, "run": dict[str, Any], "random": tuple[float, ...]}
+    where = Where(f"{path}, {HEADER}")
+    fields = read_fields(kinds, header, where)
+    for name in kinds.keys() - fields.keys():
+        raise where.at(name).error("a value", "none")
+    for name, array in arrays.items():
+        if not np.isfinite(array).all():
+            raise InputError(path, "finite numbers", "others", place=f"{name}.npy")
+    return Checkpoint(**fields, arrays=arrays)
+
+
+def restore(learner: OnPolicyAlgorithm, checkpoint: Checkpoint, path: Path) -> None:
+    """Let a learner go on from a checkpoint.
+
+    Args:
+        learner: A new learner of the same plan.
+        checkpoint: Its state.
+        path: Where the checkpoint came from, for errors.
+
+    Raises:
+        InputError: The arrays are not those of this learner.
+    """
+    arrays = dict(checkpoint.arrays)
+    weights = {
+        name: _taken(arrays, f"weight.{name}", value, path)
+        for name, value in learner.policy.state_dict().items()
+    }
+    learner.policy.load_state_dict(weights)
+    optimizer = learner.policy.optimizer
+    for name, parameter in learner.policy.named_parameters():
+        if f"adam.step.{name}" not in arrays:
+            continue  # Nothing was learnt yet.
+        shapes = dict(zip(_MOMENTS, (parameter, parameter, torch.zeros(())), strict=True))
+        optimizer.state[parameter] = {
+            moment: _taken(arrays, f"adam.{moment}.{name}", like, path)
+            for moment, like in shapes.items()
+        }
+    _restore_random(arrays, checkpoint.random, path)
+    if arrays:
+        raise InputError(path, "only this learner's arrays", min(arrays), place="members")
+    learner.num_timesteps = checkpoint.samples
+    learner._n_updates = checkpoint.updates
+
+
+def _restore_random(arrays: dict[str, np.ndarray], place: tuple[float, ...], path: Path) -> None:
+    """Let the random generators go on, which the learner draws from."""
+    keys = torch.zeros(624, dtype=torch.uint32)
+    state = _taken(arrays, "random.numpy", keys, path).numpy()
+    where = Where(f"{path}, {HEADER}").at("random")
+    position, has_normal, normal = read_value(tuple[float, float, float], list(place), where)
+    if not 0 <= position <= len(state):
+        raise where.error(f"a place up to {len(state)}", str(position))
+    np.random.set_state(("MT19937", state, int(position), int(has_normal), normal))  # noqa: NPY002
+    torch.set_rng_state(_taken(arrays, "random.torch", torch.get_rng_state(), path))
+    if torch.cuda.is_available() and "random.cuda" in arrays:
+        like = torch.cuda.get_rng_state()
+        torch.cuda.set_rng_state(_taken(arrays, "random.cuda", like, path))
+    arrays.pop("random.cuda", None)
+
+
+def _array(value: torch.Tensor) -> np.ndarray:
+    return value.detach().cpu().numpy().copy()
+
+
+def _taken(
+    arrays: dict[str, np.ndarray], name: str, like: torch.Tensor, path: Path
+) -> torch.Tensor:
+    """An array of the name and shape of a tensor."""
+    array = arrays.pop(name, None)
+    if array is None:
+        raise InputError(path, f"the array {name}", "none", place=f"{name}.npy")
+    tensor = torch.from_numpy(array)
+    if (tensor.shape, tensor.dtype) != (like.shape, like.dtype):
+        expected = f"{list(like.shape)} of {like.dtype}"
+        found = f"{list(tensor.shape)} of {tensor.dtype}"
+        raise InputError(path, expected, found, place=f"{name}.npy")
+    return tensor.to(like.device)

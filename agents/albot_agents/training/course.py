@@ -1,0 +1,138 @@
+"""The environments of a training: one batch, whose stages follow each other."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
+
+from albot_agents.training.monitor import FIGURES, MonitorFile, Row
+from albot_agents.training.plan import TrainingPlan
+from albot_agents.training.reading import stage_settings
+from albot_core.errors import InputError
+from albot_env.vector.sb3 import make_sb3
+
+RECENT = 500
+"""Episodes that the success rate goes by."""
+
+
+class Course(VecEnvWrapper):
+    """A batch of environments that counts episodes and moves from stage to stage.
+
+    Each stage's environments are made when it begins, with the plan's settings and its own.
+
+    Args:
+        plan: The plan.
+        stage: Number of the stage to begin with.
+        monitor: Takes the episodes down.
+        elapsed: Seconds that the training has taken before.
+
+    Raises:
+        InputError: An environment cannot be made.
+    """
+
+    def __init__(
+        self, plan: TrainingPlan, stage: int, monitor: MonitorFile, elapsed: float = 0.0
+    ) -> None:
+        if not 0 <= stage < len(plan.stages):
+            raise InputError("stage", f"one below {len(plan.stages)}", str(stage))
+        self._plan = plan
+        self._monitor = monitor
+        self._began = time.monotonic() - elapsed
+        self._rows: list[Row] = []
+        self._returns = np.zeros(plan.n_envs)
+        self._lengths = np.zeros(plan.n_envs, np.int64)
+        self._recent: deque[bool] = deque(maxlen=RECENT)
+        self.episodes = 0
+        """Episodes that ended since the training began or was resumed."""
+        self.stage = stage
+        """Number of the stage."""
+        self.stepping = 0.0
+        """Seconds that the environments took."""
+        super().__init__(_make(plan, stage))
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds that the training has taken, those before it was resumed among them."""
+        return time.monotonic() - self._began
+
+    @property
+    def success_rate(self) -> float | None:
+        """Share of the stage's last episodes that succeeded; None where none is known to."""
+        return float(np.mean(self._recent)) if self._recent else None
+
+    def is_over(self, samples: int) -> bool:
+        """Whether the stage is, after so many samples of its own."""
+        its = self._plan.stages[self.stage]
+        if self.stage == len(self._plan.stages) - 1:
+            return False
+        if its.for_steps is not None and samples >= its.for_steps:
+            return True
+        rate = self.success_rate if len(self._recent) == RECENT else None
+        return its.until_success is not None and rate is not None and rate >= its.until_success
+
+    def next_stage(self, seed: int) -> VecEnvObs:
+        """Begin the next stage; the first observations.
+
+        Args:
+            seed: Decides what is drawn in it.
+
+        Raises:
+            InputError: An environment cannot be made, or its spaces are others.
+        """
+        following = _make(self._plan, self.stage + 1)
+        for name in ("observation_space", "action_space"):
+            before, after = getattr(self.venv, name), getattr(following, name)
+            if before != after:
+                raise InputError(f"curriculum[{self.stage + 1}]", f"{name} {before}", str(after))
+        self.venv.close()
+        self.venv = following
+        self.stage += 1
+        self._recent.clear()
+        self.seed(seed)
+        return self.reset()
+
+    def reset(self) -> VecEnvObs:
+        """Reset all."""
+        self._returns[:] = 0
+        self._lengths[:] = 0
+        return self.venv.reset()
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Take the step; the info of an episode's last one holds `episode`, as a monitor's."""
+        began = time.perf_counter()
+        observations, rewards, over, infos = self.venv.step_wait()
+        self.stepping += time.perf_counter() - began
+        self._returns += rewards
+        self._lengths += 1
+        for k in np.flatnonzero(over).tolist():
+            self._end(k, infos[k])
+        self._returns[over] = 0
+        self._lengths[over] = 0
+        return observations, rewards, over, infos
+
+    def write(self) -> None:
+        """Write the episodes down that have ended since it was last called.
+
+        Raises:
+            InputError: There is no room left.
+        """
+        rows, self._rows = self._rows, []
+        self._monitor.add(rows)
+
+    def _end(self, row: int, info: dict[str, Any]) -> None:
+        its = {"r": float(self._returns[row]), "l": int(self._lengths[row]), "t": self.elapsed}
+        info["episode"] = its
+        self.episodes += 1
+        figures = (float(info[name]) if name in info else None for name in FIGURES)
+        self._rows.append((*its.values(), *figures))
+        if "is_success" in info:
+            self._recent.append(bool(info["is_success"]))
+
+
+def _make(plan: TrainingPlan, stage: int) -> VecEnv:
+    return make_sb3(plan.task, plan.n_envs, **stage_settings(plan, plan.stages[stage]))

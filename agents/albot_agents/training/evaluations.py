@@ -1,0 +1,152 @@
+"""Evaluations in the course of a training: always the same episodes, nothing drawn by chance."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+
+from albot_agents.evaluation.plan import parse_seeds, plan_trials
+from albot_agents.task import batch_settings
+from albot_agents.training.plan import TrainingPlan
+from albot_agents.training.reading import evaluation_settings
+from albot_core.errors import InputError
+from albot_core.files import replacing
+
+FILE = "evaluations.npz"
+_KINDS = {"timesteps": 1, "results": 2, "ep_lengths": 2, "successes": 2, "spl": 2}
+"""The arrays of the file, those of stable-baselines3's `EvalCallback` and `spl`, and their
+dimensions: evaluations, and episodes."""
+
+
+class Evaluations:
+    """Measures a policy again and again, and keeps what it found.
+
+    Args:
+        plan: The plan.
+        path: The file in which the results stand, which is read where it is there.
+        samples: Results after more samples than these (which no checkpoint holds) are let go.
+
+    Raises:
+        InputError: There is no such world or setting, or the file is none of ours.
+    """
+
+    def __init__(self, plan: TrainingPlan, path: Path, samples: int) -> None:
+        assert plan.evaluation is not None
+        seeds = parse_seeds(plan.evaluation.seeds)
+        trials = plan_trials(plan.task, "", plan.evaluation.worlds, seeds, {})
+        self._seeds = [trial.seed for trial in trials]
+        settings = evaluation_settings(plan)
+        if "journeys" in batch_settings(plan.task):
+            settings["journeys"] = 1  # The same from a start each time, so it is kept.
+        self._batch: Any = gymnasium.make_vec(
+            plan.task,
+            num_envs=len(trials),
+            world=[trial.world for trial in trials],
+            autoreset_mode=AutoresetMode.SAME_STEP,
+            **settings,
+        )
+        self._path = path
+        self._found: dict[str, np.ndarray] = _read(path, len(trials), samples)
+
+    @property
+    def best(self) -> tuple[float, float]:
+        """The best score so far; minus infinity where there is none."""
+        scores = [self._score(k) for k in range(len(self._found["timesteps"]))]
+        return max(scores, default=(-np.inf, -np.inf))
+
+    @property
+    def samples(self) -> int:
+        """Samples before the last evaluation; -1 where there is none."""
+        return int(self._found["timesteps"][-1]) if len(self._found["timesteps"]) else -1
+
+    @property
+    def last(self) -> dict[str, float | None]:
+        """Means of the last evaluation: `success_rate`, `spl`, `return`; None for unknown."""
+        if self.samples < 0:
+            return {}
+        names = {"success_rate": "successes", "spl": "spl", "return": "results"}
+        rows = {name: self._found[key][-1] for name, key in names.items()}
+        return {
+            name: None if np.isnan(row).any() else float(row.mean()) for name, row in rows.items()
+        }
+
+    @property
+    def curve(self) -> dict[str, list[float]]:
+        """Means after so many `samples`: `return`, and where known `success_rate` and `spl`."""
+        names = {"return": "results", "success_rate": "successes", "spl": "spl"}
+        curve = {"samples": self._found["timesteps"].astype(float).tolist()}
+        means = {name: self._found[key].mean(axis=1) for name, key in names.items()}
+        return curve | {
+            name: row.tolist() for name, row in means.items() if not np.isnan(row).any()
+        }
+
+    def measure(self, learner: OnPolicyAlgorithm) -> bool:
+        """Measure the policy as it is now, and write the results; whether it is the best so far.
+
+        Raises:
+            InputError: The file cannot be written.
+        """
+        best = self.best
+        ends = self._run(learner)
+        for name, row in ends.items():
+            self._found[name] = np.concatenate((self._found[name], row[np.newaxis]))
+        with replacing(self._path) as stream:
+            np.savez(stream, **self._found)  # type: ignore[arg-type]
+        return self._score(-1) > best
+
+    def close(self) -> None:
+        """Let the environments go."""
+        self._batch.close()
+
+    def _score(self, k: int) -> tuple[float, float]:
+        """How good an evaluation was: by success first, then by the mean return."""
+        rate = float(self._found["successes"][k].mean())
+        return (0.0 if np.isnan(rate) else rate), float(self._found["results"][k].mean())
+
+    def _run(self, learner: OnPolicyAlgorithm) -> dict[str, np.ndarray]:
+        """One episode in each environment."""
+        count = len(self._seeds)
+        figures = {"successes": "is_success", "spl": "spl"}
+        ends: dict[str, Any] = {name: np.full(count, np.nan) for name in figures}
+        returns, lengths = np.zeros(count), np.zeros(count, np.int64)
+        running, state = np.ones(count, np.bool_), None
+        starts = np.ones(count, np.bool_)
+        observations, _ = self._batch.reset(seed=self._seeds)
+        while running.any():
+            actions, state = learner.policy.predict(observations, state, starts, deterministic=True)
+            observations, rewards, ended, truncated, infos = self._batch.step(actions)
+            returns[running] += rewards[running]
+            lengths[running] += 1
+            starts = ended | truncated
+            over = starts & running
+            for name, key in figures.items():
+                if over.any() and key in infos["final_info"]:
+                    ends[name][over] = infos["final_info"][key][over]
+            running &= ~starts
+        timesteps = np.array(learner.num_timesteps)
+        return ends | {"timesteps": timesteps, "results": returns, "ep_lengths": lengths}
+
+
+def _read(path: Path, episodes: int, samples: int) -> dict[str, np.ndarray]:
+    """What the file holds, up to so many samples; nothing where there is none."""
+    if not path.exists():
+        kinds: Mapping[str, Any] = {"timesteps": np.int64, "ep_lengths": np.int64}
+        return {
+            name: np.zeros((0, episodes)[:dimensions], kinds.get(name, np.float64))
+            for name, dimensions in _KINDS.items()
+        }
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            found = {name: arrays[name] for name in _KINDS}
+        kept = found["timesteps"] <= samples
+        found = {name: array[kept] for name, array in found.items()}
+    except (OSError, ValueError, KeyError, IndexError, zipfile.BadZipFile) as error:
+        raise InputError(path, "evaluations of this training", str(error)) from None
+    return found

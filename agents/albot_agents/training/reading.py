@@ -1,0 +1,131 @@
+"""Plans of trainings from YAML files, and the environments that they ask for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from albot_agents.plain import Where, merged, plain, read_config
+from albot_agents.task import check_task, read_settings
+from albot_agents.training.plan import StagePlan, TrainingPlan
+from albot_core.errors import InputError
+from albot_core.files import write_text
+from albot_maps.formats.yaml_document import YamlDocument, read_yaml
+
+_SHIPPED = resources.files("albot_agents.training") / "configs"
+_MEMORY = Where("training plan")
+
+
+def read_plan(path: Path, task: str | None = None, **changes: Any) -> TrainingPlan:
+    """The plan in a YAML file.
+
+    Args:
+        path: The file.
+        task: The task; None for the one that the file names.
+        changes: Top-level keys with values that take the place of the file's.
+
+    Raises:
+        InputError: The file is missing or no YAML, holds an unknown key or a wrong value, or
+            is for another task.
+    """
+    return _plan(read_yaml(path), path, task, changes)
+
+
+def shipped_plan(task: str, **changes: Any) -> TrainingPlan:
+    """The plan for a task that comes with the project; arguments as for `read_plan`.
+
+    Raises:
+        InputError: There is none.
+    """
+    check_task(task)
+    file = _SHIPPED / f"{task.rpartition('/')[2]}.yml"
+    if not file.is_file():
+        raise InputError("--config", f"a file, since none comes with {task}", "none")
+    document = YamlDocument(file.read_text(encoding="utf-8"), file.name)
+    return _plan(document, file.name, task, changes)
+
+
+def save_plan(plan: TrainingPlan, path: Path) -> None:
+    """Write a plan so that `read_plan` gives the same.
+
+    Raises:
+        InputError: Nothing can be written there.
+    """
+    write_text(path, yaml.safe_dump(plain(plan), sort_keys=False))
+
+
+def stage_settings(plan: TrainingPlan, stage: StagePlan, where: Where = _MEMORY) -> dict[str, Any]:
+    """What the batch of environments of a stage is made with.
+
+    Raises:
+        InputError: There is no such setting or its value is none.
+    """
+    settings = read_settings(plan.task, merged(plan.env, stage.env), where)
+    return _dealt(settings, plan.n_envs)
+
+
+def evaluation_settings(plan: TrainingPlan, where: Where = _MEMORY) -> dict[str, Any]:
+    """What the environments of the evaluations are made with, besides their worlds.
+
+    They are the training's as its curriculum ends.
+
+    Raises:
+        InputError: There is no such setting or its value is none.
+    """
+    assert plan.evaluation is not None
+    last = merged(plan.env, plan.stages[-1].env)
+    settings = read_settings(plan.task, merged(last, plan.evaluation.env), where)
+    settings.pop("world", None)
+    return settings
+
+
+def _plan(
+    document: YamlDocument, source: object, task: str | None, changes: Mapping[str, Any]
+) -> TrainingPlan:
+    where = Where(source, place=document.place)
+    data = document.data
+    if isinstance(data, dict):
+        named = data.get("task")
+        if task is not None and named not in (None, "", task):
+            raise where.at("task").error(task, str(named))
+        given = {key: value for key, value in changes.items() if value is not None}
+        data = {**data, "task": task or named or "", **given}
+    plan = read_config(TrainingPlan, data, where)
+    check_task(plan.task)
+    _check_environments(plan, where)
+    return plan
+
+
+def _check_environments(plan: TrainingPlan, where: Where) -> None:
+    """Refuse settings that are none, or that the learner cannot do with."""
+    read_settings(plan.task, plan.env, where.at("env"))
+    for k, stage in enumerate(plan.curriculum):
+        read_settings(plan.task, stage.env, where.at("curriculum", k, "env"))
+    if plan.evaluation is not None:
+        read_settings(plan.task, plan.evaluation.env, where.at("evaluation", "env"))
+        evaluation_settings(plan, where.at("evaluation", "env"))
+    for k, stage in enumerate(plan.stages):
+        place = where.at("curriculum", k, "env") if plan.curriculum else where.at("env")
+        settings = stage_settings(plan, stage, place)
+        _check_discount(plan, settings, place)
+
+
+def _check_discount(plan: TrainingPlan, settings: Mapping[str, Any], where: Where) -> None:
+    """Shaping by a potential leaves the best policy as it is with one discount factor only."""
+    weights = getattr(settings.get("config"), "weights", None)
+    discount = getattr(weights, "discount", plan.gamma)
+    if discount != plan.gamma:
+        place = where.at("config", "weights", "discount")
+        raise place.error(f"gamma, {plan.gamma:g}, as the learner's", f"{discount:g}")
+
+
+def _dealt(settings: dict[str, Any], count: int) -> dict[str, Any]:
+    """The same with a list of worlds dealt out to so many environments."""
+    worlds = settings.get("world")
+    if not isinstance(worlds, list) or not worlds:
+        return settings
+    return {**settings, "world": [worlds[k % len(worlds)] for k in range(count)]}

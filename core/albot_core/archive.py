@@ -1,0 +1,177 @@
+"""Files of arrays: a zip archive of numbers and one JSON header, and nothing that could be run.
+
+An archive holds `header.json` with the format's name and version and what else its writer
+says, and `NAME.npy` for every array. The same content gives the same bytes. Reading takes
+nothing else: no pickled object, no member that unpacks to more than it says.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import struct
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.files import read_bytes, replacing
+
+HEADER = "header.json"
+"""The member with the header."""
+
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+"""The date of every member: the earliest that a zip archive knows."""
+_PLAIN = re.compile(r"[A-Za-z0-9_.-]{1,200}")
+"""Names of members: no folders, nothing that points out of one."""
+_MOST_MEMBERS = 10_000
+
+_TORN = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    OSError,
+    KeyError,
+    ValueError,
+    NotImplementedError,
+    RuntimeError,
+    SyntaxError,
+    TypeError,
+    tokenize.TokenError,
+)
+"""What zipfile and numpy raise where bytes are lost or changed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArchiveFormat:
+    """A kind of file of arrays."""
+
+    name: str
+    """What stands in the header as `format`."""
+    version: int
+    """What stands in the header as `version`; no other is read."""
+    kind: str
+    """What errors call such a file."""
+    largest: int
+    """Bytes to which a file may unpack; more is refused before it is unpacked."""
+
+    def write(
+        self, path: Path, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
+    ) -> None:
+        """Write a file, whole or not at all.
+
+        Args:
+            path: Where.
+            header: What the header says besides format and version; plain data.
+            arrays: Arrays of numbers by name.
+
+        Raises:
+            InputError: Nothing can be written there.
+            OSError: There is no room left.
+        """
+        head = {"format": self.name, "version": self.version, **header}
+        with replacing(path) as stream, zipfile.ZipFile(stream, "w") as archive:
+            _add(archive, HEADER, json.dumps(head, sort_keys=True, allow_nan=False).encode())
+            for name, array in sorted(arrays.items()):
+                content = io.BytesIO()
+                np.lib.format.write_array(content, np.asarray(array, order="C"), (1, 0), False)
+                _add(archive, f"{name}.npy", content.getvalue())
+
+    def read(self, path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """The header, without format and version, and the arrays by name.
+
+        Raises:
+            InputError: The file is missing, torn or too large, is of another format or
+                version, or holds anything but JSON and arrays of numbers.
+        """
+        members = self._members(path)
+        header = self._header(path, members.pop(HEADER, None))
+        arrays = {}
+        for name, content in members.items():
+            if not name.endswith(".npy"):
+                raise InputError(path, f"only {HEADER} and arrays NAME.npy", name)
+            arrays[name.removesuffix(".npy")] = _array(path, name, content)
+        return header, arrays
+
+    def _members(self, path: Path) -> dict[str, bytes]:
+        """What the members unpack to."""
+        try:
+            size = path.stat().st_size
+        except OSError:
+            size = 0  # Reading says better what is wrong.
+        if size > self.largest:
+            raise InputError(path, f"a {self.kind} of {self.largest:,} bytes at most", f"{size:,}")
+        try:
+            with zipfile.ZipFile(io.BytesIO(read_bytes(path))) as archive:
+                self._check_members(path, archive.infolist())
+                return {name: archive.read(name) for name in archive.namelist()}
+        except InputError:
+            raise
+        except _TORN as error:
+            raise InputError(path, f"a whole {self.kind}", _one_line(error)) from None
+
+    def _check_members(self, path: Path, members: list[zipfile.ZipInfo]) -> None:
+        """Refuse, before anything is unpacked, what is too much or not as we write it."""
+        names = [member.filename for member in members]
+        size = sum(member.file_size for member in members)
+        if len(members) > _MOST_MEMBERS or size > self.largest:
+            found = f"{len(members):,} members of {size:,} bytes"
+            raise InputError(path, f"members of {self.largest:,} bytes together at most", found)
+        for name in names:
+            if _PLAIN.fullmatch(name) is None:
+                found = ascii(name)[:80]
+                raise InputError(path, "members with plain names", found)
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise InputError(path, f"the member {twice} once", "it twice")
+
+    def _header(self, path: Path, content: bytes | None) -> dict[str, Any]:
+        """What the header says, once it is known to be one that we can read."""
+        try:
+            header = json.loads(content or b"")
+        except (ValueError, RecursionError):
+            header = None
+        if not isinstance(header, dict) or header.get("format") != self.name:
+            raise InputError(path, f"a header of format {self.name!r}", "none", place=HEADER)
+        if header.get("version") != self.version:
+            found = repr(header.get("version"))
+            raise InputError(path, f"version {self.version} of the format", found, place=HEADER)
+        return {key: header[key] for key in header.keys() - {"format", "version"}}
+
+
+def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
+    member = zipfile.ZipInfo(name, date_time=_EPOCH)
+    member.external_attr = 0o644 << 16
+    archive.writestr(member, content, zipfile.ZIP_DEFLATED, compresslevel=6)
+
+
+def _array(path: Path, name: str, content: bytes) -> np.ndarray:
+    """The array of numbers in a member, which must be of just the size that it declares."""
+    stream = io.BytesIO(content)
+    try:
+        version = np.lib.format.read_magic(stream)
+        shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
+    except _TORN as error:
+        raise InputError(path, "an array", _one_line(error), place=name) from None
+    if version != (1, 0):
+        raise InputError(path, "npy version 1.0", ".".join(map(str, version)), place=name)
+    if dtype.kind not in "biuf":
+        raise InputError(path, "an array of numbers", str(dtype), place=name)
+    rest = content[stream.tell() :]
+    size = int(np.prod(shape, dtype=object)) * dtype.itemsize
+    if len(rest) != size or fortran:
+        found = f"{len(rest)}" + (" in columns" if fortran else "")
+        raise InputError(path, f"{size} bytes in rows", found, place=name)
+    return np.frombuffer(rest, dtype).reshape(shape).copy()
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

@@ -1,0 +1,137 @@
+"""`albot train`: an agent learns a task."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from albot_cli.outputs import check_folder
+from albot_cli.progress import progress
+from albot_core.errors import InputError
+
+if TYPE_CHECKING:
+    from albot_agents.training.folder import RunFolder
+    from albot_agents.training.plan import TrainingPlan
+
+_STOPPED = 130
+_NEEDED = ("sb3_contrib", "stable_baselines3", "tensorboard", "torch")
+_FOLDER = click.Path(path_type=Path, file_okay=False)
+
+
+@click.command()
+@click.argument("task", required=False)
+@click.option(
+    "--config",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="The plan, a YAML file.  [default: the one that comes with the task]",
+)
+@click.option("--out", type=_FOLDER, help="Folder of the run.  [default: runs/TASK-ALGORITHM-N]")
+@click.option("--resume", type=_FOLDER, help="Go on with the run in this folder.")
+@click.option("--seed", type=click.IntRange(0), help="[default: the plan's]")
+@click.option(
+    "--steps", type=click.IntRange(1), help="Samples in all.  [default: the plan's n_timesteps]"
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+def command(
+    task: str | None,
+    config: Path | None,
+    out: Path | None,
+    resume: Path | None,
+    seed: int | None,
+    steps: int | None,
+    as_json: bool,
+) -> int:
+    """Train an agent for TASK, such as Albot/Homing-v0.
+
+    The run's folder holds all that is needed to go on: killed at any moment and begun again with
+    --resume, it loses at most what came after the last checkpoint. Ctrl-C writes a checkpoint
+    and ends with exit status 130. best.albot and last.albot in the folder are agents for
+    `albot evaluate --agent FILE`.
+    """
+    _check_installed()
+    folder, plan = _begin(task, config, out, resume, seed, steps)
+    result = _train(folder, plan)
+    click.echo(json.dumps(result) if as_json else _as_text(result))
+    return _STOPPED if result["stopped"] else 0
+
+
+def _check_installed() -> None:
+    missing = [name for name in _NEEDED if importlib.util.find_spec(name) is None]
+    if missing:
+        expected = "what the extra `train` brings (pip install 'albot-env[train]')"
+        raise InputError("albot train", expected, f"no {', '.join(missing)}")
+
+
+def _begin(
+    task: str | None,
+    config: Path | None,
+    out: Path | None,
+    resume: Path | None,
+    seed: int | None,
+    steps: int | None,
+) -> tuple[RunFolder, TrainingPlan]:
+    """The run's folder, made or found, and its plan."""
+    from albot_agents.task import check_task
+    from albot_agents.training.folder import RunFolder, free_folder
+    from albot_agents.training.reading import read_plan, shipped_plan
+
+    if task is not None:
+        check_task(task)
+    if resume is not None:
+        for name, value in (("--config", config), ("--out", out), ("--seed", seed)):
+            if value is not None:
+                raise InputError(name, "no such option when a run is resumed", str(value))
+        folder = RunFolder(resume)
+        return folder, folder.resume(task, n_timesteps=steps)
+    changes = {"seed": seed, "n_timesteps": steps}
+    if config is not None:
+        plan = read_plan(config, task, **changes)
+    elif task is not None:
+        plan = shipped_plan(task, **changes)
+    else:
+        raise InputError("albot train", "a TASK, --config or --resume", "none")
+    folder = RunFolder(out or free_folder(Path("runs"), plan))
+    check_folder(folder.path)
+    folder.begin(plan, shlex.join(("albot", *sys.argv[1:])))
+    return folder, plan
+
+
+def _train(folder: RunFolder, plan: TrainingPlan) -> dict[str, Any]:
+    """Run; what came of it."""
+    from albot_agents.training.run import TrainingRun
+
+    def warn(text: str) -> None:
+        click.echo(f"albot: {text}", err=True)
+
+    run = TrainingRun(folder, plan, warn)
+    title, start = f"train {plan.task}", run.learner.num_timesteps
+    with progress(title, plan.n_timesteps, "samples", start=start) as tell:
+        return run.run(tell)
+
+
+def _as_text(result: dict[str, Any]) -> str:
+    """The result for people."""
+    lines = [
+        f"{result['task']} with {result['algorithm']}, seed {result['seed']}: "
+        f"{result['samples']:,} samples, {result['episodes']:,} episodes, "
+        f"{result['seconds']:.0f} s ({result['samples_per_second']:,.0f} samples/s)"
+        + (", stopped before the end" if result["stopped"] else "")
+    ]
+    figures = {"training": {"success_rate": result["success_rate"]}}
+    figures |= {"evaluation": result["evaluation"]}
+    for name, found in figures.items():
+        known = [f"{key} {value:.2f}" for key, value in found.items() if value is not None]
+        if known:
+            lines.append(f"  {name:<10} {', '.join(known)}")
+    lines += [f"  {name:<10} {path}" for name, path in result["files"].items()]
+    if result["checkpoint"]:
+        lines.append(f"  {'checkpoint':<10} {result['checkpoint']}")
+    if result["stopped"]:
+        lines.append(f"  go on with: albot train --resume {shlex.quote(result['folder'])}")
+    return "\n".join(lines)

@@ -1,0 +1,87 @@
+"""Configurations to plain data and back, of every task."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from albot_agents.plain import Where, differences, merged, plain, read_config, read_value
+from albot_agents.task import (
+    batch_settings,
+    check_task,
+    config_kind,
+    for_one,
+    read_settings,
+    task_names,
+)
+from albot_core.errors import InputError
+from albot_env.tasks.observation import ObservationConfig
+
+WHERE = Where("a.yml")
+
+
+@pytest.mark.parametrize("task", task_names())
+def test_the_configuration_of_every_task_comes_back(task: str) -> None:
+    config = config_kind(task)()
+    data = json.loads(json.dumps(plain(config)))
+    assert read_config(config_kind(task), data, WHERE) == config
+    assert read_config(config_kind(task), {}, WHERE) == config
+    assert differences(data, plain(config)) == []
+
+
+@pytest.mark.parametrize("task", task_names())
+def test_every_task_tells_its_settings(task: str) -> None:
+    known = batch_settings(task)
+    assert {"world", "config", "mapper", "odometer", "max_episode_steps", "threads"} <= known.keys()
+    data = {"mapper": "none", "threads": 2, "max_episode_steps": None}
+    settings = read_settings(task, data, WHERE)
+    assert settings == data
+    assert for_one(task, settings) == {"mapper": "none"}
+    for name in ("num_envs", "autoreset_mode"):  # Ours to say.
+        with pytest.raises(InputError, match=f"{name}: expected one of"):
+            read_settings(task, {name: 3}, WHERE)
+
+
+def test_parts_that_are_left_out_stay() -> None:
+    base = ObservationConfig(home_range=7.0, laser_sectors=5)
+    read = read_config(ObservationConfig, {"parts": ["home"]}, WHERE, base)
+    assert read == ObservationConfig(home_range=7.0, laser_sectors=5, parts=("home",))
+    assert read_config(ObservationConfig, {"sonar": None}, WHERE).sonar is None
+    nested = read_config(ObservationConfig, {"laser": {"beams": 91}}, WHERE).laser
+    assert (nested.beams, nested.max_range) == (91, 30.0)
+
+
+@pytest.mark.parametrize(
+    ("kind", "data", "message"),
+    [
+        (float, True, "a number, found true"),
+        (int, 1.5, "a whole number, found 1.5"),
+        (bool, 1, "true or false, found 1"),
+        (str, None, "text, found null"),
+        (tuple[float, float], [1], r"a list of 2, found \[1\]"),
+        (tuple[int, ...], [1, "a"], r"x\[1\]: expected a whole number, found a"),
+        (int | str | None, [1], r"a whole number or text, found \[1\]"),
+        (dict[str, float], {"a": "b"}, "x.a: expected a number, found b"),
+        (dict[str, float], 3, "a mapping, found 3"),
+        (list[int], 3, "a list, found 3"),
+    ],
+)
+def test_what_is_of_another_kind_is_refused(kind: object, data: object, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        read_value(kind, data, WHERE.at("x"))
+    assert str(caught.value).startswith("a.yml, x")
+
+
+def test_plain_data_is_laid_over_plain_data() -> None:
+    base = {"a": {"b": 1, "c": [1]}, "d": 2}
+    assert merged(base, {"a": {"c": [2, 3]}, "e": {}}) == {
+        "a": {"b": 1, "c": [2, 3]}, "d": 2, "e": {},
+    }  # fmt: skip
+    assert base == {"a": {"b": 1, "c": [1]}, "d": 2}
+    assert differences(base, merged(base, {"a": {"b": 5}})) == ["a.b 1, not 5"]
+
+
+def test_an_unknown_task_is_refused() -> None:
+    with pytest.raises(InputError, match="did you mean Albot/Homing-v0"):
+        check_task("Albot/Homming-v0")

@@ -1,0 +1,253 @@
+"""Agents' files: whole or refused, whatever somebody else has put into one."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.spaces import Box, Discrete
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from albot_agents.agent import choose
+from albot_agents.episode import begin_episode
+from albot_agents.plain import plain
+from albot_agents.registry import find_agent, make_agent
+from albot_agents.trained.agent_file import AgentFile, TrainingFacts, read_agent
+from albot_agents.trained.card import read_evaluation, write_card
+from albot_agents.trained.network import NetworkConfig
+from albot_agents.training.plan import PolicyPlan, TrainingPlan
+from albot_core.errors import InputError
+from albot_env.tasks.homecoming import HomingConfig
+from albot_env.tasks.observation import ObservationConfig
+from tests.env.quick import STROLL
+
+TASK = "Albot/Homing-v0"
+SEEN = ObservationConfig(parts=("laser", "home"), laser_sectors=5, home_range=70.0)
+FACTS = TrainingFacts(
+    plan=TrainingPlan(task=TASK, policy=PolicyPlan(net_arch=(4,))),
+    command="albot train Albot/Homing-v0",
+    samples=1000,
+    episodes=7,
+    seconds=12.0,
+    python="3.11",
+    machine="here",
+    versions={"numpy": "2"},
+    curve={"samples": [500.0, 1000.0], "return": [1.0, 2.0], "success_rate": [0.1, 0.6]},
+)
+
+
+def _agent(discrete: bool = False, outputs: int = 3) -> AgentFile:
+    network = NetworkConfig(inputs=8, layers=(4,), activation="tanh", outputs=outputs)
+    rng = np.random.default_rng(0)
+    return AgentFile(
+        task=TASK,
+        settings={
+            "mapper": "odometry",
+            "action": "discrete" if discrete else "continuous",
+            "config": {"observations": plain(SEEN), "actions": {"speed": 0.5}},
+        },
+        discrete=discrete,
+        network=network,
+        weights={
+            name: rng.normal(size=shape).astype(np.float32)
+            for name, shape in network.shapes.items()
+        },
+        training=FACTS,
+    )
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """An agent's file."""
+    _agent().save(tmp_path / "a.albot")
+    return tmp_path / "a.albot"
+
+
+def test_an_agent_comes_back(path: Path) -> None:
+    back, agent = read_agent(path), _agent()
+    assert (back.task, back.settings, back.discrete) == (agent.task, agent.settings, False)
+    assert (back.network, back.training) == (agent.network, agent.training)
+    assert back.observing == SEEN
+    for name, array in agent.weights.items():
+        np.testing.assert_array_equal(back.weights[name], array)
+    assert path.stat().st_size < 20_000
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+def test_it_acts_in_the_environment_made_for_it(discrete: bool, tmp_path: Path) -> None:
+    file = _agent(discrete, 11 if discrete else 3)
+    file.save(tmp_path / "a.albot")
+    entry = find_agent(str(tmp_path / "a.albot"))
+    made = entry.environment(TASK, {"odometer": "ideal", "config": STROLL, "journeys": 1})
+    assert made["mapper"] == "odometry"
+    assert isinstance(made["config"], HomingConfig)
+    assert made["config"].outing == STROLL.outing
+    assert made["config"].actions.speed == 0.5
+    env = gymnasium.make(TASK, world="square-loop", **made)
+    agent = make_agent(str(tmp_path / "a.albot"), env.get_wrapper_attr("observing"))
+    observation, info = begin_episode(env, agent, 3)
+    first = choose(agent, observation, info)
+    for _ in range(3):
+        action = choose(agent, observation, info)
+        assert action in env.action_space
+        observation, *_, info = env.step(action)
+    assert isinstance(first, np.int64) == discrete
+    parts = env.get_wrapper_attr("observing").split(observation)
+    assert np.array_equal(agent.act(parts, {}), agent.act(observation, {}))
+    env.close()
+
+
+def test_what_differs_is_said(path: Path) -> None:
+    other = ObservationConfig(parts=("laser", "home"), laser_sectors=6, home_range=60.0)
+    with pytest.raises(InputError, match=r"home_range 60.0, not 70.0; laser_sectors 6, not 5"):
+        make_agent(str(path), other)
+    agent = make_agent(str(path))
+    rng = np.random.default_rng(0)
+    with pytest.raises(InputError, match="actions as in its training: 3 numbers, found 2 numbers"):
+        agent.reset(rng, Box(-1, 1, (2,), np.float32))
+    with pytest.raises(InputError, match="3 numbers, found 11 discrete"):
+        agent.reset(rng, Discrete(11))
+    agent.reset(rng, Box(-1, 1, (3,), np.float32))
+
+
+def _npy(array: np.ndarray, *, pickled: bool = False) -> bytes:
+    stream = io.BytesIO()
+    np.lib.format.write_array(stream, array, allow_pickle=pickled)
+    return stream.getvalue()
+
+
+def _rewrite(path: Path, change: Callable[[dict[str, Any]], None], **members: bytes | None) -> Path:
+    """The file with another header, and with members replaced, added or (None) left out."""
+    with zipfile.ZipFile(path) as archive:
+        content: dict[str, bytes] = {name: archive.read(name) for name in archive.namelist()}
+    header = json.loads(content["header.json"])
+    change(header)
+    content["header.json"] = json.dumps(header).encode()
+    for name, new in members.items():
+        content.pop(f"{name}.npy", None)
+        if new is not None:
+            content[f"{name}.npy"] = new
+    with zipfile.ZipFile(path, "w") as archive:
+        for member, data in content.items():
+            archive.writestr(member, data)
+    return path
+
+
+class _Evil:
+    """Runs code where it is unpickled."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return (pytest.fail, ("a pickle was loaded",))
+
+
+WEIGHT = "action.weight"
+
+
+@pytest.mark.parametrize(
+    ("members", "message"),
+    [
+        ({WEIGHT: None}, r"action\.weight\.npy: expected the array action\.weight, found none"),
+        ({"more": _npy(np.zeros(3, np.float32))}, "more.npy: expected only arrays of the network"),
+        ({WEIGHT: _npy(np.zeros((3, 4)))}, r"expected shape \(3, 4\) of float32, found .*float64"),
+        ({WEIGHT: _npy(np.zeros((4, 3), np.float32))}, r"expected shape \(3, 4\) of float32"),
+        ({WEIGHT: _npy(np.full((3, 4), np.nan, np.float32))}, "expected finite numbers"),
+        ({WEIGHT: _npy(np.array([_Evil()]), pickled=True)}, "an array of numbers, found object"),
+        ({WEIGHT: b"x"}, r"action\.weight\.npy: expected an array"),
+    ],
+)
+def test_other_arrays_are_refused(
+    members: dict[str, bytes | None], message: str, path: Path
+) -> None:
+    with pytest.raises(InputError, match=message):
+        read_agent(_rewrite(path, lambda header: None, **members))
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "message"),
+    [
+        (("version",), 9, "version 1 of the format, found 9"),
+        (("format",), "albot-map", "a header of format 'albot-agent'"),
+        (("task",), "Albot/Evil-v0", "task: expected one of"),
+        (("task",), 3, "task: expected text"),
+        (("extra",), 3, "extra: expected one of"),
+        (("discrete",), "yes", "discrete: expected true or false"),
+        (("network", "layers"), [4, 4], r"layer1.*: expected the array"),
+        (("network", "inputs"), 10**12, "network.inputs: expected a whole number"),
+        (("network", "activation"), "os.system", "network.activation: expected one of"),
+        (("settings", "world"), "/etc/passwd", "settings: expected only"),
+        (("settings", "mapper"), 3, "settings.mapper: expected text"),
+        (("settings", "config", "outing"), {}, "settings.config: expected a mapping with"),
+        (("settings", "config", "observations", "home_rng"), 3, "did you mean home_range"),
+        (("settings", "config", "observations", "home_range"), -3, "expected a positive number"),
+        (("settings", "config", "observations", "laser_sectors"), 6, "what makes 8 numbers"),
+        (
+            ("settings", "config", "observations"),
+            {"coverage": {"patch_cells": 10**9}},
+            "what makes 8 numbers",
+        ),
+        (("training", "curve"), {"samples": "x"}, "training.curve.samples: expected a list"),
+        (("training", "plan", "n_envs"), -1, "training.plan.n_envs: expected a whole number"),
+    ],
+)
+def test_another_header_is_refused(
+    keys: tuple[str, ...], value: Any, message: str, path: Path
+) -> None:
+    def change(header: dict[str, Any]) -> None:
+        for key in keys[:-1]:
+            header = header[key]
+        header[keys[-1]] = value
+
+    with pytest.raises(InputError, match=message) as caught:
+        read_agent(_rewrite(path, change))
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+@settings(
+    deadline=None, max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(data=st.data())
+def test_a_torn_or_changed_file_is_refused_or_loads_the_same(data: Any, path: Path) -> None:
+    _agent().save(path)
+    content = bytearray(path.read_bytes())
+    if data.draw(st.booleans()):
+        content = content[: data.draw(st.integers(0, len(content) - 1))]
+    else:
+        content[data.draw(st.integers(0, len(content) - 1))] ^= data.draw(st.integers(1, 255))
+    path.write_bytes(bytes(content))
+    try:
+        back = read_agent(path)
+    except InputError as error:
+        assert "\n" not in str(error)
+        return
+    np.testing.assert_array_equal(back.weights[WEIGHT], _agent().weights[WEIGHT])
+
+
+def test_a_card_tells_what_the_file_does(path: Path, tmp_path: Path) -> None:
+    figures = {
+        "task": TASK, "world_specs": ["random:office"], "seeds": "1000..1099", "episodes": 100,
+        "odometer": "poor", "mapper": "odometry", "success_rate": 0.96, "ci95": [0.9, 0.99],
+        "spl": None,
+    }  # fmt: skip
+    (tmp_path / "e.json").write_text(json.dumps(figures))
+    evaluation = read_evaluation(tmp_path / "e.json")
+    card, picture = write_card(read_agent(path), "homer", tmp_path / "homer.md", [evaluation])
+    text = card.read_text()
+    assert text.startswith("# homer\n")
+    for told in ("1,000 in 7 episodes", "`albot train Albot/Homing-v0`", "numpy 2", "(homer.png)"):
+        assert told in text
+    row = "| Albot/Homing-v0 | `random:office` | 1000..1099 | poor | odometry | 100 | 0.960 (0.900"
+    assert row in text
+    assert "SPL |" not in text
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    (tmp_path / "e.json").write_text("[]")
+    with pytest.raises(InputError, match="the figures of `albot evaluate`"):
+        read_evaluation(tmp_path / "e.json")

@@ -1,0 +1,130 @@
+"""Plans in YAML: what is wrong with one is said where it stands."""
+
+from __future__ import annotations
+
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from albot_agents.task import task_names
+from albot_agents.training.plan import StagePlan, TrainingPlan
+from albot_agents.training.reading import (
+    evaluation_settings,
+    read_plan,
+    save_plan,
+    shipped_plan,
+    stage_settings,
+)
+from albot_agents.training.schedule import parse_schedule
+from albot_core.errors import InputError
+from tests.agents.training.tiny import TASK, plan_file
+
+SHIPPED = sorted(
+    file.name.removesuffix(".yml")
+    for file in (resources.files("albot_agents.training") / "configs").iterdir()
+)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_plan_that_comes_with_us_is_right(name: str, tmp_path: Path) -> None:
+    plan = shipped_plan(f"Albot/{name}", seed=7)
+    assert plan.task in task_names()
+    assert plan.seed == 7
+    save_plan(plan, tmp_path / "config.yml")
+    assert read_plan(tmp_path / "config.yml") == plan
+
+
+def test_nested_settings_keep_their_defaults(tmp_path: Path) -> None:
+    file = plan_file(tmp_path / "a.yml", env={"config": {"observations": {"home_range": 50}}})
+    config = stage_settings(read_plan(file), StagePlan())["config"]
+    assert config.observations.home_range == 50.0
+    assert "way" in config.observations.parts  # As the task has it, not as an ObservationConfig.
+    assert config.outing.longest == 2.0
+
+
+def test_worlds_are_dealt_out(tmp_path: Path) -> None:
+    worlds = ["square-loop", "random:office:0..9"]
+    plan = read_plan(plan_file(tmp_path / "a.yml", n_envs=4, env={"world": worlds}))
+    assert stage_settings(plan, plan.stages[0])["world"] == worlds * 2
+
+
+def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
+    plan = read_plan(
+        plan_file(
+            tmp_path / "a.yml",
+            curriculum=[{"for_steps": 9}, {"env": {"odometer": "poor", "mapper": "odometry"}}],
+            evaluation={"env": {"odometer": "ideal"}},
+        )
+    )
+    settings = evaluation_settings(plan)
+    assert (settings["odometer"], settings["mapper"]) == ("ideal", "odometry")
+    assert "world" not in settings
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"algoritm": "ppo"}, r"line \d+, algoritm: .*did you mean algorithm"),
+        ({"algorithm": "ppa"}, r"line \d+, algorithm: expected one of ppo.*did you mean ppo"),
+        ({"task": "Albot/Homin-v0"}, "did you mean Albot/Homing-v0"),
+        ({"n_envs": "many"}, r"line \d+, n_envs: expected a whole number, found many"),
+        ({"n_envs": 0}, "n_envs: expected a whole number from 1, found 0"),
+        ({"batch_size": 7}, r"batch_size: expected a part of n_envs × n_steps, 16, found 7"),
+        ({"learning_rate": "cos_3"}, "learning_rate: expected a number from 0, lin_A or lin_A_B"),
+        ({"learning_rate": "lin_x"}, "learning_rate: expected a number from 0, lin_A"),
+        ({"policy": {"activation": "tan"}}, "policy.activation: .*did you mean tanh"),
+        ({"policy": {"net_arch": [0]}}, "policy.net_arch: expected sizes from 1"),
+        ({"policy": {"net_arch": 64}}, "policy.net_arch: expected a list, found 64"),
+        ({"env": {"maper": "none"}}, "env.maper: expected one of .*did you mean mapper"),
+        ({"env": {"config": {"radus": 2}}}, "env.config.radus: .*did you mean radius"),
+        ({"env": {"config": {"radius": -1}}}, "env.config.radius: expected a positive length"),
+        ({"env": {"config": {"weights": {"discount": 0.9}}}}, "discount: expected gamma, 0.995"),
+        ({"env": {"movables": 1}}, "env.movables: expected true or false, found 1"),
+        ({"evaluation": {"seeds": "9..3"}}, "evaluation.seeds: expected a range"),
+        ({"evaluation": {"env": {"x": 1}}}, "evaluation.env.x: expected one of"),
+        ({"curriculum": [{"until": 3}]}, r"curriculum\[0\].until: expected one of"),
+        ({"curriculum": [{}, {}]}, "curriculum: expected for_steps or until_success"),
+        ({"curriculum": [{"env": {"mapper": 3}}]}, r"curriculum\[0\].env.mapper: expected text"),
+        ({"device": "tpu"}, "device: expected one of auto, cpu, cuda"),
+    ],
+)
+def test_what_is_wrong_is_said_where_it_stands(
+    changes: dict[str, Any], message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        read_plan(plan_file(tmp_path / "plan.yml", **changes))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_plan_is_for_its_task(tmp_path: Path) -> None:
+    file = plan_file(tmp_path / "plan.yml")
+    assert read_plan(file, TASK).task == TASK
+    with pytest.raises(InputError, match=r"line \d+, task: expected Albot/Explore-v0, found"):
+        read_plan(file, "Albot/Explore-v0")
+    file.write_text("- 1\n")
+    with pytest.raises(InputError, match="expected a mapping"):
+        read_plan(file, TASK)
+
+
+def test_schedules_go_evenly_from_one_value_to_another() -> None:
+    fall, rise, still = (parse_schedule(text, "x") for text in ("lin_4", "lin_1_3", 0.5))
+    assert [fall(left) for left in (1.0, 0.25, 0.0)] == [4.0, 1.0, 0.0]
+    assert [rise(left) for left in (1.0, 0.5, 0.0)] == [1.0, 2.0, 3.0]
+    assert still(1.0) == still(0.0) == 0.5
+
+
+def test_the_plan_of_nothing_is_whole() -> None:
+    plan = TrainingPlan()
+    assert plan.stages == (StagePlan(),)
+    assert plan.n_envs * plan.n_steps % plan.batch_size == 0
+
+
+def test_the_plan_in_the_documents_is_one(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[3] / "docs" / "training.md").read_text(encoding="utf-8")
+    example = text.split("```yaml\n")[1].split("```")[0]
+    (tmp_path / "plan.yml").write_text(example, encoding="utf-8")
+    plan = read_plan(tmp_path / "plan.yml")
+    assert len(plan.stages) == 2
+    assert plan.env["config"]["observations"]["laser_sectors"] == 36

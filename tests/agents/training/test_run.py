@@ -1,0 +1,196 @@
+"""A run: what it writes, and that it can be stopped and resumed at any moment."""
+
+from __future__ import annotations
+
+import csv
+import errno
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from albot_agents.registry import make_agent
+from albot_agents.trained.agent_file import read_agent
+from albot_agents.training.checkpoint import checkpoints, read_checkpoint, take_checkpoint
+from albot_agents.training.folder import RunFolder, free_folder
+from albot_agents.training.reading import read_plan
+from albot_agents.training.run import TrainingRun
+from albot_core.archive import ArchiveFormat
+from albot_core.errors import InputError
+from tests.agents.training.conftest import Trained
+from tests.agents.training.tiny import TASK, begun
+
+
+def _again(folder: RunFolder, tmp_path: Path) -> RunFolder:
+    """A copy of a run's folder."""
+    return RunFolder(Path(shutil.copytree(folder.path, tmp_path / "again")))
+
+
+def test_the_folder_holds_all(trained: Trained) -> None:
+    folder, plan, _, result = trained
+    assert {path.name for path in folder.path.iterdir()} == {
+        "best.albot", "checkpoints", "config.yml", "evaluations.npz", "last.albot", "monitor.csv",
+        "tensorboard", "versions.json",
+    }  # fmt: skip
+    assert read_plan(folder.plan) == plan
+    assert json.loads(folder.versions.read_text())["versions"].keys() > {"numpy", "torch"}
+    assert any(folder.tensorboard.iterdir())
+    assert (result["samples"], result["stopped"]) == (64, False)
+    assert json.dumps(result)
+    # The newest two, and nothing half-written beside them.
+    names = [path.name for path in sorted(folder.checkpoints.iterdir())]
+    assert names == ["000000000032.checkpoint", "000000000064.checkpoint"]
+
+
+def test_episodes_stand_in_the_monitor_file(trained: Trained) -> None:
+    folder, _, _, result = trained
+    first, *lines = folder.monitor.read_text().splitlines()
+    assert json.loads(first.removeprefix("#"))["env_id"] == TASK
+    rows = list(csv.DictReader(lines))
+    assert len(rows) == result["episodes"] > 0
+    assert {"r", "l", "t", "is_success", "spl"} <= rows[0].keys()
+    assert all(1 <= int(row["l"]) <= 12 for row in rows)
+    assert sum(int(row["l"]) for row in rows) <= 64
+
+
+def test_evaluations_are_those_of_eval_callback(trained: Trained) -> None:
+    with np.load(trained[0].evaluations, allow_pickle=False) as found:
+        assert found["timesteps"].tolist() == [32, 64]
+        assert found["results"].shape == found["ep_lengths"].shape == (2, 1)
+        assert np.isin(found["successes"], (0, 1)).all()
+
+
+def test_a_resumed_run_goes_on_from_what_was_saved(trained: Trained, tmp_path: Path) -> None:
+    folder = _again(trained[0], tmp_path)
+    saved = read_checkpoint(checkpoints(folder.checkpoints)[-1])
+    run = TrainingRun(folder, folder.resume(TASK, n_timesteps=96))
+    restored = take_checkpoint(run.learner, saved.run)
+    assert (restored.samples, restored.updates) == (saved.samples, saved.updates) == (64, 4)
+    assert restored.random == saved.random
+    assert restored.arrays.keys() == saved.arrays.keys()
+    assert any(name.startswith("adam.exp_avg_sq.") for name in saved.arrays)
+    for name, array in saved.arrays.items():
+        np.testing.assert_array_equal(restored.arrays[name], array)
+    result = run.run()
+    assert result["samples"] == 96
+    assert result["episodes"] > trained[3]["episodes"]
+    with np.load(folder.evaluations) as found:
+        assert found["timesteps"].tolist() == [32, 64, 96]
+    lines = folder.monitor.read_text().splitlines()
+    assert len(lines) == 2 + result["episodes"]
+    assert run.learner.lr_schedule(1 - 64 / 96) == pytest.approx(3e-4 / 3)
+
+
+def test_what_came_after_the_checkpoint_is_let_go(trained: Trained, tmp_path: Path) -> None:
+    folder = _again(trained[0], tmp_path)
+    checkpoints(folder.checkpoints)[-1].unlink()
+    before = read_checkpoint(checkpoints(folder.checkpoints)[-1])
+    with folder.monitor.open("a") as stream:
+        stream.write("1.5,3")  # As a process that was killed may leave it.
+    (folder.checkpoints / ".000000000064.checkpoint.x1").write_bytes(b"half")
+    run = TrainingRun(folder, folder.resume(None))
+    assert run.learner.num_timesteps == 32
+    assert folder.monitor.stat().st_size == before.run["monitor"]
+    assert [path.name[0] for path in folder.checkpoints.iterdir()] == ["0"]
+    assert run.run()["samples"] == 64
+    with np.load(folder.evaluations) as found:
+        assert found["timesteps"].tolist() == [32, 64]
+
+
+def test_a_torn_checkpoint_gives_way_to_the_one_before(trained: Trained, tmp_path: Path) -> None:
+    folder = _again(trained[0], tmp_path)
+    older, newest = checkpoints(folder.checkpoints)
+    newest.write_bytes(newest.read_bytes()[:-40])
+    told: list[str] = []
+    run = TrainingRun(folder, folder.resume(None), told.append)
+    assert run.learner.num_timesteps == 32
+    assert len(told) == 1
+    assert str(newest) in told[0]
+    older.write_bytes(b"")
+    with pytest.raises(InputError, match="a whole checkpoint"):
+        TrainingRun(folder, folder.resume(None), told.append)
+
+
+def test_ctrl_c_saves_what_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, plan = begun(tmp_path, evaluation=None, checkpoint_every=1000)
+    run = TrainingRun(folder, plan)
+    train, calls = run.learner.train, []
+
+    def interrupted() -> None:
+        calls.append(run.learner.num_timesteps)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        train()
+
+    monkeypatch.setattr(run.learner, "train", interrupted)
+    result = run.run()
+    assert result["stopped"]
+    assert calls == [16, 32, 48]
+    # The third update was not made, so its samples do not count.
+    assert result["samples"] == 32
+    assert [path.stem for path in checkpoints(folder.checkpoints)] == ["000000000032"]
+    assert TrainingRun(folder, folder.resume(None)).run()["samples"] == 64
+
+
+def test_a_full_disk_is_told_with_the_last_good_checkpoint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, plan = begun(tmp_path, evaluation=None)
+    write = ArchiveFormat.write
+
+    def full(its: ArchiveFormat, path: Path, header: Any, arrays: Any) -> None:
+        if path.name.startswith("000000000064"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+        write(its, path, header, arrays)
+
+    monkeypatch.setattr(ArchiveFormat, "write", full)
+    good = "000000000032.checkpoint"
+    with pytest.raises(InputError, match=rf"No space left on device; .*{good} is whole"):
+        TrainingRun(folder, plan).run()
+    assert [path.name for path in folder.checkpoints.iterdir()] == [good]
+
+
+def test_the_same_seed_gives_the_same_agent(trained: Trained, tmp_path: Path) -> None:
+    folder, plan = begun(tmp_path)
+    TrainingRun(folder, plan).run()
+    one, other = read_agent(trained[0].last), read_agent(folder.last)
+    for name, array in one.weights.items():
+        np.testing.assert_array_equal(array, other.weights[name])
+
+
+def test_a_curriculum_moves_on(tmp_path: Path) -> None:
+    stages = [
+        {"env": {"odometer": "ideal"}, "for_steps": 32},
+        {"env": {"max_episode_steps": 2}, "until_success": 0.5},
+        {},
+    ]
+    folder, plan = begun(tmp_path, curriculum=stages, evaluation=None)
+    # The second stage never ends: nobody comes home.
+    assert TrainingRun(folder, plan).run()["stage"] == 1
+    lines = folder.monitor.read_text().splitlines()[2:]
+    lengths = [int(line.split(",")[1]) for line in lines]
+    assert max(lengths[:3]) > 2
+    assert set(lengths[-8:]) <= {1, 2}
+    again = TrainingRun(folder, folder.resume(None, n_timesteps=80))
+    assert again.run()["stage"] == 1
+
+
+def test_the_best_agent_acts(trained: Trained) -> None:
+    agent = make_agent(str(trained[0].best))
+    assert not agent.knows_truth
+    assert read_agent(trained[0].best).training.samples in (32, 64)
+
+
+def test_a_run_is_not_begun_twice_in_a_folder(trained: Trained, tmp_path: Path) -> None:
+    folder, plan, *_ = trained
+    with pytest.raises(InputError, match="without a run"):
+        folder.begin(plan, "")
+    with pytest.raises(InputError, match="a training's folder"):
+        RunFolder(tmp_path).resume(None)
+    with pytest.raises(InputError, match="task: expected Albot/Explore-v0"):
+        folder.resume("Albot/Explore-v0")
+    (tmp_path / "Homing-v0-ppo-1").mkdir()
+    assert free_folder(tmp_path, plan).name == "Homing-v0-ppo-2"

@@ -1,0 +1,125 @@
+"""`albot train` as people call it, and what becomes of its agents."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from albot_agents import workers
+from albot_agents.evaluation.plan import Trial
+from albot_agents.evaluation.trial import Evaluation
+from albot_cli import train
+from albot_cli.main import main
+from tests.agents.training.tiny import TASK, plan_file
+
+Albot = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Albot:
+    """Runs the command: exit status, stdout and stderr."""
+
+    def albot(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["albot", *map(str, words)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        out, err = capfd.readouterr()
+        return int(ended.value.code or 0), out, err
+
+    return albot
+
+
+@pytest.fixture
+def config(tmp_path: Path) -> Path:
+    return plan_file(tmp_path / "plan.yml", n_timesteps=32)
+
+
+def _inline(trade: Evaluation, trials: list[Trial], jobs: int) -> Any:
+    """As `run_parallel`, in this process."""
+    yield from (trade.work(trial, lambda _: None) for trial in trials)
+
+
+def test_train_resume_evaluate_and_tell(
+    run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "run_parallel", _inline)
+    folder = tmp_path / "run"
+    words = ("train", TASK, "--config", config, "--out", folder, "--seed", 5)
+    status, out, err = run(*words, "--json")
+    assert (status, err) == (0, "")
+    found = json.loads(out)
+    assert (found["samples"], found["seed"], found["stopped"]) == (32, 5, False)
+    assert Path(found["checkpoint"]).is_file()
+
+    status, out, err = run("train", "--resume", folder, "--steps", 48)
+    assert (status, err) == (0, "")
+    assert "48 samples" in out
+
+    status, out, _ = run("agents", "card", found["files"]["last"], "--json")
+    card, picture = map(Path, json.loads(out)["files"])
+    assert f"albot train {TASK} --config {config}" in card.read_text()
+    assert picture.is_file()
+
+    told = ("--worlds", "square-loop", "--seeds", "3", "--steps", 5, "--json")
+    words = ("evaluate", TASK, "--agent", found["files"]["best"], "--outward", "1..2", *told)
+    status, out, err = run(*words)
+    assert (status, err) == (0, "")
+    evaluation = json.loads(out)
+    assert (evaluation["mapper"], evaluation["episodes"]) == ("none", 1)
+    assert evaluation["world_specs"] == ["square-loop"]
+
+
+def test_ctrl_c_says_how_to_go_on(
+    run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from albot_agents.training.course import Course
+
+    step = Course.step_wait
+
+    def interrupted(course: Course) -> object:
+        if course.episodes:
+            raise KeyboardInterrupt
+        return step(course)
+
+    monkeypatch.setattr(Course, "step_wait", interrupted)
+    status, out, err = run("train", "--config", config, "--out", tmp_path / "run")
+    assert (status, err) == (130, "")
+    assert "stopped before the end" in out
+    assert f"go on with: albot train --resume {tmp_path / 'run'}" in out
+    assert list((tmp_path / "run" / "checkpoints").glob("*.checkpoint"))
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("Albot/Homming-v0",), "did you mean Albot/Homing-v0"),
+        ((), "expected a TASK, --config or --resume"),
+        (("--config", "none.yml"), "none.yml: expected a file that exists"),
+        (("--resume", "nowhere"), "nowhere: expected a training's folder"),
+        (("--resume", "nowhere", "--seed", "3"), "--seed: expected no such option"),
+        (("--config", "{config}", "--out", "{config}"), "Invalid value for '--out'"),
+        (("--config", "{config}", "--out", "{config}/x"), "expected a folder to write to"),
+        (("Albot/Explore-v0", "--config", "{config}"), "task: expected Albot/Explore-v0"),
+    ],
+)
+def test_bad_input_is_one_line(
+    run: Albot, config: Path, words: tuple[str, ...], found: str
+) -> None:
+    words = tuple(word.format(config=config) for word in words)
+    status, out, err = run("train", *words)
+    assert (status, out) == (2, "")
+    assert found in err
+    assert err.count("\n") == 1
+
+
+def test_what_is_not_installed_is_told(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(train, "_NEEDED", ("torch", "no_such_package"))
+    status, _, err = run("train", TASK)
+    assert status == 2
+    assert "pip install 'albot-env[train]'" in err
+    assert "no no_such_package" in err
