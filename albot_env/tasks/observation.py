@@ -234,10 +234,6 @@ class ObservationConfig:
             sectors=self.laser_sectors or 0,
         )
 
-    def flatten(self, parts: Parts) -> Float32[np.ndarray, "length"]:
-        """All parts in one row, in the order of `shapes`."""
-        return np.concatenate([parts[name].ravel() for name in self.shapes])
-
     def split(self, flat: Float[np.ndarray, "length"]) -> Parts:
         """The parts of a flat observation.
 
