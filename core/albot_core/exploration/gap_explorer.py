@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from albot_core.exploration.following import things_around, waypoint
 from albot_core.exploration.gaps import find_gaps
@@ -20,6 +20,7 @@ from albot_core.exploration.senses import Senses
 from albot_core.exploration.sketch import Sketch, SketchConfig, Ways
 from albot_core.exploration.steering import Command, SteeringConfig, hold_back, steer
 from albot_core.geometry.poses import wrap_angle
+from albot_core.geometry.types import Points
 from albot_core.ranges import POSITIVE, check_fields
 
 
@@ -39,11 +40,14 @@ class GapExplorerConfig:
     """Way (m) up to which chance outweighs nearness: no two tours are the same."""
     steering: SteeringConfig = field(default_factory=SteeringConfig)
     """How it gets there."""
+    worth: float = 0.4
+    """Share of the ground about a place that must be new for it to be gone to; where there is
+    no such place any more, any that is new."""
     near: float = 2.0
     """Ground in view and no farther away than this is covered (m)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "gap_width", "reach", "clearance", "near")
+        check_fields(self, POSITIVE, "gap_width", "reach", "clearance", "near", "worth")
 
 
 class GapExplorer:
@@ -74,6 +78,7 @@ class GapExplorer:
         self._goal: Float64[np.ndarray, "2"] | None = None
         self._route: Float64[np.ndarray, "cells 2"] = np.empty((0, 2))
         self._steps = 0
+        self._least = self._config.worth
         self._to_turn = 2 * np.pi
         self._heading: float | None = None
 
@@ -107,7 +112,7 @@ class GapExplorer:
             self._note_gaps(senses)
             ground = self._open_ground(senses)
             self._prospects.note(ground, ground)
-            self._prospects.forget_covered(self._sketch, senses.pose)
+            self._prospects.forget_covered(self._sketch, senses.pose, self._least)
             if self._goal is not None and not self._prospects.holds(self._goal):
                 self._goal = None
         self._steps += 1
@@ -120,7 +125,7 @@ class GapExplorer:
             centres = np.stack([gap.centre for gap in gaps])
             hidden = np.stack([gap.beyond(2 * config.clearance) for gap in gaps])
             centres, hidden = senses.to_map(centres), senses.to_map(hidden)
-            new = ~self._sketch.covered(hidden)
+            new = self._is_new(hidden)
             self._prospects.note(centres[new], hidden[new])
 
     def _open_ground(self, senses: Senses) -> Float64[np.ndarray, "places 2"]:
@@ -133,10 +138,15 @@ class GapExplorer:
         beams = np.arange(0, laser.beams, max(1, round(self._FAN / laser.spacing)))
         free = senses.ranges[beams, None] - config.clearance > distances
         fan = (laser.directions[beams, None] * distances[:, None])[free]
-        fan = fan[~self._sketch.covered(senses.to_map(fan))]
+        fan = fan[self._is_new(senses.to_map(fan))]
         apart = fan[:, None] - senses.points
         clear = (np.hypot(apart[..., 0], apart[..., 1]) > config.clearance).all(axis=1)
         return senses.to_map(fan[clear])
+
+    def _is_new(self, ground: Points) -> Bool[np.ndarray, "places"]:
+        """Whether ground (m, map frame) is worth going to."""
+        sketch = self._sketch
+        return ~sketch.covered(ground) & (sketch.uncovered(ground) >= self._least)
 
     def _give_up_where_vain(self, senses: Senses) -> None:
         """Drop a goal that cannot be come nearer, or that takes too long."""
@@ -164,6 +174,7 @@ class GapExplorer:
         lengths = np.array([self._sketch.length(ways, goal) for goal in goals])
         if not np.isfinite(lengths).any():
             self._prospects.pardon()
+            self._least = 0.0
             self._to_turn = 2 * np.pi
             return None
         seen = senses.to_robot(goals)
