@@ -109,7 +109,7 @@ class Sketch:
         return np.asarray(inside & done)
 
     def uncovered(self, points: Points) -> Float64[np.ndarray, "points"]:
-        """The share of the ground about points (m, map frame) that is neither covered nor blocked."""
+        """The share of the ground about points (m, map frame) that is left to be covered."""
         cells = np.floor(points[:, ::-1] / self._config.cell).astype(np.int64)
         around = int(self._ABOUT / self._config.cell)
         return uncovered_shares(self._grid, self._covered, cells + len(self._grid) // 2, around)
