@@ -146,14 +146,16 @@ def _slow_flood(grid: np.ndarray, start: tuple[int, int], radius: int) -> np.nda
         ways[row, column] = way
         for r in range(row - 1, row + 2):
             for c in range(column - 1, column + 2):
-                if not (radius <= r < size - radius and radius <= c < size - radius):
+                border = radius + 1
+                if not (border <= r < size - border and border <= c < size - border):
                     continue
                 near = (r - start[0]) ** 2 + (c - start[1]) ** 2 <= (radius + 1) ** 2
                 apart = ((blocked - (r, c)) ** 2).sum(axis=1)
                 clear = grid[r, c] == FREE and not (apart <= radius**2).any()
                 if clear or (near and grid[r, c] != BLOCKED):
                     step = 5 if r == row or c == column else 7
-                    heappush(queue, (way + step, (r, c)))
+                    slow = clear and (apart <= (radius + 1) ** 2).any()
+                    heappush(queue, (way + (2 * step if slow else step), (r, c)))
     return ways
 
 
@@ -165,11 +167,12 @@ def test_the_flood_finds_the_shortest_ways(seed: int) -> None:
     start = (int(rng.integers(3, 21)), int(rng.integers(3, 21)))
     grid[start] = FREE
     before = np.empty(grid.shape, np.int64)
-    ways = flood(grid, start, 2, before, False, (-1, -1))
+    ways = flood(grid, start, (2.0, 3.0), before, False, (-1, -1))
     assert np.array_equal(ways, _slow_flood(grid, start, 2))
     for row, column in np.argwhere(ways > 0):
         r, c = divmod(int(before[row, column]), 24)
-        assert ways[row, column] - ways[r, c] == (5 if r == row or c == column else 7)
+        step = 5 if r == row or c == column else 7
+        assert ways[row, column] - ways[r, c] in (step, 2 * step)
         assert max(abs(r - row), abs(c - column)) == 1
 
 

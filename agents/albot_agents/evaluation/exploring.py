@@ -25,7 +25,8 @@ def sample_curve(
     driven = np.append(0.0, np.hypot(*np.diff(path, axis=0).T).cumsum())
     # Who stands and looks covers at no cost: of the steps at one place the last counts.
     last = np.append(np.diff(driven) > 0, True)
-    return np.interp(np.arange(HORIZON + 1.0), driven[last], np.asarray(coverages)[last])
+    shares = np.asarray(coverages)[last]
+    return np.asarray(np.interp(np.arange(HORIZON + 1.0), driven[last], shares))
 
 
 def area_under(curve: Float64[np.ndarray, "samples"]) -> float:

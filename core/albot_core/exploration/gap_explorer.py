@@ -14,12 +14,12 @@ from jaxtyping import Bool, Float64
 
 from albot_core.exploration.following import things_around, waypoint
 from albot_core.exploration.gaps import find_gaps
+from albot_core.exploration.look_round import LookRound
 from albot_core.exploration.patience import Patience
 from albot_core.exploration.prospects import Prospects
 from albot_core.exploration.senses import Senses
 from albot_core.exploration.sketch import Sketch, SketchConfig, Ways
 from albot_core.exploration.steering import Command, SteeringConfig, hold_back, steer
-from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Points
 from albot_core.ranges import POSITIVE, check_fields
 
@@ -40,7 +40,7 @@ class GapExplorerConfig:
     """Way (m) up to which chance outweighs nearness: no two tours are the same."""
     steering: SteeringConfig = field(default_factory=SteeringConfig)
     """How it gets there."""
-    worth: float = 0.4
+    worth: float = 0.75
     """Share of the ground about a place that must be new for it to be gone to; where there is
     no such place any more, any that is new."""
     near: float = 2.0
@@ -61,8 +61,6 @@ class GapExplorer:
     """Steps between two looks for prospects: the robot moves two hand's breadths meanwhile."""
     _PLAN_EVERY = 9
     """Steps between two searches for the way."""
-    _LOOK_ROUND = 1.6
-    """How fast it looks all around (rad/s)."""
     _FAN = np.radians(6.0)
     """Angle between the beams along which it looks for open ground (rad)."""
 
@@ -79,8 +77,7 @@ class GapExplorer:
         self._route: Float64[np.ndarray, "cells 2"] = np.empty((0, 2))
         self._steps = 0
         self._least = self._config.worth
-        self._to_turn = 2 * np.pi
-        self._heading: float | None = None
+        self._look_round = LookRound()
 
     def command(self, senses: Senses) -> Command:
         """How to drive next, after what is sensed now."""
@@ -90,11 +87,11 @@ class GapExplorer:
 
     def _wanted(self, senses: Senses) -> Command:
         """The next command but for what the robot must brake for."""
-        if self._to_turn > 0:
-            return np.array((0.0, self._LOOK_ROUND))
-        turning_away = self._patience.recovery()
-        if turning_away is not None:
-            return turning_away
+        turning = self._look_round.command(senses.pose)
+        if turning is None:
+            turning = self._patience.recovery()
+        if turning is not None:
+            return turning
         self._give_up_where_vain(senses)
         if self._goal is None or self._steps % self._PLAN_EVERY == 0:
             self._plan(senses)
@@ -102,11 +99,7 @@ class GapExplorer:
         return steer(things_around(self._sketch, senses), ahead, self._config.steering)
 
     def _take_in(self, senses: Senses) -> None:
-        """Draw what is in view, note what is worth going to, and how far it has turned."""
-        heading = float(senses.pose[2])
-        if self._heading is not None:
-            self._to_turn -= abs(float(wrap_angle(heading - self._heading)))
-        self._heading = heading
+        """Draw what is in view, and note what is worth going to."""
         self._sketch.draw(senses)
         if self._steps % self._LOOK_EVERY == 0:
             self._note_gaps(senses)
@@ -175,7 +168,7 @@ class GapExplorer:
         if not np.isfinite(lengths).any():
             self._prospects.pardon()
             self._least = 0.0
-            self._to_turn = 2 * np.pi
+            self._look_round.begin()
             return None
         seen = senses.to_robot(goals)
         turns = np.abs(np.arctan2(seen[:, 1], seen[:, 0]))

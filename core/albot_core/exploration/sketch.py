@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int, Int64
+from jaxtyping import Bool, Float64, Int, Int8, Int64
 
 from albot_core.exploration.senses import Senses
 from albot_core.exploration.sketch_kernels import (
@@ -38,7 +38,9 @@ class SketchConfig:
     extent: float = 40.0
     """Half the side of the first sheet (m); it grows with the way."""
     radius: float = 0.28
-    """Ways keep the robot's middle so far from obstacles (m)."""
+    """Ways keep the robot's middle so far from obstacles (m)…"""
+    wide: float = 0.45
+    """…and are twice as long to it where they come nearer than this (m): there it must be slow."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, *vars(self))
@@ -69,6 +71,8 @@ class Sketch:
 
     _NEAR_BY = 0.5
     """A way that ends no farther from a point than this (m) leads to it."""
+    _NARROW = 1.0
+    """Stretches of a route shorter than this (m) may lead close past things."""
     _ABOUT = 0.4
     """Half the side of the square (m) about a point that is the ground there."""
     _HOPE = 5.0
@@ -79,8 +83,13 @@ class Sketch:
         half = int(np.ceil(config.extent / config.cell))
         self._grid = np.zeros((2 * half, 2 * half), np.int8)
         self._covered = np.zeros((2 * half, 2 * half), np.bool_)
-        self._radius = config.radius / config.cell
+        self._radii = config.radius / config.cell, config.wide / config.cell
         self._drawn = np.zeros((2, 2))
+
+    @property
+    def cell(self) -> float:
+        """Side of a cell (m)."""
+        return self._config.cell
 
     def draw(self, senses: Senses) -> None:
         """Draw what is in view."""
@@ -117,16 +126,15 @@ class Sketch:
     def obstacles(self, pose: Pose, reach: float) -> Float64[np.ndarray, "cells 2"]:
         """The middles of blocked cells about a pose, as far as `reach` (m), in the map's frame."""
         row, column = self._cell(pose[:2])
-        return self._middles(
-            blocked_around(self._grid, row, column, int(reach / self._config.cell))
-        )
+        cells = blocked_around(self._grid, row, column, int(reach / self._config.cell))
+        return self.middles(cells - len(self._grid) // 2)
 
     def ways(self, pose: Pose, *, hopeful: bool = False, goal: Points | None = None) -> Ways:
         """The ways from a pose; with a goal, no farther than to it.
 
         Who is hopeful takes the ground that he has not seen yet for free.
         """
-        low, high = self._part(pose[:2], goal, self._HOPE if hopeful else self._config.radius)
+        low, high = self._part(pose[:2], goal, self._HOPE if hopeful else self._config.wide)
         part = np.ascontiguousarray(self._grid[low[0] : high[0], low[1] : high[1]])
         before = np.empty(part.shape, np.int64)
         row, column = self._cell(pose[:2])
@@ -134,7 +142,7 @@ class Sketch:
         if goal is not None:
             goal_row, goal_column = self._cell(goal)
             end = (goal_row - low[0], goal_column - low[1])
-        lengths = flood(part, (row - low[0], column - low[1]), self._radius, before, hopeful, end)
+        lengths = flood(part, (row - low[0], column - low[1]), self._radii, before, hopeful, end)
         half = len(self._grid) // 2
         return Ways(lengths=lengths, before=before, corner=(low[0] - half, low[1] - half))
 
@@ -148,14 +156,25 @@ class Sketch:
         cell = self._nearest(ways, point)
         if cell is None:
             return np.empty((0, 2))
-        return self._middles(
-            trace(ways.lengths, ways.before, cell) + ways.corner + len(self._grid) // 2
-        )
+        return self.middles(trace(ways.lengths, ways.before, cell) + ways.corner)
+
+    def part(
+        self, ways: Ways
+    ) -> tuple[Int8[np.ndarray, "rows columns"], Bool[np.ndarray, "rows columns"]]:
+        """The part of the sheet that ways are of: its cells, and which of them are covered."""
+        row, column = np.array(ways.corner) + len(self._grid) // 2
+        rows, columns = ways.lengths.shape
+        part = slice(row, row + rows), slice(column, column + columns)
+        return self._grid[part], self._covered[part]
+
+    def middles(self, cells: Int64[np.ndarray, "n 2"]) -> Float64[np.ndarray, "n 2"]:
+        """The middles (m, map frame) of cells by row and column, counted from the map's origin."""
+        return np.asarray((cells[:, ::-1] + 0.5) * self._config.cell)
 
     def is_straight(self, pose: Pose, point: Points, *, hopeful: bool = False) -> bool:
         """Whether the robot can go from a pose straight to a point (map frame)."""
         start, end = self._cell(pose[:2]), self._cell(point)
-        return bool(straight_is_free(self._grid, start, end, self._radius, hopeful))
+        return bool(straight_is_free(self._grid, start, end, self._radii[0], hopeful))
 
     def along(
         self,
@@ -175,8 +194,8 @@ class Sketch:
             self._grid,
             (row, column),
             cells + len(self._grid) // 2,
-            sight / self._config.cell,
-            self._radius,
+            (self._NARROW / self._config.cell, sight / self._config.cell),
+            self._radii,
             hopeful,
         )
         return np.array(route[chosen])
@@ -185,10 +204,6 @@ class Sketch:
         half, cell = len(self._grid) // 2, self._config.cell
         x, y = point.tolist()
         return int(y // cell) + half, int(x // cell) + half
-
-    def _middles(self, cells: Int64[np.ndarray, "n 2"]) -> Float64[np.ndarray, "n 2"]:
-        """The middles of cells given by row and column (m, map frame)."""
-        return np.asarray((cells[:, ::-1] + 0.5 - len(self._grid) // 2) * self._config.cell)
 
     def _part(
         self, place: Points, goal: Points | None, margin: float

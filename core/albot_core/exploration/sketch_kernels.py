@@ -8,7 +8,7 @@ from numba import njit
 UNKNOWN, FREE, BLOCKED = 0, 1, 2
 STEP, ACROSS = 5, 7
 """Lengths of a step to a cell beside and to one across a corner: 7 is nearly 5 times √2."""
-_LISTS = 8
+_LISTS = 16
 """More than the longest step."""
 
 
@@ -63,48 +63,59 @@ def _passable(grid: np.ndarray, row: int, column: int, radius: float, hopeful: b
 
 
 @njit(cache=True)
-def _close(grid: np.ndarray, radius: float, hopeful: bool) -> np.ndarray:
-    """Which cells are not `_passable`; found from the blocked cells, of which there are few."""
+def _weigh(grid: np.ndarray, radii: tuple[float, float], hopeful: bool) -> np.ndarray:
+    """What entering each cell costs: 0 where it is not `_passable`, 1 far from blocked cells.
+
+    It is 2 on passable cells nearer to a blocked one than the second of the radii. Found from the
+    blocked cells, of which there are few.
+    """
     rows, columns = grid.shape
-    closed = np.empty((rows, columns), np.bool_)
+    cost = np.empty((rows, columns), np.int8)
     for row in range(rows):
         for column in range(columns):
             state = grid[row, column]
-            closed[row, column] = state != FREE and not (hopeful and state == UNKNOWN)
-    around = int(radius)
+            cost[row, column] = state == FREE or (hopeful and state == UNKNOWN)
+    radius, wide = radii
+    around = int(wide)
     for row in range(rows):
         for column in range(columns):
             if grid[row, column] != BLOCKED:
                 continue
             for r in range(max(0, row - around), min(rows, row + around + 1)):
                 for c in range(max(0, column - around), min(columns, column + around + 1)):
-                    if (r - row) ** 2 + (c - column) ** 2 <= radius * radius:
-                        closed[r, c] = True
-    return closed
+                    apart = (r - row) ** 2 + (c - column) ** 2
+                    if apart <= radius * radius:
+                        cost[r, c] = 0
+                    elif apart <= wide * wide and cost[r, c] == 1:
+                        cost[r, c] = 2
+    return cost
 
 
 @njit(cache=True)
 def flood(
     grid: np.ndarray,
     start: tuple[int, int],
-    radius: float,
+    radii: tuple[float, float],
     before: np.ndarray,
     hopeful: bool,
     goal: tuple[int, int],
 ) -> np.ndarray:
     """Flood the passable cells from `start`, nearest first; return the way to each, -1 beyond.
 
-    A step to a cell beside is `STEP` long, one across a corner `ACROSS`. The flood ends at the
-    cell `goal`, if it gets there: what lies farther away may then have too long a way. `before`
-    receives the flat index of the cell before each. Near the start only blocked cells stop
-    the flood, so that a robot close to a wall can leave it.
+    A step to a cell beside is `STEP` long, one across a corner `ACROSS`; to a cell that is nearer
+    to a blocked one than the second of the radii twice that. Cells nearer than the first are not
+    passable, but near the start, so that a robot close to a wall can leave it: there only
+    blocked cells are not. The flood ends at the cell `goal`, if it gets there: what lies
+    farther away may then have too long a way. `before` receives the flat index of the cell
+    before each.
 
     Cells wait in as many lists as a step has lengths, by the length of their way modulo
     that (R. Dial, Algorithm 360, Communications of the ACM 12, 1969).
     """
     rows, columns = grid.shape
-    border = int(radius)
-    closed = _close(grid, radius, hopeful)
+    radius, wide = radii
+    border = int(wide)
+    cost = _weigh(grid, radii, hopeful)
     ways = np.full((rows, columns), -1, np.int32)
     waiting = np.empty(8 * rows * columns + 1, np.int32)
     following = np.empty(8 * rows * columns + 1, np.int32)
@@ -127,12 +138,15 @@ def flood(
             break
         for i in range(9):
             r, c = row + (i // 3) - 1, column + (i % 3) - 1
-            reached = length + (STEP if r == row or c == column else ACROSS)
             inside = border <= r < rows - border and border <= c < columns - border
-            if not inside or 0 <= ways[r, c] <= reached:
+            if not inside:
                 continue
             near = (r - start[0]) ** 2 + (c - start[1]) ** 2 <= (radius + 1) ** 2
-            if not closed[r, c] or (near and grid[r, c] != BLOCKED):
+            step = STEP if r == row or c == column else ACROSS
+            reached = length + step * max(1, cost[r, c])
+            if 0 <= ways[r, c] <= reached:
+                continue
+            if cost[r, c] > 0 or (near and grid[r, c] != BLOCKED):
                 ways[r, c], before[r, c] = reached, here
                 waiting[count] = r * columns + c
                 following[count], lists[reached % _LISTS] = lists[reached % _LISTS], count
@@ -191,14 +205,16 @@ def farthest_straight(
     grid: np.ndarray,
     place: tuple[float, float],
     cells: np.ndarray,
-    sight: float,
-    radius: float,
+    sights: tuple[float, float],
+    radii: tuple[float, float],
     hopeful: bool,
 ) -> int:
     """Number of the last of `cells`, a way, to which a disc can go straight from a place.
 
-    Place and `sight`, which is how far it may be, in cells. The way is followed from where it
-    passes nearest to the place; where nothing on it is straight, it is the second cell from there.
+    It is as wide as the second of the radii, or as the first where it would not come as far as
+    the first of the sights so; it comes no farther than the second. All in cells. The way is
+    followed from where it passes nearest to the place; where nothing on it is straight, it
+    is the second cell from there.
     """
     start = int(place[0]), int(place[1])
     count = cells.shape[0]
@@ -206,10 +222,12 @@ def farthest_straight(
     for k in range(count):
         away[k] = np.hypot(cells[k, 0] + 0.5 - place[0], cells[k, 1] + 0.5 - place[1])
     here = int(np.argmin(away))
-    for k in range(count - 1, here - 1, -1):
-        end = cells[k, 0], cells[k, 1]
-        if away[k] < sight and straight_is_free(grid, start, end, radius, hopeful):
-            return k
+    for radius, least in ((radii[1], sights[0]), (radii[0], 0.0)):
+        for k in range(count - 1, here - 1, -1):
+            end = cells[k, 0], cells[k, 1]
+            seen = least <= away[k] < sights[1]
+            if seen and straight_is_free(grid, start, end, radius, hopeful):
+                return k
     return int(min(here + 2, count - 1))
 
 
