@@ -138,8 +138,8 @@ class GapExplorer:
 
     def _is_new(self, ground: Points) -> Bool[np.ndarray, "places"]:
         """Whether ground (m, map frame) is worth going to."""
-        sketch = self._sketch
-        return ~sketch.covered(ground) & (sketch.uncovered(ground) >= self._least)
+        left = self._sketch.uncovered(ground)
+        return np.asarray((left > 0) & (left >= self._least))
 
     def _give_up_where_vain(self, senses: Senses) -> None:
         """Drop a goal that cannot be come nearer, or that takes too long."""
@@ -155,11 +155,15 @@ class GapExplorer:
 
     def _plan(self, senses: Senses) -> None:
         """Find the way to the goal anew; choose a goal where there is none or no way to it."""
-        ways = self._sketch.ways(senses.pose)
-        if self._goal is None or not np.isfinite(self._sketch.length(ways, self._goal)):
-            self._goal = self._choose(senses, ways)
+        sketch = self._sketch
         if self._goal is not None:
-            self._route = self._sketch.route(ways, self._goal)
+            self._route = sketch.route(sketch.ways(senses.pose, goal=self._goal), self._goal)
+            if len(self._route):
+                return
+        ways = sketch.ways(senses.pose)
+        self._goal = self._choose(senses, ways)
+        if self._goal is not None:
+            self._route = sketch.route(ways, self._goal)
 
     def _choose(self, senses: Senses, ways: Ways) -> Float64[np.ndarray, "2"] | None:
         """The prospect with the shortest way, turns and chance counted in; None if none is left."""

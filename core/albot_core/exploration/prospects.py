@@ -37,8 +37,8 @@ class Prospects:
         It counts as covered, too, where no more of the ground about it is left than `least`.
         """
         here = np.hypot(*(self.goals - pose[:2]).T) < 0.3
-        done = sketch.covered(self._ground) | (sketch.uncovered(self._ground) < least)
-        self._keep(~done & ~here)
+        left = sketch.uncovered(self._ground)
+        self._keep((left > 0) & (left >= least) & ~here)
 
     def holds(self, goal: Float64[np.ndarray, "2"]) -> bool:
         """Whether a goal is still one."""

@@ -9,7 +9,6 @@ from jaxtyping import Bool, Float64, Int, Int8, Int64
 
 from albot_core.exploration.senses import Senses
 from albot_core.exploration.sketch_kernels import (
-    BLOCKED,
     STEP,
     blocked_around,
     draw_scan,
@@ -108,17 +107,15 @@ class Sketch:
         np.minimum(self._drawn[0], eye[:2] - config.reach, out=self._drawn[0])
         np.maximum(self._drawn[1], eye[:2] + config.reach, out=self._drawn[1])
 
-    def covered(self, points: Points) -> Bool[np.ndarray, "*points"]:
+    def covered(self, points: Points) -> Bool[np.ndarray, "points"]:
         """Whether the ground at points (m, map frame) is covered, or nothing to stand on."""
-        size = len(self._grid)
-        cells = np.floor(points / self._config.cell).astype(np.int64) + size // 2
-        column, row = np.clip(np.moveaxis(cells, -1, 0), 0, size - 1)
-        inside = ((cells >= 0) & (cells < size)).all(axis=-1)
-        done = self._covered[row, column] | (self._grid[row, column] == BLOCKED)
-        return np.asarray(inside & done)
+        return np.asarray(self.uncovered(points) == 0)
 
     def uncovered(self, points: Points) -> Float64[np.ndarray, "points"]:
-        """The share of the ground about points (m, map frame) that is left to be covered."""
+        """The share of the ground about points (m, map frame) that is left to be covered.
+
+        None is where the points themselves are covered, or nothing to stand on.
+        """
         cells = np.floor(points[:, ::-1] / self._config.cell).astype(np.int64)
         around = int(self._ABOUT / self._config.cell)
         return uncovered_shares(self._grid, self._covered, cells + len(self._grid) // 2, around)

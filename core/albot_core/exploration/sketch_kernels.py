@@ -250,11 +250,15 @@ def uncovered_shares(
 ) -> np.ndarray:
     """The share (n,) of a square about each cell that is neither covered nor blocked.
 
-    The square ends at the sheet's edges; beyond them it counts as uncovered.
+    It is 0 about cells that are either themselves. What lies beyond the sheet's edges is neither.
     """
     shares = np.empty(cells.shape[0])
     for k in range(cells.shape[0]):
         row, column = cells[k, 0], cells[k, 1]
+        inside = 0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]
+        if inside and (covered[row, column] or grid[row, column] == BLOCKED):
+            shares[k] = 0.0
+            continue
         done = 0
         for r in range(max(0, row - around), min(grid.shape[0], row + around + 1)):
             for c in range(max(0, column - around), min(grid.shape[1], column + around + 1)):
