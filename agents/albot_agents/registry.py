@@ -11,6 +11,7 @@ from albot_agents.agent import Agent
 from albot_agents.plain import hint
 from albot_agents.scripted.albot1_homing import Albot1Homing
 from albot_agents.scripted.gap_explorer import GapExplorerAgent
+from albot_agents.scripted.nearest_frontier import NearestFrontier
 from albot_agents.scripted.oracle import Oracle
 from albot_agents.scripted.path_integration import PathIntegration
 from albot_agents.scripted.wanderer import Wanderer
@@ -66,6 +67,10 @@ AGENTS = {
     GapExplorerAgent.name: AgentEntry(
         summary="Explores from gap to gap, the nearest first.",
         make=GapExplorerAgent,
+    ),
+    NearestFrontier.name: AgentEntry(
+        summary="Explores by going to the nearest border of the ground that it has covered.",
+        make=NearestFrontier,
     ),
     Oracle.name: AgentEntry(
         summary="Knows the truth and drives the shortest way home: the upper bound.",

@@ -131,6 +131,13 @@ class World:
         middle = self.free_space.region_at(self.starts[0, :2])
         return float(shapely.buffer(middle, ROBOT_RADIUS).area)
 
+    @cached_property
+    def reachable_rooms(self) -> tuple[Room, ...]:
+        """The rooms in which a robot's middle can be, coming from the starts."""
+        middle = self.free_space.region_at(self.starts[0, :2])
+        within = [shapely.area(shapely.intersection(middle, each)) for each in self._outlines]
+        return tuple(room for room, area in zip(self.rooms, within, strict=True) if area > 0)
+
     def reaches(self, point: Float64[np.ndarray, "2"]) -> bool:
         """Whether a robot's middle can come to a point (m) from the starts."""
         middle = self.free_space.region_at(self.starts[0, :2])

@@ -189,5 +189,15 @@ def _as_text(facts: dict[str, Any]) -> str:
             f"  covered   {facts['mean_coverage']:.0%} of the ground; "
             f"{facts['collisions_per_m'] or 0:.3f} collisions a metre"
         )
+        low, high = facts["coverage_auc_ci95"]
+        lines.append(
+            f"  exploring {facts['coverage_auc']:.3f} covered on average over the first 200 m  "
+            f"(95 %: {low:.3f} to {high:.3f})"
+        )
+    if facts["rooms_share"] is not None:
+        low, high = facts["rooms_share_ci95"]
+        lines.append(
+            f"  rooms     {facts['rooms_share']:.0%} entered  (95 %: {low:.0%} to {high:.0%})"
+        )
     lines += [f"  {name:<9} {path}" for name, path in facts["files"].items()]
     return "\n".join(lines)

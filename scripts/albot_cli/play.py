@@ -38,7 +38,7 @@ RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "record", "no_movables"
     "--agent",
     default="gap-explorer",
     show_default=True,
-    help="albot1-homing, gap-explorer, oracle, path-integration or random.",
+    help="albot1-homing, gap-explorer, nearest-frontier, oracle, path-integration or random.",
 )
 @click.option(
     "--laser",

@@ -37,6 +37,7 @@ def test_the_agents_are_these() -> None:
     assert tuple(AGENTS) == (
         "albot1-homing",
         "gap-explorer",
+        "nearest-frontier",
         "oracle",
         "path-integration",
         "random",

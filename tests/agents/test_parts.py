@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from heapq import heappop, heappush
 
 import numpy as np
 import pytest
@@ -134,42 +134,45 @@ def test_steering_settings_that_are_none_are_refused() -> None:
 
 
 def _slow_flood(grid: np.ndarray, start: tuple[int, int], radius: int) -> np.ndarray:
-    """Breadth-first search, cell by cell, over cells whose disc meets no blocked one."""
+    """Dijkstra's search, cell by cell, over cells whose disc meets no blocked one."""
     size = len(grid)
     blocked = np.argwhere(grid == BLOCKED)
-    steps = np.full(grid.shape, -1)
-    steps[start] = 0
-    queue = deque([start])
+    ways = np.full(grid.shape, -1)
+    queue = [(0, start)]
     while queue:
-        row, column = queue.popleft()
+        way, (row, column) = heappop(queue)
+        if ways[row, column] >= 0:
+            continue
+        ways[row, column] = way
         for r in range(row - 1, row + 2):
             for c in range(column - 1, column + 2):
-                if not (radius <= r < size - radius and radius <= c < size - radius):
-                    continue
-                if steps[r, c] >= 0:
+                border = radius + 1
+                if not (border <= r < size - border and border <= c < size - border):
                     continue
                 near = (r - start[0]) ** 2 + (c - start[1]) ** 2 <= (radius + 1) ** 2
                 apart = ((blocked - (r, c)) ** 2).sum(axis=1)
                 clear = grid[r, c] == FREE and not (apart <= radius**2).any()
                 if clear or (near and grid[r, c] != BLOCKED):
-                    steps[r, c] = steps[row, column] + 1
-                    queue.append((r, c))
-    return steps
+                    step = 5 if r == row or c == column else 7
+                    slow = clear and (apart <= (radius + 1) ** 2).any()
+                    heappush(queue, (way + (2 * step if slow else step), (r, c)))
+    return ways
 
 
 @given(st.integers(0, 2**32 - 1))
 @settings(deadline=None, max_examples=40)
-def test_the_flood_is_a_breadth_first_search(seed: int) -> None:
+def test_the_flood_finds_the_shortest_ways(seed: int) -> None:
     rng = np.random.default_rng(seed)
     grid = rng.choice(np.array((0, FREE, BLOCKED), np.int8), (24, 24), p=(0.05, 0.9, 0.05))
     start = (int(rng.integers(3, 21)), int(rng.integers(3, 21)))
     grid[start] = FREE
     before = np.empty(grid.shape, np.int64)
-    steps = flood(grid, start, 2, before, False, (-1, -1))
-    assert np.array_equal(steps, _slow_flood(grid, start, 2))
-    for row, column in np.argwhere(steps > 0):
+    ways = flood(grid, start, (2.0, 3.0), before, False, (-1, -1))
+    assert np.array_equal(ways, _slow_flood(grid, start, 2))
+    for row, column in np.argwhere(ways > 0):
         r, c = divmod(int(before[row, column]), 24)
-        assert steps[r, c] == steps[row, column] - 1
+        step = 5 if r == row or c == column else 7
+        assert ways[row, column] - ways[r, c] in (step, 2 * step)
         assert max(abs(r - row), abs(c - column)) == 1
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from albot_agents.evaluation.exploring import area_under
 from albot_agents.evaluation.trial import Outcome
 from albot_core.evaluation.intervals import bootstrap, wilson
 
@@ -19,14 +20,16 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
     `success_rate` with its 95 % Wilson interval `ci95`; `spl` and `soft_spl`, means as in
     the literature, and `spl_median`, each with a bootstrapped 95 % interval; distances in metres
-    of the shortest way; collisions count beginnings of contact. What a task does not
-    know of is None.
+    of the shortest way; collisions count beginnings of contact. `coverage_auc` is the mean share
+    of the ground covered over the first 200 m driven (`area_under`), `rooms_share` that of
+    the rooms entered in the end, each with a bootstrapped 95 % interval of its mean. What a
+    task does not know of is None.
     """
     figures = _figures(outcomes)
     ends = [outcome.info for outcome in outcomes]
     rng = np.random.default_rng(_SEED)
     intervals: dict[str, Any] = {"ci95": None, "spl_ci95": None, "spl_median_ci95": None}
-    intervals |= {"soft_spl_ci95": None}
+    intervals |= {"soft_spl_ci95": None, "coverage_auc_ci95": None, "rooms_share_ci95": None}
     if ends and "is_success" in ends[0]:
         spl = np.array([end["spl"] for end in ends])
         soft = np.array([end["soft_spl"] for end in ends])
@@ -34,6 +37,9 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         intervals["spl_ci95"] = list(bootstrap(spl, np.mean, rng))
         intervals["spl_median_ci95"] = list(bootstrap(spl, np.median, rng))
         intervals["soft_spl_ci95"] = list(bootstrap(soft, np.mean, rng))
+    for name, values in (("coverage_auc", _areas(outcomes)), ("rooms_share", _rooms(outcomes))):
+        if values:
+            intervals[f"{name}_ci95"] = list(bootstrap(np.array(values), np.mean, rng))
     worlds = list(dict.fromkeys(outcome.trial.world for outcome in outcomes))
     rows = [
         {"world": world, **_figures([each for each in outcomes if each.trial.world == world])}
@@ -58,10 +64,23 @@ def _figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "median_final_distance_m": _median([end.get("distance_home") for end in ends]),
         "mean_way_m": driven / len(outcomes) if outcomes else None,
         "mean_coverage": _mean([end["coverage"] for end in ends]),
+        "coverage_auc": _mean(_areas(outcomes)),
+        "rooms_share": _mean(_rooms(outcomes)),
+        "rooms_share_median": _median(_rooms(outcomes)),
         "mean_position_error_m": _mean([end["position_error"] for end in ends]),
         "cut_short": sum(bool(end.get("outward_cut_short")) for end in ends),
         "collisions_per_m": collisions / driven if driven else None,
     }
+
+
+def _areas(outcomes: Sequence[Outcome]) -> list[float]:
+    """The area under each curve of coverage."""
+    return [area_under(each.coverage_curve) for each in outcomes if len(each.coverage_curve)]
+
+
+def _rooms(outcomes: Sequence[Outcome]) -> list[float]:
+    """The share of the rooms that were entered, where there are any."""
+    return [each.info["rooms_entered"] / each.rooms for each in outcomes if each.rooms]
 
 
 def _mean(values: Sequence[Any]) -> float | None:

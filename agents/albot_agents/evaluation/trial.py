@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,13 @@ from jaxtyping import Float64
 
 from albot_agents.agent import choose
 from albot_agents.episode import begin_episode
+from albot_agents.evaluation.exploring import sample_curve
 from albot_agents.evaluation.plan import Trial
 from albot_agents.registry import make_agent
 from albot_agents.workers import Trade
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
+from albot_maps import load_world
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,6 +34,10 @@ class Outcome:
     """The way that the agent drove (m, world frame)."""
     collisions: int
     """How often the robot came into contact with something."""
+    rooms: int = 0
+    """How many rooms of its world the robot could enter."""
+    coverage_curve: Float64[np.ndarray, "samples"] = field(default_factory=lambda: np.empty(0))
+    """The share of the ground covered after each metre of the path (`sample_curve`)."""
 
     @property
     def driven(self) -> float:
@@ -54,18 +60,26 @@ def run_trial(trial: Trial, tell: Callable[[int], None] = lambda _: None) -> Out
         agent = make_agent(trial.agent, env.get_wrapper_attr("observing"))
         tell(0)
         observation, info = begin_episode(env, agent, trial.seed)
-        path, collisions, touched, over = [info["pose"][:2]], 0, False, False
+        path, coverages = [info["pose"][:2]], [info["coverage"]]
+        collisions, touched, over = 0, False, False
         while not over:
             tell(len(path))
             action = choose(agent, observation, info)
             observation, _, terminated, truncated, info = env.step(action)
             path.append(info["pose"][:2])
+            coverages.append(info["coverage"])
             collisions += info["collided"] and not touched
             touched, over = info["collided"], terminated or truncated
     finally:
         env.close()
     return Outcome(
-        trial=trial, info=info, start=info["start"], path=np.array(path), collisions=collisions
+        trial=trial,
+        info=info,
+        start=info["start"],
+        path=np.array(path),
+        collisions=collisions,
+        rooms=len(load_world(trial.world).reachable_rooms),
+        coverage_curve=sample_curve(np.array(path), coverages),
     )
 
 

@@ -21,13 +21,7 @@ def waypoint(
     """The farthest point of a route that can be gone to straight (m, map frame)."""
     if not len(route):
         return senses.pose[:2]
-    away = np.hypot(*(route - senses.pose[:2]).T)
-    here = int(away.argmin())
-    ahead = np.arange(here, len(route))
-    for k in ahead[away[ahead] < SIGHT][::-1].tolist():
-        if sketch.is_straight(senses.pose, route[k], hopeful=hopeful):
-            return np.array(route[k])
-    return np.array(route[min(here + 2, len(route) - 1)])
+    return sketch.along(senses.pose, route, SIGHT, hopeful=hopeful)
 
 
 def things_around(sketch: Sketch, senses: Senses) -> Float64[np.ndarray, "points 2"]:

@@ -10,16 +10,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Bool, Float64
 
 from albot_core.exploration.following import things_around, waypoint
 from albot_core.exploration.gaps import find_gaps
+from albot_core.exploration.look_round import LookRound
 from albot_core.exploration.patience import Patience
 from albot_core.exploration.prospects import Prospects
 from albot_core.exploration.senses import Senses
 from albot_core.exploration.sketch import Sketch, SketchConfig, Ways
 from albot_core.exploration.steering import Command, SteeringConfig, hold_back, steer
-from albot_core.geometry.poses import wrap_angle
+from albot_core.geometry.types import Points
 from albot_core.ranges import POSITIVE, check_fields
 
 
@@ -39,11 +40,14 @@ class GapExplorerConfig:
     """Way (m) up to which chance outweighs nearness: no two tours are the same."""
     steering: SteeringConfig = field(default_factory=SteeringConfig)
     """How it gets there."""
+    worth: float = 0.75
+    """Share of the ground about a place that must be new for it to be gone to; where there is
+    no such place any more, any that is new."""
     near: float = 2.0
     """Ground in view and no farther away than this is covered (m)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "gap_width", "reach", "clearance", "near")
+        check_fields(self, POSITIVE, "gap_width", "reach", "clearance", "near", "worth")
 
 
 class GapExplorer:
@@ -57,8 +61,6 @@ class GapExplorer:
     """Steps between two looks for prospects: the robot moves two hand's breadths meanwhile."""
     _PLAN_EVERY = 9
     """Steps between two searches for the way."""
-    _LOOK_ROUND = 1.6
-    """How fast it looks all around (rad/s)."""
     _FAN = np.radians(6.0)
     """Angle between the beams along which it looks for open ground (rad)."""
 
@@ -74,8 +76,8 @@ class GapExplorer:
         self._goal: Float64[np.ndarray, "2"] | None = None
         self._route: Float64[np.ndarray, "cells 2"] = np.empty((0, 2))
         self._steps = 0
-        self._to_turn = 2 * np.pi
-        self._heading: float | None = None
+        self._least = self._config.worth
+        self._look_round = LookRound()
 
     def command(self, senses: Senses) -> Command:
         """How to drive next, after what is sensed now."""
@@ -85,11 +87,11 @@ class GapExplorer:
 
     def _wanted(self, senses: Senses) -> Command:
         """The next command but for what the robot must brake for."""
-        if self._to_turn > 0:
-            return np.array((0.0, self._LOOK_ROUND))
-        turning_away = self._patience.recovery()
-        if turning_away is not None:
-            return turning_away
+        turning = self._look_round.command(senses.pose)
+        if turning is None:
+            turning = self._patience.recovery()
+        if turning is not None:
+            return turning
         self._give_up_where_vain(senses)
         if self._goal is None or self._steps % self._PLAN_EVERY == 0:
             self._plan(senses)
@@ -97,17 +99,13 @@ class GapExplorer:
         return steer(things_around(self._sketch, senses), ahead, self._config.steering)
 
     def _take_in(self, senses: Senses) -> None:
-        """Draw what is in view, note what is worth going to, and how far it has turned."""
-        heading = float(senses.pose[2])
-        if self._heading is not None:
-            self._to_turn -= abs(float(wrap_angle(heading - self._heading)))
-        self._heading = heading
+        """Draw what is in view, and note what is worth going to."""
         self._sketch.draw(senses)
         if self._steps % self._LOOK_EVERY == 0:
             self._note_gaps(senses)
             ground = self._open_ground(senses)
             self._prospects.note(ground, ground)
-            self._prospects.forget_covered(self._sketch, senses.pose)
+            self._prospects.forget_covered(self._sketch, senses.pose, self._least)
             if self._goal is not None and not self._prospects.holds(self._goal):
                 self._goal = None
         self._steps += 1
@@ -120,7 +118,7 @@ class GapExplorer:
             centres = np.stack([gap.centre for gap in gaps])
             hidden = np.stack([gap.beyond(2 * config.clearance) for gap in gaps])
             centres, hidden = senses.to_map(centres), senses.to_map(hidden)
-            new = ~self._sketch.covered(hidden)
+            new = self._is_new(hidden)
             self._prospects.note(centres[new], hidden[new])
 
     def _open_ground(self, senses: Senses) -> Float64[np.ndarray, "places 2"]:
@@ -133,10 +131,15 @@ class GapExplorer:
         beams = np.arange(0, laser.beams, max(1, round(self._FAN / laser.spacing)))
         free = senses.ranges[beams, None] - config.clearance > distances
         fan = (laser.directions[beams, None] * distances[:, None])[free]
-        fan = fan[~self._sketch.covered(senses.to_map(fan))]
+        fan = fan[self._is_new(senses.to_map(fan))]
         apart = fan[:, None] - senses.points
         clear = (np.hypot(apart[..., 0], apart[..., 1]) > config.clearance).all(axis=1)
         return senses.to_map(fan[clear])
+
+    def _is_new(self, ground: Points) -> Bool[np.ndarray, "places"]:
+        """Whether ground (m, map frame) is worth going to."""
+        left = self._sketch.uncovered(ground)
+        return np.asarray((left > 0) & (left >= self._least))
 
     def _give_up_where_vain(self, senses: Senses) -> None:
         """Drop a goal that cannot be come nearer, or that takes too long."""
@@ -152,11 +155,15 @@ class GapExplorer:
 
     def _plan(self, senses: Senses) -> None:
         """Find the way to the goal anew; choose a goal where there is none or no way to it."""
-        ways = self._sketch.ways(senses.pose)
-        if self._goal is None or not np.isfinite(self._sketch.length(ways, self._goal)):
-            self._goal = self._choose(senses, ways)
+        sketch = self._sketch
         if self._goal is not None:
-            self._route = self._sketch.route(ways, self._goal)
+            self._route = sketch.route(sketch.ways(senses.pose, goal=self._goal), self._goal)
+            if len(self._route):
+                return
+        ways = sketch.ways(senses.pose)
+        self._goal = self._choose(senses, ways)
+        if self._goal is not None:
+            self._route = sketch.route(ways, self._goal)
 
     def _choose(self, senses: Senses, ways: Ways) -> Float64[np.ndarray, "2"] | None:
         """The prospect with the shortest way, turns and chance counted in; None if none is left."""
@@ -164,7 +171,8 @@ class GapExplorer:
         lengths = np.array([self._sketch.length(ways, goal) for goal in goals])
         if not np.isfinite(lengths).any():
             self._prospects.pardon()
-            self._to_turn = 2 * np.pi
+            self._least = 0.0
+            self._look_round.begin()
             return None
         seen = senses.to_robot(goals)
         turns = np.abs(np.arctan2(seen[:, 1], seen[:, 0]))

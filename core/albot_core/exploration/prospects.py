@@ -31,10 +31,14 @@ class Prospects:
                 self.goals = np.vstack((self.goals, goal))
                 self._ground = np.vstack((self._ground, spot))
 
-    def forget_covered(self, sketch: Sketch, pose: Pose) -> None:
-        """Drop those whose ground is covered by now, or on whose goal the robot is."""
+    def forget_covered(self, sketch: Sketch, pose: Pose, least: float = 0.0) -> None:
+        """Drop those whose ground is covered by now, or on whose goal the robot is.
+
+        It counts as covered, too, where no more of the ground about it is left than `least`.
+        """
         here = np.hypot(*(self.goals - pose[:2]).T) < 0.3
-        self._keep(~sketch.covered(self._ground) & ~here)
+        left = sketch.uncovered(self._ground)
+        self._keep((left > 0) & (left >= least) & ~here)
 
     def holds(self, goal: Float64[np.ndarray, "2"]) -> bool:
         """Whether a goal is still one."""

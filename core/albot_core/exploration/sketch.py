@@ -5,10 +5,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int
+from jaxtyping import Bool, Float64, Int, Int8, Int64
 
 from albot_core.exploration.senses import Senses
-from albot_core.exploration.sketch_kernels import BLOCKED, draw_scan, flood, straight_is_free
+from albot_core.exploration.sketch_kernels import (
+    STEP,
+    blocked_around,
+    draw_scan,
+    farthest_straight,
+    flood,
+    nearest_reached,
+    straight_is_free,
+    trace,
+    uncovered_shares,
+)
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Points, Pose
 from albot_core.ranges import POSITIVE, check_fields
@@ -27,7 +37,9 @@ class SketchConfig:
     extent: float = 40.0
     """Half the side of the first sheet (m); it grows with the way."""
     radius: float = 0.28
-    """Ways keep the robot's middle so far from obstacles (m)."""
+    """Ways keep the robot's middle so far from obstacles (m)…"""
+    wide: float = 0.45
+    """…and are twice as long to it where they come nearer than this (m): there it must be slow."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, *vars(self))
@@ -37,10 +49,13 @@ class SketchConfig:
 class Ways:
     """The ways from where the robot is to all ground that it knows to be free."""
 
-    steps: Int[np.ndarray, "side side"]
-    """How many cells away each cell is; -1 where no way is known."""
-    before: Int[np.ndarray, "side side"]
+    lengths: Int[np.ndarray, "rows columns"]
+    """How long the way is to each cell of a part of the sheet, in shares `1 / STEP` of a cell; -1
+    where no way is known."""
+    before: Int[np.ndarray, "rows columns"]
     """The cell before each on the way from here, as a flat index."""
+    corner: tuple[int, int]
+    """Row and column of the part's first cell, counted from the map's origin."""
 
 
 class Sketch:
@@ -53,94 +68,161 @@ class Sketch:
         config: How fine it is.
     """
 
+    _NEAR_BY = 0.5
+    """A way that ends no farther from a point than this (m) leads to it."""
+    _NARROW = 1.0
+    """Stretches of a route shorter than this (m) may lead close past things."""
+    _ABOUT = 0.4
+    """Half the side of the square (m) about a point that is the ground there."""
+    _HOPE = 5.0
+    """How far (m) beyond what it has seen who is hopeful looks for ways."""
+
     def __init__(self, config: SketchConfig = SketchConfig()) -> None:
         self._config = config
         half = int(np.ceil(config.extent / config.cell))
         self._grid = np.zeros((2 * half, 2 * half), np.int8)
         self._covered = np.zeros((2 * half, 2 * half), np.bool_)
-        self._radius = config.radius / config.cell
+        self._radii = config.radius / config.cell, config.wide / config.cell
+        self._drawn = np.zeros((2, 2))
+
+    @property
+    def cell(self) -> float:
+        """Side of a cell (m)."""
+        return self._config.cell
 
     def draw(self, senses: Senses) -> None:
         """Draw what is in view."""
         config = self._config
         self.make_room(senses.pose[:2])
+        eye = compose(senses.pose, np.array(senses.laser.mount))
         draw_scan(
             self._grid,
             self._covered,
             config.cell,
-            compose(senses.pose, np.array(senses.laser.mount)),
+            eye,
             senses.ranges,
             senses.laser.bearings,
             (config.near, config.reach),
         )
+        np.minimum(self._drawn[0], eye[:2] - config.reach, out=self._drawn[0])
+        np.maximum(self._drawn[1], eye[:2] + config.reach, out=self._drawn[1])
 
-    def covered(self, points: Points) -> Bool[np.ndarray, "*points"]:
+    def covered(self, points: Points) -> Bool[np.ndarray, "points"]:
         """Whether the ground at points (m, map frame) is covered, or nothing to stand on."""
-        size = len(self._grid)
-        cells = np.floor(points / self._config.cell).astype(np.int64) + size // 2
-        column, row = np.clip(np.moveaxis(cells, -1, 0), 0, size - 1)
-        inside = ((cells >= 0) & (cells < size)).all(axis=-1)
-        done = self._covered[row, column] | (self._grid[row, column] == BLOCKED)
-        return np.asarray(inside & done)
+        return np.asarray(self.uncovered(points) == 0)
+
+    def uncovered(self, points: Points) -> Float64[np.ndarray, "points"]:
+        """The share of the ground about points (m, map frame) that is left to be covered.
+
+        None is where the points themselves are covered, or nothing to stand on.
+        """
+        cells = np.floor(points[:, ::-1] / self._config.cell).astype(np.int64)
+        around = int(self._ABOUT / self._config.cell)
+        return uncovered_shares(self._grid, self._covered, cells + len(self._grid) // 2, around)
 
     def obstacles(self, pose: Pose, reach: float) -> Float64[np.ndarray, "cells 2"]:
         """The middles of blocked cells about a pose, as far as `reach` (m), in the map's frame."""
         row, column = self._cell(pose[:2])
-        around = int(reach / self._config.cell)
-        low_row, low_column = max(0, row - around), max(0, column - around)
-        window = self._grid[low_row : row + around + 1, low_column : column + around + 1]
-        rows, columns = np.nonzero(window == BLOCKED)
-        cells = np.stack((columns + low_column, rows + low_row), axis=1)
-        return (cells + 0.5 - len(self._grid) // 2) * self._config.cell
+        cells = blocked_around(self._grid, row, column, int(reach / self._config.cell))
+        return self.middles(cells - len(self._grid) // 2)
 
     def ways(self, pose: Pose, *, hopeful: bool = False, goal: Points | None = None) -> Ways:
         """The ways from a pose; with a goal, no farther than to it.
 
         Who is hopeful takes the ground that he has not seen yet for free.
         """
-        before = np.empty(self._grid.shape, np.int64)
-        end = (-1, -1) if goal is None else self._cell(goal)
-        steps = flood(self._grid, self._cell(pose[:2]), self._radius, before, hopeful, end)
-        return Ways(steps=steps, before=before)
+        low, high = self._part(pose[:2], goal, self._HOPE if hopeful else self._config.wide)
+        part = np.ascontiguousarray(self._grid[low[0] : high[0], low[1] : high[1]])
+        before = np.empty(part.shape, np.int64)
+        row, column = self._cell(pose[:2])
+        end = (-1, -1)
+        if goal is not None:
+            goal_row, goal_column = self._cell(goal)
+            end = (goal_row - low[0], goal_column - low[1])
+        lengths = flood(part, (row - low[0], column - low[1]), self._radii, before, hopeful, end)
+        half = len(self._grid) // 2
+        return Ways(lengths=lengths, before=before, corner=(low[0] - half, low[1] - half))
 
     def length(self, ways: Ways, point: Points) -> float:
         """Length (m) of the way to a point of the map, or near it; infinite if there is none."""
-        nearest = self._nearest(ways, point)
-        return np.inf if nearest is None else float(ways.steps[nearest] * self._config.cell)
+        cell = self._nearest(ways, point)
+        return np.inf if cell is None else float(ways.lengths[cell] / STEP * self._config.cell)
 
     def route(self, ways: Ways, point: Points) -> Float64[np.ndarray, "cells 2"]:
         """The way to a point, or near it, cell by cell (m, map frame); empty if there is none."""
         cell = self._nearest(ways, point)
         if cell is None:
             return np.empty((0, 2))
-        size = len(self._grid)
-        cells = [cell]
-        while ways.steps[cell] > 0:
-            cell = divmod(int(ways.before[cell]), size)
-            cells.append(cell)
-        rows_columns = np.array(cells[::-1], np.float64)
-        return np.asarray((rows_columns[:, ::-1] + 0.5 - size // 2) * self._config.cell)
+        return self.middles(trace(ways.lengths, ways.before, cell) + ways.corner)
+
+    def part(
+        self, ways: Ways
+    ) -> tuple[Int8[np.ndarray, "rows columns"], Bool[np.ndarray, "rows columns"]]:
+        """The part of the sheet that ways are of: its cells, and which of them are covered."""
+        row, column = np.array(ways.corner) + len(self._grid) // 2
+        rows, columns = ways.lengths.shape
+        part = slice(row, row + rows), slice(column, column + columns)
+        return self._grid[part], self._covered[part]
+
+    def middles(self, cells: Int64[np.ndarray, "n 2"]) -> Float64[np.ndarray, "n 2"]:
+        """The middles (m, map frame) of cells by row and column, counted from the map's origin."""
+        return np.asarray((cells[:, ::-1] + 0.5) * self._config.cell)
 
     def is_straight(self, pose: Pose, point: Points, *, hopeful: bool = False) -> bool:
         """Whether the robot can go from a pose straight to a point (map frame)."""
         start, end = self._cell(pose[:2]), self._cell(point)
-        return bool(straight_is_free(self._grid, start, end, self._radius, hopeful))
+        return bool(straight_is_free(self._grid, start, end, self._radii[0], hopeful))
+
+    def along(
+        self,
+        pose: Pose,
+        route: Float64[np.ndarray, "cells 2"],
+        sight: float,
+        *,
+        hopeful: bool = False,
+    ) -> Points:
+        """The farthest point of a route within sight (m) that can be gone to straight.
+
+        Where none can, it is one a little farther along the route than where it is nearest.
+        """
+        cells = np.floor(route[:, ::-1] / self._config.cell).astype(np.int64)
+        column, row = (pose[:2] / self._config.cell + len(self._grid) // 2).tolist()
+        chosen = farthest_straight(
+            self._grid,
+            (row, column),
+            cells + len(self._grid) // 2,
+            (self._NARROW / self._config.cell, sight / self._config.cell),
+            self._radii,
+            hopeful,
+        )
+        return np.array(route[chosen])
 
     def _cell(self, point: Points) -> tuple[int, int]:
-        column, row = np.floor(point / self._config.cell).astype(int) + len(self._grid) // 2
-        return int(row), int(column)
+        half, cell = len(self._grid) // 2, self._config.cell
+        x, y = point.tolist()
+        return int(y // cell) + half, int(x // cell) + half
+
+    def _part(
+        self, place: Points, goal: Points | None, margin: float
+    ) -> tuple[tuple[int, int], tuple[int, int]]:
+        """First and last rows and columns of what is drawn, with these points and a margin."""
+        points = np.stack((*self._drawn, place, place if goal is None else goal))
+        margin += 2 * self._config.cell
+        low, high = self._cell(points.min(axis=0) - margin), self._cell(points.max(axis=0) + margin)
+        size = len(self._grid)
+        return (
+            (max(0, low[0]), max(0, low[1])),
+            (min(size, high[0] + 1), min(size, high[1] + 1)),
+        )
 
     def _nearest(self, ways: Ways, point: Points) -> tuple[int, int] | None:
-        """The cell within half a metre of a point that is the fewest steps away."""
+        """The cell near a point with the shortest way, in the ways' part of the sheet."""
         row, column = self._cell(point)
-        around = int(0.5 / self._config.cell)
-        low_row, low_column = max(0, row - around), max(0, column - around)
-        window = ways.steps[low_row : row + around + 1, low_column : column + around + 1]
-        reached = np.where(window >= 0, window, np.iinfo(np.int32).max)
-        if not reached.size or reached.min() == np.iinfo(np.int32).max:
-            return None
-        i, j = divmod(int(reached.argmin()), window.shape[1])
-        return low_row + i, low_column + j
+        half = len(self._grid) // 2
+        around = int(self._NEAR_BY / self._config.cell)
+        row, column = row - half - ways.corner[0], column - half - ways.corner[1]
+        found = nearest_reached(ways.lengths, row, column, around)
+        return None if found[0] < 0 else found
 
     def make_room(self, point: Points) -> None:
         """Take a larger sheet where a point comes near the edge of this one (m, map frame)."""

@@ -6,9 +6,13 @@ import numpy as np
 from numba import njit
 
 UNKNOWN, FREE, BLOCKED = 0, 1, 2
+STEP, ACROSS = 5, 7
+"""Lengths of a step to a cell beside and to one across a corner: 7 is nearly 5 times √2."""
+_LISTS = 16
+"""More than the longest step."""
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def draw_scan(
     grid: np.ndarray,
     covered: np.ndarray,
@@ -23,25 +27,23 @@ def draw_scan(
     `eye` is the laser's pose in the map's frame. Ground is covered up to the first of
     the reaches (m), and drawn up to the second.
     """
-    near, reach = reaches
+    near, reach = reaches[0], reaches[1]
     half = grid.shape[0] // 2
-    for blocked in (False, True):  # Ends last: a beam that grazes a wall must not erase it.
-        for k in range(ranges.shape[0]):
-            angle = eye[2] + bearings[k]
-            dx, dy = np.cos(angle), np.sin(angle)
-            if blocked:
-                if ranges[k] < reach:
-                    row = int(np.floor((eye[1] + ranges[k] * dy) / cell)) + half
-                    column = int(np.floor((eye[0] + ranges[k] * dx) / cell)) + half
-                    grid[row, column] = BLOCKED
-                continue
-            free = min(ranges[k] - cell, reach)
-            steps = int(free / cell)
-            for j in range(steps + 1):
-                row = int(np.floor((eye[1] + j * cell * dy) / cell)) + half
-                column = int(np.floor((eye[0] + j * cell * dx) / cell)) + half
-                grid[row, column] = FREE
-                covered[row, column] |= j * cell <= near
+    x, y = eye[0] / cell + half, eye[1] / cell + half  # Positive: to truncate is to floor.
+    covers = int(near / cell)
+    for k in range(ranges.shape[0]):
+        angle = eye[2] + bearings[k]
+        dx, dy = np.cos(angle), np.sin(angle)
+        steps = int(min(ranges[k] - cell, reach) / cell)
+        for j in range(steps + 1):
+            row, column = int(y + j * dy), int(x + j * dx)
+            grid[row, column] = FREE
+            if j <= covers:
+                covered[row, column] = True
+    for k in range(ranges.shape[0]):  # Ends last: a beam that grazes a wall must not erase it.
+        if ranges[k] < reach:
+            angle, length = eye[2] + bearings[k], ranges[k] / cell
+            grid[int(y + length * np.sin(angle)), int(x + length * np.cos(angle))] = BLOCKED
 
 
 @njit(cache=True)
@@ -61,45 +63,122 @@ def _passable(grid: np.ndarray, row: int, column: int, radius: float, hopeful: b
 
 
 @njit(cache=True)
+def _weigh(grid: np.ndarray, radii: tuple[float, float], hopeful: bool) -> np.ndarray:
+    """What entering each cell costs: 0 where it is not `_passable`, 1 far from blocked cells.
+
+    It is 2 on passable cells nearer to a blocked one than the second of the radii. Found from the
+    blocked cells, of which there are few.
+    """
+    rows, columns = grid.shape
+    cost = np.empty((rows, columns), np.int8)
+    for row in range(rows):
+        for column in range(columns):
+            state = grid[row, column]
+            cost[row, column] = state == FREE or (hopeful and state == UNKNOWN)
+    radius, wide = radii
+    around = int(wide)
+    for row in range(rows):
+        for column in range(columns):
+            if grid[row, column] != BLOCKED:
+                continue
+            for r in range(max(0, row - around), min(rows, row + around + 1)):
+                for c in range(max(0, column - around), min(columns, column + around + 1)):
+                    apart = (r - row) ** 2 + (c - column) ** 2
+                    if apart <= radius * radius:
+                        cost[r, c] = 0
+                    elif apart <= wide * wide and cost[r, c] == 1:
+                        cost[r, c] = 2
+    return cost
+
+
+@njit(cache=True)
 def flood(
     grid: np.ndarray,
     start: tuple[int, int],
-    radius: float,
+    radii: tuple[float, float],
     before: np.ndarray,
     hopeful: bool,
     goal: tuple[int, int],
 ) -> np.ndarray:
-    """Flood the passable cells from `start`, nearest first; return steps to each, -1 beyond.
+    """Flood the passable cells from `start`, nearest first; return the way to each, -1 beyond.
 
-    It ends at the cell `goal`, if it gets there. `before` receives the flat index of the cell
-    before each. Near the start only blocked cells stop the flood, so that a robot close to a
-    wall can leave it.
+    A step to a cell beside is `STEP` long, one across a corner `ACROSS`; to a cell that is nearer
+    to a blocked one than the second of the radii twice that. Cells nearer than the first are not
+    passable, but near the start, so that a robot close to a wall can leave it: there only
+    blocked cells are not. The flood ends at the cell `goal`, if it gets there: what lies
+    farther away may then have too long a way. `before` receives the flat index of the cell
+    before each.
+
+    Cells wait in as many lists as a step has lengths, by the length of their way modulo
+    that (R. Dial, Algorithm 360, Communications of the ACM 12, 1969).
     """
-    size, border = grid.shape[0], int(radius)
-    steps = np.full((size, size), -1, np.int32)
-    queue = np.empty(size * size, np.int64)
-    queue[0] = start[0] * size + start[1]
-    steps[start[0], start[1]] = 0
-    before[start[0], start[1]] = queue[0]
-    first, last = 0, 1
-    while first < last:
-        here = queue[first]
-        first += 1
-        row, column = here // size, here % size
+    rows, columns = grid.shape
+    radius, wide = radii
+    border = int(wide)
+    cost = _weigh(grid, radii, hopeful)
+    ways = np.full((rows, columns), -1, np.int32)
+    waiting = np.empty(8 * rows * columns + 1, np.int32)
+    following = np.empty(8 * rows * columns + 1, np.int32)
+    lists = np.full(_LISTS, -1)
+    waiting[0], following[0], lists[0] = start[0] * columns + start[1], -1, 0
+    ways[start[0], start[1]] = 0
+    before[start[0], start[1]] = waiting[0]
+    count, length, empty = 1, 0, 0
+    while empty < _LISTS:
+        k = lists[length % _LISTS]
+        if k < 0:
+            length, empty = length + 1, empty + 1
+            continue
+        empty, lists[length % _LISTS] = 0, following[k]
+        here = waiting[k]
+        row, column = here // columns, here % columns
+        if ways[row, column] != length:
+            continue  # A shorter way was found since.
         if row == goal[0] and column == goal[1]:
             break
         for i in range(9):
             r, c = row + (i // 3) - 1, column + (i % 3) - 1
-            inside = border <= r < size - border and border <= c < size - border
-            if not inside or steps[r, c] >= 0:
+            inside = border <= r < rows - border and border <= c < columns - border
+            if not inside:
                 continue
             near = (r - start[0]) ** 2 + (c - start[1]) ** 2 <= (radius + 1) ** 2
-            if (near and grid[r, c] != BLOCKED) or _passable(grid, r, c, radius, hopeful):
-                steps[r, c] = steps[row, column] + 1
-                before[r, c] = here
-                queue[last] = r * size + c
-                last += 1
-    return steps
+            step = STEP if r == row or c == column else ACROSS
+            reached = length + step * max(1, cost[r, c])
+            if 0 <= ways[r, c] <= reached:
+                continue
+            if cost[r, c] > 0 or (near and grid[r, c] != BLOCKED):
+                ways[r, c], before[r, c] = reached, here
+                waiting[count] = r * columns + c
+                following[count], lists[reached % _LISTS] = lists[reached % _LISTS], count
+                count += 1
+    return ways
+
+
+@njit(cache=True)
+def nearest_reached(ways: np.ndarray, row: int, column: int, around: int) -> tuple[int, int]:
+    """The cell of a square about one to which the way is shortest; (-1, -1) for none."""
+    best, least = (-1, -1), np.iinfo(np.int32).max
+    for r in range(max(0, row - around), min(ways.shape[0], row + around + 1)):
+        for c in range(max(0, column - around), min(ways.shape[1], column + around + 1)):
+            if 0 <= ways[r, c] < least:
+                best, least = (r, c), ways[r, c]
+    return best
+
+
+@njit(cache=True)
+def trace(ways: np.ndarray, before: np.ndarray, end: tuple[int, int]) -> np.ndarray:
+    """The cells (n, 2) of the way on which a flood came to the cell `end`, that one last."""
+    columns = ways.shape[1]
+    index, count = end[0] * columns + end[1], 1
+    while ways[index // columns, index % columns] > 0:
+        index = before[index // columns, index % columns]
+        count += 1
+    cells = np.empty((count, 2), np.int64)
+    index = end[0] * columns + end[1]
+    for k in range(count - 1, -1, -1):
+        cells[k, 0], cells[k, 1] = index // columns, index % columns
+        index = before[index // columns, index % columns]
+    return cells
 
 
 @njit(cache=True)
@@ -119,3 +198,70 @@ def straight_is_free(
         elif not _passable(grid, row, column, radius, hopeful):
             return False
     return True
+
+
+@njit(cache=True)
+def farthest_straight(
+    grid: np.ndarray,
+    place: tuple[float, float],
+    cells: np.ndarray,
+    sights: tuple[float, float],
+    radii: tuple[float, float],
+    hopeful: bool,
+) -> int:
+    """Number of the last of `cells`, a way, to which a disc can go straight from a place.
+
+    It is as wide as the second of the radii, or as the first where it would not come as far as
+    the first of the sights so; it comes no farther than the second. All in cells. The way is
+    followed from where it passes nearest to the place; where nothing on it is straight, it
+    is the second cell from there.
+    """
+    start = int(place[0]), int(place[1])
+    count = cells.shape[0]
+    away = np.empty(count)
+    for k in range(count):
+        away[k] = np.hypot(cells[k, 0] + 0.5 - place[0], cells[k, 1] + 0.5 - place[1])
+    here = int(np.argmin(away))
+    for radius, least in ((radii[1], sights[0]), (radii[0], 0.0)):
+        for k in range(count - 1, here - 1, -1):
+            end = cells[k, 0], cells[k, 1]
+            seen = least <= away[k] < sights[1]
+            if seen and straight_is_free(grid, start, end, radius, hopeful):
+                return k
+    return int(min(here + 2, count - 1))
+
+
+@njit(cache=True)
+def blocked_around(grid: np.ndarray, row: int, column: int, around: int) -> np.ndarray:
+    """Rows and columns (n, 2) of the blocked cells of a square about a cell."""
+    found = np.empty(((2 * around + 1) ** 2, 2), np.int64)
+    count = 0
+    for r in range(max(0, row - around), min(grid.shape[0], row + around + 1)):
+        for c in range(max(0, column - around), min(grid.shape[1], column + around + 1)):
+            if grid[r, c] == BLOCKED:
+                found[count, 0], found[count, 1] = r, c
+                count += 1
+    return found[:count]
+
+
+@njit(cache=True)
+def uncovered_shares(
+    grid: np.ndarray, covered: np.ndarray, cells: np.ndarray, around: int
+) -> np.ndarray:
+    """The share (n,) of a square about each cell that is neither covered nor blocked.
+
+    It is 0 about cells that are either themselves. What lies beyond the sheet's edges is neither.
+    """
+    shares = np.empty(cells.shape[0])
+    for k in range(cells.shape[0]):
+        row, column = cells[k, 0], cells[k, 1]
+        inside = 0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]
+        if inside and (covered[row, column] or grid[row, column] == BLOCKED):
+            shares[k] = 0.0
+            continue
+        done = 0
+        for r in range(max(0, row - around), min(grid.shape[0], row + around + 1)):
+            for c in range(max(0, column - around), min(grid.shape[1], column + around + 1)):
+                done += covered[r, c] or grid[r, c] == BLOCKED
+        shares[k] = 1 - done / (2 * around + 1) ** 2
+    return shares

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.exploration.braking_kernels import least_distance
-from albot_core.geometry.poses import wrap_angle
+from albot_core.exploration.steering_kernels import (
+    COUNT,
+    Limits,
+    brake_in_time,
+    find_free_way,
+    steer_towards,
+)
 from albot_core.geometry.types import Pose
 from albot_core.ranges import POSITIVE, check_fields
 
@@ -52,16 +58,15 @@ class SteeringConfig:
     """Duration of a step (s)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, *vars(self))
+        check_fields(self, POSITIVE, *(field.name for field in fields(self)))
+
+    @cached_property
+    def limits(self) -> Limits:
+        """The same as the compiled loops take it."""
+        return Limits(*(getattr(self, name) for name in Limits._fields))
 
 
-_SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
-"""Shares of the speed wanted that are tried where braking would come too late."""
-_SAME = 0.005
-"""Things that come nearer by no more than this (m) count as no nearer: ranges are noisy."""
-_FARTHEST = 1.5
-"""Within this the robot comes to a stand from any speed (m)."""
-DIRECTIONS = np.radians(np.arange(-180.0, 180.0, 2.0))
+DIRECTIONS = np.linspace(-np.pi, np.pi, COUNT, endpoint=False)
 """The directions that are weighed (rad)."""
 
 
@@ -69,14 +74,9 @@ def free_way(
     points: Float64[np.ndarray, "beams 2"], radius: float
 ) -> Float64[np.ndarray, "directions"]:
     """How far (m) a disc can go in each of `DIRECTIONS` before it touches a point."""
-    cos, sin = np.cos(DIRECTIONS)[:, None], np.sin(DIRECTIONS)[:, None]
-    along = cos * points[:, 0] + sin * points[:, 1]
-    aside = cos * points[:, 1] - sin * points[:, 0]
-    # A point that is already nearer than the radius must not bar the way along it.
-    reach = np.minimum(radius, 0.97 * np.hypot(points[:, 0], points[:, 1]))
-    meets = (np.abs(aside) < reach) & (along > 0)
-    way = along - np.sqrt(np.maximum(reach**2 - aside**2, 0))
-    return np.asarray(np.maximum(np.where(meets, way, np.inf).min(axis=1, initial=np.inf), 0))
+    way = np.empty(COUNT)
+    find_free_way(points, radius, np.inf, way)
+    return way
 
 
 def steer(
@@ -95,30 +95,8 @@ def steer(
         target: Where to go (m, robot's frame).
         config: How closely to pass, and how fast.
     """
-    distance = float(np.hypot(target[0], target[1]))
-    bearing = float(np.arctan2(target[1], target[0]))
-    away = np.hypot(points[:, 0], points[:, 1])
-    near = points[away < _FARTHEST]
-    for radius in (config.radius, config.tight):
-        way = free_way(near, radius)
-        open_ways = way >= min(config.lookahead, distance)
-        off = np.where(open_ways, np.abs(wrap_angle(DIRECTIONS - bearing)), np.inf)
-        if off.min() <= config.pivot:
-            break
-    if not open_ways.any():
-        return _command(0.0, np.copysign(config.turn_rate, bearing), config)
-    direction = float(DIRECTIONS[off.argmin()])
-    turn_rate = config.gain * direction
-    if abs(direction) > config.pivot:
-        return _command(0.0, turn_rate, config)
-    ahead = float(way[len(way) // 2])
-    room = min(ahead, distance + 0.2)
-    speed = min(
-        config.speed,
-        float(np.sqrt(2 * config.braking * room)),
-        config.creep + config.ease * max(0.0, float(away.min()) - config.body),
-    )
-    return _command(speed * np.cos(direction) ** 2, turn_rate, config)
+    x, y = target.tolist()
+    return np.array(steer_towards(points, x, y, config.limits))
 
 
 def hold_back(
@@ -140,27 +118,6 @@ def hold_back(
         motion: How the robot moved in the last step.
         config: How closely it may pass, and how it brakes.
     """
-    near = points[np.hypot(points[:, 0], points[:, 1]) < _FARTHEST]
-    if not len(near):
-        return command
-    now = motion[0] / config.step, motion[2] / config.step
-    held = float(np.hypot(near[:, 0], near[:, 1]).min()) - _SAME
-    enough = min(config.body + config.margin, held)
-    best, most = command, -np.inf
-    for turning in (1.0, 0.0):
-        for share in _SHARES:
-            tried = np.asarray(command * (share, turning))
-            speed, turn_rate = tried.tolist()
-            distance = least_distance(
-                near, now, (speed, turn_rate), config.wheel_base, config.acceleration, config.step
-            )
-            if distance >= enough:
-                return tried
-            if distance > most:
-                best, most = tried, distance
-    return best
-
-
-def _command(speed: float, turn_rate: float, config: SteeringConfig) -> Command:
-    limits = np.array((config.speed, config.turn_rate))
-    return np.asarray(np.clip((speed, turn_rate), -limits, limits))
+    ahead, _, turned = motion.tolist()
+    now, (speed, turn_rate) = (ahead / config.step, turned / config.step), command.tolist()
+    return np.array(brake_in_time(points, now, (speed, turn_rate), config.limits))
