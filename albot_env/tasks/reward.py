@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_env.tasks import exploration_kernel, homing_kernel, round_trip_kernel
+from albot_env.tasks import exploration_kernel, homing_kernel, judging_kernel, round_trip_kernel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +112,29 @@ class RoundTripWeights:
         return _ordered(self, round_trip_kernel.TERMS)
 
 
-Weights = ExploreWeights | HomingWeights | RoundTripWeights
+@dataclass(frozen=True, kw_only=True)
+class PlaceWeights:
+    """What the terms of the reward for judging places are worth. A reward is their sum."""
+
+    right_known: float = 1.0
+    """For a place known again as the one that it is."""
+    right_new: float = 0.5
+    """For a new place known as new."""
+    false_known: float = -5.0
+    """For a place taken for one that it is not: a false place spoils a map."""
+    missed: float = -1.0
+    """For a known place taken for new."""
+
+    def __post_init__(self) -> None:
+        _check_finite(self)
+
+    @property
+    def values(self) -> Float64[np.ndarray, "terms"]:
+        """The weights in the order of the terms."""
+        return _ordered(self, judging_kernel.TERMS)
+
+
+Weights = ExploreWeights | HomingWeights | RoundTripWeights | PlaceWeights
 
 
 def _check_discount(weights: HomingWeights | RoundTripWeights) -> None:
