@@ -26,22 +26,25 @@ class Agent(Protocol):
     def knows_truth(self) -> bool:
         """Whether it chooses by the truth in the infos: a bound for the others, no rival."""
 
-    def reset(self, rng: np.random.Generator, actions: Box) -> None:
+    def reset(self, rng: np.random.Generator, actions: Any) -> None:
         """Forget everything: a new episode begins.
 
         Args:
             rng: The source of all its randomness.
-            actions: The environment's actions.
+            actions: The space of the environment's actions.
+
+        Raises:
+            InputError: It cannot act in such an environment.
         """
 
-    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """The action after an observation, flat or by part.
 
         `info` is the environment's for agents that know the truth, and empty for all others.
         """
 
 
-def choose(agent: Agent, observation: Any, info: Mapping[str, Any]) -> Action:
+def choose(agent: Agent, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
     """The action of an agent, which is shown the truth only where it says that it knows it."""
     return agent.act(observation, info if agent.knows_truth else {})
 

@@ -6,7 +6,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Box
 
 from albot_agents.agent import Agent
 
@@ -18,6 +17,5 @@ def begin_episode(
 
     The environment draws from `seed` itself: the agent must not draw the same numbers.
     """
-    assert isinstance(env.action_space, Box)
     agent.reset(np.random.default_rng((seed, 1)), env.action_space)
     return env.reset(seed=seed)

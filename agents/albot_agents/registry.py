@@ -11,6 +11,7 @@ from albot_agents.scripted.albot1_homing import Albot1Homing
 from albot_agents.scripted.gap_explorer import GapExplorerAgent
 from albot_agents.scripted.oracle import Oracle
 from albot_agents.scripted.path_integration import PathIntegration
+from albot_agents.scripted.place_judge import PlaceJudge
 from albot_agents.scripted.wanderer import Wanderer
 from albot_core.errors import InputError
 from albot_env.tasks.observation import ObservationConfig
@@ -49,6 +50,10 @@ AGENTS = {
         summary="Follows the odometer's home vector, without a map.",
         make=PathIntegration,
         mapper="none",
+    ),
+    PlaceJudge.name: AgentEntry(
+        summary="Judges which place it has seen before, by what agrees; it drives nothing.",
+        make=PlaceJudge,
     ),
     Wanderer.name: AgentEntry(
         summary="Acts at random: the lower bound.", make=lambda _: Wanderer(), mapper="none"

@@ -29,6 +29,15 @@ class AnswerConfig(ActionConfig):
         """The space of answers."""
         return spaces.Discrete(1 + self.most)
 
+    @property
+    def choice_space(self) -> spaces.Discrete:
+        """The same: answers are numbers anyway."""
+        return spaces.Discrete(1 + self.most)
+
+    def chosen(self, choices: Any, count: int | None, environment: str) -> Any:
+        """The same: answers are numbers anyway."""
+        return choices
+
     def single(self, action: Any, environment: str) -> Numbers:
         """An answer as a batch of one.
 

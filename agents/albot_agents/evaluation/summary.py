@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
     `success_rate` with its 95 % Wilson interval `ci95`; `spl` and `soft_spl`, means as in
     the literature, and `spl_median`, each with a bootstrapped 95 % interval; distances in metres
-    of the shortest way; collisions count beginnings of contact. What a task does not
+    of the shortest way; collisions count beginnings of contact; `precision` and `recall` are those
+    of all places judged together. What a task does not
     know of is None.
     """
     figures = _figures(outcomes)
@@ -28,9 +29,10 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     intervals: dict[str, Any] = {"ci95": None, "spl_ci95": None, "spl_median_ci95": None}
     intervals |= {"soft_spl_ci95": None}
     if ends and "is_success" in ends[0]:
+        intervals["ci95"] = list(wilson(sum(end["is_success"] for end in ends), len(ends)))
+    if ends and "spl" in ends[0]:
         spl = np.array([end["spl"] for end in ends])
         soft = np.array([end["soft_spl"] for end in ends])
-        intervals["ci95"] = list(wilson(sum(end["is_success"] for end in ends), len(ends)))
         intervals["spl_ci95"] = list(bootstrap(spl, np.mean, rng))
         intervals["spl_median_ci95"] = list(bootstrap(spl, np.median, rng))
         intervals["soft_spl_ci95"] = list(bootstrap(soft, np.mean, rng))
@@ -57,10 +59,25 @@ def _figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "mean_final_distance_m": _mean([end.get("distance_home") for end in ends]),
         "median_final_distance_m": _median([end.get("distance_home") for end in ends]),
         "mean_way_m": driven / len(outcomes) if outcomes else None,
-        "mean_coverage": _mean([end["coverage"] for end in ends]),
+        "mean_coverage": _mean([end.get("coverage") for end in ends]),
         "mean_position_error_m": _mean([end["position_error"] for end in ends]),
+        **_places(ends),
         "cut_short": sum(bool(end.get("outward_cut_short")) for end in ends),
         "collisions_per_m": collisions / driven if driven else None,
+    }
+
+
+def _places(ends: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Precision and recall over all places that were judged, where any were."""
+    if not ends or "recall" not in ends[0]:
+        return {"precision": None, "recall": None, "revisits": None}
+    right, false, revisits = (
+        sum(int(end[name]) for end in ends) for name in ("right_known", "false_known", "revisits")
+    )
+    return {
+        "precision": right / (right + false) if right + false else 1.0,
+        "recall": right / revisits if revisits else 1.0,
+        "revisits": revisits,
     }
 
 

@@ -47,7 +47,7 @@ def test_where_nothing_was_seen_there_is_nothing() -> None:
 @settings(deadline=None, max_examples=25)
 def test_the_same_room_is_laid_on_itself(x: float, y: float, turn: float) -> None:
     """Wherever in it, and however far off the guess is."""
-    there = HERE + (x, y, turn)
+    there = HERE + np.array((x, y, turn))
     found = agreement(_seen(ROOM, HERE), _seen(ROOM, there), np.zeros(3))
     assert found.agreed > 0.93
     assert found.contradicted < 0.03
@@ -62,7 +62,7 @@ def test_a_smaller_room_contradicts_a_larger_one() -> None:
 
 
 def test_the_better_of_two_guesses_counts() -> None:
-    there = HERE + (1.8, 0.5, 0.0)
+    there = HERE + np.array((1.8, 0.5, 0.0))
     mine, theirs = _seen(ROOM, HERE), _seen(ROOM, there)
     far, near = np.array((-3.0, -3.0, 0.0)), np.array((1.5, 0.2, 0.1))
     assert agreement(mine, theirs, far).agreed < 0.8
@@ -72,7 +72,8 @@ def test_the_better_of_two_guesses_counts() -> None:
 
 def test_sight_ends_at_the_wall_behind() -> None:
     """From 2 m one looks along y = 1.5 to the wall at 5 m, past a place at 3 m; back to 0."""
-    found = agreement(_seen(ROOM, HERE), _seen(ROOM, HERE + (1.0, 0.0, 0.0)), np.zeros(3))
+    there = HERE + np.array((1.0, 0.0, 0.0))
+    found = agreement(_seen(ROOM, HERE), _seen(ROOM, there), np.zeros(3))
     apart = np.hypot(*found.pose[:2])
     assert apart == pytest.approx(1.0, abs=0.1)
     assert found.sight == pytest.approx(2.0, abs=0.25)  # Seen from there the wall is 3 m behind.
