@@ -19,6 +19,7 @@ from albot_env.tasks.expedition import NO_MAPPER, Expedition
 from albot_env.tasks.judging_kernel import TERMS, Judgement, Sheets, judge
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.reward import PlaceWeights
+from albot_env.tasks.survey_kernel import Layout
 from albot_env.tasks.tour_plan import TourConfig
 from albot_env.tasks.tours import Stop, Tour, Tours
 from albot_maps import World
@@ -39,6 +40,11 @@ class CandidatesConfig(ObservationConfig):
         yet; `mask`, which of them there are (1 or -1).
         """
         return {"arrivals": (self.most, len(FEATURES)), "mask": (self.most,)}
+
+    @property
+    def layout(self) -> Layout:
+        """Nowhere: none of the parts of those who drive is shown."""
+        return Layout(*[-1] * len(Layout._fields))
 
 
 @dataclass(frozen=True, kw_only=True)
