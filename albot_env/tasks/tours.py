@@ -83,19 +83,21 @@ class Tour:
 
         They were in one room; or nothing but open floor lay between them, no wall and no doorway:
         corridors that open into each other as wide as they are can not be told apart by what
-        is seen.
+        is seen. In a world whose openings are not listed only rooms count.
         """
-        places = np.array([stop.pose[:2] for stop in self.stops])
         rooms = np.array([stop.room for stop in self.stops])
+        same_room = (rooms[:, None] == rooms) & (rooms >= 0)
+        if not self.world.exits:
+            return np.asarray(same_room)
+        places = np.array([stop.pose[:2] for stop in self.stops])
         pairs = np.stack(np.broadcast_arrays(places[:, None], places[None]), axis=2)
         lines = shapely.linestrings(pairs)
-        openings = np.reshape([opening.segment for opening in self.world.exits], (-1, 4))
+        openings = np.array([opening.segment for opening in self.world.exits])
         widths = np.hypot(*(openings[:, 2:] - openings[:, :2]).T)
         doors = openings[widths <= DOORWAY]
         between = wall_lines(np.concatenate((self.world.walls, doors)))
         shapely.prepare(between)
-        open_floor = ~shapely.intersects(between, lines)
-        return np.asarray(open_floor | ((rooms[:, None] == rooms) & (rooms >= 0)))
+        return np.asarray(same_room | ~shapely.intersects(between, lines))
 
     @cached_property
     def sheet(self) -> dict[str, np.ndarray]:

@@ -128,7 +128,7 @@ def test_it_does_so_for_long_in_worlds_that_change(environment: str) -> None:
     assert bumps > 50
 
 
-@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("environment", DRIVEN)
 @pytest.mark.parametrize(
     "sensors",
     [
@@ -145,7 +145,7 @@ def test_it_does_so_with_every_sensor(environment: str, sensors: dict[str, str])
     assert_same(batch, _drive(_singles(environment, AutoresetMode.NEXT_STEP, **sensors), 16))
 
 
-@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("environment", DRIVEN)
 @pytest.mark.parametrize("mapper", ["none", "albot1"])
 def test_threads_change_nothing(environment: str, mapper: str) -> None:
     options = {"world": "random:office:0..9?rooms=4", "mapper": mapper, "max_episode_steps": 20}
