@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import OrderedDict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,13 +25,12 @@ from albot_env.experiments.guided_tour import StartStop, follow_leg
 from albot_env.sim.simulator import Simulator
 from albot_env.tasks.arrivals import Notebook, question
 from albot_env.tasks.equipment import Equipment
+from albot_env.tasks.outing import KEPT, Shelf
 from albot_env.tasks.tour_plan import Stops, TourConfig
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.freespace import wall_lines
 from albot_maps.geodesic import DistanceField
 
-KEPT = 256
-"""Tours that are kept; the one that was longest not asked for is made again."""
 AROUND = 8
 """At each stop the robot turns round in so many parts, and looks after each."""
 STEPS = StartStop()
@@ -119,6 +118,10 @@ class Tour:
         }
 
 
+SHELF: Shelf[Tour] = Shelf()
+"""The tours that are kept in a process, whoever made them."""
+
+
 class Tours:
     """Makes tours, and keeps them.
 
@@ -139,7 +142,7 @@ class Tours:
         self._equipment = equipment
         self._config = config
         self._journeys = journeys
-        self._kept: OrderedDict[tuple[int, bytes, int], Tour] = OrderedDict()
+        self._kind = replace(equipment, threads=1), config
         self._stops: OrderedDict[int, Stops] = OrderedDict()
 
     def check(self, world: World) -> None:
@@ -155,13 +158,8 @@ class Tours:
         if not self._journeys:
             return self._travel(world, start, int(rng.integers(2**63)))
         number = int(rng.integers(self._journeys))
-        key = (id(world), start.tobytes(), number)
-        if key not in self._kept:
-            self._kept[key] = self._travel(world, start, number)
-            if len(self._kept) > KEPT:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(key)
-        return self._kept[key]
+        key = (self._kind, id(world), start.tobytes(), number)
+        return SHELF.fetch(key, lambda: self._travel(world, start, number))
 
     def _find_stops(self, world: World) -> Stops:
         if id(world) not in self._stops:

@@ -21,9 +21,14 @@ STROLL = HomingConfig(outing=OutingConfig(shortest=1.0, longest=2.0, away=0.0))
 """A journey out of a metre or two."""
 GLANCE = JudgingConfig(tour=TourConfig(arrivals=3))
 """A tour of two stops."""
+LOOP = load_world("square-loop")
 QUICK: dict[str, dict[str, Any]] = {
-    "Albot/Homing-v0": {"config": STROLL, "journeys": 1, "world": load_world("square-loop")},
-    "Albot/PlaceRecognition-v0": {"config": GLANCE, "journeys": 4},
+    "Albot/Homing-v0": {"config": STROLL, "journeys": 1, "world": LOOP},
+    "Albot/PlaceRecognition-v0": {
+        "config": GLANCE,
+        "journeys": 4,
+        "world": LOOP,
+    },
 }
 """What journeys out would take is not what contracts are about. In one and the same world they
 are kept from one test to the next."""
