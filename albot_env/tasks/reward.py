@@ -20,6 +20,11 @@ class ExploreWeights:
     """For every square metre of ground truly covered for the first time (1/m²)."""
     room: float = 1.0
     """For every room truly entered for the first time."""
+    place_recognized: float = 0.5
+    """For the first right claim to have been in a room before; once for each room, or going in
+    and out of one would be all there is to do."""
+    place_mistaken: float = -1.0
+    """For every false claim."""
     collision: float = -0.1
     """For every step in contact with something."""
     time: float = -0.01

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from albot_core.errors import InputError
+from albot_core.registry import make_mapper
+from albot_env.recording.reader import EpisodeReader
+from albot_env.recording.writer import EpisodeWriter
+from albot_env.sim.simulator import CONTROL_STEP
+from albot_env.tasks.coverage import Coverage
 from albot_env.tasks.explore_and_home import ExploreAndHomeEnv
 from albot_env.tasks.kernels import log_scale
 from albot_env.tasks.observation import ObservationConfig
@@ -104,6 +110,27 @@ def test_the_robot_knows_the_time_that_is_left(two_rooms: World) -> None:
         assert part == pytest.approx(np.array([left]), abs=1e-6)
         observation = env.step(STILL)[0]
     assert env.observing.split(observation)["time_left"].tolist() == [-1.0]
+
+
+def test_observations_are_a_function_of_the_readings_and_the_time(
+    two_rooms: World, tmp_path: Path
+) -> None:
+    config = RoundTripConfig(shortest=6.0, longest=6.0)
+    env = ExploreAndHomeEnv(two_rooms, mapper="albot1", observation="dict", config=config)
+    env.recorder = EpisodeWriter(tmp_path / "trip.mcap")
+    seen = [env.reset(seed=3)[0]]
+    seen += [env.step(np.array((0.6, 0.2, -1), np.float32))[0] for _ in range(30)]
+    env.close()
+    mapper, ground = make_mapper("albot1"), Coverage(env.observing.coverage, 20.0)
+    moments = list(EpisodeReader(tmp_path / "trip.mcap").moments())
+    for step, (moment, observation) in enumerate(zip(moments, seen, strict=True)):
+        mapper.update(moment.reading)
+        ground.follow(moment.reading.motion, mapper.pose, moment.reading.laser)
+        left = (60 - step) * CONTROL_STEP
+        again = env.observing.observe(moment.reading, mapper, ground, left)
+        assert again.keys() == observation.keys()
+        for name, part in observation.items():
+            np.testing.assert_array_equal(again[name], part, err_msg=name)
 
 
 def test_budgets_are_drawn_within_their_range(two_rooms: World) -> None:
