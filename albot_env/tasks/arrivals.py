@@ -200,7 +200,7 @@ def _logarithmic(length: float, knee: float, longest: float) -> float:
     return 2 * math.log1p(min(length, longest) / knee) / math.log1p(longest / knee) - 1
 
 
-def _longest(surfaces: Segments) -> Segments:
+def _longest(surfaces: Segments) -> Float64[np.ndarray, "kept 4"]:
     """The longest surfaces, as many as are compared."""
     lengths = np.hypot(*(surfaces[:, 2:] - surfaces[:, :2]).T)
     return surfaces[np.sort(np.argsort(-lengths, kind="stable")[:LARGEST])]

@@ -149,7 +149,7 @@ def test_a_reward_is_the_sum_of_its_terms(environment: str) -> None:
         assert step[1] == pytest.approx(sum(step[-1]["reward_terms"].values()), abs=1e-12)
 
 
-@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("environment", DRIVEN)
 def test_a_time_limit_truncates(environment: str) -> None:
     env = _make(environment, max_episode_steps=5)
     ends = [(step[2], step[3]) for step in _rollout(env, 1, steps=5)[1:]]

@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -22,6 +23,7 @@ from albot_env.tasks.reward import PlaceWeights
 from albot_env.tasks.tour_plan import Stops, TourConfig
 from albot_maps import Exit, World, load_world
 from albot_maps.generators.spec import KINDS
+from tests.env.quick import JUDGED
 
 THERE_AND_BACK = JudgingConfig(tour=TourConfig(rooms=("east", "west", "east")))
 """From the west: new, known, known."""
@@ -95,6 +97,13 @@ def test_a_recall_below_what_is_wanted_is_no_success(two_rooms: World) -> None:
         config = JudgingConfig(tour=THERE_AND_BACK.tour, recall=recall)
         info = _answer(_make(two_rooms, config=config), 0, 0, 2)[-1][4]
         assert (info["recall"], info["is_success"]) == (0.5, success)
+
+
+def test_a_time_limit_truncates(two_rooms: World) -> None:
+    settings = {"mapper": "none", "journeys": 1, "config": THERE_AND_BACK}
+    env = gymnasium.make(JUDGED[0], world=two_rooms, max_episode_steps=2, **settings)
+    env.reset(seed=1, options={"start": 0})
+    assert [env.step(0)[2:4] for _ in range(2)] == [(False, False), (False, True)]
 
 
 def test_weights_scale_their_terms(two_rooms: World) -> None:

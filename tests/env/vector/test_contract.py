@@ -42,7 +42,7 @@ def _singles(environment: str, mode: AutoresetMode, **options: Any) -> SyncVecto
     """The same by gymnasium's loop over single environments."""
     settings = _settings(environment, options)
     worlds = settings.pop("world")
-    worlds = [worlds] * COUNT if isinstance(worlds, str) else worlds
+    worlds = worlds if isinstance(worlds, list) else [worlds] * COUNT
     return SyncVectorEnv(
         [lambda w=world: gymnasium.make(environment, world=w, **settings) for world in worlds],
         autoreset_mode=mode,
