@@ -16,6 +16,8 @@ from albot_maps.freespace import FreeSpace
 
 CLEARANCE = 0.4
 """How far from walls, and from the room's outline, a tour stops (m)."""
+SMALLEST = 0.15
+"""Where less of a room is left, no tour stops there (m²)."""
 NEAREST = 4
 """The next room is one of so many that are nearest."""
 _DRAWN = 32
@@ -59,7 +61,7 @@ class Stops:
         floor = FreeSpace(world.walls, CLEARANCE).region_at(world.starts[0, :2])
         insides = [shapely.Polygon(room.boundary).buffer(-CLEARANCE) for room in world.rooms]
         parts = [floor.intersection(inside) for inside in insides]
-        self._parts = {k: part for k, part in enumerate(parts) if part.area > CLEARANCE**2}
+        self._parts = {k: part for k, part in enumerate(parts) if part.area > SMALLEST}
         if len(self._parts) < 2:
             expected = "a world with two rooms in which a robot can stop"
             raise InputError(world.source or world.name, expected, str(len(self._parts)))
@@ -85,10 +87,10 @@ class Stops:
     def drawn(self, first: int, config: TourConfig, rng: np.random.Generator) -> Iterator[int]:
         """Rooms to stop in after the first one: near ones, new or known as the shares say.
 
-        No room follows itself. Where all are known, known ones follow; where only one is, a
-        new one does.
+        No room follows itself. The first one may be none in which a robot can stop. Where all are
+        known, known ones follow; where only one is, a new one does.
         """
-        here, known = first, [first]
+        here, known = first, [first] if first in self._parts else []
         for _ in range(config.arrivals - 1):
             new = [room for room in self._parts if room not in known]
             old = [room for room in known if room != here]

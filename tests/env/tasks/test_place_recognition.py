@@ -173,20 +173,21 @@ def test_observations_are_a_function_of_the_readings_alone(
 
 def test_kept_tours_are_those_that_would_be_made(two_rooms: World) -> None:
     one, other = (_make(two_rooms, journeys=2, config=THERE_AND_BACK) for _ in range(2))
-    seen = [one.reset(seed=seed) for seed in range(4)]
+    start = {"start": 0}
+    seen = [one.reset(seed=seed, options=start) for seed in range(4)]
     tours.SHELF.clear()
-    other.reset(seed=11)
+    other.reset(seed=11, options=start)
     other.step(1)
     for seed, (observation, info) in enumerate(seen):
-        again, twin = other.reset(seed=seed)
+        again, twin = other.reset(seed=seed, options=start)
         assert observation.tobytes() == again.tobytes()
         assert np.array_equal(info["pose"], twin["pose"])
-    assert 2 <= len({info["pose"].tobytes() for _, info in seen}) <= 4
+    assert len({info["pose"].tobytes() for _, info in seen}) == 2
 
 
 def test_new_tours_are_all_different(two_rooms: World) -> None:
     env = _make(two_rooms, journeys=0, config=THERE_AND_BACK)
-    assert len({env.reset(seed=seed)[1]["pose"].tobytes() for seed in range(3)}) == 3
+    assert len({env.reset(seed=seed)[1]["pose"].tobytes() for seed in range(2)}) == 2
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -210,6 +211,15 @@ def test_half_of_the_stops_are_in_known_rooms() -> None:
         assert all(a != b for a, b in pairwise(rooms))
         shares.append(np.mean(known[3:]))
     assert np.mean(shares) == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_tour_may_set_out_where_it_can_not_stop() -> None:
+    """Between rooms, or in one that is too small: the first stop then is in any other."""
+    stops = Stops(load_world("office-ring"))
+    rooms = list(stops.drawn(-1, TourConfig(arrivals=6, revisits=1.0), np.random.default_rng(1)))
+    assert len(rooms) == 5
+    assert -1 not in rooms
+    assert len(set(rooms)) == 3
 
 
 def test_stops_are_in_their_rooms_and_clear_of_walls() -> None:
