@@ -24,12 +24,7 @@ from albot_core.perception.reading import Reading
 from albot_core.perception.view import ViewConfig, construct_view
 from albot_core.registry import make_mapper
 from albot_env.tasks.expedition import NO_MAPPER
-
-FEATURES = (
-    "distance", "agreed", "contradicted", "sight", "shift", "turn", "matches", "share", "place",
-    "recency", "way",
-)  # fmt: skip
-"""What an arrival is compared by, in the order of the numbers (see `Notebook.compare`)."""
+from albot_env.tasks.features import FEATURES
 
 FARTHEST = 50.0
 """Believed distance shown as 1 (m)."""

@@ -13,9 +13,10 @@ from albot_core.parcel import Parcel
 from albot_core.ranges import SHARE, check_fields
 from albot_env.tasks.action import Numbers
 from albot_env.tasks.answer import AnswerConfig
-from albot_env.tasks.arrivals import FEATURES, question
+from albot_env.tasks.arrivals import question
 from albot_env.tasks.equipment import Equipment
 from albot_env.tasks.expedition import NO_MAPPER, Expedition
+from albot_env.tasks.features import FEATURES
 from albot_env.tasks.judging_kernel import TERMS, Judgement, Sheets, judge
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.reward import PlaceWeights
@@ -36,7 +37,7 @@ class CandidatesConfig(ObservationConfig):
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """The shape of each part, in the order of the flat observation.
 
-        `arrivals`, a row for each: the features of `arrivals.FEATURES`, 0 where there is none
+        `arrivals`, a row for each: the features of `features.FEATURES`, 0 where there is none
         yet; `mask`, which of them there are (1 or -1).
         """
         return {"arrivals": (self.most, len(FEATURES)), "mask": (self.most,)}

@@ -35,7 +35,7 @@ class PlaceRecognitionEnv(SingleEnv[Judging]):
     Observation space:
         With `observation="dict"` two parts, by default the same in one row: `arrivals`
         (most, features), for each earlier arrival what tells whether it was here
-        (`albot_env.tasks.arrivals.FEATURES`), and `mask` (most,), which of them there are. All
+        (`albot_env.tasks.features.FEATURES`), and `mask` (most,), which of them there are. All
         float32 in [-1, 1]. They are a function of the readings alone.
 
     Rewards:

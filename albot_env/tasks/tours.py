@@ -46,7 +46,7 @@ class Stop:
     """An arrival: what the robot then knew, and how things truly were."""
 
     candidates: Float32[np.ndarray, "arrivals features"]
-    """What tells of each arrival before (see `arrivals.FEATURES`)."""
+    """What tells of each arrival before (see `features.FEATURES`)."""
     reading: Reading
     """The last reading."""
     belief: Pose

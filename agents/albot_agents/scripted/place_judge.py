@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from albot_env.tasks.answer import NEW
-from albot_env.tasks.arrivals import FEATURES
+from albot_env.tasks.features import FEATURES
 from albot_env.tasks.observation import ObservationConfig
 
 WEIGHTS = {"agreed": 1.0, "sight": 0.5, "share": 0.3, "place": 0.2, "shift": -0.3}

@@ -16,7 +16,8 @@ from albot_core.perception.reading import Reading
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks import tours
-from albot_env.tasks.arrivals import FEATURES, Notebook
+from albot_env.tasks.arrivals import Notebook
+from albot_env.tasks.features import FEATURES
 from albot_env.tasks.judging import JudgingConfig
 from albot_env.tasks.place_recognition import PlaceRecognitionEnv
 from albot_env.tasks.reward import PlaceWeights
