@@ -17,3 +17,13 @@ gymnasium.register(
     vector_entry_point="albot_env.vector.homing:HomingVectorEnv",
     max_episode_steps=3000,
 )
+gymnasium.register(
+    id="Albot/ExploreAndHome-v0",
+    entry_point="albot_env.tasks.explore_and_home:ExploreAndHomeEnv",
+    vector_entry_point="albot_env.vector.explore_and_home:ExploreAndHomeVectorEnv",
+)
+gymnasium.register(
+    id="Albot/PlaceRecognition-v0",
+    entry_point="albot_env.tasks.place_recognition:PlaceRecognitionEnv",
+    vector_entry_point="albot_env.vector.place_recognition:PlaceRecognitionVectorEnv",
+)

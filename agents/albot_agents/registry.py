@@ -14,6 +14,7 @@ from albot_agents.scripted.gap_explorer import GapExplorerAgent
 from albot_agents.scripted.nearest_frontier import NearestFrontier
 from albot_agents.scripted.oracle import Oracle
 from albot_agents.scripted.path_integration import PathIntegration
+from albot_agents.scripted.place_judge import PlaceJudge
 from albot_agents.scripted.wanderer import Wanderer
 from albot_agents.trained.agent_file import SUFFIX, AgentFile, read_agent
 from albot_agents.trained.shipped import shipped_agents
@@ -81,6 +82,10 @@ AGENTS = {
         summary="Follows the odometer's home vector, without a map.",
         make=PathIntegration,
         mapper="none",
+    ),
+    PlaceJudge.name: AgentEntry(
+        summary="Judges which place it has seen before, by what agrees; it drives nothing.",
+        make=PlaceJudge,
     ),
     Wanderer.name: AgentEntry(
         summary="Acts at random: the lower bound.", make=lambda _: Wanderer(), mapper="none"

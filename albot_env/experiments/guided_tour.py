@@ -70,7 +70,7 @@ def guided_tour(
     readings = [simulator.reset(rng, first_pose(waypoints))]
     truth = [simulator.pose]
     for leg, waypoint in enumerate(waypoints[1:], start=1):
-        for reading in _follow_leg(simulator, waypoint, steps):
+        for reading in follow_leg(simulator, waypoint, steps):
             readings.append(reading)
             truth.append(simulator.pose)
             if simulator.collided:
@@ -84,7 +84,7 @@ def first_pose(waypoints: Points) -> Pose:
     return np.array([*waypoints[0], np.arctan2(first[1], first[0])])
 
 
-def _follow_leg(simulator: Simulator, waypoint: Points, steps: StartStop) -> Iterator[Reading]:
+def follow_leg(simulator: Simulator, waypoint: Points, steps: StartStop) -> Iterator[Reading]:
     """Turn towards the waypoint and go there; one reading a step."""
     to = waypoint - simulator.pose[:2]
     turn = float(wrap_angle(np.arctan2(to[1], to[0]) - simulator.pose[2]))

@@ -46,7 +46,7 @@ class ActionConfig:
         check_fields(self, POSITIVE, "speed", "turn_rate")
 
     @property
-    def space(self) -> spaces.Box:
+    def space(self) -> spaces.Space[Any]:
         """The space of actions, whose numbers are `names`."""
         return spaces.Box(-1, 1, (len(self.names),), np.float32)
 

@@ -6,9 +6,10 @@ import numpy as np
 from numba import njit
 
 from albot_core.parcel import Parcel, opened
+from albot_env.tasks.claims_kernel import FALSE, RIGHT, forget_claims, judge_claim
 from albot_env.tasks.standing import follow
 
-TERMS = ("coverage", "room", "collision", "time")
+TERMS = ("coverage", "room", "place_recognized", "place_mistaken", "collision", "time")
 """The reward's terms, in the order of the columns of `Standing.terms`."""
 
 
@@ -17,15 +18,21 @@ def appraise(rows: np.ndarray, parcel: Parcel, elapsed: float) -> None:
     """Bring the standing of robots up to date after a survey, at the end of a step (s).
 
     The parcel holds the weights (terms,) of the reward, the area (m²) of a cell of ground,
-    whether each robot touched something (n,), `Senses`, `Findings` and `Standing`.
+    whether each robot touched something (n,), `Senses`, `Findings`, `Standing` and `Claims`.
     """
-    weights, cell_area, collided, senses, findings, standing = opened(parcel)
+    weights, cell_area, collided, senses, findings, standing, claims = opened(parcel)
     for i in rows:
         follow(i, cell_area, senses, findings, standing)
         terms = standing.terms[i]
+        if standing.steps[i] == 0:
+            forget_claims(i, claims)
+        room, is_new = findings.room[i], findings.new_room[i]
+        claim = judge_claim(i, room, is_new, standing.path_lengths[i], claims)
         if standing.steps[i] > 0:
             terms[0] = weights[0] * findings.new_ground[i] * cell_area
             terms[1] = weights[1] if findings.new_room[i] else 0.0
-            terms[2] = weights[2] if collided[i] else 0.0
-            terms[3] = weights[3] * elapsed
-        standing.rewards[i] = terms[0] + terms[1] + terms[2] + terms[3]
+            terms[2] = weights[2] if claim == RIGHT else 0.0
+            terms[3] = weights[3] if claim == FALSE else 0.0
+            terms[4] = weights[4] if collided[i] else 0.0
+            terms[5] = weights[5] * elapsed
+        standing.rewards[i] = terms[0] + terms[1] + terms[2] + terms[3] + terms[4] + terms[5]

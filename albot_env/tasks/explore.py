@@ -20,7 +20,11 @@ class ExploreEnv(SingleEnv[Exploration]):
         is to cover as much ground and enter as many rooms as it can. A step is 0.1 s.
 
     Action space:
-        `Box(-1, 1, (2,), float32)`: speed and turn rate, as shares of `ActionConfig`.
+        `Box(-1, 1, (2,), float32)`: speed and turn rate, as shares of `ActionConfig`. With
+        `ExploreConfig(actions=ClaimingActionConfig())` a third number claims, above 0.5: "I have
+        been here before, it is the place that my map says". The first claim in a room counts,
+        until it is left for another; it is right where the robot had been there and the mapper's
+        present place was first met there (see `claims_kernel`).
         Anything else, out of range or not a number, is an `InputError`.
 
     Observation space:
@@ -46,7 +50,7 @@ class ExploreEnv(SingleEnv[Exploration]):
         (m, rad; the belief in the map's frame, which lies at the true start), `position_error` (m),
         `room` (empty between rooms), `rooms_entered`, `coverage` (share of the reachable
         ground), `collided`, `path_length` (m), `time` (s), `updates`, `surfaces`,
-        `reward_terms`.
+        `re_entries`, `right_claims`, `false_claims`, `reward_terms`.
 
     Args:
         world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).

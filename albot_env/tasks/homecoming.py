@@ -20,6 +20,7 @@ from albot_env.tasks.homing_kernel import TERMS, Fields, Homecoming, appraise_ho
 from albot_env.tasks.observation import HOMEWARD, ObservationConfig
 from albot_env.tasks.outing import Outing, OutingConfig, Outings
 from albot_env.tasks.reward import HomingWeights
+from albot_env.tasks.ways_home import no_fields, with_field
 from albot_maps import World
 
 
@@ -75,12 +76,7 @@ class Homing(Expedition):
         self._shared = journeys > 0
         self._outward = np.zeros(robots)
         self._cut_short = np.zeros(robots, np.bool_)
-        self._fields = Fields(
-            anchor_of=np.zeros((robots, 0), np.int32),
-            anchors=np.zeros((robots, 0, 4)),
-            shapes=np.zeros((robots, 2), np.int64),
-            corners=np.ones((robots, 3)),
-        )
+        self._fields = no_fields(robots)
         self._homecoming = Homecoming(
             distances=np.zeros(robots),
             initial=np.zeros(robots),
@@ -103,23 +99,10 @@ class Homing(Expedition):
         self._show_home(row, outing)
 
     def _show_home(self, row: int, outing: Outing) -> None:
-        """Lay a robot's field of ways home; larger arrays only where needed."""
-        its, fields = outing.field, self._fields
-        points, anchors = len(its.anchor_of), len(its.anchors)
-        if points > fields.anchor_of.shape[1]:
-            wider = np.zeros((len(fields.shapes), points), np.int32)
-            wider[:, : fields.anchor_of.shape[1]] = fields.anchor_of
-            self._fields = fields = fields._replace(anchor_of=wider)
-        if anchors > fields.anchors.shape[1]:
-            more = np.zeros((len(fields.shapes), 2 * anchors, 4))
-            more[:, : fields.anchors.shape[1]] = fields.anchors
-            self._fields = fields = fields._replace(anchors=more)
-        fields.anchor_of[row, :points] = its.anchor_of
-        fields.anchors[row, :anchors] = its.anchors
-        fields.shapes[row] = its.columns, its.rows
-        fields.corners[row] = *its.corner, its.cell
+        """Lay a robot's field of ways home."""
+        self._fields = with_field(self._fields, row, outing.field)
         x, y, _ = outing.rest.halt.pose.tolist()
-        find_way(row, x, y, fields, self._homecoming)
+        find_way(row, x, y, self._fields, self._homecoming)
 
     def act(self, numbers: Numbers) -> None:
         """One control step of all robots with these actions, of which some declare home."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -53,10 +53,11 @@ class Homecoming(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def find_way(i: int, x: float, y: float, fields: Fields, homecoming: Homecoming) -> None:
+def find_way(i: int, x: float, y: float, fields: Fields, homecoming: Any) -> None:
     """Note how far it is home from x, y for robot i, and where the way turns.
 
-    Where no way is near, it keeps what it was: the robot is pushed into a corner.
+    `homecoming` has `distances` and `turns`. Where no way is near, they keep what they were: the
+    robot is pushed into a corner.
     """
     corner = fields.corners[i]
     cell = corner[2]

@@ -151,7 +151,7 @@ def find_room(
 
 @njit(cache=True, error_model="numpy")
 def log_scale(length: float, knee: float, longest: float) -> float:
-    """A length as a number from -1 at 0 to 1 at `longest` and beyond, finest where short."""
+    """A length as a number from -1 at 0 to 1 at `longest` and more, finest where short."""
     share = math.log1p(min(length, longest) / knee) / math.log1p(longest / knee)
     return min(2.0 * share - 1.0, 1.0)
 
@@ -297,3 +297,9 @@ def find_home(belief: np.ndarray, where: np.ndarray, home: np.ndarray) -> None:
     home[0] = cos * east + sin * north
     home[1] = cos * north - sin * east
     home[2] = (where[2] - belief[2] + math.pi) % (2 * math.pi) - math.pi
+
+
+@njit(cache=True, error_model="numpy")
+def observe_time(left: float, longest: float) -> float:
+    """Time left (s) as a number from -1 at none to 1 at `longest` and more, finest where short."""
+    return log_scale(max(left, 0.0), 0.05 * longest, longest)

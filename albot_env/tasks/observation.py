@@ -7,6 +7,7 @@ reading, the rest from the mapper, which saw nothing but readings.
 from __future__ import annotations
 
 import difflib
+import math
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -26,6 +27,7 @@ from albot_env.tasks.kernels import (
     observe_exit,
     observe_home,
     observe_motion,
+    observe_time,
     observe_way,
     scale_ranges,
 )
@@ -36,11 +38,12 @@ Parts = dict[str, Float32[np.ndarray, "..."]]
 
 PARTS = (
     "laser", "sonar", "motion", "heading", "home", "confidence", "place", "exit", "way", "coverage",
+    "time_left",
 )  # fmt: skip
 """All parts that there are, in the order in which they stand in the flat observation."""
-HOMEWARD = PARTS
-"""What a robot is shown that is to find home: everything."""
-USUAL = tuple(part for part in PARTS if part not in ("confidence", "exit", "way"))
+HOMEWARD = PARTS[:-1]
+"""What a robot is shown that is to find home: everything but a time that does not press."""
+USUAL = tuple(part for part in HOMEWARD if part not in ("confidence", "exit", "way"))
 """What others are shown: to find the way home costs time."""
 
 
@@ -71,6 +74,8 @@ class ObservationConfig:
     belief rests on: that of Albot0's path integration (Schmidt, Wong and Yeap)."""
     home_near: float = 1.0
     """The confidence is that home is no farther than this from where it is believed (m)."""
+    time_range: float = 600.0
+    """Time left shown as 1 (s), as more is, and as a time without end."""
     laser_sectors: int | None = None
     """Equal sectors of which the laser part shows the shortest range; None for every beam."""
     parts: tuple[str, ...] = USUAL
@@ -81,6 +86,7 @@ class ObservationConfig:
     def __post_init__(self) -> None:
         ranges = "laser_range", "sonar_range", "laser_knee", "home_range", "home_knee"
         check_fields(self, POSITIVE, *ranges, "home_drift", "home_near", "step_length", "step_turn")
+        check_fields(self, POSITIVE, "time_range")
         self._check_parts()
         sectors = self.laser_sectors
         if sectors is not None and not 1 <= sectors <= self.laser.beams:
@@ -118,6 +124,7 @@ class ObservationConfig:
             "exit": (6,),
             "way": (4,),
             "coverage": (1, side, side),
+            "time_left": (1,),
         }
         return {part: shapes[part] for part in PARTS if part in self.parts and shapes[part] != (0,)}
 
@@ -161,8 +168,10 @@ class ObservationConfig:
         length = sum(int(np.prod(shape)) for shape in self.shapes.values())
         return spaces.Box(-1, 1, (length,), np.float32)
 
-    def observe(self, reading: Reading, mapper: Mapper, coverage: Coverage) -> Parts:
-        """The observation after a reading.
+    def observe(
+        self, reading: Reading, mapper: Mapper, coverage: Coverage, time_left: float = math.inf
+    ) -> Parts:
+        """The observation after a reading, with so much time left (s).
 
         `laser` is near at 1 and far at -1 (see `ranges`), and so is `sonar`, which robots
         without sonars lack; `motion` the odometer's last
@@ -174,7 +183,8 @@ class ObservationConfig:
         `exit` direction and distance of the next exit on the believed way home, then the
         direction in which to go through it, and 1; `way` direction and distance of a point some
         metres ahead on the way home that it remembers, and 1; where there is none, directions
-        are 0, the distance and the last number -1; `coverage` the patch of `Coverage.patch`.
+        are 0, the distance and the last number -1; `coverage` the patch of `Coverage.patch`;
+        `time_left` what is left of a time that the robot is given, -1 when it is up.
         """
         way = mapper.way_home if self.shows_way_home else np.full(7, np.nan)
         home, flags = mapper.home, (mapper.network.familiar, mapper.is_lost)
@@ -194,6 +204,7 @@ class ObservationConfig:
             parts["sonar"] = self.observe_echoes(reading.sonar.ranges)
         if "coverage" in parts:
             parts["coverage"] = coverage.patch(mapper.pose)
+        shown["time_left"][0] = observe_time(time_left, self.time_range)
         return parts
 
     def observe_ranges(self, ranges: Float[np.ndarray, "beams"]) -> Float32[np.ndarray, "shown"]:

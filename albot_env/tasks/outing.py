@@ -13,7 +13,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from threading import Lock
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -68,24 +68,27 @@ class Outing:
     """Whether the robot got stuck before it came as far as it was to."""
 
 
-class Shelf:
+Kept = TypeVar("Kept")
+
+
+class Shelf(Generic[Kept]):
     """The journeys that are kept. Each holds its world, whose id so is nobody else's."""
 
     def __init__(self) -> None:
-        self._kept: OrderedDict[tuple[Any, ...], Outing] = OrderedDict()
+        self._kept: OrderedDict[tuple[Any, ...], Kept] = OrderedDict()
         self._lock = Lock()
 
-    def fetch(self, key: tuple[Any, ...], make: Callable[[], Outing]) -> Outing:
+    def fetch(self, key: tuple[Any, ...], make: Callable[[], Kept]) -> Kept:
         """The journey with this key, which is made where it is not kept."""
         with self._lock:
             kept = self._kept.get(key)
-        outing = make() if kept is None else kept
+        journey = make() if kept is None else kept
         with self._lock:
-            self._kept[key] = outing
+            self._kept[key] = journey
             self._kept.move_to_end(key)
             if len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
-        return outing
+        return journey
 
     def clear(self) -> None:
         """Keep none any more."""
@@ -93,7 +96,7 @@ class Shelf:
             self._kept.clear()
 
 
-SHELF = Shelf()
+SHELF: Shelf[Outing] = Shelf()
 
 
 class Outings:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_env.tasks import exploration_kernel, homing_kernel
+from albot_env.tasks import exploration_kernel, homing_kernel, judging_kernel, round_trip_kernel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,6 +20,11 @@ class ExploreWeights:
     """For every square metre of ground truly covered for the first time (1/m²)."""
     room: float = 1.0
     """For every room truly entered for the first time."""
+    place_recognized: float = 0.5
+    """For the first right claim to have been in a room before; once for each room, or going in
+    and out of one would be all there is to do."""
+    place_mistaken: float = -1.0
+    """For every false claim."""
     collision: float = -0.1
     """For every step in contact with something."""
     time: float = -0.01
@@ -62,8 +67,7 @@ class HomingWeights:
 
     def __post_init__(self) -> None:
         _check_finite(self)
-        if not 0 < self.discount <= 1:
-            raise InputError("HomingWeights.discount", "within (0, 1]", str(self.discount))
+        _check_discount(self)
 
     @property
     def values(self) -> Float64[np.ndarray, "terms"]:
@@ -71,13 +75,84 @@ class HomingWeights:
         return _ordered(self, homing_kernel.TERMS)
 
 
-def _check_finite(weights: ExploreWeights | HomingWeights) -> None:
+@dataclass(frozen=True, kw_only=True)
+class RoundTripWeights:
+    """What the terms of the reward for exploring and coming home are worth. A reward is their sum.
+
+    Progress is shaped by a potential that grows with time (Devlin and Kudenko, Dynamic
+    potential-based reward shaping, AAMAS 2012): Φ = -`progress` · true way home (m) · share of
+    the budget that is spent, and 0 once the episode is over. It lets the robot go away
+    at first and draws it home towards the end. As in `HomingWeights` the discounted terms sum
+    to -Φ of the beginning, which is 0, whatever the robot did: the best policy is the one
+    without shaping.
+    """
+
+    coverage: float = 0.02
+    """For every square metre of ground truly covered for the first time (1/m²)."""
+    room: float = 1.0
+    """For every room truly entered for the first time."""
+    success: float = 10.0
+    """For declaring home where it is, in time and with enough ground covered."""
+    false_declaration: float = -5.0
+    """For declaring home elsewhere, or having covered too little."""
+    late: float = -5.0
+    """For having declared nothing when the budget is spent."""
+    progress: float = 0.1
+    """For every metre that the way home gets shorter when time is up (1/m), see above."""
+    collision: float = -0.1
+    """For every step in contact with something."""
+    time: float = 0.0
+    """For every second that passes (1/s): the budget is what presses."""
+    discount: float = 0.995
+    """The learner's own discount factor γ, of a step: with another one the best policy may
+    change."""
+
+    def __post_init__(self) -> None:
+        _check_finite(self)
+        _check_discount(self)
+
+    @property
+    def values(self) -> Float64[np.ndarray, "terms"]:
+        """The weights in the order of the terms."""
+        return _ordered(self, round_trip_kernel.TERMS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceWeights:
+    """What the terms of the reward for judging places are worth. A reward is their sum."""
+
+    right_known: float = 1.0
+    """For a place known again as the one that it is."""
+    right_new: float = 0.5
+    """For a new place known as new."""
+    false_known: float = -5.0
+    """For a place taken for one that it is not: a false place spoils a map."""
+    missed: float = -1.0
+    """For a known place taken for new."""
+
+    def __post_init__(self) -> None:
+        _check_finite(self)
+
+    @property
+    def values(self) -> Float64[np.ndarray, "terms"]:
+        """The weights in the order of the terms."""
+        return _ordered(self, judging_kernel.TERMS)
+
+
+Weights = ExploreWeights | HomingWeights | RoundTripWeights | PlaceWeights
+
+
+def _check_discount(weights: HomingWeights | RoundTripWeights) -> None:
+    if not 0 < weights.discount <= 1:
+        place = f"{type(weights).__name__}.discount"
+        raise InputError(place, "within (0, 1]", str(weights.discount))
+
+
+def _check_finite(weights: Weights) -> None:
     for name, value in vars(weights).items():
         if not np.isfinite(value):
             raise InputError(f"{type(weights).__name__}.{name}", "a finite number", str(value))
 
 
-def _ordered(
-    weights: ExploreWeights | HomingWeights, terms: Sequence[str]
-) -> Float64[np.ndarray, "terms"]:
+def _ordered(weights: Weights, terms: Sequence[str]) -> Float64[np.ndarray, "terms"]:
     return np.array([float(getattr(weights, name)) for name in terms])

@@ -156,7 +156,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         robot.act(robot.actions.single(action, self._task))
         robot.look()
         if self._trace is not None:
-            moment = self._moment(np.array(action, np.float64))
+            moment = self._moment(np.atleast_1d(np.array(action, np.float64)))
             self._trace.add(moment)
             self.recorder.add(moment)
             self._show()

@@ -83,6 +83,7 @@ class Layout(NamedTuple):
     exit: int
     way: int
     coverage: int
+    time_left: int
 
 
 class Senses(NamedTuple):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 
 class InputError(ValueError):
     """Input from outside (a file, an option, an action) that cannot be used.
@@ -25,3 +28,7 @@ class InputError(ValueError):
         where = f"{self.source}, {place}" if place else self.source
         tail = f", found {found}" if found else ""
         super().__init__(f"{where}: expected {expected}{tail}")
+
+    def __reduce__(self) -> tuple[Callable[..., InputError], tuple[str, ...]]:
+        """What worker processes send of it."""
+        return partial(InputError, place=self.place), (self.source, self.expected, self.found)

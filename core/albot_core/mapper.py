@@ -122,6 +122,13 @@ class MapperBatch(Protocol):
         Written over (see `Network.familiar` and `Mapper.is_lost`).
         """
 
+    @property
+    def current_places(self) -> Int64[np.ndarray, "robots"]:
+        """The id of the place that each believes to be in; -1 where it knows no places.
+
+        Written over (see `Network.current`).
+        """
+
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
         """Find the ways home of some."""
 
@@ -162,6 +169,7 @@ class LoopedMappers:
         self.homes = np.zeros((len(self._mappers), 3))
         self.ways_home = np.full((len(self._mappers), 7), np.nan)
         self.places = np.zeros((len(self._mappers), 2), np.bool_)
+        self.current_places = np.full(len(self._mappers), -1)
         self.updates = np.zeros(len(self._mappers), np.int64)
         self.surface_counts = np.zeros(len(self._mappers), np.int64)
 
@@ -205,4 +213,6 @@ class LoopedMappers:
         mapper = self._mappers[row]
         self.poses[row] = mapper.pose
         self.homes[row] = compose(mapper.pose, mapper.home)
-        self.places[row] = mapper.network.familiar, mapper.is_lost
+        network = mapper.network
+        self.places[row] = network.familiar, mapper.is_lost
+        self.current_places[row] = -1 if network.current is None else network.current

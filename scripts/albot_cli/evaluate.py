@@ -176,15 +176,25 @@ def _as_text(facts: dict[str, Any]) -> str:
     ]
     if facts["success_rate"] is not None:
         low, high = facts["ci95"]
+        lines.append(f"  success   {facts['success_rate']:.0%}  (95 %: {low:.0%} to {high:.0%})")
+    if facts["spl"] is not None:
         spl_low, spl_high = facts["spl_ci95"]
-        lines += [
-            f"  success   {facts['success_rate']:.0%}  (95 %: {low:.0%} to {high:.0%})",
+        lines.append(
             f"  SPL       {facts['spl']:.2f}  (95 %: {spl_low:.2f} to {spl_high:.2f}), "
-            f"median {facts['spl_median']:.2f}, soft {facts['soft_spl']:.2f}",
-            f"  from home {facts['mean_final_distance_m']:.1f} m at the end, "
-            f"{facts['mean_initial_distance_m']:.1f} m at the beginning",
-        ]
-    if facts["episodes"]:
+            f"median {facts['spl_median']:.2f}, soft {facts['soft_spl']:.2f}"
+        )
+    if facts["mean_final_distance_m"] is not None:
+        began = facts["mean_initial_distance_m"]
+        lines.append(
+            f"  from home {facts['mean_final_distance_m']:.1f} m at the end"
+            + ("" if began is None else f", {began:.1f} m at the beginning")
+        )
+    if facts["recall"] is not None:
+        lines.append(
+            f"  places    recall {facts['recall']:.3f} at precision {facts['precision']:.3f}, "
+            f"of {facts['revisits']} seen again"
+        )
+    if facts["mean_coverage"] is not None:
         lines.append(
             f"  covered   {facts['mean_coverage']:.0%} of the ground; "
             f"{facts['collisions_per_m'] or 0:.3f} collisions a metre"

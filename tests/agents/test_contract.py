@@ -12,12 +12,24 @@ from albot_agents.agent import Agent, choose
 from albot_agents.episode import begin_episode
 from albot_agents.registry import AGENTS, agent_names, find_agent, make_agent
 from albot_core.errors import InputError
-from tests.env.quick import QUICK
+from tests.env.quick import DRIVEN, JUDGED, QUICK
+
+JUDGES = {"place-judge"}
+"""Those who judge places and drive nothing."""
+EITHER = {"random"}
+"""Those who do the one or the other."""
+DRIVERS = [name for name in AGENTS if name not in JUDGES]
+WHO_ACTS_WHERE = [
+    *((name, environment) for name in DRIVERS for environment in DRIVEN),
+    *((name, environment) for name in sorted(JUDGES | EITHER) for environment in JUDGED),
+    *((name, file.task) for name in agent_names() if (file := find_agent(name).file)),
+]
 
 
 def _begun(name: str, environment: str, form: str = "flat") -> tuple[Agent, Any]:
     settings = {"world": "square-loop", "mapper": "odometry", "observation": form}
-    env = gymnasium.make(environment, **{**settings, **QUICK.get(environment, {})})
+    wanted = {**settings, **QUICK.get(environment, {})}
+    env = gymnasium.make(environment, **find_agent(name).environment(environment, wanted))
     return make_agent(name, env.get_wrapper_attr("observing")), env
 
 
@@ -40,6 +52,7 @@ def test_the_agents_are_these() -> None:
         "nearest-frontier",
         "oracle",
         "path-integration",
+        "place-judge",
         "random",
     )
 
@@ -77,19 +90,29 @@ def test_an_unknown_agent_is_refused_with_a_hint() -> None:
         make_agent("gap_explorer")
 
 
-@pytest.mark.parametrize(("name", "environment"), ACTING)
+@pytest.mark.parametrize(("name", "environment"), WHO_ACTS_WHERE)
 def test_actions_are_actions_whichever_form_observations_have(name: str, environment: str) -> None:
     flat = _actions(*_begun(name, environment, "flat"), 1, 40)
     parts = _actions(*_begun(name, environment, "dict"), 1, 40)
     assert np.array_equal(flat, parts)
 
 
-@pytest.mark.parametrize(("name", "environment"), ACTING)
+@pytest.mark.parametrize(("name", "environment"), WHO_ACTS_WHERE)
 def test_a_reset_forgets_everything(name: str, environment: str) -> None:
     agent, env = _begun(name, environment)
     first = _actions(agent, env, 1)
     other = _actions(agent, env, 2)
-    at_home = not np.any([action[:2] for action in first])  # Nothing is left to be done.
+    done = name in JUDGES  # By what they see, which may well be the same.
+    if not done:
+        done = not np.any([np.ravel(action)[:2] for action in first])  # Nothing is left to do.
     # Who knows the truth does not mind the noise.
-    assert at_home or agent.knows_truth or not np.array_equal(first, other)
+    assert done or agent.knows_truth or not np.array_equal(first, other)
     assert np.array_equal(first, _actions(agent, env, 1))
+
+
+@pytest.mark.parametrize(
+    ("name", "environment"), [("gap-explorer", JUDGED[0]), ("place-judge", DRIVEN[0])]
+)
+def test_who_cannot_act_somewhere_says_so(name: str, environment: str) -> None:
+    with pytest.raises(InputError, match=f"{name}: expected observations with the part"):
+        _actions(*_begun(name, environment), 1)

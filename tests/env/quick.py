@@ -9,7 +9,9 @@ import numpy as np
 
 import albot_env
 from albot_env.tasks.homecoming import HomingConfig
+from albot_env.tasks.judging import JudgingConfig
 from albot_env.tasks.outing import OutingConfig
+from albot_env.tasks.tour_plan import TourConfig
 from albot_maps import load_world
 
 assert albot_env.__doc__  # Importing it registers the environments.
@@ -17,20 +19,41 @@ IDS = sorted(name for name in gymnasium.registry if name.startswith("Albot/"))
 
 STROLL = HomingConfig(outing=OutingConfig(shortest=1.0, longest=2.0, away=0.0))
 """A journey out of a metre or two."""
+GLANCE = JudgingConfig(tour=TourConfig(arrivals=3))
+"""A tour of two stops."""
+LOOP = load_world("square-loop")
 QUICK: dict[str, dict[str, Any]] = {
-    "Albot/Homing-v0": {"config": STROLL, "journeys": 1, "world": load_world("square-loop")}
+    "Albot/Homing-v0": {"config": STROLL, "journeys": 1, "world": LOOP},
+    "Albot/PlaceRecognition-v0": {
+        "config": GLANCE,
+        "journeys": 4,
+        "world": LOOP,
+    },
 }
 """What journeys out would take is not what contracts are about. In one and the same world they
 are kept from one test to the next."""
+JUDGED = ["Albot/PlaceRecognition-v0"]
+"""Where the agent drives no robot, but answers."""
+DRIVEN = [name for name in IDS if name not in JUDGED]
+"""Where it drives."""
 
 
 def width(environment: str) -> int:
     """How many numbers an action has."""
-    return 3 if environment in QUICK else 2
+    return 2 if environment == "Albot/Explore-v0" else 3
+
+
+def still(environment: str, *shape: int) -> np.ndarray:
+    """Actions that do nothing."""
+    if environment in JUDGED:
+        return np.zeros(shape, np.int64)
+    return np.zeros((*shape, width(environment)), np.float32)
 
 
 def drawn_actions(environment: str, rng: np.random.Generator, *shape: int) -> np.ndarray:
     """Actions by chance that declare nothing."""
+    if environment in JUDGED:
+        return rng.integers(1 + GLANCE.tour.most, size=shape)
     actions = rng.uniform(-1, 1, (*shape, 2)).astype(np.float32)
     silent = np.full((*shape, width(environment) - 2), -1, np.float32)
     return np.concatenate((actions, silent), axis=-1)

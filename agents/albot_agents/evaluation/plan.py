@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import gymnasium
 
 import albot_env
 from albot_core.errors import InputError
-from albot_maps import load_world
+from albot_maps import World, load_world
 from albot_maps.generators.spec import PREFIX, seeded
 
 assert albot_env.__doc__  # Importing it registers the environments.
@@ -39,9 +40,22 @@ class Trial:
         Raises:
             InputError: There is no such world, mapper or sensor.
         """
-        return gymnasium.make(
-            self.task, world=self.world, disable_env_checker=True, **self.settings
-        )
+        settings = {"world": self.place, **self.settings}
+        return gymnasium.make(self.task, disable_env_checker=True, **settings)
+
+    @property
+    def place(self) -> World:
+        """Its world: for trials that follow each other in one world the same object.
+
+        Raises:
+            InputError: There is no such world.
+        """
+        return _loaded(self.world)
+
+
+@lru_cache(maxsize=4)
+def _loaded(spec: str) -> World:
+    return load_world(spec)
 
 
 def parse_seeds(text: str) -> range:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,8 +22,9 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     the literature, and `spl_median`, each with a bootstrapped 95 % interval; distances in metres
     of the shortest way; collisions count beginnings of contact. `coverage_auc` is the mean share
     of the ground covered over the first 200 m driven (`area_under`), `rooms_share` that of
-    the rooms entered in the end, each with a bootstrapped 95 % interval of its mean. What a
-    task does not know of is None.
+    the rooms entered in the end, each with a bootstrapped 95 % interval of its mean;
+    `precision` and `recall` are those of all places judged together. What a task does not know
+    of is None.
     """
     figures = _figures(outcomes)
     ends = [outcome.info for outcome in outcomes]
@@ -31,9 +32,10 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     intervals: dict[str, Any] = {"ci95": None, "spl_ci95": None, "spl_median_ci95": None}
     intervals |= {"soft_spl_ci95": None, "coverage_auc_ci95": None, "rooms_share_ci95": None}
     if ends and "is_success" in ends[0]:
+        intervals["ci95"] = list(wilson(sum(end["is_success"] for end in ends), len(ends)))
+    if ends and "spl" in ends[0]:
         spl = np.array([end["spl"] for end in ends])
         soft = np.array([end["soft_spl"] for end in ends])
-        intervals["ci95"] = list(wilson(sum(end["is_success"] for end in ends), len(ends)))
         intervals["spl_ci95"] = list(bootstrap(spl, np.mean, rng))
         intervals["spl_median_ci95"] = list(bootstrap(spl, np.median, rng))
         intervals["soft_spl_ci95"] = list(bootstrap(soft, np.mean, rng))
@@ -63,11 +65,12 @@ def _figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         "mean_final_distance_m": _mean([end.get("distance_home") for end in ends]),
         "median_final_distance_m": _median([end.get("distance_home") for end in ends]),
         "mean_way_m": driven / len(outcomes) if outcomes else None,
-        "mean_coverage": _mean([end["coverage"] for end in ends]),
+        "mean_coverage": _mean([end.get("coverage") for end in ends]),
         "coverage_auc": _mean(_areas(outcomes)),
         "rooms_share": _mean(_rooms(outcomes)),
         "rooms_share_median": _median(_rooms(outcomes)),
         "mean_position_error_m": _mean([end["position_error"] for end in ends]),
+        **_places(ends),
         "cut_short": sum(bool(end.get("outward_cut_short")) for end in ends),
         "collisions_per_m": collisions / driven if driven else None,
     }
@@ -81,6 +84,20 @@ def _areas(outcomes: Sequence[Outcome]) -> list[float]:
 def _rooms(outcomes: Sequence[Outcome]) -> list[float]:
     """The share of the rooms that were entered, where there are any."""
     return [each.info["rooms_entered"] / each.rooms for each in outcomes if each.rooms]
+
+
+def _places(ends: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Precision and recall over all places that were judged, where any were."""
+    if not ends or "recall" not in ends[0]:
+        return {"precision": None, "recall": None, "revisits": None}
+    right, false, revisits = (
+        sum(int(end[name]) for end in ends) for name in ("right_known", "false_known", "revisits")
+    )
+    return {
+        "precision": right / (right + false) if right + false else 1.0,
+        "recall": right / revisits if revisits else 1.0,
+        "revisits": revisits,
+    }
 
 
 def _mean(values: Sequence[Any]) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,7 +17,6 @@ from albot_agents.registry import make_agent
 from albot_agents.workers import Trade
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_maps import load_world
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,14 +59,14 @@ def run_trial(trial: Trial, tell: Callable[[int], None] = lambda _: None) -> Out
         agent = make_agent(trial.agent, env.get_wrapper_attr("observing"))
         tell(0)
         observation, info = begin_episode(env, agent, trial.seed)
-        path, coverages = [info["pose"][:2]], [info["coverage"]]
+        path, coverages = [info["pose"][:2]], [info.get("coverage")]
         collisions, touched, over = 0, False, False
         while not over:
             tell(len(path))
             action = choose(agent, observation, info)
             observation, _, terminated, truncated, info = env.step(action)
             path.append(info["pose"][:2])
-            coverages.append(info["coverage"])
+            coverages.append(info.get("coverage"))
             collisions += info["collided"] and not touched
             touched, over = info["collided"], terminated or truncated
     finally:
@@ -78,9 +77,19 @@ def run_trial(trial: Trial, tell: Callable[[int], None] = lambda _: None) -> Out
         start=info["start"],
         path=np.array(path),
         collisions=collisions,
-        rooms=len(load_world(trial.world).reachable_rooms),
-        coverage_curve=sample_curve(np.array(path), coverages),
+        **_explored(trial, np.array(path), coverages),
     )
+
+
+def _explored(
+    trial: Trial, path: Float64[np.ndarray, "steps 2"], coverages: Sequence[float | None]
+) -> dict[str, Any]:
+    """What a trial says of exploring, where its task covers ground."""
+    known = [share for share in coverages if share is not None]
+    if not known:
+        return {}
+    rooms = len(trial.place.reachable_rooms)
+    return {"rooms": rooms, "coverage_curve": sample_curve(path, known)}
 
 
 class Evaluation(Trade[Trial, "Outcome | InputError"]):

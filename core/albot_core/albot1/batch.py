@@ -81,6 +81,7 @@ class Albot1Batch:
         self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
         self._homes = np.zeros((count, 3))
         self._places = np.zeros((count, 2), np.bool_)
+        self._current_places = np.zeros(count, np.int64)
         self._ways_home = np.full((count, 7), np.nan)
         self._found_at = np.full((count, 2), np.inf)
         self._versions = [-1] * count
@@ -118,6 +119,11 @@ class Albot1Batch:
     def homes(self) -> Float64[np.ndarray, "robots 3"]:
         """Where home is believed to be, in each one's map's frame. Written over by updates."""
         return self._homes
+
+    @property
+    def current_places(self) -> Int64[np.ndarray, "robots"]:
+        """The id of the place that each believes to be in. Written over."""
+        return self._current_places
 
     @property
     def places(self) -> Bool[np.ndarray, "robots 2"]:
@@ -266,6 +272,7 @@ class Albot1Batch:
         network = self._networks[row]
         self._homes[row] = network.home
         self._places[row] = network.is_familiar, network.lost_since > 0
+        self._current_places[row] = network.current
 
     def _attend(self, row: int) -> None:
         """See to what happened to one at its last reading (chapter 4)."""

@@ -12,7 +12,7 @@ from gymnasium.utils.env_checker import check_env
 import albot_env
 from albot_core.errors import InputError
 from albot_env.tasks.action import DRIVING, ActionConfig, DeclaringActionConfig
-from tests.env.quick import IDS, QUICK
+from tests.env.quick import DRIVEN, QUICK
 
 assert albot_env.__doc__
 
@@ -30,7 +30,7 @@ def test_choices_drive_and_then_declare() -> None:
     assert ActionConfig().choice_space.n == len(DRIVING)
 
 
-@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("environment", DRIVEN)
 def test_a_choice_does_what_its_numbers_do(environment: str) -> None:
     by_number, by_numbers = _make(environment), _make(environment, "continuous")
     check_env(by_number.unwrapped, skip_render_check=True)

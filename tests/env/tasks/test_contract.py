@@ -15,7 +15,7 @@ import albot_env
 from albot_core.errors import InputError
 from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
 from albot_maps.generators.spec import KINDS
-from tests.env.quick import IDS, QUICK, drawn_actions, width
+from tests.env.quick import DRIVEN, IDS, QUICK, drawn_actions, still, width
 
 FORMS = ("flat", "dict")
 STEPS = 60
@@ -79,7 +79,7 @@ KINDS_AND_SENSORS = [
 ]
 
 
-@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("environment", DRIVEN)
 @pytest.mark.parametrize("options", KINDS_AND_SENSORS, ids=lambda made: "-".join(*made.items()))
 def test_every_kind_of_world_and_every_sensor(environment: str, options: dict[str, str]) -> None:
     """Gymnasium finds nothing wrong, twins are the same, no part stands still."""
@@ -114,12 +114,12 @@ def test_gymnasium_finds_nothing_wrong(
 def test_the_same_seed_gives_the_same_episode(environment: str, form: str) -> None:
     one, other = (_make(environment, observation=form, mapper="albot1") for _ in range(2))
     other.reset(seed=99)  # An episode before must leave nothing behind.
-    other.step(np.zeros(width(environment), np.float32))
+    other.step(still(environment))
     assert _same(_rollout(one, 7), _rollout(other, 7))
     assert not _same(_rollout(one, 7), _rollout(one, 8))
 
 
-@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("environment", DRIVEN)
 @pytest.mark.parametrize("form", FORMS)
 def test_observations_are_inside_alive_and_their_own(environment: str, form: str) -> None:
     env = _make(environment, observation=form)
@@ -149,7 +149,7 @@ def test_a_reward_is_the_sum_of_its_terms(environment: str) -> None:
         assert step[1] == pytest.approx(sum(step[-1]["reward_terms"].values()), abs=1e-12)
 
 
-@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("environment", DRIVEN)
 def test_a_time_limit_truncates(environment: str) -> None:
     env = _make(environment, max_episode_steps=5)
     ends = [(step[2], step[3]) for step in _rollout(env, 1, steps=5)[1:]]
@@ -163,7 +163,7 @@ def test_the_start_is_drawn(environment: str) -> None:
     assert len(starts) == 3
 
 
-@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("environment", DRIVEN)
 @pytest.mark.parametrize(
     ("action", "found"),
     [
@@ -216,7 +216,7 @@ def test_reset_options_that_are_none_are_refused(environment: str, options: Any)
 @pytest.mark.parametrize("environment", IDS)
 def test_stepping_before_a_reset_is_an_error(environment: str) -> None:
     with pytest.raises(gymnasium.error.ResetNeeded):
-        _make(environment).unwrapped.step(np.zeros(width(environment), np.float32))
+        _make(environment).unwrapped.step(still(environment))
 
 
 @pytest.mark.parametrize("environment", IDS)

@@ -9,12 +9,13 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.spaces import MultiDiscrete
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
 import albot_env
 from albot_core.errors import InputError
 from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
-from tests.env.quick import QUICK, drawn_actions, width
+from tests.env.quick import DRIVEN, QUICK, drawn_actions, still, width
 
 assert albot_env.__doc__  # Importing it registers the environments.
 IDS = sorted(
@@ -41,7 +42,7 @@ def _singles(environment: str, mode: AutoresetMode, **options: Any) -> SyncVecto
     """The same by gymnasium's loop over single environments."""
     settings = _settings(environment, options)
     worlds = settings.pop("world")
-    worlds = [worlds] * COUNT if isinstance(worlds, str) else worlds
+    worlds = worlds if isinstance(worlds, list) else [worlds] * COUNT
     return SyncVectorEnv(
         [lambda w=world: gymnasium.make(environment, world=w, **settings) for world in worlds],
         autoreset_mode=mode,
@@ -72,11 +73,18 @@ def _drive(env: VectorEnv[Any, Any, Any], steps: int, seed: Any = 5) -> list[Any
     rng = np.random.default_rng(1)
     seen: list[Any] = [env.reset(seed=seed)]
     for _ in range(steps):
-        seen.append(env.step(rng.uniform(-1, 1, env.action_space.shape).astype(np.float32)))
+        seen.append(env.step(_drawn(env, rng)))
         over = seen[-1][2] | seen[-1][3]
         if env.metadata["autoreset_mode"] is AutoresetMode.DISABLED and over.any():
             seen.append(env.reset(options={"reset_mask": over}))
     return seen
+
+
+def _drawn(env: VectorEnv[Any, Any, Any], rng: np.random.Generator) -> np.ndarray:
+    """Actions by chance, declarations among them."""
+    if isinstance(env.action_space, MultiDiscrete):
+        return rng.integers(env.action_space.nvec)
+    return rng.uniform(-1, 1, env.action_space.shape).astype(np.float32)
 
 
 @pytest.mark.parametrize("environment", IDS)
@@ -91,7 +99,7 @@ def test_a_batch_gives_what_single_environments_give(
     assert_same(batch, _drive(_singles(environment, mode, **options), 16))
 
 
-@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("environment", DRIVEN)
 def test_it_does_so_for_long_in_worlds_that_change(environment: str) -> None:
     """With contacts, every sensor, things that move, and at each reset another world of a set."""
     options = {
@@ -120,7 +128,7 @@ def test_it_does_so_for_long_in_worlds_that_change(environment: str) -> None:
     assert bumps > 50
 
 
-@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("environment", DRIVEN)
 @pytest.mark.parametrize(
     "sensors",
     [
@@ -137,7 +145,7 @@ def test_it_does_so_with_every_sensor(environment: str, sensors: dict[str, str])
     assert_same(batch, _drive(_singles(environment, AutoresetMode.NEXT_STEP, **sensors), 16))
 
 
-@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("environment", DRIVEN)
 @pytest.mark.parametrize("mapper", ["none", "albot1"])
 def test_threads_change_nothing(environment: str, mapper: str) -> None:
     options = {"world": "random:office:0..9?rooms=4", "mapper": mapper, "max_episode_steps": 20}
@@ -172,7 +180,7 @@ def test_observations_are_inside_and_their_own(environment: str, form: str) -> N
         assert not any(np.shares_memory(a, b) for a, b in zip(old, new, strict=True))
 
 
-@pytest.mark.parametrize("environment", IDS)
+@pytest.mark.parametrize("environment", DRIVEN)
 @pytest.mark.parametrize(
     ("actions", "message"),
     [
@@ -231,11 +239,11 @@ def test_resets_that_are_none_are_refused(
 @pytest.mark.parametrize("environment", IDS)
 def test_stepping_what_has_not_begun_or_is_over_is_an_error(environment: str) -> None:
     env = _vector(environment, autoreset_mode="Disabled", max_episode_steps=1)
-    still = np.zeros((COUNT, width(environment)))
+    nothing = still(environment, COUNT)
     with pytest.raises(gymnasium.error.ResetNeeded, match="before the first step"):
-        env.step(still)
+        env.step(nothing)
     env.reset(seed=1, options={"start": 0})
-    env.step(still)
+    env.step(nothing)
     env.reset(options={"reset_mask": np.array([True, False, True])})
     with pytest.raises(gymnasium.error.ResetNeeded, match="environment 1 is over"):
-        env.step(still)
+        env.step(nothing)

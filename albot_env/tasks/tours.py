@@ -1,0 +1,239 @@
+"""Tours: robots guided through a building, in whose rooms they stop more than once.
+
+A tour is a function of its world, start and number alone (and of what the robot set out
+with): it may be kept and given to any robot, or made again, without making any difference.
+The guide sees where the robot truly is, so that what it errs does not change the way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+from jaxtyping import Bool, Float32, Float64
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose
+from albot_core.geometry.types import Pose, Segments
+from albot_core.perception.reading import Reading
+from albot_env.experiments.guided_tour import StartStop, follow_leg
+from albot_env.sim.simulator import Simulator
+from albot_env.tasks.arrivals import Notebook, question
+from albot_env.tasks.equipment import Equipment
+from albot_env.tasks.outing import KEPT, Shelf
+from albot_env.tasks.tour_plan import Stops, TourConfig
+from albot_maps import ROBOT_RADIUS, World
+from albot_maps.freespace import wall_lines
+from albot_maps.geodesic import DistanceField
+
+AROUND = 8
+"""At each stop the robot turns round in so many parts, and looks after each."""
+STEPS = StartStop()
+"""How far it is sent at a time."""
+DOORWAY = 1.5
+"""Wider openings between rooms are no doorways (m)."""
+_ROOM = 0.1
+"""How much farther than it must the robot keeps from walls on its way (m)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stop:
+    """An arrival: what the robot then knew, and how things truly were."""
+
+    candidates: Float32[np.ndarray, "arrivals features"]
+    """What tells of each arrival before (see `features.FEATURES`)."""
+    reading: Reading
+    """The last reading."""
+    belief: Pose
+    """Where it believed to be (map frame)."""
+    surfaces: Segments
+    """The surfaces that it remembered (map frame, m)."""
+    pose: Pose
+    """Where it was (world frame)."""
+    room: int
+    """In which room of the world."""
+    path_length: float
+    """How far it had driven (m)."""
+    collided: bool
+    """Whether it had touched something since the arrival before."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tour:
+    """A tour that is over."""
+
+    world: World
+    """Where it was."""
+    start: Pose
+    """Where it began (world frame)."""
+    stops: tuple[Stop, ...]
+    """Its arrivals, that where it began the first."""
+    most: int
+    """How many earlier arrivals there can be on such a tour."""
+
+    @cached_property
+    def same(self) -> Bool[np.ndarray, "arrivals arrivals"]:
+        """Which arrivals truly were at one place.
+
+        They were in one room; or nothing but open floor lay between them, no wall and no doorway:
+        corridors that open into each other as wide as they are can not be told apart by what
+        is seen. In a world whose openings are not listed only rooms count.
+        """
+        rooms = np.array([stop.room for stop in self.stops])
+        same_room = (rooms[:, None] == rooms) & (rooms >= 0)
+        if not self.world.exits:
+            return np.asarray(same_room)
+        places = np.array([stop.pose[:2] for stop in self.stops])
+        pairs = np.stack(np.broadcast_arrays(places[:, None], places[None]), axis=2)
+        lines = shapely.linestrings(pairs)
+        openings = np.array([opening.segment for opening in self.world.exits])
+        widths = np.hypot(*(openings[:, 2:] - openings[:, :2]).T)
+        doors = openings[widths <= DOORWAY]
+        between = wall_lines(np.concatenate((self.world.walls, doors)))
+        shapely.prepare(between)
+        return np.asarray(same_room | ~shapely.intersects(between, lines))
+
+    @cached_property
+    def sheet(self) -> dict[str, np.ndarray]:
+        """The arrivals in arrays, a row each, by the names of `judging_kernel.Sheets`."""
+        stops, beliefs = self.stops, np.array([stop.belief for stop in self.stops])
+        poses = np.array([stop.pose for stop in stops])
+        sonars = [stop.reading.sonar for stop in stops]
+        return {
+            "questions": np.array([question(stop.candidates, self.most) for stop in stops]),
+            "rooms": np.array([stop.room for stop in stops]),
+            "poses": poses,
+            "beliefs": beliefs,
+            "errors": np.hypot(*(compose(self.start[None], beliefs) - poses)[:, :2].T),
+            "path_lengths": np.array([stop.path_length for stop in stops]),
+            "times": np.array([stop.reading.stamp for stop in stops]),
+            "collided": np.array([stop.collided for stop in stops]),
+            "ranges": np.array([stop.reading.laser.ranges for stop in stops]),
+            "echoes": np.array([() if sonar is None else sonar.ranges for sonar in sonars], float),
+        }
+
+
+SHELF: Shelf[Tour] = Shelf()
+"""The tours that are kept in a process, whoever made them."""
+
+
+class Tours:
+    """Makes tours, and keeps them.
+
+    Args:
+        task: Id of the environment, for the errors.
+        equipment: What the robots set out with. What moves is left out.
+        config: How long tours are, and where they lead.
+        journeys: How many different ones there are from a start; 0 for a new one each time.
+
+    Raises:
+        InputError: There are fewer journeys than none, or there is no such mapper.
+    """
+
+    def __init__(self, task: str, equipment: Equipment, config: TourConfig, journeys: int) -> None:
+        if journeys < 0:
+            raise InputError(task, "0 or more", str(journeys), place="journeys")
+        Notebook(equipment.mapper)  # There is such a mapper.
+        self._equipment = equipment
+        self._config = config
+        self._journeys = journeys
+        self._kind = replace(equipment, threads=1), config
+        self._stops: OrderedDict[int, Stops] = OrderedDict()
+
+    def check(self, world: World) -> None:
+        """Refuse a world through which there is no tour.
+
+        Raises:
+            InputError: It has no two rooms in which a robot can stop, or not those wanted.
+        """
+        self._find_stops(world).named(self._config.rooms)
+
+    def draw(self, world: World, start: Pose, rng: np.random.Generator) -> Tour:
+        """A tour from a start, drawn at random."""
+        if not self._journeys:
+            return self._travel(world, start, int(rng.integers(2**63)))
+        number = int(rng.integers(self._journeys))
+        key = (self._kind, id(world), start.tobytes(), number)
+        return SHELF.fetch(key, lambda: self._travel(world, start, number))
+
+    def _find_stops(self, world: World) -> Stops:
+        if id(world) not in self._stops:
+            self._stops[id(world)] = Stops(world)
+            if len(self._stops) > KEPT:
+                self._stops.popitem(last=False)
+        return self._stops[id(world)]
+
+    def _travel(self, world: World, start: Pose, number: int) -> Tour:
+        """Make the tour of a number."""
+        rng = np.random.default_rng((number, *start.view(np.uint64).tolist()))
+        stops = self._find_stops(world)
+        guide = _Guide(world, self._equipment, start, rng)
+        made = [guide.arrive()]
+        rooms: Iterator[int] = iter(stops.named(self._config.rooms))
+        if not self._config.rooms:
+            rooms = stops.drawn(made[0].room, self._config, rng)
+        for room in rooms:
+            if not guide.go(stops.point(room, rng)):
+                break
+            made.append(guide.arrive())
+        return Tour(world=world, start=start.copy(), stops=tuple(made), most=self._config.most)
+
+
+class _Guide:
+    """Leads a robot, which takes notes, from stop to stop."""
+
+    def __init__(
+        self, world: World, equipment: Equipment, start: Pose, rng: np.random.Generator
+    ) -> None:
+        self._world = world
+        self._simulator = Simulator(world, sensors=equipment.sensors, movables=False)
+        self._notebook = Notebook(equipment.mapper)
+        self._notebook.follow(self._simulator.reset(rng, start))
+        self._path_length = 0.0
+        self._collided = False
+
+    def go(self, goal: Float64[np.ndarray, "2"]) -> bool:
+        """Lead the robot to a point (m, world frame); whether there is a way for it."""
+        simulator = self._simulator
+        field = DistanceField(self._world.walls, ROBOT_RADIUS + _ROOM, goal)
+        way = field.way(simulator.pose[:2])
+        if not len(way):
+            way = DistanceField(self._world.walls, ROBOT_RADIUS, goal, tight=True).way(
+                simulator.pose[:2]
+            )
+        for turn in way:
+            before = simulator.pose[:2]
+            for reading in follow_leg(simulator, turn, STEPS):
+                self._notebook.follow(reading)
+                self._collided |= simulator.collided
+            self._path_length += float(np.hypot(*(simulator.pose[:2] - before)))
+        return len(way) > 0
+
+    def arrive(self) -> Stop:
+        """Let the robot look around, and note where it is."""
+        simulator = self._simulator
+        readings = [simulator.turn(2 * math.pi / AROUND) for _ in range(AROUND)]
+        candidates = self._notebook.arrive(readings)
+        pose = simulator.pose
+        collided, self._collided = self._collided, False
+        return Stop(
+            candidates=candidates,
+            reading=readings[-1],
+            belief=self._notebook.belief,
+            surfaces=self._notebook.surfaces,
+            pose=pose,
+            room=_room_at(self._world, pose),
+            path_length=self._path_length,
+            collided=collided,
+        )
+
+
+def _room_at(world: World, pose: Pose) -> int:
+    """The number of the room at a pose; -1 between rooms."""
+    name = world.room_at(float(pose[0]), float(pose[1]))
+    return -1 if name is None else [room.name for room in world.rooms].index(name)

@@ -1,0 +1,15 @@
+"""The error comes whole out of another process."""
+
+from __future__ import annotations
+
+import copy
+
+from albot_core.errors import InputError
+
+
+def test_a_copy_says_the_same() -> None:
+    error = InputError("intel.log", "180 ranges", "112", place="line 37")
+    twin = copy.copy(error)  # By `__reduce__`, as what goes between processes.
+    assert isinstance(twin, InputError)
+    assert str(twin) == str(error) == "intel.log, line 37: expected 180 ranges, found 112"
+    assert vars(twin) == vars(error)
