@@ -21,6 +21,7 @@ SUBCOMMANDS = {
     "map": "Run a mapper over a real robot's log.",
     "mappers": "List the mapping systems.",
     "play": "Watch a robot explore and map, or play an episode back.",
+    "results": "Measure all agents in all tasks, for one page.",
     "stress": "Drive agents through many worlds and check every step.",
     "train": "Let an agent learn a task.",
     "worlds": "List, show, check and convert worlds.",

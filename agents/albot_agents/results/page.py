@@ -1,0 +1,103 @@
+"""The page of results, and the file of figures that it is written from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from albot_agents.results.run import Figures
+from albot_core.errors import InputError
+from albot_core.files import write_text
+
+_KEYS = (
+    "episodes", "success_rate", "ci95", "spl", "spl_ci95", "soft_spl", "mean_final_distance_m",
+    "collisions_per_m", "coverage_auc", "coverage_auc_ci95", "rooms_share", "rooms_share_ci95",
+    "precision", "recall", "recall_ci95", "mean_coverage",
+)  # fmt: skip
+"""Figures that are kept of a row, those that its task knows of."""
+
+_COLUMNS: Mapping[str, tuple[str, str | None, str]] = {
+    "success": ("success_rate", "ci95", "{:.0%}"),
+    "SPL": ("spl", "spl_ci95", "{:.2f}"),
+    "from home in the end (m)": ("mean_final_distance_m", None, "{:.1f}"),
+    "precision": ("precision", None, "{:.1%}"),
+    "recall": ("recall", "recall_ci95", "{:.0%}"),
+    "coverage over 200 m": ("coverage_auc", "coverage_auc_ci95", "{:.2f}"),
+    "rooms entered": ("rooms_share", "rooms_share_ci95", "{:.0%}"),
+    "collisions a metre": ("collisions_per_m", None, "{:.3f}"),
+}
+"""Columns of the table: the figure, its 95 % interval, and how it is written."""
+
+
+def save_figures(figures: Figures, command: str, path: Path) -> list[dict[str, Any]]:
+    """Write the rows into a JSON file, in place of those of the same tasks; return all of them.
+
+    Raises:
+        InputError: The file cannot be written, or is there and is none of ours.
+    """
+    tasks = {cell.task for cell in figures}
+    rows = [row for row in read_figures(path) if row["task"] not in tasks]
+    for cell, found in figures.items():
+        kept = {key: found[key] for key in _KEYS if found.get(key) is not None}
+        rows.append({**asdict(cell), "command": command, **kept})
+    write_text(path, json.dumps(rows, indent=1) + "\n")
+    return rows
+
+
+def read_figures(path: Path) -> list[dict[str, Any]]:
+    """The rows of a file that `save_figures` has written; none where there is no file.
+
+    Raises:
+        InputError: It holds something else.
+    """
+    if not path.exists():
+        return []
+    try:
+        rows = json.loads(path.read_text())
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(path, "figures in JSON", str(error)) from None
+    named = {"task", "agent", "odometer", "kind", "command", "episodes"}
+    right = isinstance(rows, list) and all(isinstance(row, dict) for row in rows)
+    if not right or any(not named <= row.keys() for row in rows):
+        raise InputError(path, f"rows with {', '.join(sorted(named))}", "others")
+    return rows
+
+
+def page(rows: Sequence[Mapping[str, Any]]) -> str:
+    """The page in Markdown."""
+    lines = [
+        "# Results",
+        "",
+        "Every agent in buildings, and with odometers, that none was trained or tuned in. The",
+        "agents of a row of worlds meet the same worlds, journeys and noise. In brackets 95 %",
+        "intervals: Wilson's of rates, bootstrapped ones of means. What the columns mean stands in",
+        "[environments.md](environments.md).",
+    ]
+    for task in dict.fromkeys(row["task"] for row in rows):
+        its = [row for row in rows if row["task"] == task]
+        commands = dict.fromkeys(row["command"] for row in its)
+        lines += ["", f"## {task}", "", "```", *commands, "```", "", *_table(its)]
+    return "\n".join(lines) + "\n"
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> Iterable[str]:
+    columns = {name: how for name, how in _COLUMNS.items() if any(how[0] in row for row in rows)}
+    yield "| worlds | odometer | agent | episodes | " + " | ".join(columns) + " |"
+    yield "|---" * (4 + len(columns)) + "|"
+    for row in rows:
+        cells = [row["kind"], row["odometer"], f"`{row['agent']}`", str(row["episodes"])]
+        cells += [_written(row, *how) for how in columns.values()]
+        yield "| " + " | ".join(cells) + " |"
+
+
+def _written(row: Mapping[str, Any], key: str, interval: str | None, form: str) -> str:
+    if key not in row:
+        return ""
+    text = form.format(row[key])
+    if interval is not None and interval in row:
+        low, high = row[interval]
+        text += f" ({form.format(low)}–{form.format(high)})"
+    return text

@@ -1,0 +1,92 @@
+"""`albot results`: the table of all agents, odometers and kinds of worlds."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+from pathlib import Path
+
+import click
+
+from albot_cli.outputs import check_file
+from albot_cli.progress import progress
+from albot_core.errors import InputError
+
+
+@click.command()
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    default=Path("docs/results.md"),
+    show_default=True,
+    help="The page; the figures go into a JSON file beside it.",
+)
+@click.option("--task", "tasks", multiple=True, help="Only this one; repeatable. The others' stay.")
+@click.option(
+    "--seeds",
+    default="2000..2039",
+    show_default=True,
+    metavar="A..B",
+    help="Seeds of random worlds, both included.",
+)
+@click.option(
+    "--plans",
+    type=click.Path(path_type=Path, file_okay=False, exists=True),
+    help="Folder of real floor plans in XML. Without it these rows are left out.",
+)
+@click.option(
+    "--plan-seeds",
+    default="2000..2002",
+    show_default=True,
+    metavar="A..B",
+    help="Seeds of the episodes in each floor plan.",
+)
+@click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+def command(
+    out: Path,
+    tasks: tuple[str, ...],
+    seeds: str,
+    plans: Path | None,
+    plan_seeds: str,
+    jobs: int | None,
+    as_json: bool,
+) -> int:
+    """Measure all agents in all tasks, and write the page of results."""
+    from albot_agents.evaluation.plan import parse_seeds
+    from albot_agents.results.contest import CONTESTS, PLANS, RANDOM, plan_meetings
+    from albot_agents.results.page import page, read_figures, save_figures
+    from albot_agents.results.run import run_meetings
+    from albot_core.files import write_text
+
+    known = [contest.task for contest in CONTESTS]
+    for task in tasks:
+        if task not in known:
+            raise InputError("--task", f"one of {', '.join(known)}", task)
+    figures = out.with_suffix(".json")
+    check_file(out)
+    read_figures(figures)  # What is there and is none of ours is told before the work.
+    contests = [contest for contest in CONTESTS if not tasks or contest.task in tasks]
+    worlds = {kind: [spec] for kind, spec in RANDOM.items()}
+    ranges = dict.fromkeys(RANDOM, parse_seeds(seeds))
+    if plans is not None:
+        worlds[PLANS] = [str(plans / "*.xml")]
+        ranges[PLANS] = parse_seeds(plan_seeds)
+    meetings = plan_meetings(contests, worlds, ranges)
+    with progress("results", len(meetings), "meetings") as tell:
+        found = run_meetings(meetings, jobs or os.cpu_count() or 1, tell)
+    said = ["albot", "results", *(word for task in tasks for word in ("--task", task))]
+    said += ["--seeds", seeds]
+    if plans is not None:
+        said += ["--plans", "$ALBOT_DATA/plans", "--plan-seeds", plan_seeds]
+    rows = save_figures(found, _line(said), figures)
+    write_text(out, page(rows))
+    facts = {"rows": rows, "files": {"page": str(out), "figures": str(figures)}}
+    click.echo(json.dumps(facts) if as_json else f"{len(found)} rows, see {out}")
+    return 0
+
+
+def _line(words: list[str]) -> str:
+    """The words as they are typed; names of variables stay open."""
+    return " ".join(word if word.startswith("$") else shlex.quote(word) for word in words)

@@ -1,0 +1,90 @@
+"""The table of results: who meets whom, what is kept, and what the page says."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from albot_agents.results import contest as contest_module
+from albot_agents.results.contest import OFFICES, PLANS, Contest, plan_meetings
+from albot_agents.results.page import page, read_figures, save_figures
+from albot_agents.results.run import run_meetings
+from albot_cli.main import main
+from albot_core.errors import InputError
+from tests.env.quick import STROLL
+
+SHORT = Contest(
+    task="Albot/Homing-v0",
+    agents=("random", "path-integration"),
+    kinds=(OFFICES, PLANS),
+    settings={"journeys": 4, "config": STROLL, "max_episode_steps": 20},
+)
+
+
+def test_all_agents_meet_in_each_world_with_each_seed() -> None:
+    worlds = {OFFICES: ["square-loop", "office-ring"]}
+    meetings = plan_meetings([SHORT], worlds, {OFFICES: range(5, 8)})
+    assert len(meetings) == 6
+    for meeting in meetings:
+        assert [cell.agent for cell in meeting.cells] == list(SHORT.agents)
+        assert [trial.agent for trial in meeting.trials] == list(SHORT.agents)
+        assert len({(trial.world, trial.seed) for trial in meeting.trials}) == 1
+        assert {trial.settings["odometer"] for trial in meeting.trials} == {"pioneer"}
+
+
+def test_agents_that_meet_begin_at_the_same_place_and_figures_are_of_all(tmp_path: Path) -> None:
+    meetings = plan_meetings([SHORT], {OFFICES: ["square-loop"]}, {OFFICES: range(2)})
+    figures = run_meetings(meetings, jobs=1)
+    chance, integration = figures.values()
+    assert chance["mean_initial_distance_m"] == integration["mean_initial_distance_m"]
+    assert chance["episodes"] == integration["episodes"] == 2
+
+    path = tmp_path / "results.json"
+    path.write_text(
+        json.dumps(
+            [
+                {"task": task, "agent": "a", "odometer": "o", "kind": "k", "command": "c"}
+                | {"episodes": 3, "spl": 0.5}
+                for task in ("Albot/Homing-v0", "Albot/Other-v0")
+            ]
+        )
+    )
+    rows = save_figures(figures, "albot results", path)
+    assert rows == read_figures(path)
+    assert [row["task"] for row in rows] == ["Albot/Other-v0", *2 * ["Albot/Homing-v0"]]
+    assert rows[1]["success_rate"] == chance["success_rate"]
+    text = page(rows)
+    assert "| k | o | `a` | 3 | 0.50 |" in text
+    assert "albot results" in text
+
+
+def test_rates_are_written_with_their_intervals() -> None:
+    row = {"task": "T", "agent": "a", "odometer": "o", "kind": "k", "command": "c", "episodes": 9}
+    text = page([row | {"success_rate": 0.5, "ci95": [0.25, 0.75], "spl": 0.123}])
+    assert "| k | o | `a` | 9 | 50% (25%–75%) | 0.12 |" in text
+
+
+@pytest.mark.parametrize("text", ["{", "{}", '[{"task": 1}]', '["row"]', "[1]"])
+def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "results.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"results\.json"):
+        read_figures(path)
+
+
+def test_the_command_refuses_before_it_works(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(contest_module, "CONTESTS", (SHORT,))
+    for words, said in (
+        (["--task", "Albot/Homing-v1"], "--task: expected one of Albot/Homing-v0"),
+        (["--seeds", "5..3"], "--seeds"),
+        (["--out", str(tmp_path)], "directory"),
+    ):
+        monkeypatch.setattr("sys.argv", ["albot", "results", *words])
+        with pytest.raises(SystemExit) as stopped:
+            main()
+        assert stopped.value.code == 2
+        assert said in capsys.readouterr().err
