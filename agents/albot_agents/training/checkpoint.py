@@ -20,6 +20,8 @@ SUFFIX = ".checkpoint"
 KEPT = 2
 """Checkpoints that are kept, the newest ones."""
 
+_WEIGHT = "weight."
+"""What the names of weights begin with."""
 _MOMENTS = ("exp_avg", "exp_avg_sq", "step")
 """What Adam keeps of each parameter."""
 
@@ -38,6 +40,15 @@ class Checkpoint:
     """Place, and whether and which normal number is left over, in numpy's generator."""
     arrays: Mapping[str, np.ndarray]
     """Weights, Adam's moments, and the states of random generators."""
+
+    @property
+    def weights(self) -> dict[str, np.ndarray]:
+        """The weights alone, under the names that stable-baselines3's policies give them."""
+        return {
+            name.removeprefix(_WEIGHT): array
+            for name, array in self.arrays.items()
+            if name.startswith(_WEIGHT)
+        }
 
     def save(self, folder: Path) -> Path:
         """Write it, and remove all but the newest `KEPT`; where it is.
@@ -67,7 +78,7 @@ def checkpoints(folder: Path) -> list[Path]:
 def take_checkpoint(learner: OnPolicyAlgorithm, run: Mapping[str, Any]) -> Checkpoint:
     """What a learner knows now."""
     arrays = {
-        f"weight.{name}": _array(value) for name, value in learner.policy.state_dict().items()
+        f"{_WEIGHT}{name}": _array(value) for name, value in learner.policy.state_dict().items()
     }
     kept = learner.policy.optimizer.state
     for name, parameter in learner.policy.named_parameters():
@@ -118,7 +129,7 @@ def restore(learner: OnPolicyAlgorithm, checkpoint: Checkpoint, path: Path) -> N
     """
     arrays = dict(checkpoint.arrays)
     weights = {
-        name: _taken(arrays, f"weight.{name}", value, path)
+        name: _taken(arrays, f"{_WEIGHT}{name}", value, path)
         for name, value in learner.policy.state_dict().items()
     }
     learner.policy.load_state_dict(weights)

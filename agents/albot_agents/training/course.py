@@ -10,7 +10,7 @@ import numpy as np
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-from albot_agents.training.monitor import FIGURES, MonitorFile, Row
+from albot_agents.training.monitor import FIGURES, Row
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.reading import stage_settings
 from albot_core.errors import InputError
@@ -28,20 +28,16 @@ class Course(VecEnvWrapper):
     Args:
         plan: The plan.
         stage: Number of the stage to begin with.
-        monitor: Takes the episodes down.
         elapsed: Seconds that the training has taken before.
 
     Raises:
         InputError: An environment cannot be made.
     """
 
-    def __init__(
-        self, plan: TrainingPlan, stage: int, monitor: MonitorFile, elapsed: float = 0.0
-    ) -> None:
+    def __init__(self, plan: TrainingPlan, stage: int, elapsed: float = 0.0) -> None:
         if not 0 <= stage < len(plan.stages):
             raise InputError("stage", f"one below {len(plan.stages)}", str(stage))
         self._plan = plan
-        self._monitor = monitor
         self._began = time.monotonic() - elapsed
         self._rows: list[Row] = []
         self._returns = np.zeros(plan.n_envs)
@@ -115,14 +111,10 @@ class Course(VecEnvWrapper):
         self._lengths[over] = 0
         return observations, rewards, over, infos
 
-    def write(self) -> None:
-        """Write the episodes down that have ended since it was last called.
-
-        Raises:
-            InputError: There is no room left.
-        """
+    def take_rows(self) -> list[Row]:
+        """The episodes that have ended since this was last called, for the monitor file."""
         rows, self._rows = self._rows, []
-        self._monitor.add(rows)
+        return rows
 
     def _end(self, row: int, info: dict[str, Any]) -> None:
         its = {"r": float(self._returns[row]), "l": int(self._lengths[row]), "t": self.elapsed}

@@ -63,13 +63,13 @@ class Evaluations:
 
     @property
     def samples(self) -> int:
-        """Samples before the last evaluation; -1 where there is none."""
-        return int(self._found["timesteps"][-1]) if len(self._found["timesteps"]) else -1
+        """Samples before the last evaluation; 0 where there is none."""
+        return int(self._found["timesteps"][-1]) if len(self._found["timesteps"]) else 0
 
     @property
     def last(self) -> dict[str, float | None]:
         """Means of the last evaluation: `success_rate`, `spl`, `return`; None for unknown."""
-        if self.samples < 0:
+        if not self.samples:
             return {}
         names = {"success_rate": "successes", "spl": "spl", "return": "results"}
         rows = {name: self._found[key][-1] for name, key in names.items()}

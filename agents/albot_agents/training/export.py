@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import gymnasium
 import numpy as np
-from gymnasium.spaces import Discrete
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
-from stable_baselines3.common.policies import ActorCriticPolicy
+from gymnasium import spaces
 
 from albot_agents.task import for_one
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings
@@ -16,7 +16,7 @@ from albot_agents.training.reading import stage_settings
 
 
 class Exporter:
-    """Makes agent files of a learner's policy.
+    """Makes agent files of a learner's weights.
 
     Args:
         plan: The training's plan.
@@ -33,19 +33,25 @@ class Exporter:
             single["world"] = single["world"][0]
         env = gymnasium.make(plan.task, **single)
         self._settings = kept_settings(settings, env.get_wrapper_attr("observing"))
+        self._inputs = spaces.flatdim(env.observation_space)
+        self._discrete = isinstance(env.action_space, spaces.Discrete)
         env.close()
 
-    def agent(self, learner: OnPolicyAlgorithm, training: TrainingFacts) -> AgentFile:
-        """The policy as it is now, with what is to be told of its training."""
+    def agent(self, state: Mapping[str, np.ndarray], training: TrainingFacts) -> AgentFile:
+        """The agent with the policy's weights.
+
+        Args:
+            state: The weights, under the names that stable-baselines3's policies give them.
+            training: What is to be told of the training.
+        """
         plan = self._plan
-        (inputs,) = learner.observation_space.shape or ()
-        weights = policy_weights(learner.policy, plan)
+        weights = policy_weights(state, plan)
         return AgentFile(
             task=plan.task,
             settings=self._settings,
-            discrete=isinstance(learner.action_space, Discrete),
+            discrete=self._discrete,
             network=NetworkConfig(
-                inputs=inputs,
+                inputs=self._inputs,
                 layers=plan.policy.net_arch,
                 activation=plan.policy.activation,
                 outputs=len(weights["action.bias"]),
@@ -57,19 +63,22 @@ class Exporter:
         )
 
 
-def policy_weights(policy: ActorCriticPolicy, plan: TrainingPlan) -> dict[str, np.ndarray]:
-    """The arrays of a policy's network of stable-baselines3, under our names."""
-    state = {
-        name: value.detach().cpu().numpy().copy() for name, value in policy.state_dict().items()
-    }
+def policy_weights(state: Mapping[str, np.ndarray], plan: TrainingPlan) -> dict[str, np.ndarray]:
+    """The arrays of the policy's network under our names.
+
+    Args:
+        state: All weights, under the names that stable-baselines3's policies give them.
+        plan: Says how the network is built.
+    """
     weights: dict[str, np.ndarray] = {}
     if plan.recurrent:
         for k in range(plan.policy.lstm_layers):
             weights[f"lstm{k}.input"] = state[f"lstm_actor.weight_ih_l{k}"]
             weights[f"lstm{k}.hidden"] = state[f"lstm_actor.weight_hh_l{k}"]
             # PyTorch keeps two biases that are only ever added.
-            biases = (state[f"lstm_actor.bias_{part}_l{k}"] for part in ("ih", "hh"))
-            weights[f"lstm{k}.bias"] = sum(biases)
+            weights[f"lstm{k}.bias"] = (
+                state[f"lstm_actor.bias_ih_l{k}"] + state[f"lstm_actor.bias_hh_l{k}"]
+            )
     for k in range(len(plan.policy.net_arch)):
         for part in ("weight", "bias"):
             # Between the layers stand their activations.

@@ -74,9 +74,9 @@ class RunFolder:
         Raises:
             InputError: There is one already, or nothing can be written there.
         """
-        if self.plan.exists():
+        if self.monitor.exists():
             expected = f"a folder without a run (or --resume {self.path})"
-            raise InputError(self.path, expected, self.plan.name)
+            raise InputError(self.path, expected, self.monitor.name)
         write_text(self.versions, json.dumps({"command": command, **facts()}, indent=1) + "\n")
         self.checkpoints.mkdir(exist_ok=True)
         save_plan(plan, self.plan)

@@ -13,7 +13,7 @@ from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from torch.utils.tensorboard import SummaryWriter
 
 from albot_agents.plain import Where, read_fields
-from albot_agents.trained.agent_file import TrainingFacts
+from albot_agents.trained.agent_file import AgentFile, TrainingFacts
 from albot_agents.training.checkpoint import (
     Checkpoint,
     checkpoints,
@@ -63,10 +63,7 @@ class TrainingRun:
         found = _newest(folder, warn)
         self._left = dict.fromkeys(_RUN, 0) | ({} if found is None else _read_run(*found))
         self._exporter = Exporter(plan)
-        self._monitor = MonitorFile(folder.monitor, plan.task, int(self._left["monitor"]))
-        self._course = Course(
-            plan, int(self._left["stage"]), self._monitor, float(self._left["seconds"])
-        )
+        self._course = Course(plan, int(self._left["stage"]), float(self._left["seconds"]))
         self.learner: OnPolicyAlgorithm = make_learner(plan, self._course)
         """What learns."""
         if found is not None:
@@ -74,8 +71,10 @@ class TrainingRun:
             restore(self.learner, checkpoint, path)
             self._course.seed(self._chance())
         self._stage_began = int(self._left["stage_began"])
-        self._began_at = self._saved_at = self._measured_at = self.learner.num_timesteps
+        self._began_at = self._saved_at = self.learner.num_timesteps
         self._evaluations = self._open_evaluations()
+        # From here on there is a run in the folder.
+        self._monitor = MonitorFile(folder.monitor, plan.task, int(self._left["monitor"]))
         self._snapshot = self._take()
 
     def run(self, tell: Tell | None = None) -> dict[str, Any]:
@@ -116,16 +115,14 @@ class TrainingRun:
             self._evaluations.close()
 
     def _between(self, last: bool = False) -> None:
-        """Between two rollouts, and at the end: measure, write, move on."""
+        """Between two rollouts, and at the end: move on, measure, write."""
         samples = self.learner.num_timesteps
-        self._course.write()
+        self._monitor.add(self._course.take_rows())
         if self._course.is_over(samples - self._stage_began) and not last:
             self._next_stage()
         self._follow_schedules(samples)
-        evaluation = self._plan.evaluation
-        if evaluation and (last or samples - self._measured_at >= evaluation.every):
-            self._measure()
         self._snapshot = self._take()
+        self._measure(last)
         if last or samples - self._saved_at >= self._plan.checkpoint_every:
             self._save()
         self._tell(samples, self._note())
@@ -142,18 +139,20 @@ class TrainingRun:
         remaining = 1 - samples / self._plan.n_timesteps
         self.learner.ent_coef = self._plan.schedule("ent_coef")(max(0.0, remaining))
 
-    def _measure(self) -> None:
-        """Evaluate the policy, and keep it where it is the best so far."""
+    def _measure(self, last: bool) -> None:
+        """Evaluate the policy where it is time to, and keep it where it is the best so far."""
+        evaluation, evaluations = self._plan.evaluation, self._evaluations
         samples = self.learner.num_timesteps
-        if self._evaluations is None or self._evaluations.samples == samples:
+        if evaluation is None or evaluations is None:
             return
-        best = self._evaluations.measure(self.learner)
-        self._measured_at = samples
-        for name, value in self._evaluations.last.items():
+        if samples - evaluations.samples < (1 if last else evaluation.every):
+            return
+        best = evaluations.measure(self.learner)
+        for name, value in evaluations.last.items():
             if value is not None:
                 self.learner.logger.record(f"eval/{name}", value)
         if best:
-            self._exporter.agent(self.learner, self._facts()).save(self._folder.best)
+            self._export().save(self._folder.best)
 
     def _take(self) -> Checkpoint:
         run = {
@@ -166,23 +165,24 @@ class TrainingRun:
         return take_checkpoint(self.learner, run)
 
     def _save(self) -> None:
-        """Write the last snapshot; where the learner is just there, its policy too."""
+        """Write the last snapshot, and its policy."""
         self._snapshot.save(self._folder.checkpoints)
         self._saved_at = self._snapshot.samples
-        if self._snapshot.samples == self.learner.num_timesteps:
-            self._exporter.agent(self.learner, self._facts()).save(self._folder.last)
+        self._export().save(self._folder.last)
 
-    def _facts(self) -> TrainingFacts:
-        """What an agent's file tells of its training."""
-        return TrainingFacts(
+    def _export(self) -> AgentFile:
+        """The agent of the last snapshot."""
+        snapshot = self._snapshot
+        told = TrainingFacts(
             plan=self._plan,
             command=self._folder.command,
-            samples=self.learner.num_timesteps,
-            episodes=self._episodes,
-            seconds=round(self._course.elapsed, 1),
+            samples=snapshot.samples,
+            episodes=snapshot.run["episodes"],
+            seconds=round(snapshot.run["seconds"], 1),
             curve=self._evaluations.curve if self._evaluations else {},
             **facts(),
         )
+        return self._exporter.agent(snapshot.weights, told)
 
     @property
     def _episodes(self) -> int:

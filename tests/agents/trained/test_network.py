@@ -30,7 +30,8 @@ def _network(policy: Any, plan: TrainingPlan, outputs: int) -> Network:
         lstm_size=plan.policy.lstm_size if recurrent else 0,
         lstm_layers=plan.policy.lstm_layers if recurrent else 0,
     )
-    weights = policy_weights(policy, plan)
+    state = {name: value.numpy() for name, value in policy.state_dict().items()}
+    weights = policy_weights(state, plan)
     assert {name: array.shape for name, array in weights.items()} == config.shapes
     return Network(config, weights)
 

@@ -132,6 +132,7 @@ def test_ctrl_c_saves_what_is_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     # The third update was not made, so its samples do not count.
     assert result["samples"] == 32
     assert [path.stem for path in checkpoints(folder.checkpoints)] == ["000000000032"]
+    assert read_agent(folder.last).training.samples == 32
     assert TrainingRun(folder, folder.resume(None)).run()["samples"] == 64
 
 
@@ -193,4 +194,6 @@ def test_a_run_is_not_begun_twice_in_a_folder(trained: Trained, tmp_path: Path) 
     with pytest.raises(InputError, match="task: expected Albot/Explore-v0"):
         folder.resume("Albot/Explore-v0")
     (tmp_path / "Homing-v0-ppo-1").mkdir()
+    other, _ = begun(tmp_path)
+    other.begin(plan, "")  # Nothing has come of it yet.
     assert free_folder(tmp_path, plan).name == "Homing-v0-ppo-2"
