@@ -205,12 +205,12 @@ class PlaceNetwork:
         known = [site for site in self.sites.values() if site.id < first]
         anywhere = self.config.alike._replace(shift=np.inf, turn=np.pi)
         found = [(site, compare(seen, site.surfaces, self.frame, pose, anywhere)) for site in known]
-        site, likeness = max(found, key=lambda pair: (pair[1].matches, -pair[0].id))
-        if (
-            not self._is_confirmed(likeness, site, pose)
-            or likeness.matches < self.config.fewest_found
-        ):
+        confirmed = [
+            (site, likeness) for site, likeness in found if self._is_found(likeness, site, pose)
+        ]
+        if not confirmed:
             return None
+        site, likeness = max(confirmed, key=lambda pair: (pair[1].matches, -pair[0].id))
         self._explain(step, Happening.FOUND, site.id, likeness)
         learned = self.displacements[self.visits.index(site.id)]
         motion = compose(compose(learned, site.frame), inverse(likeness.pose))
@@ -262,6 +262,11 @@ class PlaceNetwork:
             and min(likeness.left, likeness.right) > 0
             and likeness.share >= config.least_share
         )
+
+    def _is_found(self, likeness: Likeness, site: Site, pose: Pose) -> bool:
+        """Whether a robot that may be anywhere knows the place again. This is ours."""
+        enough = likeness.matches >= self.config.fewest_found
+        return enough and self._is_confirmed(likeness, site, pose)
 
     def _close(self, seen: Segments) -> Site:
         """Combine what was seen with the description of the present place, and leave it."""
