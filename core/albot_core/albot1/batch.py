@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
-from albot_core.albot1.config import Albot1Config
+from albot_core.albot1.config import Albot1Config, Limits
+from albot_core.albot1.entering import enter
 from albot_core.albot1.exits import (
     GATE,
     Exits,
@@ -293,16 +294,16 @@ class Albot1Batch:
         step = int(self._robots.progress[row, STEP])
         self._networks[row].remember_place(step, line, seen_in_visit(memory), sight.pose)
         leave_exits(exits, *sight.pose[:2])
-        self._begin_visit(row)
+        self._begin_visit(row, enter)
 
-    def _begin_visit(self, row: int) -> None:
-        """Begin a visit, and lay the present view over the map as its first (Alg. 5, line 16)."""
+    def _begin_visit(self, row: int, take_in: Callable[[Memory, Sight, Limits], None]) -> None:
+        """Begin a visit, and take the present view into the map as its first."""
         memory, sight, _ = self._arrays[row]
         if memory.counts[VISIT] + 2 >= len(memory.met) or room_left(memory) < sight.size[0]:
             self._enlarge(row)
             memory, sight, _ = self._arrays[row]
         begin_visit(memory, self._networks[row].suspicions())
-        update_map(memory, sight, self._limits)
+        take_in(memory, sight, self._limits)
         progress = self._robots.progress[row]
         progress[UPDATED_AT] = progress[STEP] - 1
         progress[UPDATES] += 1
@@ -333,7 +334,7 @@ class Albot1Batch:
         alive = living(memory)
         seen = memory.surfaces[: memory.counts[USED]][before & present & alive]
         self._networks[row].lose(int(self._robots.progress[row, STEP]), seen, sight.pose)
-        self._begin_visit(row)
+        self._begin_visit(row, update_map)
 
     def _find(self, row: int) -> None:
         """One that has lost its way looks where it may be."""
