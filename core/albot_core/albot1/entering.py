@@ -10,12 +10,12 @@ from albot_core.albot1.memory import (
     VISIT,
     Memory,
     add_surface,
-    meet_again,
-    surfaces_ending_in,
 )
 from albot_core.albot1.recognition import length_of
+from albot_core.albot1.search import surfaces_ending_in
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.albot1.updating import box_around, counterpart, placed, update_map
+from albot_core.albot1.visits import meet_again
 
 
 @njit(cache=True, error_model="numpy")

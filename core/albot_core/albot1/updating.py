@@ -10,13 +10,13 @@ from albot_core.albot1.memory import (
     VISIT,
     Memory,
     add_surface,
-    meet_again,
     move_surface,
     remove_surface,
-    surfaces_ending_in,
 )
 from albot_core.albot1.recognition import length_of
+from albot_core.albot1.search import surfaces_ending_in
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
+from albot_core.albot1.visits import meet_again
 from albot_core.perception.surfaces import NO_EDGE
 
 SHORTEST = 0.10

@@ -7,15 +7,9 @@ import pytest
 
 from albot_core.albot1.config import Albot1Config, Limits
 from albot_core.albot1.entering import enter
-from albot_core.albot1.memory import (
-    Memory,
-    add_surface,
-    begin_visit,
-    empty_memory,
-    living,
-    seen_in_visit,
-)
+from albot_core.albot1.memory import Memory, add_surface, empty_memory, living
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight, empty_sight
+from albot_core.albot1.visits import begin_visit, seen_in_visit
 from albot_core.perception.surfaces import CORNER
 
 WALL, BEHIND, DOORPOST = (4.0, -2.0, 4.0, 2.0), (-9.0, 1.0, -9.0, -1.0), (1.0, 2.0, 3.0, 2.0)
