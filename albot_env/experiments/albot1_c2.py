@@ -9,12 +9,12 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.albot1.record import Event, Happening
-from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
 from albot_env.experiments.drawing import draw_network, draw_route
 from albot_env.experiments.guided_tour import guided_tour
 from albot_env.experiments.places_truth import PlacedJourney, place_journey
 from albot_env.experiments.report import Figures, Report
+from albot_env.experiments.seeds import one_by_one
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
@@ -61,15 +61,12 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     Raises:
         InputError: No seeds.
     """
-    if not len(seeds):
-        raise InputError("seeds", "at least one", "none")
     world = load_world(WORLD)
     tour = and_on(world.tours[TOUR])
     placed = []
-    for done, seed in enumerate(seeds, start=1):
+    for seed in one_by_one(seeds, progress):
         journey = guided_tour(world, tour, np.random.default_rng(seed))
         placed.append(place_journey("albot1", world, journey))
-        progress(done)
     return _report(world, seeds, placed)
 
 
