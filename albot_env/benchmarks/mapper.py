@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from albot_core.albot1.mapper import Albot1
-from albot_core.albot1.memory import add_surface, empty_memory, stored_memory
+from albot_core.albot1.memory import add_surface, empty_memory
+from albot_core.albot1.memory_state import stored_memory
 from albot_core.geometry.poses import inverse, relative, transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mapper import Mapper, MapperBatch

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.errors import InputError
 from albot_env.experiments.drawing import draw_network, draw_route
 from albot_env.experiments.guided_tour import guided_tour
 from albot_env.experiments.places_truth import PlacedJourney, place_journey
 from albot_env.experiments.report import Figures, Report
+from albot_env.experiments.seeds import one_by_one
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
@@ -41,16 +41,13 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     Raises:
         InputError: No seeds.
     """
-    if not len(seeds):
-        raise InputError("seeds", "at least one", "none")
     world = load_world(WORLD)
     placed: dict[str, list[PlacedJourney]] = {start: [] for start in STARTS}
-    for done, seed in enumerate(seeds, start=1):
+    for seed in one_by_one(seeds, progress):
         for start, waypoint in STARTS.items():
             tour = loop_from(world.tours[TOUR], waypoint)
             journey = guided_tour(world, tour, np.random.default_rng(seed))
             placed[start].append(place_journey("albot1", world, journey))
-        progress(done)
     return _report(world, seeds, placed)
 
 

@@ -6,14 +6,15 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_core.albot1.record import Event, Happening
-from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
 from albot_env.experiments.drawing import draw_network, draw_route
 from albot_env.experiments.guided_tour import guided_tour
 from albot_env.experiments.places_truth import PlacedJourney, place_journey
 from albot_env.experiments.report import Figures, Report
+from albot_env.experiments.seeds import one_by_one
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 ID = "albot1-c2"
 TITLE = "Recognizing familiar places (Hossain 2014, section 4.2.2, figures 4.4 to 4.6)"
 WORLD, TOUR = "office-double", "double-loop"
+TAKEN_FOR_P7 = slice(19, 22)
+"""The tour's waypoints in the part of P1 that it does not know there, in P7."""
 PAPER: dict[str, Figures] = {
     "path_m": 150.0,
     "places": 7,
@@ -58,15 +61,18 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     Raises:
         InputError: No seeds.
     """
-    if not len(seeds):
-        raise InputError("seeds", "at least one", "none")
     world = load_world(WORLD)
+    tour = and_on(world.tours[TOUR])
     placed = []
-    for done, seed in enumerate(seeds, start=1):
-        journey = guided_tour(world, world.tours[TOUR], np.random.default_rng(seed))
+    for seed in one_by_one(seeds, progress):
+        journey = guided_tour(world, tour, np.random.default_rng(seed))
         placed.append(place_journey("albot1", world, journey))
-        progress(done)
     return _report(world, seeds, placed)
+
+
+def and_on(tour: Float64[np.ndarray, "waypoints 2"]) -> Float64[np.ndarray, "tour 2"]:
+    """The double loop, and on a little way: into P7, which it may then find to be P1."""
+    return np.concatenate((tour, tour[TAKEN_FOR_P7]))
 
 
 def story(events: Iterable[Event]) -> tuple[Beat, ...]:
@@ -114,7 +120,8 @@ def _text(seeds: range, seed: int, placed: PlacedJourney) -> str:
     return f"""
 A robot is guided start-stop along the tour `{TOUR}` of `{WORLD}`: once round the ring, into a
 part of P1 that it has not seen, where it must not know P1 again; back through E6, through P8
-into P2 from a side that it has not seen either, and through E1 into P1.
+into P2 from a side that it has not seen either, and through E1 into P1. There the tour ends;
+the robot goes on into the part of P1 that it took for a place of its own.
 
 `network_right` is the share of the seeds {seeds.start} to {seeds.stop - 1} in which the
 network at the end is right: every view more than 1 m from a doorway was taken in the one room

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
 from albot_env.experiments.albot1_e3 import DISTURBANCE, moved_by
 from albot_env.experiments.drawing import draw_network
 from albot_env.experiments.guided_tour import guided_tour
 from albot_env.experiments.places_truth import PlacedJourney, between, place_journey
 from albot_env.experiments.report import Figures, Report
+from albot_env.experiments.seeds import one_by_one
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
@@ -72,17 +72,14 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     Raises:
         InputError: No seeds.
     """
-    if not len(seeds):
-        raise InputError("seeds", "at least one", "none")
     world = load_world(WORLD)
     tour = twice_round(world.tours[TOUR])
     laps: dict[str, list[SecondLap]] = {name: [] for name in CONDITIONS}
-    for done, seed in enumerate(seeds, start=1):
+    for seed in one_by_one(seeds, progress):
         journey = guided_tour(world, tour, np.random.default_rng(seed))
         for name, condition in CONDITIONS.items():
             ridden = moved_by(journey, condition.disturbance * DISTURBANCE)
             laps[name].append(second_lap(place_journey(condition.mapper, world, ridden)))
-        progress(done)
     return _report(world, seeds, laps)
 
 

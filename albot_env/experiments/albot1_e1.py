@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Points, Poses
 from albot_env.experiments.drawing import draw_map, draw_route
 from albot_env.experiments.guided_tour import Journey, guided_tour, true_motions
 from albot_env.experiments.mapping import MAPPERS, MappedJourney, map_readings
 from albot_env.experiments.report import Figures, Report, key
+from albot_env.experiments.seeds import one_by_one
 from albot_env.experiments.shape import SHAPE_BOUND, Shape, median_and_worst, shape_of
 from albot_maps import World, load_world
 from albot_maps.routes import Routes
@@ -131,17 +131,14 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     Raises:
         InputError: No seeds.
     """
-    if not len(seeds):
-        raise InputError("seeds", "at least one", "none")
     worlds = {route.name: load_world(route.world) for route in ROUTES}
     ways = {route.name: route.waypoints(worlds[route.name]) for route in ROUTES}
     trips: list[dict[str, Trip]] = []
-    for done, seed in enumerate(seeds, start=1):
+    for seed in one_by_one(seeds, progress):
         for route in ROUTES:
             world = worlds[route.name]
             journey = guided_tour(world, ways[route.name], np.random.default_rng(seed))
             trips.append({name: map_trip(name, route, world, journey) for name in MAPPERS})
-        progress(done)
     return _report(seeds, trips)
 
 

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, transform_points, wrap_angle
 from albot_core.geometry.types import Pose, Poses
 from albot_env.experiments.drawing import MARK, PATH, draw_floor
 from albot_env.experiments.guided_tour import Journey, guided_tour
 from albot_env.experiments.mapping import MAPPERS, map_readings
 from albot_env.experiments.report import Figures, Report
+from albot_env.experiments.seeds import one_by_one
 from albot_env.experiments.shape import median_and_worst
 from albot_maps import World, load_world
 
@@ -93,11 +93,9 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     Raises:
         InputError: No seeds.
     """
-    if not len(seeds):
-        raise InputError("seeds", "at least one", "none")
     world = load_world(WORLD)
     pointings: dict[str, list[Pointing]] = {name: [] for name in MAPPERS}
-    for done, seed in enumerate(seeds, start=1):
+    for seed in one_by_one(seeds, progress):
         rng = np.random.default_rng(seed)
         for backwards in (False, True):
             tour = world.tours[TOUR][:: -1 if backwards else 1]
@@ -107,7 +105,6 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
                 pointings[name] += [
                     point(journey, home, stop) for stop in STOPS if stop.backwards is backwards
                 ]
-        progress(done)
     return _report(seeds, world, pointings)
 
 

@@ -16,6 +16,7 @@ from albot_core.mapper import Mapper
 from albot_core.registry import make_mapper
 from albot_env.experiments.guided_tour import Journey, StartStop, guided_tour
 from albot_env.experiments.report import Report
+from albot_env.experiments.seeds import one_by_one
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
@@ -69,11 +70,9 @@ def run(seeds: range = range(20), progress: Callable[[int], None] = lambda done:
     Raises:
         InputError: No seeds.
     """
-    if not len(seeds):
-        raise InputError("seeds", "at least one", "none")
     world = load_world(WORLD)
     journeys, runs = [], []
-    for done, seed in enumerate(seeds, start=1):
+    for seed in one_by_one(seeds, progress):
         journey = guided_tour(world, world.tours[TOUR], np.random.default_rng(seed), steps=STEPS)
         corner = common_corner(world, journey)
         journey = drifting(journey, corner, PAPER["odometry_error_m"])
@@ -86,7 +85,6 @@ def run(seeds: range = range(20), progress: Callable[[int], None] = lambda done:
             }
         )
         journeys.append(journey)
-        progress(done)
     return _report(seeds, journeys, runs)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from albot_env.experiments.report import Report
-from albot_env.experiments.revisiting import TOUR, WORLD, Spacing, drive
+from albot_env.experiments.revisiting import TOUR, WORLD, Experiment, Spacing, run_drives
 from albot_env.experiments.shape import SHAPE_BOUND
 
 ID = "albot1-e5"
@@ -32,16 +32,10 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     Raises:
         InputError: No seeds.
     """
-    drives = drive(SPACING, seeds, progress)
-    return Report(
-        id=ID,
-        title=TITLE,
-        paper=PAPER,
-        measured=drives.figures(),
-        holds=drives.keeps_shape("albot1") and drives.update_share("albot1") <= MOST_UPDATES,
-        text=_text(seeds),
-        pictures={"maps": drives.picture()},
+    experiment = Experiment(
+        id=ID, title=TITLE, paper=PAPER, spacing=SPACING, most_updates=MOST_UPDATES
     )
+    return run_drives(experiment, seeds, progress, _text(seeds))
 
 
 def _text(seeds: range) -> str:

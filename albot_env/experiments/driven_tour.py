@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, wrap_angle
 from albot_core.geometry.types import Points
 from albot_core.perception.reading import Reading
-from albot_env.experiments.guided_tour import Journey, first_pose
+from albot_env.experiments.guided_tour import Journey, lead
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
 from albot_env.sim.sensors import Sensors
 from albot_env.sim.simulator import Simulator
@@ -57,15 +58,7 @@ def driven_tour(
         InputError: The robot bumped into something: the tour is not clear of walls.
     """
     simulator = Simulator(world, sensors=Sensors(odometer=odometer))
-    readings = [simulator.reset(rng, first_pose(waypoints))]
-    truth = [simulator.pose]
-    for leg, waypoint in enumerate(waypoints[1:], start=1):
-        for reading in _drive_to(simulator, waypoint, driving):
-            readings.append(reading)
-            truth.append(simulator.pose)
-            if simulator.collided:
-                raise InputError(world.name, "a tour clear of walls", "a wall", place=f"leg {leg}")
-    return Journey(readings=tuple(readings), truth=np.array(truth))
+    return lead(simulator, world, waypoints, rng, partial(_drive_to, simulator, driving=driving))
 
 
 def _drive_to(simulator: Simulator, waypoint: Points, driving: Driving) -> Iterator[Reading]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -67,10 +68,33 @@ def guided_tour(
         InputError: The robot bumped into something: the tour is not clear of walls.
     """
     simulator = Simulator(world, sensors=Sensors(odometer=odometer))
+    go_to = partial(follow_leg, simulator, steps=steps)
+    return lead(simulator, world, waypoints, rng, go_to)
+
+
+def lead(
+    simulator: Simulator,
+    world: World,
+    waypoints: Points,
+    rng: np.random.Generator,
+    go_to: Callable[[Points], Iterable[Reading]],
+) -> Journey:
+    """Lead a simulated robot through the waypoints and return what it saw.
+
+    Args:
+        simulator: The robot, in `world`.
+        world: The world.
+        waypoints: Where it is led; it sets out from the first, facing the second (m).
+        rng: Where its sensors' errors come from.
+        go_to: Takes it to a waypoint, a reading at a time.
+
+    Raises:
+        InputError: The robot bumped into something: the tour is not clear of walls.
+    """
     readings = [simulator.reset(rng, first_pose(waypoints))]
     truth = [simulator.pose]
     for leg, waypoint in enumerate(waypoints[1:], start=1):
-        for reading in follow_leg(simulator, waypoint, steps):
+        for reading in go_to(waypoint):
             readings.append(reading)
             truth.append(simulator.pose)
             if simulator.collided:

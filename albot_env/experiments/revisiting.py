@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from albot_core.errors import InputError
 from albot_env.experiments.drawing import draw_map
 from albot_env.experiments.driven_tour import driven_tour, views_apart
 from albot_env.experiments.guided_tour import Journey
 from albot_env.experiments.mapping import MAPPERS, MappedJourney, map_readings
-from albot_env.experiments.report import Figures
+from albot_env.experiments.report import Figures, Report
+from albot_env.experiments.seeds import one_by_one
 from albot_env.experiments.shape import SHAPE_BOUND, Shape, median_and_worst, shape_of
 from albot_maps import World, load_world
 
@@ -113,24 +113,56 @@ class Drives:
         return figure
 
 
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """What sets one such experiment apart from another."""
+
+    id: str
+    title: str
+    paper: Mapping[str, Figures]
+    """The thesis's figures."""
+    spacing: Spacing
+    """How far apart the views are."""
+    most_updates: float
+    """The map is to be updated at no larger share of the views."""
+
+
+def run_drives(
+    experiment: Experiment, seeds: range, progress: Callable[[int], None], text: str
+) -> Report:
+    """Drive the tour, once a seed, and report on the shape that each mapper's map has.
+
+    Raises:
+        InputError: No seeds.
+    """
+    drives = drive(experiment.spacing, seeds, progress)
+    few = drives.update_share("albot1") <= experiment.most_updates
+    return Report(
+        id=experiment.id,
+        title=experiment.title,
+        paper=experiment.paper,
+        measured=drives.figures(),
+        holds=drives.keeps_shape("albot1") and few,
+        text=text,
+        pictures={"maps": drives.picture()},
+    )
+
+
 def drive(spacing: Spacing, seeds: range, progress: Callable[[int], None]) -> Drives:
     """Drive the tour, once a seed, and map it with every mapper.
 
     Raises:
         InputError: No seeds.
     """
-    if not len(seeds):
-        raise InputError("seeds", "at least one", "none")
     world = load_world(WORLD)
     journeys = []
     by_mapper: dict[str, list[Drive]] = {name: [] for name in MAPPERS}
-    for done, seed in enumerate(seeds, start=1):
+    for seed in one_by_one(seeds, progress):
         ridden = driven_tour(world, world.tours[TOUR], np.random.default_rng(seed))
         journey = views_apart(ridden, spacing.distance, spacing.turn)
         for name in MAPPERS:
             by_mapper[name].append(map_drive(name, world, journey))
         journeys.append(journey)
-        progress(done)
     return Drives(
         world=world,
         journeys=tuple(journeys),

@@ -62,8 +62,6 @@ class WallIndex:
         grid: bool = True,
     ) -> None:
         self._reach = reach
-        self._mount = mount
-        self._spread = spread
         self._grid = grid
         x, y = mount
         mount = float(x), float(y)

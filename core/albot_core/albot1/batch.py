@@ -7,53 +7,33 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
+from albot_core.albot1.attending import Robot, attend
 from albot_core.albot1.config import Albot1Config
 from albot_core.albot1.exits import (
-    GATE,
     Exits,
-    leave_exits,
     no_exits,
-    rebuilt_exits,
-    stored_exits,
 )
-from albot_core.albot1.following import ASTRAY, CROSSED, SUSPECTED, TROD, Lens, Robots, follow
-from albot_core.albot1.mapping import LOST, STEP, STRANGE, UPDATED_AT, UPDATES
+from albot_core.albot1.following import TROD, Lens, Robots, follow
+from albot_core.albot1.mapping import LOST, UPDATES
 from albot_core.albot1.memory import (
     ALIVE,
-    USED,
-    VISIT,
     Memory,
-    arouse_from,
-    begin_visit,
     empty_memory,
-    enlarged,
     forget,
     living,
-    move_visits,
-    rebuilt_memory,
-    room_left,
-    seen_in_visit,
-    stored_memory,
-    suspect_still,
 )
+from albot_core.albot1.memory_state import enlarged
 from albot_core.albot1.network import START, PlaceNetwork
-from albot_core.albot1.network_state import rebuilt_network, stored_network
-from albot_core.albot1.places import turned_round
 from albot_core.albot1.recognition import moved
+from albot_core.albot1.robot_state import STANDING, check_standing, rebuilt_arrays, stored_arrays
 from albot_core.albot1.sight import (
     Sight,
     copy_sight,
     empty_sight,
-    rebuilt_sight,
-    stored_sight,
 )
 from albot_core.albot1.storage import COLUMNS, addresses_of
-from albot_core.albot1.structure import joined
-from albot_core.albot1.treading import follow_home, tread
-from albot_core.albot1.updating import update_map
+from albot_core.albot1.treading import follow_home
 from albot_core.albot1.wayfinding import way_lines
-from albot_core.errors import InputError
-from albot_core.geometry.poses import transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mapper import EXIT, POINT, TRAVEL
 from albot_core.parcel import Packer
@@ -224,14 +204,9 @@ class Albot1Batch:
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Everything that one remembers, as arrays by name."""
         memory, sight, exits = self._arrays[row]
-        state = {"progress": self._robots.progress[row].copy()}
-        state["since"] = self._robots.since[row].copy()
-        state["trod"] = self._robots.trod[row].copy()
-        network = stored_network(self._networks[row])
-        state |= {f"places.{name}": array for name, array in network.items()}
-        state |= {f"exits.{name}": array for name, array in stored_exits(exits).items()}
-        state |= {f"memory.{name}": array for name, array in stored_memory(memory).items()}
-        return state | {f"view.{name}": array for name, array in stored_sight(sight).items()}
+        robots, network = self._robots, self._networks[row]
+        standing = {name: getattr(robots, name)[row].copy() for name in STANDING}
+        return standing | stored_arrays(memory, sight, exits, network)
 
     def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
         """Let one become the one that returned `state`.
@@ -239,26 +214,14 @@ class Albot1Batch:
         Raises:
             InputError: The arrays contradict each other.
         """
-        memory = rebuilt_memory(_part(state, "memory."))
-        sight = rebuilt_sight(_part(state, "view."), len(state["memory.ids"]))
-        progress, since = state["progress"], state["since"]
-        if progress.shape != (5,) or (progress < 0).any():
-            raise InputError("progress", "5 counts", str(progress.tolist()))
-        if since.shape != (3,) or not np.isfinite(since).all():
-            raise InputError("since", "three finite numbers", str(since.tolist()))
-        exits = rebuilt_exits(_part(state, "exits."))
-        network = rebuilt_network(_part(state, "places."), self.config.places)
-        if len(network.visits) != memory.counts[VISIT] + 1:
-            expected = f"the map's {memory.counts[VISIT]} visits"
-            raise InputError("places.visits", expected, str(len(network.visits) - 1))
-        if state["trod"].shape != (3,) or not np.isfinite(state["trod"]).all():
-            raise InputError("trod", "three finite numbers", str(state["trod"].tolist()))
+        check_standing(state)
+        memory, sight, exits, network = rebuilt_arrays(state, self.config.places)
         self._arrays[row] = memory, sight, exits
         self._networks[row] = network
         self._forget_ways(row)
         self._settle(row)
-        self._robots.progress[row], self._robots.since[row] = progress, since
-        self._robots.trod[row] = state["trod"]
+        for name in STANDING:
+            getattr(self._robots, name)[row] = state[name]
         self._robots.surfaces[row] = memory.counts[ALIVE]
         moved(sight.pose, self._robots.since[row], self._robots.poses[row])
 
@@ -275,88 +238,22 @@ class Albot1Batch:
         self._current_places[row] = network.current
 
     def _attend(self, row: int) -> None:
-        """See to what happened to one at its last reading (chapter 4)."""
-        events, network = self._robots.events[row], self._networks[row]
-        if events & ASTRAY:
-            self._lose(row)
-        elif events & CROSSED:
-            self._cross(row)
-        elif self._arrays[row][2].counts[1] == GATE:
-            pass  # between two places there is no telling which it is in
-        elif network.lost_since:
-            self._find(row)
-        elif events & SUSPECTED:
-            self._suspect(row)
-        if events & TROD:
-            sight = self._arrays[row][1]
-            tread(network, self._robots.poses[row], sight.surfaces[: sight.size[0]])
-            if events == TROD:
-                return
-        self._stand(row)
+        """See to what happened to one at its last reading."""
+        robot, events = self._robot(row), int(self._robots.events[row])
+        attend(robot, events, self._limits)
+        if events != TROD:
+            self._robots.surfaces[row] = robot.memory.counts[ALIVE]
+            self._stand(row)
 
-    def _cross(self, row: int) -> None:
-        """One has crossed an exit: remember the place left, and enter the next."""
-        memory, sight, exits = self._arrays[row]
-        gate = exits.gate
-        line = gate[:4] if gate[4] > 0 else turned_round(gate[:4])
-        step = int(self._robots.progress[row, STEP])
-        self._networks[row].remember_place(step, line, seen_in_visit(memory), sight.pose)
-        leave_exits(exits, *sight.pose[:2])
-        self._begin_visit(row)
-
-    def _begin_visit(self, row: int) -> None:
-        """Begin a visit, and lay the present view over the map as its first (Alg. 5, line 16)."""
-        memory, sight, _ = self._arrays[row]
-        if memory.counts[VISIT] + 2 >= len(memory.met) or room_left(memory) < sight.size[0]:
-            self._enlarge(row)
-            memory, sight, _ = self._arrays[row]
-        begin_visit(memory, self._networks[row].suspicions())
-        update_map(memory, sight, self._limits)
-        progress = self._robots.progress[row]
-        progress[UPDATED_AT] = progress[STEP] - 1
-        progress[UPDATES] += 1
-        progress[STRANGE] = 0
-        self._robots.surfaces[row] = memory.counts[ALIVE]
-
-    def _suspect(self, row: int) -> None:
-        """One has met again many surfaces of an earlier visit: is it there?"""
-        memory, sight, _ = self._arrays[row]
-        network, step = self._networks[row], int(self._robots.progress[row, STEP])
-        met = memory.met[: len(network.visits), 0]
-        suspect_still(memory, memory.met[: len(network.visits), 1])
-        if network.recognize_place(step, met, self._before_it(row), sight.pose):
-            arouse_from(memory, network.suspicions())
-
-    def _before_it(self, row: int) -> Segments:
-        """The surfaces that one has seen in its present visit, those in view among them."""
-        memory, sight, _ = self._arrays[row]
-        view = transform_segments(sight.pose, sight.surfaces[: sight.size[0]])
-        return joined(seen_in_visit(memory), view, self.config.places.alike)
-
-    def _lose(self, row: int) -> None:
-        """One sees nothing of what should be there: it was moved."""
-        memory, sight, exits = self._arrays[row]
-        exits.counts[:] = 0
-        before = memory.ids[: memory.counts[USED]] < self._robots.next_ids[row]
-        present = memory.marks[: memory.counts[USED]] == memory.counts[VISIT]
-        alive = living(memory)
-        seen = memory.surfaces[: memory.counts[USED]][before & present & alive]
-        self._networks[row].lose(int(self._robots.progress[row, STEP]), seen, sight.pose)
-        self._begin_visit(row)
-
-    def _find(self, row: int) -> None:
-        """One that has lost its way looks where it may be."""
-        memory, sight, exits = self._arrays[row]
-        network, step = self._networks[row], int(self._robots.progress[row, STEP])
-        first = network.lost_since
-        motion = network.find(step, self._before_it(row), sight.pose)
-        if motion is None:
-            return
-        move_visits(memory, first, motion)
-        moved(motion, sight.pose.copy(), sight.pose)
-        self._robots.poses[row] = sight.pose
-        exits.counts[:] = 0
-        arouse_from(memory, network.suspicions())
+    def _robot(self, row: int) -> Robot:
+        robots = self._robots
+        return Robot(
+            *self._arrays[row],
+            network=self._networks[row],
+            progress=robots.progress[row],
+            pose=robots.poses[row],
+            next_id=int(robots.next_ids[row]),
+        )
 
     def _settle(self, row: int) -> None:
         """Tell the kernel where a robot's arrays are."""
@@ -380,10 +277,3 @@ class Albot1Batch:
             thresholds=view.thresholds,
             fit_lines=view.fit_lines,
         )
-
-
-def _part(state: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
-    """The arrays whose names begin with a prefix, without it."""
-    return {
-        name.removeprefix(prefix): array for name, array in state.items() if name.startswith(prefix)
-    }

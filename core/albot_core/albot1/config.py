@@ -11,9 +11,12 @@ from jaxtyping import Float64
 
 from albot_core.errors import InputError
 from albot_core.perception.view import ViewConfig
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
 TURN_STEP = math.radians(1.0)
 """Turns are tried this far apart (rad)."""
+
+_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 class Alike(NamedTuple):
@@ -88,15 +91,13 @@ class PlacesConfig:
     """Events remembered; the oldest are forgotten first."""
 
     def __post_init__(self) -> None:
-        for name in ("shortest", "gap", "angle", "shift", "turn", "agreement"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"PlacesConfig.{name}", "above 0", str(getattr(self, name)))
-        for name in ("least_share", "suspicion_share"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"PlacesConfig.{name}", "within [0, 1]", str(getattr(self, name)))
-        for name in ("fewest_matches", "fewest_met", "most_met", "fewest_found", "events_kept"):
-            if getattr(self, name) < 1:
-                raise InputError(f"PlacesConfig.{name}", "at least 1", str(getattr(self, name)))
+        check_fields(self, POSITIVE, "shortest", "gap", "angle", "turn", "agreement")
+        check_fields(self, POSITIVE, "look_spacing", "look_turn")
+        check_fields(self, SHARE, "least_share", "suspicion_share")
+        counts = "fewest_matches", "fewest_met", "most_met", "fewest_found", "events_kept"
+        check_fields(self, _FROM_ONE, *counts)
+        if not self.shift > 0:
+            raise InputError("PlacesConfig.shift", "above 0", str(self.shift))
 
     @property
     def alike(self) -> Alike:
@@ -166,26 +167,11 @@ class Albot1Config:
     """…nor are wider ones (m): a doorway's typical size is about 1 m (section 4.1.1)."""
 
     def __post_init__(self) -> None:
-        for name in (
-            "landmark_length",
-            "landmark_angle",
-            "landmark_gap",
-            "turn_cost",
-            "reach",
-            "motion_error",
-            "turn_error",
-            "exit_least",
-            "exit_most",
-        ):
-            if not 0 < getattr(self, name) < np.inf:
-                raise InputError(f"Albot1Config.{name}", "above 0", str(getattr(self, name)))
-        for name in ("view_spacing", "view_turn", "margin", "turn_search"):
-            if not 0 <= getattr(self, name) < np.inf:
-                raise InputError(f"Albot1Config.{name}", "0 or above", str(getattr(self, name)))
-        if self.fewest_landmarks < 1:
-            raise InputError(
-                "Albot1Config.fewest_landmarks", "at least 1", str(self.fewest_landmarks)
-            )
+        lengths = "landmark_length", "landmark_gap", "reach", "motion_error"
+        angles = "landmark_angle", "turn_cost", "turn_error"
+        check_fields(self, POSITIVE, *lengths, *angles, "exit_least", "exit_most")
+        check_fields(self, NOT_NEGATIVE, "view_spacing", "view_turn", "margin", "turn_search")
+        check_fields(self, _FROM_ONE, "fewest_landmarks")
 
     @classmethod
     def improved(cls) -> Albot1Config:

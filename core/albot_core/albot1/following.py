@@ -10,7 +10,7 @@ from numba import njit
 from albot_core.albot1.config import Limits
 from albot_core.albot1.exits import cross_exit, remember_exits
 from albot_core.albot1.mapping import STEP, STRANGE, map_step
-from albot_core.albot1.memory import ALIVE, NEXT_ID, SUSPECT, room_left
+from albot_core.albot1.memory import ALIVE, NEXT_ID, SUSPECT, VISIT, Memory, room_left
 from albot_core.albot1.recognition import length_of, moved, wrap
 from albot_core.albot1.sight import Sight, copy_sight
 from albot_core.albot1.storage import ROOM, exits_at, memory_at, sight_at
@@ -118,6 +118,18 @@ def _has_gone_on(pose: np.ndarray, trod: np.ndarray) -> bool:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
+def _has_room(memory: Memory, previous: Sight, current: Sight) -> bool:
+    """Whether the map has room for all that may come of a view.
+
+    A view is laid over the map when it is new and when the next is, but once; and again
+    where a visit begins with it.
+    """
+    surfaces = previous.size[0] + 2 * current.size[0]
+    visits = memory.counts[VISIT] + 2
+    return bool(room_left(memory) >= surfaces and visits < memory.met.shape[0])
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def _follow(
     robots: Robots,
     row: int,
@@ -136,9 +148,7 @@ def _follow(
     if progress[STEP] == 0 or not _is_near(since, limits):
         _look(ranges, lens, limits, current)
         memory = memory_at(robots.table[row])
-        # A view is laid over the map when it is new and when the next is, but once.
-        surfaces = previous.size[0] + current.size[0]
-        if room_left(memory) < surfaces or current.size[0] > robots.table[row, ROOM]:
+        if not _has_room(memory, previous, current) or current.size[0] > robots.table[row, ROOM]:
             return False
         x, y = previous.pose[0], previous.pose[1]
         robots.next_ids[row] = memory.counts[NEXT_ID]

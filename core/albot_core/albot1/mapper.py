@@ -105,7 +105,7 @@ class Albot1:
     @property
     def events(self) -> tuple[Event, ...]:
         """What happened to the network and why: each acceptance and refusal, in order."""
-        return tuple(self._robot.network(0).events)
+        return tuple(self._robot.network(0).record.events)
 
     @property
     def way_home(self) -> WayHome:

@@ -23,7 +23,7 @@ _SHAPES = {
     "links": ("exits", 2),
     "visits": ("visits",),
     "displacements": ("visits", 3),
-    "standing": (5,),
+    "standing": (4,),
     "displacement": (3,),
     "looked_from": ("looks", 3),
     "events": ("events", COLUMNS),
@@ -51,7 +51,6 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
         "standing": np.array(
             (
                 network.current,
-                network.came_from,
                 network.next_id,
                 network.lost_since,
                 network.trail.last,
@@ -62,7 +61,7 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
         "looked_from": np.reshape(
             [] if network.looked_from is None else network.looked_from, (-1, 3)
         ).astype(float),
-        "events": np.array([event.row() for event in network.events]),
+        "events": np.array([event.row() for event in network.record.events]),
         "trail": np.column_stack((network.trail.points, network.trail.places)),
         "trail_links": network.trail.homewards.links,
     }
@@ -81,12 +80,12 @@ def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> P
     network.visits = stored["visits"].tolist()
     network.displacements = list(stored["displacements"].copy())
     standing = stored["standing"].tolist()
-    network.current, network.came_from, network.next_id, network.lost_since = standing[:4]
+    network.current, network.next_id, network.lost_since = standing[:3]
     network.trail = _trail(stored)
     network.displacement = stored["displacement"].copy()
     looked_from = stored["looked_from"].copy()
     network.looked_from = looked_from[-1] if len(looked_from) else None
-    network.events = [Event.of_row(row) for row in stored["events"]]
+    network.record.events = [Event.of_row(row) for row in stored["events"]]
     return network
 
 
@@ -112,7 +111,7 @@ def _trail(stored: Mapping[str, np.ndarray]) -> Trail:
     trail.points = stored["trail"][:, :2].copy()
     trail.places = stored["trail"][:, 2].astype(np.int64)
     trail.homewards = rebuilt_homewards(len(trail.points), stored["trail_links"])
-    trail.last = int(stored["standing"][4])
+    trail.last = int(stored["standing"][3])
     return trail
 
 
@@ -140,9 +139,9 @@ def _check_places(stored: Mapping[str, np.ndarray]) -> None:
         raise InputError("places.sizes", f"counts that add up to {totals}", "others")
     _check_links(ids, sizes[:, 1].tolist(), stored["links"].tolist())
     _check_trail(ids, stored)
-    current, came_from, next_id, lost_since, _ = stored["standing"].tolist()
+    current, next_id, lost_since, _ = stored["standing"].tolist()
     visits = stored["visits"].tolist()
-    known = current in ids and came_from in (-1, *ids) and set(visits[1:]) <= set(ids)
+    known = current in ids and set(visits[1:]) <= set(ids)
     if not known or visits[:1] != [-1] or visits[-1] != current:
         raise InputError(
             "places.visits", "visits to known places, the last to the present one", "others"
@@ -156,7 +155,7 @@ def _check_places(stored: Mapping[str, np.ndarray]) -> None:
 
 def _check_trail(ids: list[int], stored: Mapping[str, np.ndarray]) -> None:
     points, ends = len(stored["trail"]), stored["trail_links"][:, :2]
-    last = int(stored["standing"][4])
+    last = int(stored["standing"][3])
     if not (np.isin(stored["trail"][:, 2], ids).all() and -1 <= last < points):
         raise InputError("places.trail", "points of known places", "others")
     if ((ends < 0) | (ends >= points)).any() or (stored["trail_links"][:, 2] <= 0).any():

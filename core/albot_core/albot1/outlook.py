@@ -11,8 +11,9 @@ import numpy as np
 from numba import njit
 
 from albot_core.albot1.config import Limits
-from albot_core.albot1.memory import Memory, surfaces_ending_in
+from albot_core.albot1.memory import Memory
 from albot_core.albot1.recognition import heading_of, length_of, seen_along
+from albot_core.albot1.search import surfaces_ending_in
 from albot_core.albot1.sight import Sight
 
 

@@ -8,6 +8,8 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Float64
 
+from albot_core.albot1.structure import Likeness
+
 
 class Happening(IntEnum):
     """What can happen."""
@@ -101,3 +103,60 @@ class Event:
 
 
 _FIELDS = tuple(Event.__dataclass_fields__)
+
+
+class Record:
+    """The last happenings, the oldest first.
+
+    Args:
+        kept: How many are remembered.
+        start: The id of the place that the robot set out from.
+    """
+
+    def __init__(self, kept: int, start: int) -> None:
+        self._kept = kept
+        self.events: list[Event] = [Event(step=1, what=Happening.SET_OUT, place=start, other=-1)]
+
+    def note(self, event: Event) -> None:
+        """Remember a happening, and forget the oldest if they are too many."""
+        self.events.append(event)
+        del self.events[: -self._kept]
+
+    def explain(
+        self,
+        step: int,
+        what: Happening,
+        place: int,
+        other: int,
+        likeness: Likeness,
+        met: int = 0,
+        needed: int = 0,
+    ) -> None:
+        """Remember that two places were compared, and how alike they were."""
+        self.note(
+            Event(
+                step=step,
+                what=what,
+                place=place,
+                other=other,
+                met=met,
+                needed=needed,
+                matches=likeness.matches,
+                left=likeness.left,
+                right=likeness.right,
+                share=likeness.share,
+            )
+        )
+
+    def glimpsed(self) -> set[int]:
+        """Places suspected, but refused, in the visit before the present one to a new place."""
+        begun, glimpsed = False, set()
+        for event in reversed(self.events):
+            if event.what == Happening.REFUSED:
+                if begun and event.needed >= 0:
+                    glimpsed.add(event.other)
+            elif begun or event.what != Happening.NEW:
+                break
+            else:
+                begun = True
+        return glimpsed

@@ -14,11 +14,12 @@ import numpy as np
 from numba import njit
 
 from albot_core.albot1.config import Limits
-from albot_core.albot1.memory import NEVER, VISIT, Memory, meet_again
+from albot_core.albot1.memory import NEVER, VISIT, Memory
 from albot_core.albot1.outlook import beside, remembered_nearby, seen_before, seen_now
 from albot_core.albot1.recognition import wrap
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.albot1.turning import LINE_GAP, likeliest_turn
+from albot_core.albot1.visits import meet_again
 from albot_core.perception.surfaces import NO_EDGE
 
 POINT_NOISE, POINT_NOISE_GROWTH = 0.05, 0.02

@@ -10,13 +10,13 @@ from albot_core.albot1.memory import (
     VISIT,
     Memory,
     add_surface,
-    meet_again,
     move_surface,
     remove_surface,
-    surfaces_ending_in,
 )
 from albot_core.albot1.recognition import length_of
+from albot_core.albot1.search import surfaces_ending_in
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
+from albot_core.albot1.visits import meet_again
 from albot_core.perception.surfaces import NO_EDGE
 
 SHORTEST = 0.10
@@ -106,7 +106,7 @@ def is_covered(polygon: np.ndarray, box: np.ndarray, margin: float, x: float, y:
 
 
 @njit(cache=True, error_model="numpy")
-def _counterpart(old: np.ndarray, laid: np.ndarray, taken: np.ndarray, limits: Limits) -> int:
+def counterpart(old: np.ndarray, laid: np.ndarray, taken: np.ndarray, limits: Limits) -> int:
     """The surface of the view that shows the same wall as the old one, or -1.
 
     The same wall: nearly the same direction, side by side or end to end, and the nearest.
@@ -134,7 +134,7 @@ def _counterpart(old: np.ndarray, laid: np.ndarray, taken: np.ndarray, limits: L
 
 
 @njit(cache=True, error_model="numpy")
-def _extended(new: np.ndarray, old: np.ndarray, outer: int, out: np.ndarray) -> bool:
+def extended(new: np.ndarray, old: np.ndarray, outer: int, out: np.ndarray) -> bool:
     """Write the new surface drawn out to the old one's outer end; false where it reaches it."""
     length = length_of(new)
     ux, uy = (new[2] - new[0]) / length, (new[3] - new[1]) / length
@@ -191,7 +191,7 @@ def _look_whose(
         return
     if length_of(old) < limits.landmark_length:
         return
-    if _counterpart(old, laid, nothing, limits) >= 0:
+    if counterpart(old, laid, nothing, limits) >= 0:
         meet_again(memory, slot)
 
 
@@ -223,7 +223,7 @@ def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
             remove_surface(memory, slot)
         elif first or second:  # Alg. 3, line 11
             outer = 1 if first else 0
-            k = _counterpart(old, laid, taken, limits)
+            k = counterpart(old, laid, taken, limits)
             if k < 0:
                 _cut(old, outer, polygon, box, limits.margin, changed)
                 edges[outer], edges[1 - outer] = memory.edges[slot, outer], NO_EDGE
@@ -233,7 +233,7 @@ def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
                     move_surface(memory, slot, changed, edges)
                 continue
             edges[0], edges[1] = sight.edges[k, 0], sight.edges[k, 1]
-            if _extended(laid[k], old, outer, changed):
+            if extended(laid[k], old, outer, changed):
                 edges[outer] = memory.edges[slot, outer]
                 # The end in view is no longer the end in the map.
                 sight.edges[k, outer] = NO_EDGE

@@ -62,11 +62,6 @@ class Place:
         lines = np.reshape([door.line for door in self.exits], (-1, 4)).astype(float)
         return transform_segments(self.frame, lines)
 
-    @property
-    def placed_surfaces(self) -> Segments:
-        """Its surfaces in the map's frame (m)."""
-        return transform_segments(self.frame, self.surfaces)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Network:

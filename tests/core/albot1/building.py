@@ -7,6 +7,7 @@ import numpy as np
 from albot_core.albot1.config import PlacesConfig
 from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import middle
+from albot_core.albot1.revisiting import recognize_place
 from albot_core.geometry.poses import compose, transform_segments
 
 SIDE = 8.0
@@ -70,7 +71,7 @@ class Walker:
         met = [20 if self.rooms[visit] == self.room else 0 for visit in visits]
         met[-1] = 0
         counts = np.array(met, np.int32)
-        return self.network.recognize_place(self.step, counts, self.seen(), self.pose())
+        return recognize_place(self.network, self.step, counts, self.seen(), self.pose())
 
 
 def check_links(network: PlaceNetwork) -> None:

@@ -104,7 +104,7 @@ def test_maps_grow_and_are_emptied() -> None:
     assert isinstance(batch, Albot1Batch)
     assert isinstance(single, Albot1)
     for _ in range(2):
-        for reading in tiles(40):  # all strange, so that every other one is laid over the map
+        for reading in tiles(60):  # all strange, so that every other one is laid over the map
             geometry = reading.laser.geometry
             motions, ranges = reading.motion[None], reading.laser.ranges[None]
             everyone = Readings(
@@ -115,7 +115,7 @@ def test_maps_grow_and_are_emptied() -> None:
             )
             batch.update(np.array([2, 0]), everyone)
             single.update(reading)
-        assert len(single.surfaces) > 300
+        assert len(single.surfaces) > 400
         same(batch, 0, single)
         same(batch, 2, single)
         assert batch.surface_counts[1] == 0

@@ -14,16 +14,14 @@ from albot_core.albot1.memory import (
     Memory,
     add_surface,
     empty_memory,
-    enlarged,
     forget,
     living,
     move_surface,
-    rebuilt_memory,
     remove_surface,
     room_left,
-    stored_memory,
-    surfaces_ending_in,
 )
+from albot_core.albot1.memory_state import enlarged, rebuilt_memory, stored_memory
+from albot_core.albot1.search import surfaces_ending_in
 from albot_core.errors import InputError
 
 coordinate = st.floats(-30, 30)

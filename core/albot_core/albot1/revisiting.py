@@ -1,0 +1,122 @@
+"""Recognising places that are visited again (algorithms 6 and 8)."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Int32
+
+from albot_core.albot1.network import PlaceNetwork
+from albot_core.albot1.places import Site
+from albot_core.albot1.record import Happening
+from albot_core.albot1.structure import Likeness, compare
+from albot_core.geometry.poses import compose, inverse, relative
+from albot_core.geometry.types import Pose, Segments
+
+
+def recognize_place(
+    network: PlaceNetwork, step: int, met: Int32[np.ndarray, "visits"], seen: Segments, pose: Pose
+) -> bool:
+    """Enough surfaces of earlier visits were met again (algorithms 6 and 8).
+
+    Args:
+        network: What it knows of places.
+        step: The view at which they were.
+        met: How many surfaces of each visit were met again in the present one.
+        seen: The surfaces of the map that were seen in the present visit (m).
+        pose: Where the robot is in the map.
+
+    Returns:
+        Whether the present place was found to be that of an earlier visit.
+    """
+    if not _looks_again(network, pose):
+        return False
+    needed = network.suspicions()
+    suspects = np.flatnonzero(met > needed)
+    for visit in suspects[np.argsort(-met[suspects], kind="stable")].tolist():
+        other = network.sites[network.visits[visit]]
+        guess = compose(network.displacements[visit], other.frame)
+        likeness = compare(seen, other.surfaces, guess, pose, network.config.alike)
+        accepted = _is_confirmed(network, likeness, other, pose)
+        what = Happening.RECOGNIZED if accepted else Happening.REFUSED
+        counts = {"met": int(met[visit]), "needed": int(needed[visit])}
+        network.record.explain(step, what, network.current, other.id, likeness, **counts)
+        if accepted:
+            network.identify(step, other, _settled(network, guess, likeness, seen, other, pose))
+            return True
+    return False
+
+
+def find(network: PlaceNetwork, step: int, seen: Segments, pose: Pose) -> Pose | None:
+    """Look for the present place among all that are known, wherever they may be.
+
+    Returns:
+        How the map since the loss must be moved to join on to what was known before;
+        None where no place is recognised.
+    """
+    if not _looks_again(network, pose):
+        return None
+    first = network.visits[network.lost_since]
+    known = [site for site in network.sites.values() if site.id < first]
+    anywhere = network.config.alike._replace(shift=np.inf, turn=np.pi)
+    found = [(site, compare(seen, site.surfaces, network.frame, pose, anywhere)) for site in known]
+    confirmed = [
+        (site, likeness) for site, likeness in found if _is_found(network, likeness, site, pose)
+    ]
+    if not confirmed:
+        return None
+    site, likeness = max(confirmed, key=lambda pair: (pair[1].matches, -pair[0].id))
+    network.record.explain(step, Happening.FOUND, network.current, site.id, likeness)
+    learned = network.displacements[network.visits.index(site.id)]
+    motion = compose(compose(learned, site.frame), inverse(likeness.pose))
+    for strange in network.sites.values():
+        if strange.id >= first:
+            frame = compose(motion, compose(network.displacement, strange.frame))
+            strange.frame = relative(learned, frame)
+    back = compose(relative(learned, motion), network.displacement)
+    network.trail.move(network.trail.places >= first, back, None)
+    network.displacement, network.lost_since = learned, 0
+    network.identify(step, site, compose(motion, likeness.pose))
+    return motion
+
+
+def _looks_again(network: PlaceNetwork, pose: Pose) -> bool:
+    """Whether the robot has gone or turned enough since the last comparison."""
+    if network.looked_from is not None:
+        x, y, turn = relative(network.looked_from, pose)
+        if np.hypot(x, y) < network.config.look_spacing and abs(turn) < network.config.look_turn:
+            return False
+    network.looked_from = pose.copy()
+    return True
+
+
+def _is_confirmed(network: PlaceNetwork, likeness: Likeness, site: Site, pose: Pose) -> bool:
+    """Algorithm 6, line 11: more than 4 surfaces match, on both sides of the robot.
+
+    A place's description holds what is seen through its exits. So we ask as well that
+    the robot would stand within the place: otherwise it may be next door.
+    """
+    config = network.config
+    return site.holds(relative(likeness.pose, pose)[:2]) and (
+        likeness.matches > config.fewest_matches
+        and min(likeness.left, likeness.right) > 0
+        and likeness.share >= config.least_share
+    )
+
+
+def _is_found(network: PlaceNetwork, likeness: Likeness, site: Site, pose: Pose) -> bool:
+    """Whether a robot that may be anywhere knows the place again. This is ours."""
+    enough = likeness.matches >= network.config.fewest_found
+    return enough and _is_confirmed(network, likeness, site, pose)
+
+
+def _settled(
+    network: PlaceNetwork, believed: Pose, found: Likeness, seen: Segments, other: Site, robot: Pose
+) -> Pose:
+    """Where a recognised place's frame lies: where it was believed to, if that will do.
+
+    An alignment by few surfaces is good to some 40 cm, the map is often better: it is
+    corrected only where fewer surfaces are the same without.
+    """
+    near = network.config.alike._replace(shift=network.config.agreement, turn=np.radians(10.0))
+    likeness = compare(seen, other.surfaces, believed, robot, near)
+    return believed if likeness.matches >= found.matches - 1 else found.pose

@@ -1,0 +1,63 @@
+"""Whose surfaces are whose: the visits to places in which the map's were seen (chapter 4)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from albot_core.albot1.memory import SUSPECT, USED, VISIT, Memory, move_surface
+
+
+@njit(cache=True, error_model="numpy")
+def meet_again(memory: Memory, slot: int) -> None:
+    """Note that a surface is in view; one of an earlier visit may arouse a suspicion."""
+    visit, now = memory.marks[slot], memory.counts[VISIT]
+    if visit == now:
+        return
+    if memory.met_in[slot] != now:
+        memory.met_in[slot] = now
+        memory.met[visit, 0] += 1
+    if memory.met[visit, 0] > memory.met[visit, 1]:
+        memory.counts[SUSPECT] = visit
+
+
+@njit(cache=True, error_model="numpy")
+def move_visits(memory: Memory, first: int, pose: np.ndarray) -> None:
+    """Move all that was seen in the visits from `first` on: what was at the origin is at `pose`."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    moved = np.empty(4)
+    for slot in range(memory.counts[USED]):
+        if memory.ids[slot] >= 0 and memory.marks[slot] >= first:
+            for end in range(2):
+                x, y = memory.surfaces[slot, 2 * end], memory.surfaces[slot, 2 * end + 1]
+                moved[2 * end] = pose[0] + cos * x - sin * y
+                moved[2 * end + 1] = pose[1] + sin * x + cos * y
+            move_surface(memory, slot, moved, memory.edges[slot])
+
+
+def seen_in_visit(memory: Memory) -> np.ndarray:
+    """(n, 4) float64: the surfaces seen in the present visit, in the map's frame (a copy)."""
+    used = memory.counts[USED]
+    present = (memory.ids[:used] >= 0) & (memory.marks[:used] == memory.counts[VISIT])
+    return np.asarray(memory.surfaces[:used][present])
+
+
+def begin_visit(memory: Memory, needed: np.ndarray) -> None:
+    """Begin a new visit, for which there must be room.
+
+    `needed` (visits + 1,): with more surfaces of a visit met again than this, suspicion arises.
+    """
+    memory.counts[VISIT] += 1
+    arouse_from(memory, needed)
+
+
+def arouse_from(memory: Memory, needed: np.ndarray) -> None:
+    """Count the surfaces met again anew; `needed` is as for `begin_visit`."""
+    memory.met[: len(needed), 0] = 0
+    memory.met[: len(needed), 1] = needed
+    suspect_still(memory, needed)
+
+
+def suspect_still(memory: Memory, needed: np.ndarray) -> None:
+    """Allay all suspicions but those for which nothing at all needs to be met again."""
+    memory.counts[SUSPECT] = int(np.argmin(needed)) if (needed < 0).any() else 0
