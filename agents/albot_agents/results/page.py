@@ -56,7 +56,7 @@ def read_figures(path: Path) -> list[dict[str, Any]]:
     if not path.exists():
         return []
     try:
-        rows = json.loads(path.read_text())
+        rows: list[dict[str, Any]] = json.loads(path.read_text())
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise InputError(path, "figures in JSON", str(error)) from None
     named = {"task", "agent", "odometer", "kind", "command", "episodes"}
