@@ -15,6 +15,7 @@ from albot_agents.scripted.nearest_frontier import NearestFrontier
 from albot_agents.scripted.oracle import Oracle
 from albot_agents.scripted.path_integration import PathIntegration
 from albot_agents.scripted.place_judge import PlaceJudge
+from albot_agents.scripted.round_trip import RoundTripAgent
 from albot_agents.scripted.wanderer import Wanderer
 from albot_agents.trained.agent_file import SUFFIX, AgentFile, read_agent
 from albot_agents.trained.shipped import shipped_agents
@@ -89,6 +90,10 @@ AGENTS = {
     ),
     Wanderer.name: AgentEntry(
         summary="Acts at random: the lower bound.", make=lambda _: Wanderer(), mapper="none"
+    ),
+    RoundTripAgent.name: AgentEntry(
+        summary="Explores while there is time, and drives home before it is up.",
+        make=RoundTripAgent,
     ),
 }
 """The scripted agents by name, in the order of the alphabet."""

@@ -15,6 +15,9 @@ from numba import njit
 
 from albot_core.geometry.directions import turned
 
+TIME_KNEE = 0.05
+"""Share of the longest time up to which the scale of times is nearly linear."""
+
 _ONE = 2.0**32
 """A cell in fixed-point numbers, in which loops over cells need no conversions: a negative
 cell, taken as unsigned, is beyond every grid."""
@@ -302,4 +305,4 @@ def find_home(belief: np.ndarray, where: np.ndarray, home: np.ndarray) -> None:
 @njit(cache=True, error_model="numpy")
 def observe_time(left: float, longest: float) -> float:
     """Time left (s) as a number from -1 at none to 1 at `longest` and more, finest where short."""
-    return log_scale(max(left, 0.0), 0.05 * longest, longest)
+    return log_scale(max(left, 0.0), TIME_KNEE * longest, longest)

@@ -22,6 +22,7 @@ from albot_core.perception.reading import LaserGeometry, Reading, SonarGeometry
 from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.coverage import Coverage, CoverageConfig
 from albot_env.tasks.kernels import (
+    TIME_KNEE,
     find_nearest,
     observe_confidence,
     observe_exit,
@@ -272,6 +273,16 @@ class ObservationConfig:
     def ranges(self, laser: Float[np.ndarray, "beams"]) -> Float64[np.ndarray, "beams"]:
         """The ranges (m) that the `laser` part stands for, `laser_range` where nothing was."""
         return _inverse_log_scale(-laser, self.laser_knee, self.laser_range)
+
+    def travel_home(self, scaled: float | np.floating) -> float:
+        """The travel (m) that the `confidence` part stands for; infinite at -1."""
+        outside = max((1.0 - float(scaled)) / 2, 1e-9)
+        return self.home_near / self.home_drift / math.sqrt(max(-2 * math.log(outside), 1e-12))
+
+    def time_left(self, scaled: float | np.floating) -> float:
+        """The time (s) that the `time_left` part stands for, `time_range` at the most."""
+        times = np.array((float(scaled),))
+        return float(_inverse_log_scale(times, TIME_KNEE * self.time_range, self.time_range)[0])
 
     def home_distance(self, scaled: float | np.floating) -> float:
         """The distance (m) that the last number of the `home` part stands for."""

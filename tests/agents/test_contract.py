@@ -18,10 +18,13 @@ JUDGES = {"place-judge"}
 """Those who judge places and drive nothing."""
 EITHER = {"random"}
 """Those who do the one or the other."""
-DRIVERS = [name for name in AGENTS if name not in JUDGES]
+TIMED = "Albot/ExploreAndHome-v0"
+"""Where the robot knows what time is left."""
+DRIVERS = [name for name in AGENTS if name not in JUDGES | {"round-trip"}]
 WHO_ACTS_WHERE = [
     *((name, environment) for name in DRIVERS for environment in DRIVEN),
     *((name, environment) for name in sorted(JUDGES | EITHER) for environment in JUDGED),
+    ("round-trip", TIMED),
     *((name, file.task) for name in agent_names() if (file := find_agent(name).file)),
 ]
 
@@ -54,6 +57,7 @@ def test_the_agents_are_these() -> None:
         "path-integration",
         "place-judge",
         "random",
+        "round-trip",
     )
 
 

@@ -31,6 +31,18 @@ def make_sense(observation: Any, config: ObservationConfig) -> Senses:
     )
 
 
+def sense_time_left(observation: Any, config: ObservationConfig) -> float:
+    """The time left (s)."""
+    parts = observation if isinstance(observation, dict) else config.split(observation)
+    return config.time_left(parts["time_left"][0])
+
+
+def sense_travel_home(observation: Any, config: ObservationConfig) -> float:
+    """The length of the travel that the belief of home rests on (m)."""
+    parts = observation if isinstance(observation, dict) else config.split(observation)
+    return config.travel_home(parts["confidence"][0])
+
+
 def sense_way(observation: Any, config: ObservationConfig) -> Points | None:
     """The point ahead on the believed way home, in the robot's frame (m); None for none."""
     if "way" not in config.shapes:

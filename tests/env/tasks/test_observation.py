@@ -19,7 +19,7 @@ from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks.coverage import Coverage
 from albot_env.tasks.exploration import ExploreConfig
-from albot_env.tasks.kernels import observe_confidence
+from albot_env.tasks.kernels import observe_confidence, observe_time
 from albot_env.tasks.observation import HOMEWARD, ObservationConfig
 from tests.env.conftest import drive
 
@@ -117,6 +117,17 @@ def test_confidence_falls_with_travel_as_a_normal_distribution_widens() -> None:
     near = [observe_confidence(travel, 0.05, 1.0) for travel in (0.0, 20.0, 60.0, np.inf)]
     inside = [1.0, 1 - np.exp(-0.5), 1 - np.exp(-0.5 / 9), 0.0]
     assert near == pytest.approx([2 * share - 1 for share in inside])
+
+
+@given(st.floats(1.0, 300.0))
+@settings(deadline=None)
+def test_travel_and_time_are_read_back(number: float) -> None:
+    confidence = np.float32(observe_confidence(number, CONFIG.home_drift, CONFIG.home_near))
+    if number > 5.0:  # Nearer home the confidence is all but 1.
+        assert CONFIG.travel_home(confidence) == pytest.approx(number, rel=1e-2)
+    shown = np.float32(observe_time(number, CONFIG.time_range))
+    assert CONFIG.time_left(shown) == pytest.approx(number, rel=1e-4)
+    assert CONFIG.travel_home(-1.0) > 1e3
 
 
 def test_a_sector_shows_its_nearest_beam() -> None:
