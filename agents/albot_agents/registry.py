@@ -43,7 +43,7 @@ class AgentEntry:
     @property
     def observing(self) -> ObservationConfig:
         """How environments make the observations that it is used to."""
-        return USUAL if self.file is None else self.file.observing
+        return (self.file and self.file.observing) or USUAL
 
     def environment(self, task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
         """What an environment is made with so that it can act in it.

@@ -27,7 +27,7 @@ def list_agents(as_json: bool) -> None:
     for name in agent_names():
         entry = find_agent(name)
         row: dict[str, Any] = {"name": name, "summary": entry.summary, "mapper": entry.mapper}
-        row["knows_truth"] = make_agent(name).knows_truth
+        row["knows_truth"] = entry.file is None and make_agent(name).knows_truth
         if entry.file is not None:
             row |= {"task": entry.file.task, "card": str(card_of(name))}
         rows.append(row)

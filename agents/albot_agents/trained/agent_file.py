@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from albot_agents.plain import Where, merged, plain, read_config, read_fields
+from albot_agents.plain import Where, plain, read_config, read_fields
 from albot_agents.task import config_kind, for_one, read_settings, task_names
 from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import TrainingPlan
@@ -24,8 +24,8 @@ SUFFIX = ".albot"
 
 KEPT_SETTINGS = ("mapper", "laser", "sonar", "scenes", "action", "config")
 """Settings of the environment by which an agent sees and acts; of `config`…"""
-KEPT_CONFIG = ("observations", "actions")
-"""…these."""
+KEPT_CONFIG = ("observations", "actions", "tour")
+"""…these, where the task has them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +71,11 @@ class AgentFile:
     """How it came to be."""
 
     @property
-    def observing(self) -> ObservationConfig:
-        """How the environment made observations."""
-        data = self.settings["config"]["observations"]
+    def observing(self) -> ObservationConfig | None:
+        """How the environment made observations; None where it is not for its users to choose."""
+        data = self.settings["config"].get("observations")
+        if data is None:
+            return None
         return read_config(ObservationConfig, data, Where("the agent's observations"))
 
     def save(self, path: Path) -> None:
@@ -132,16 +134,19 @@ def read_agent(path: Path) -> AgentFile:
     return AgentFile(**fields, weights=weights)
 
 
-def kept_settings(settings: Mapping[str, Any], observing: Any) -> dict[str, Any]:
+def kept_settings(task: str, settings: Mapping[str, Any], observing: Any) -> dict[str, Any]:
     """Those settings of an environment by which an agent sees and acts, as plain data.
 
     Args:
+        task: Id of the environment.
         settings: The settings.
         observing: How the environment makes observations, fitted to its sensors.
     """
     kept = {name: plain(settings[name]) for name in KEPT_SETTINGS if name in settings}
-    config = {key: value for key, value in kept.get("config", {}).items() if key in KEPT_CONFIG}
-    return kept | {"config": merged(config, {"observations": plain(observing)})}
+    config = plain(settings.get("config") or config_kind(task)())
+    if "observations" in config:
+        config["observations"] = plain(observing)
+    return kept | {"config": {key: config[key] for key in KEPT_CONFIG if key in config}}
 
 
 def _check_settings(
@@ -156,6 +161,8 @@ def _check_settings(
     config = settings.get("config")
     if not isinstance(config, Mapping) or set(config) - set(KEPT_CONFIG):
         raise where.error(f"a mapping with {' and '.join(KEPT_CONFIG)}", shown(config))
+    if "observations" not in config:
+        return
     where = where.at("observations")
     observing = read_config(ObservationConfig, config.get("observations"), where)
     # Nothing is made of this size before it is known to be that of arrays that are there.

@@ -36,8 +36,8 @@ class TrainedAgent:
         self._file = file
         self._parts = tuple(observing.shapes)
         self._network = Network(file.network, file.weights)
-        trained = file.settings.get("config", {}).get("observations", {})
-        apart = differences(plain(observing), trained)
+        trained = file.settings["config"].get("observations")
+        apart = [] if trained is None else differences(plain(observing), trained)
         if apart:
             raise InputError(name, "observations as in its training", "; ".join(apart))
         (length,) = observing.flat_space.shape

@@ -32,7 +32,7 @@ class Exporter:
         if isinstance(single.get("world"), list):
             single["world"] = single["world"][0]
         env = gymnasium.make(plan.task, **single)
-        self._settings = kept_settings(settings, env.get_wrapper_attr("observing"))
+        self._settings = kept_settings(plan.task, settings, env.get_wrapper_attr("observing"))
         self._inputs = spaces.flatdim(env.observation_space)
         self._discrete = isinstance(env.action_space, spaces.Discrete)
         env.close()
