@@ -73,7 +73,7 @@ def command(
     mapped = score(run.believed, truth, true_relations)
     figures = report(recorded, run, mapped, odometry)
     if recognition:
-        figures["recognition"] = recognition_figures(recorded, truth)
+        figures["recognition"] = recognition_figures(recorded, truth, run.believed)
     title = f"{mapper} on {recorded.name}"
     figures["files"] = write_files(out, title, run, truth) if out else None
     if out and figures.get("recognition"):

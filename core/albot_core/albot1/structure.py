@@ -56,12 +56,14 @@ def compare(mine: Segments, theirs: Segments, guess: Pose, robot: Pose, alike: A
         alike: What is taken for the same.
     """
     pose, count = np.array(guess, float), np.zeros(3, np.int64)
-    share = _compare(_rows(mine, alike), _rows(theirs, alike), guess, robot, alike, pose, count)
+    share = _compare(
+        described(mine, alike), described(theirs, alike), guess, robot, alike, pose, count
+    )
     return Likeness(pose, int(count[0]), int(count[1]), int(count[2]), float(share))
 
 
-def _rows(surfaces: Segments, alike: Alike) -> Float64[np.ndarray, "n 8"]:
-    """The rows of the surfaces that are compared: the longest, in their order."""
+def described(surfaces: Segments, alike: Alike) -> Float64[np.ndarray, "n 8"]:
+    """The rows of the surfaces that are compared: the longest, in their order (m; n, 8)."""
     rows = np.empty((len(surfaces), 8))
     rows = rows[: _describe_all(np.ascontiguousarray(surfaces), alike.shortest, rows)]
     if len(rows) > MOST_COMPARED:
@@ -107,7 +109,7 @@ def _pair(
 
 
 @njit(cache=True, error_model="numpy")
-def _suppose(one: np.ndarray, other: np.ndarray, anchor: int, pose: np.ndarray) -> None:
+def suppose(one: np.ndarray, other: np.ndarray, anchor: int, pose: np.ndarray) -> None:
     """The pose under which `other` lies on `one`: by first ends, last ends, or middles."""
     pose[2] = wrap(one[5] - other[5])
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
@@ -118,7 +120,7 @@ def _suppose(one: np.ndarray, other: np.ndarray, anchor: int, pose: np.ndarray) 
 
 
 @njit(cache=True, error_model="numpy")
-def _is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, alike: Alike) -> bool:
+def is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, alike: Alike) -> bool:
     """Whether a place at `pose` is about where it is looked for, seen from the robot."""
     turn = wrap(pose[2] - guess[2])
     if abs(turn) > alike.turn:
@@ -164,8 +166,8 @@ def _likeliest(
     for j in range(mine.shape[0]):
         for k in range(theirs.shape[0]):
             for anchor in range(3):
-                _suppose(mine[j], theirs[k], anchor, pose)
-                if not _is_near(pose, guess, robot, alike):
+                suppose(mine[j], theirs[k], anchor, pose)
+                if not is_near(pose, guess, robot, alike):
                     continue
                 found = _pair(mine, theirs, pose, alike, pairs)
                 if found > most:

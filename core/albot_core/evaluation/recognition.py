@@ -1,16 +1,21 @@
-"""How well places are recognised by their structure: precision and recall.
+"""How well places are recognised by what is seen there: precision and recall, and detection.
 
-Along a log whose true poses are known the robot describes, every SPACING of its way, where it
-is: the surfaces within SIGHT of it in the views of the last TRAIL, laid together by its
-odometer. Each description is compared (`albot1.structure.compare`, wherever and however turned)
-with all of those from at least APART of its way before, and claims that it is the one with
-which it has most surfaces in common; of equals the one with the greater share of length.
+Along a log whose true poses are known the robot keeps, every few metres of its way, an outlook:
+what it saw in the last part of it, laid together by how it believed to move. Each is held
+against all those from at least APART of way before, wherever the map has them and however turned
+(`agreement`).
 
-A claim is right where the two true positions are within NEAR of each other, whatever the
-headings. A description is a *query* where any of those that it is compared with is so near:
-it could be recognised. With claims counted only from some score on, *precision* is the share of
-them that is right, false alarms at places never seen before included, and *recall* the share of
-queries with a right claim. Granström et al. (2011) measure pairs of laser scans likewise.
+**Places.** Every outlook claims to be where the one is with which it agrees best. A claim is
+right where the two true positions are within NEAR of each other, whatever the headings. An
+outlook is a *query* where any of those that it is held against is so near: it could be
+recognised. With claims counted only from some agreement on, *precision* is the share of them
+that is right, false alarms at places never seen before included, and *recall* the share of
+queries with a right claim.
+
+**Pairs.** Every pair of outlooks is a test, as in Granström et al. (2009, 2011), who tell pairs of
+laser scans taken within 3 m of each other from others. The *detection rate* is the share found
+of the pairs that are within NEAR, the *false alarm rate* the share taken for such of all others.
+There is no gap between: the others begin just beyond NEAR.
 """
 
 from __future__ import annotations
@@ -21,121 +26,135 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from albot_core.albot1.config import Alike, PlacesConfig
-from albot_core.albot1.structure import compare, joined
-from albot_core.geometry.poses import inverse, transform_segments
-from albot_core.geometry.types import Poses, Segments
+from albot_core.albot1.config import PlacesConfig
+from albot_core.evaluation.agreement import agreement
+from albot_core.evaluation.outlooks import outlooks
+from albot_core.geometry.poses import relative
+from albot_core.geometry.types import Poses
 from albot_core.perception.reading import Reading
-from albot_core.perception.view import ViewConfig, construct_view
 
-SPACING = 3.0
-"""A description is made so often (m)…"""
-SIGHT = 8.0
-"""…of what is no farther than this from the robot (m), and was seen in the last…"""
-TRAIL = 8.0
-"""…of its way (m)."""
 APART = 10.0
-"""Descriptions nearer along the way are not compared (m)."""
+"""Outlooks nearer along the way are not compared (m)."""
 NEAR = 3.0
 """True positions no farther apart than this are one place (m)."""
-LARGEST = 28
-"""Of a description only so many surfaces are kept, the longest."""
+SURELY = 0.9 * NEAR
+"""Two are taken for one only where they seem to be no farther apart than this (m)."""
+LEAP = 0.5
+"""Where belief and odometer differ by more from one reading to the next (m), the robot did not
+move so but found out where it was: there the odometer is believed."""
+NEVER = -9.0
+"""What is not taken for the same agrees so well, which is less than any that is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recognition:
-    """All claims, and how many queries there were."""
+    """All claims, how many queries there were, and all pairs."""
 
     scores: Float64[np.ndarray, "claims"]
-    """Matching surfaces of each claim, and as a fraction the share of length, below 1."""
+    """How well each claim's outlooks agree."""
     right: Bool[np.ndarray, "claims"]
     """Whether it is right."""
     queries: int
-    """How many descriptions could be recognised."""
+    """How many outlooks could be recognised."""
+    pair_scores: Float64[np.ndarray, "pairs"]
+    """How well each pair of outlooks agrees."""
+    pair_near: Bool[np.ndarray, "pairs"]
+    """Whether they truly are of one place."""
 
     @property
     def curve(self) -> Float64[np.ndarray, "thresholds 2"]:
-        """Recall and precision with ever fewer surfaces asked for; a row for each score."""
-        order = np.argsort(-self.scores, kind="stable")
-        scores, right = self.scores[order], np.cumsum(self.right[order])
-        last = np.flatnonzero(np.append(scores[1:] != scores[:-1], True)[: len(scores)])
-        claims = last + 1.0
-        return np.stack((right[last] / max(self.queries, 1), right[last] / claims), -1)
+        """Recall and precision with ever less agreement asked for; a row for each score."""
+        counts = _counted(self.scores, self.right)
+        return np.stack((counts[:, 0] / max(self.queries, 1), counts[:, 0] / counts.sum(1)), -1)
 
     def recall_at(self, precision: float) -> float:
         """The greatest recall at which the precision is at least this; 0 where it never is."""
         recalls = [recall for recall, reached in self.curve.tolist() if reached >= precision]
         return max(recalls, default=0.0)
 
+    @property
+    def pair_curve(self) -> Float64[np.ndarray, "thresholds 2"]:
+        """Detection and false alarm rate of pairs with ever less agreement asked for."""
+        near = int(self.pair_near.sum())
+        totals = np.maximum((near, len(self.pair_near) - near), 1)
+        return _counted(self.pair_scores, self.pair_near) / totals
+
+    def detection_at(self, false_alarms: float) -> float:
+        """The greatest detection rate with no more than this share of false alarms."""
+        rates = [found for found, wrong in self.pair_curve.tolist() if wrong <= false_alarms]
+        return max(rates, default=0.0)
+
+
+def _counted(
+    scores: Float64[np.ndarray, "all"], right: Bool[np.ndarray, "all"]
+) -> Float64[np.ndarray, "thresholds 2"]:
+    """How many are right, and how many wrong, from each score on, the greatest first."""
+    order = np.argsort(-scores, kind="stable")
+    scores, hits = scores[order], np.cumsum(right[order])
+    last = np.flatnonzero(np.append(scores[1:] != scores[:-1], True)[: len(scores)])
+    return np.stack((hits[last], last + 1 - hits[last]), -1).astype(float)
+
 
 def measure_recognition(
-    readings: Sequence[Reading], truth: Poses, alike: Alike | None = None
+    readings: Sequence[Reading], truth: Poses, believed: Poses | None = None
 ) -> Recognition:
     """Measure how well the places of a log are recognised.
 
     Args:
         readings: What the robot sensed.
-        truth: Where it truly was at each reading (m, rad).
-        alike: What is taken for the same; by default the default mapper's thresholds, with
-            the place looked for anywhere.
+        truth: Where it truly was at each reading (m, rad). It tells right from wrong alone.
+        believed: Where a mapper believed it to be, in its map's frame; by default as its
+            odometer says.
     """
-    alike = alike or PlacesConfig.improved().alike._replace(shift=np.inf, turn=np.pi)
-    at, ways, described = _describe(readings, alike)
-    where = truth[at, :2]
-    nowhere = np.zeros(3)
-    scores, right, queries = [], [], 0
-    for k, mine in enumerate(described):
+    alike = PlacesConfig.improved().alike._replace(shift=NEAR, turn=np.pi)
+    found = outlooks(readings, _motions(readings, believed), alike)
+    where, ways = truth[[one.at for one in found], :2], np.array([one.way for one in found])
+    claims, right, queries = [], [], 0
+    all_scores, all_near = [np.empty(0)], [np.empty(0, np.bool_)]
+    pose = np.zeros(3)
+    for k, mine in enumerate(found):
         earlier = np.flatnonzero(ways <= ways[k] - APART)
         if not len(earlier):
             continue
         near = np.hypot(*(where[earlier] - where[k]).T) <= NEAR
+        scores = np.empty(len(earlier))
+        for i, j in enumerate(earlier.tolist()):
+            theirs = found[j]
+            scores[i] = agreement(
+                mine.surfaces,
+                mine.points,
+                mine.ground,
+                theirs.surfaces,
+                theirs.points,
+                theirs.ground,
+                alike,
+                pose,
+            )
+            if np.hypot(pose[0], pose[1]) > SURELY:
+                scores[i] = NEVER
         queries += bool(near.any())
-        found = [compare(mine, described[j], nowhere, nowhere, alike) for j in earlier]
-        score = np.array([likeness.matches + 0.999 * min(likeness.share, 1) for likeness in found])
-        best = int(np.argmax(score))
-        scores.append(score[best])
-        right.append(near[best])
-    return Recognition(scores=np.array(scores, float), right=np.array(right, bool), queries=queries)
+        best = int(np.argmax(scores))
+        if scores[best] > NEVER:
+            claims.append(scores[best])
+            right.append(near[best])
+        all_scores.append(scores)
+        all_near.append(near)
+    return Recognition(
+        scores=np.array(claims, float),
+        right=np.array(right, bool),
+        queries=queries,
+        pair_scores=np.concatenate(all_scores),
+        pair_near=np.concatenate(all_near),
+    )
 
 
-def _describe(
-    readings: Sequence[Reading], alike: Alike
-) -> tuple[list[int], Float64[np.ndarray, "descriptions"], list[Segments]]:
-    """The readings at which a description is made, the way to them (m), and what it is."""
-    config = ViewConfig(fit_lines=True)
-    steps = [float(np.hypot(*reading.motion[:2])) for reading in readings]
-    ways = np.cumsum([0.0, *steps[1:]])
-    seen, since = np.empty((0, 4)), np.empty(0)
-    at: list[int] = []
-    described = []
-    for k, reading in enumerate(readings):
-        if k:
-            seen = transform_segments(inverse(reading.motion), seen)
-        view = construct_view(reading.laser, config).surfaces
-        seen, since = _laid(seen, since, view, float(ways[k]), alike)
-        if ways[k] >= (ways[at[-1]] + SPACING if at else 0.0):
-            at.append(k)
-            described.append(_longest(seen))
-    return at, ways[at], described
-
-
-def _laid(
-    seen: Float64[np.ndarray, "old 4"],
-    since: Float64[np.ndarray, "old"],
-    view: Float64[np.ndarray, "new 4"],
-    way: float,
-    alike: Alike,
-) -> tuple[Float64[np.ndarray, "kept 4"], Float64[np.ndarray, "kept"]]:
-    """The surfaces near and not long seen, with a view; and where on the way each was seen."""
-    both = joined(seen, view, alike)
-    known = {surface.tobytes(): when for surface, when in zip(seen, since, strict=True)}
-    when = np.array([known.get(surface.tobytes(), way) for surface in both])
-    middles = 0.5 * (both[:, :2] + both[:, 2:])
-    kept = (np.hypot(middles[:, 0], middles[:, 1]) <= SIGHT) & (when >= way - TRAIL)
-    return both[kept], when[kept]
-
-
-def _longest(surfaces: Float64[np.ndarray, "all 4"]) -> Float64[np.ndarray, "kept 4"]:
-    """The longest surfaces, as many as are kept."""
-    lengths = np.hypot(*(surfaces[:, 2:] - surfaces[:, :2]).T)
-    return surfaces[np.sort(np.argsort(-lengths, kind="stable")[:LARGEST])]
+def _motions(readings: Sequence[Reading], believed: Poses | None) -> Poses:
+    """How the robot believed to move to each reading from the one before (m, rad)."""
+    motions = np.array([reading.motion for reading in readings])
+    if believed is None:
+        return motions
+    steps = motions.copy()
+    steps[1:] = relative(believed[:-1], believed[1:])
+    leaps = np.hypot(*(steps - motions)[:, :2].T) > LEAP
+    steps[leaps] = motions[leaps]
+    return steps

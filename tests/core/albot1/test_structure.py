@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.albot1.config import Alike, PlacesConfig
-from albot_core.albot1.structure import MOST_COMPARED, _pair, _rows, compare, joined
+from albot_core.albot1.structure import MOST_COMPARED, _pair, compare, described, joined
 from albot_core.geometry.poses import compose, inverse, transform_segments, wrap_angle
 
 ANYWHERE = PlacesConfig(gap=0.2).alike
@@ -113,7 +113,7 @@ def test_nothing_is_like_nothing():
 def test_of_many_surfaces_the_longest_are_compared():
     rng = np.random.default_rng(1)
     many = walls(rng, 3 * MOST_COMPARED)
-    rows = _rows(many, ANYWHERE)
+    rows = described(many, ANYWHERE)
     lengths = np.hypot(*(many[:, 2:] - many[:, :2]).T)
     assert len(rows) == MOST_COMPARED
     np.testing.assert_allclose(np.sort(rows[:, 4]), np.sort(lengths)[-MOST_COMPARED:])
@@ -153,7 +153,7 @@ def test_surfaces_are_paired_as_the_slow_way_pairs_them(seed, spread):
     theirs = transform_segments(inverse(pose), crowd + rng.normal(0, spread, crowd.shape))
     alike = ANYWHERE._replace(angle=np.radians(15), gap=0.4)
     pairs = np.empty(len(theirs), np.int64)
-    rows_mine, rows_theirs = _rows(mine, alike), _rows(theirs, alike._replace(shortest=0.0))
+    rows_mine, rows_theirs = described(mine, alike), described(theirs, alike._replace(shortest=0.0))
     found = _pair(rows_mine, rows_theirs, pose, alike, pairs)
     expected = slow_pairs(mine, theirs, pose, alike)
     assert pairs.tolist() == expected

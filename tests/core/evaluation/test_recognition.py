@@ -11,12 +11,18 @@ from albot_core.perception.reading import Reading
 from tests.core.scenes import scan_from
 
 
-def test_the_curve_by_hand():
-    found = Recognition(
-        scores=np.array([3.0, 9.0, 5.0, 5.0, 7.0]),
-        right=np.array([False, True, False, True, True]),
-        queries=4,
+def claimed(scores: list[float], right: list[bool], queries: int) -> Recognition:
+    return Recognition(
+        scores=np.array(scores, float),
+        right=np.array(right, bool),
+        queries=queries,
+        pair_scores=np.array(scores, float),
+        pair_near=np.array(right, bool),
     )
+
+
+def test_the_curve_by_hand():
+    found = claimed([3.0, 9.0, 5.0, 5.0, 7.0], [False, True, False, True, True], queries=4)
     expected = [(1 / 4, 1), (2 / 4, 1), (3 / 4, 3 / 4), (3 / 4, 3 / 5)]
     np.testing.assert_allclose(found.curve, expected)
     assert found.recall_at(1.0) == 0.5
@@ -25,15 +31,24 @@ def test_the_curve_by_hand():
 
 
 def test_a_false_alarm_above_all_leaves_no_recall_without_one():
-    found = Recognition(scores=np.array([9.0, 5.0]), right=np.array([False, True]), queries=1)
+    found = claimed([9.0, 5.0], [False, True], queries=1)
     assert found.recall_at(1.0) == 0.0
     assert found.recall_at(0.5) == 1.0
 
 
 def test_nothing_claimed_is_nothing_recalled():
-    found = Recognition(scores=np.empty(0), right=np.empty(0, bool), queries=0)
+    found = claimed([], [], queries=0)
     assert found.curve.shape == (0, 2)
     assert found.recall_at(1.0) == 0.0
+
+
+def test_the_pairs_by_hand():
+    found = claimed([3.0, 9.0, 5.0, 5.0, 7.0], [False, True, False, True, True], queries=4)
+    expected = [(1 / 3, 0), (2 / 3, 0), (1, 1 / 2), (1, 1)]
+    np.testing.assert_allclose(found.pair_curve, expected)
+    assert found.detection_at(0.0) == 2 / 3
+    assert found.detection_at(0.49) == 2 / 3
+    assert found.detection_at(0.5) == 1.0
 
 
 def hall() -> np.ndarray:
