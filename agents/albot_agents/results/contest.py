@@ -42,6 +42,14 @@ CONTESTS = (
         task="Albot/Explore-v0",
         agents=("gap-explorer", "nearest-frontier", "random"),
     ),
+    Contest(task="Albot/ExploreAndHome-v0", agents=("round-trip", "random")),
+    # Rooms are the truth of places: the floor plans' are cut otherwise than robots see them.
+    Contest(
+        task="Albot/PlaceRecognition-v0",
+        agents=("place-judge", "random"),
+        kinds=(OFFICES, APARTMENTS),
+        settings={"journeys": 2**31},
+    ),
 )
 """All that the table holds."""
 
