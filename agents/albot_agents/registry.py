@@ -23,6 +23,11 @@ from albot_agents.trained.trained_agent import TrainedAgent
 from albot_core.errors import InputError
 from albot_env.tasks.observation import ObservationConfig
 
+EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
+ROUND_TRIP, PLACES = "Albot/ExploreAndHome-v0", "Albot/PlaceRecognition-v0"
+DRIVING = (EXPLORE, HOMING, ROUND_TRIP)
+"""The tasks in which a robot is driven."""
+
 USUAL = ObservationConfig()
 """How the environments make observations with the sensors that they have by default."""
 
@@ -37,6 +42,8 @@ class AgentEntry:
     """What makes it, for an environment that makes observations so."""
     mapper: str = "albot1"
     """The mapper that it is evaluated with where no other is asked for."""
+    tasks: tuple[str, ...] = DRIVING
+    """The tasks that it can do something in, well or badly."""
     file: AgentFile | None = None
     """What it was trained to, of a trained agent."""
 
@@ -87,21 +94,27 @@ AGENTS = {
     PlaceJudge.name: AgentEntry(
         summary="Judges which place it has seen before, by what agrees; it drives nothing.",
         make=PlaceJudge,
+        tasks=(PLACES,),
     ),
     Wanderer.name: AgentEntry(
-        summary="Acts at random: the lower bound.", make=lambda _: Wanderer(), mapper="none"
+        summary="Acts at random: the lower bound.",
+        make=lambda _: Wanderer(),
+        mapper="none",
+        tasks=(*DRIVING, PLACES),
     ),
     RoundTripAgent.name: AgentEntry(
         summary="Explores while there is time, and drives home before it is up.",
         make=RoundTripAgent,
+        tasks=(ROUND_TRIP,),
     ),
 }
 """The scripted agents by name, in the order of the alphabet."""
 
 
-def agent_names() -> tuple[str, ...]:
-    """The names of all agents: the scripted ones, then the trained ones that ship."""
-    return (*AGENTS, *shipped_agents())
+def agent_names(task: str | None = None) -> tuple[str, ...]:
+    """The names of all agents, or of those that can do a task: scripted ones, then trained ones."""
+    names = (*AGENTS, *shipped_agents())
+    return tuple(name for name in names if task is None or task in find_agent(name).tasks)
 
 
 def find_agent(name: str) -> AgentEntry:
@@ -123,6 +136,16 @@ def find_agent(name: str) -> AgentEntry:
     raise InputError("agent", expected, f"{name or 'nothing'}{hint(name, names)}")
 
 
+def check_agent(name: str, task: str) -> None:
+    """Refuse an agent that can do nothing in a task.
+
+    Raises:
+        InputError: There is no such agent, or it is none for the task.
+    """
+    if task not in find_agent(name).tasks:
+        raise InputError("agent", f"one for {task}: {', '.join(agent_names(task))}", name)
+
+
 def _trained(name: str, path: Path) -> AgentEntry:
     """The trained agent in a file."""
     file = read_agent(path)
@@ -130,6 +153,7 @@ def _trained(name: str, path: Path) -> AgentEntry:
         summary=f"Trained for {file.task} by {file.training.plan.algorithm}.",
         make=lambda observing: TrainedAgent(name, file, observing),
         mapper=file.settings.get("mapper", "albot1"),
+        tasks=(file.task,),
         file=file,
     )
 

@@ -79,10 +79,11 @@ def command(
     is 130 where Ctrl-C ended it before: then the figures are those of the episodes so far.
     """
     from albot_agents.evaluation.plan import parse_seeds, plan_trials
-    from albot_agents.registry import find_agent
+    from albot_agents.registry import check_agent, find_agent
     from albot_agents.task import check_task
 
     check_task(task)
+    check_agent(agent, task)
     entry = find_agent(agent)
     settings: dict[str, Any] = {"odometer": odometer}
     if mapper is not None:

@@ -146,12 +146,13 @@ def _run(
     import gymnasium
 
     from albot_agents.episode import begin_episode
-    from albot_agents.registry import find_agent, make_agent
+    from albot_agents.registry import check_agent, find_agent, make_agent
     from albot_cli.stage import open_stage
     from albot_env.recording.writer import EpisodeWriter
     from albot_env.tasks.explore import ENVIRONMENT, ExploreEnv
 
     settings = {"world": world, "mapper": mapper, "movables": not no_movables, **sensors}
+    check_agent(agent, ENVIRONMENT)
     settings = find_agent(agent).environment(ENVIRONMENT, settings)
     env = gymnasium.make(ENVIRONMENT, max_episode_steps=steps, **settings)
     driver = make_agent(agent, env.get_wrapper_attr("observing"))

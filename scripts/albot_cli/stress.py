@@ -72,13 +72,13 @@ def command(
     be. What is wrong is printed with the command that shows it again. The exit status is
     0 where nothing is, 1 where something is, and 130 where Ctrl-C ended it before.
     """
-    from albot_agents.registry import make_agent
+    from albot_agents.registry import EXPLORE, check_agent
     from albot_agents.stress.plan import plan_episodes
 
     _check_mapper(mapper)
     chosen = tuple(dict.fromkeys(agents))
     for name in chosen:
-        make_agent(name)
+        check_agent(name, EXPLORE)
     episodes = plan_episodes(worlds, chosen, count=count, first=seed, mapper=mapper, steps=steps)
     tally = _Tally()
     _run(episodes, jobs or os.cpu_count() or 1, tally)

@@ -10,23 +10,13 @@ import pytest
 
 from albot_agents.agent import Agent, choose
 from albot_agents.episode import begin_episode
-from albot_agents.registry import AGENTS, agent_names, find_agent, make_agent
+from albot_agents.registry import AGENTS, agent_names, check_agent, find_agent, make_agent
 from albot_core.errors import InputError
-from tests.env.quick import DRIVEN, JUDGED, QUICK
+from tests.env.quick import DRIVEN, IDS, JUDGED, QUICK
 
 JUDGES = {"place-judge"}
 """Those who judge places and drive nothing."""
-EITHER = {"random"}
-"""Those who do the one or the other."""
-TIMED = "Albot/ExploreAndHome-v0"
-"""Where the robot knows what time is left."""
-DRIVERS = [name for name in AGENTS if name not in JUDGES | {"round-trip"}]
-WHO_ACTS_WHERE = [
-    *((name, environment) for name in DRIVERS for environment in DRIVEN),
-    *((name, environment) for name in sorted(JUDGES | EITHER) for environment in JUDGED),
-    ("round-trip", TIMED),
-    *((name, file.task) for name in agent_names() if (file := find_agent(name).file)),
-]
+WHO_ACTS_WHERE = [(name, task) for task in IDS for name in agent_names(task)]
 
 
 def _begun(name: str, environment: str, form: str = "flat") -> tuple[Agent, Any]:
@@ -87,6 +77,12 @@ def test_who_does_not_know_the_truth_is_not_shown_it(
     monkeypatch.setattr(agent, "act", act)
     choose(agent, None, {"pose": 1})
     assert shown == [{"pose": 1} if name == "oracle" else {}]
+
+
+def test_an_agent_that_cannot_do_a_task_is_refused() -> None:
+    check_agent("random", "Albot/PlaceRecognition-v0")
+    with pytest.raises(InputError, match=r"one for Albot/Homing-v0: albot1-homing, .*place-judge"):
+        check_agent("place-judge", "Albot/Homing-v0")
 
 
 def test_an_unknown_agent_is_refused_with_a_hint() -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from albot_agents.registry import agent_names
+from albot_agents.registry import EXPLORE, agent_names
 from albot_agents.stress.plan import Episode
 from albot_agents.stress.run import Outcome, run_episode
 from albot_cli.main import main
@@ -33,14 +33,14 @@ def run(episode: Episode = SOUND) -> Outcome:
     return run_episode(episode, lambda step: None, Limits())
 
 
-@pytest.mark.parametrize("agent", agent_names())
+@pytest.mark.parametrize("agent", agent_names(EXPLORE))
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_is_wrong_in_random_worlds(kind: str, agent: str):
     episode = dataclasses.replace(SOUND, world=f"random:{kind}:1", agent=agent)
     assert run(episode) == Outcome(episode=episode, steps=30, violations=())
 
 
-@pytest.mark.parametrize("agent", agent_names())
+@pytest.mark.parametrize("agent", agent_names(EXPLORE))
 def test_nor_where_things_move(agent: str):
     world = "random:apartment:1?people=3&boxes=4&doors=2"
     episode = dataclasses.replace(SOUND, world=world, agent=agent, steps=60)
@@ -161,7 +161,7 @@ def test_a_wall_that_is_not_there_is_seen_through_and_play_shows_the_same(
     capsys.readouterr()
 
 
-@pytest.mark.parametrize("agent", agent_names())
+@pytest.mark.parametrize("agent", agent_names(EXPLORE))
 def test_play_runs_the_same_episode(
     agent: str,
     monkeypatch: pytest.MonkeyPatch,
