@@ -80,6 +80,7 @@ class Homing(Expedition):
         self._homecoming = Homecoming(
             distances=np.zeros(robots),
             initial=np.zeros(robots),
+            aversions=np.zeros(robots),
             driven=np.zeros(robots),
             turns=np.zeros((robots, 2)),
             declares=np.zeros(robots, np.bool_),

@@ -12,7 +12,7 @@ from albot_core.parcel import Parcel, opened
 from albot_env.tasks.standing import follow
 from albot_maps.geodesic_kernel import FAR, first_anchor
 
-TERMS = ("success", "false_declaration", "progress", "collision", "time")
+TERMS = ("success", "false_declaration", "progress", "facing", "collision", "time")
 """The reward's terms, in the order of the columns of `Standing.terms`."""
 
 
@@ -36,6 +36,8 @@ class Homecoming(NamedTuple):
     """(n,) float64: the true way home (m)."""
     initial: np.ndarray
     """(n,) float64: the same at the beginning (m)."""
+    aversions: np.ndarray
+    """(n,) float64: how far it looks away from where that turns next, from 0 to 1 right behind."""
     driven: np.ndarray
     """(n,) float64: how far it has truly driven since (m)."""
     turns: np.ndarray
@@ -84,6 +86,16 @@ def success_weighted(success: float, geodesic: float, driven: float) -> float:
     return success if longest <= 0.0 else success * (geodesic / longest)
 
 
+@njit(cache=True, error_model="numpy")
+def _aversion(pose: np.ndarray, turn: np.ndarray) -> float:
+    """How far a robot looks away from a point, (1 - cos) / 2: 0 ahead, 1 right behind."""
+    east, north = turn[0] - pose[0], turn[1] - pose[1]
+    away = math.hypot(east, north)
+    if away == 0.0:
+        return 0.0
+    return 0.5 - 0.5 * (math.cos(pose[2]) * east + math.sin(pose[2]) * north) / away
+
+
 @njit(cache=True, error_model="numpy", nogil=True)
 def appraise_homing(rows: np.ndarray, parcel: Parcel, elapsed: float) -> None:
     """Bring the standing of robots up to date after a survey, at the end of a step (s).
@@ -97,9 +109,10 @@ def appraise_homing(rows: np.ndarray, parcel: Parcel, elapsed: float) -> None:
     )
     for i in rows:
         moved = follow(i, cell_area, senses, findings, standing)
-        before = h.distances[i]
+        before, averse = h.distances[i], h.aversions[i]
         pose, start, terms = senses.poses[i], standing.starts[i], standing.terms[i]
         find_way(i, pose[0], pose[1], fields, h)
+        h.aversions[i] = _aversion(pose, h.turns[i])
         h.declared[i] = h.success[i] = False
         if standing.steps[i] == 0:
             h.initial[i], h.driven[i] = h.distances[i], 0.0
@@ -110,14 +123,18 @@ def appraise_homing(rows: np.ndarray, parcel: Parcel, elapsed: float) -> None:
                 apart = math.hypot(pose[0] - start[0], pose[1] - start[1])
                 h.success[i] = apart <= radius
             after = 0.0 if h.declared[i] else h.distances[i]
+            averse_after = 0.0 if h.declared[i] else h.aversions[i]
             terms[0] = weights[0] if h.success[i] else 0.0
             terms[1] = weights[1] if h.declared[i] and not h.success[i] else 0.0
             terms[2] = weights[2] * (before - discount * after)
-            terms[3] = weights[3] if collided[i] else 0.0
-            terms[4] = weights[4] * elapsed
+            terms[3] = weights[3] * (averse - discount * averse_after)
+            terms[4] = weights[4] if collided[i] else 0.0
+            terms[5] = weights[5] * elapsed
         h.spl[i] = success_weighted(1.0 if h.success[i] else 0.0, h.initial[i], h.driven[i])
         covered = 1.0
         if h.initial[i] > 0.0:
             covered = min(1.0, max(0.0, 1.0 - h.distances[i] / h.initial[i]))
         h.soft_spl[i] = success_weighted(covered, h.initial[i], h.driven[i])
-        standing.rewards[i] = terms[0] + terms[1] + terms[2] + terms[3] + terms[4]
+        standing.rewards[i] = (
+            terms[0] + terms[1] + terms[2] + terms[3] + terms[4] + terms[5]
+        )  # In this order, as the sum of the terms by name is.

@@ -45,10 +45,11 @@ class HomingWeights:
 
     Progress is shaped by a potential (Ng, Harada and Russell, Policy invariance under reward
     transformations, ICML 1999): Φ = -`progress` · true way home (m), and 0 once
-    home was declared. A step is worth `discount` · Φ after it - Φ before it, so that the
-    discounted terms of an episode that ends with a declaration sum to -Φ of its
-    beginning, whatever way the robot took, and the best policy is the one without
-    shaping.
+    home was declared; and so is which way the robot looks, by Φ = -`facing` · (1 - cos α) / 2, α
+    from its heading to where the true way home turns next. A step is worth `discount` · Φ after
+    it - Φ before it, so that the discounted terms of an episode that ends with a declaration
+    sum to -Φ of its beginning, whatever way the robot took, and the best policy is the one
+    without shaping.
     """
 
     success: float = 10.0
@@ -57,6 +58,9 @@ class HomingWeights:
     """For declaring home elsewhere."""
     progress: float = 0.1
     """For every metre that the way home gets shorter (1/m), see above."""
+    facing: float = 0.5
+    """For turning from right away from the way home to face it, see above: without it learners
+    who set out the wrong way drive on rather than turn."""
     collision: float = -0.1
     """For every step in contact with something."""
     time: float = -0.01

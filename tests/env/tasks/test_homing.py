@@ -107,6 +107,28 @@ def test_progress_sums_to_a_difference_of_potentials(two_rooms: World, declares:
     assert abs(info["distance_home"] - info["initial_distance_home"]) > 0.05
 
 
+def _aversion(info: dict[str, Any]) -> float:
+    """How far a robot looks away from where its way home turns, by numpy's own angles."""
+    to = info["next_turn_home"] - info["pose"][:2]
+    return float(1 - np.cos(np.arctan2(to[1], to[0]) - info["pose"][2])) / 2
+
+
+@pytest.mark.parametrize("declares", [False, True])
+def test_facing_sums_to_a_difference_of_potentials(two_rooms: World, declares: bool) -> None:
+    discount, weight = 0.9, 0.7
+    weights = HomingWeights(facing=weight, discount=discount)
+    env = _make(two_rooms, config=HomingConfig(weights=weights, outing=FAR.outing))
+    _, info = env.reset(seed=2)
+    begin, total = -weight * _aversion(info), 0.0
+    for step in range(20):
+        action = np.array((0, 0.8, 1 if declares and step == 19 else -1), np.float32)
+        info = env.step(action)[4]
+        total += discount**step * info["reward_terms"]["facing"]
+    end = 0.0 if declares else -weight * _aversion(info)
+    assert total == pytest.approx(discount**20 * end - begin, abs=1e-9)
+    assert abs(begin + weight * _aversion(info)) > 0.05
+
+
 def test_the_way_counts_from_where_the_agent_begins(two_rooms: World) -> None:
     env = _make(two_rooms, config=FAR)
     _, info = env.reset(seed=4)
