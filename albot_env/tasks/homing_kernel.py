@@ -93,7 +93,7 @@ def _aversion(pose: np.ndarray, turn: np.ndarray) -> float:
     away = math.hypot(east, north)
     if away == 0.0:
         return 0.0
-    return 0.5 - 0.5 * (math.cos(pose[2]) * east + math.sin(pose[2]) * north) / away
+    return float(0.5 - 0.5 * (math.cos(pose[2]) * east + math.sin(pose[2]) * north) / away)
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
