@@ -24,6 +24,9 @@ STEPS = 60
 OF_PLACES = {"place", "exit", "way"}
 """The parts of observations that only tell of the places that a mapper knows: in one place, or
 without such a mapper, they stand still."""
+OF_TRAVEL = {"confidence"}
+"""Home is certain, to a number's last digit, for the first metres, and many drive no more here;
+test_observation.py sees what comes then."""
 
 
 def _make(environment: str, **options: Any) -> gymnasium.Env[Any, Any]:
@@ -93,7 +96,8 @@ def test_every_kind_of_world_and_every_sensor(environment: str, options: dict[st
     assert all(step[0] in env.observation_space for step in seen)
     for name in seen[0][0]:
         values = {step[0][name].tobytes() for step in seen}
-        assert len(values) == 1 if name in OF_PLACES else len(values) > 3, name
+        if name not in OF_TRAVEL:
+            assert len(values) == 1 if name in OF_PLACES else len(values) > 3, name
 
 
 @pytest.mark.parametrize("environment", IDS)
@@ -128,7 +132,9 @@ def test_observations_are_inside_alive_and_their_own(environment: str, form: str
     arrays = [_arrays(observation) for observation in seen]
     names = list(seen[0]) if form == "dict" else [form]
     for name, part in zip(names, zip(*arrays, strict=True), strict=True):
-        assert name in OF_PLACES or len({array.tobytes() for array in part}) > STEPS / 10
+        assert (
+            name in OF_PLACES | OF_TRAVEL or len({array.tobytes() for array in part}) > STEPS / 10
+        )
     for k, ours in enumerate(arrays[1:], 1):
         assert not any(np.shares_memory(a, b) for a in ours for b in arrays[k - 1])
 
