@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from albot_agents.registry import agent_names
+from albot_agents.registry import EXPLORE, agent_names
 from albot_cli.main import main
 
 ALBOT = f'"{sys.executable}" -c "from albot_cli.main import main; main()"'
@@ -75,11 +75,11 @@ def test_the_module_is_the_command() -> None:
 
 
 @pytest.mark.parametrize("words", [("play",), ("stress",)])
-def test_help_names_every_agent(
+def test_help_names_every_agent_that_explores(
     words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["albot", *words, "--help"])
     with pytest.raises(SystemExit):
         main()
     shown = capsys.readouterr().out
-    assert all(name in shown for name in agent_names())
+    assert all(name in shown for name in agent_names(EXPLORE))
