@@ -98,7 +98,7 @@ def _begin(
         raise InputError("albot train", "a TASK, --config or --resume", "none")
     folder = RunFolder(out or free_folder(Path("runs"), plan))
     check_folder(folder.path)
-    folder.begin(plan, shlex.join(("albot", *sys.argv[1:])))
+    folder.begin(plan, _command(sys.argv[1:]))
     return folder, plan
 
 
@@ -135,3 +135,14 @@ def _as_text(result: dict[str, Any]) -> str:
     if result["stopped"]:
         lines.append(f"  go on with: albot train --resume {shlex.quote(result['folder'])}")
     return "\n".join(lines)
+
+
+def _command(words: list[str]) -> str:
+    """The command as others would type it: where its results go is not for them."""
+    kept, rest = ["albot"], iter(words)
+    for word in rest:
+        if word == "--out":
+            next(rest, None)
+        elif not word.startswith("--out="):
+            kept.append(word)
+    return shlex.join(kept)
