@@ -14,9 +14,10 @@ from albot_core.geometry.poses import relative, transform_points
 from albot_core.geometry.types import Points, Pose, Poses, Segments
 from albot_core.mapper import Mapper
 from albot_core.registry import make_mapper
-from albot_env.experiments.guided_tour import Journey, StartStop, guided_tour
+from albot_env.experiments.guided_tour import Journey, guided_tour
 from albot_env.experiments.report import Report
 from albot_env.experiments.seeds import one_by_one
+from albot_env.sim.start_stop import StartStop
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:

@@ -2,34 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.geometry.poses import relative, wrap_angle
+from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Points, Pose, Poses
 from albot_core.perception.reading import Reading
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
 from albot_env.sim.sensors import Sensors
 from albot_env.sim.simulator import Simulator
+from albot_env.sim.start_stop import THESIS_STEPS, StartStop, follow_leg
 from albot_maps.world import World
-
-
-@dataclass(frozen=True, kw_only=True)
-class StartStop:
-    """How far the robot is sent at a time before it stops and looks (thesis, section 3.1.2)."""
-
-    move: float = 1.0
-    """Longest move (m)."""
-    turn: float = np.radians(45.0)
-    """Largest turn (rad)."""
-
-    def __post_init__(self) -> None:
-        if not (self.move > 0 and self.turn > 0):
-            raise InputError("StartStop", "a move and a turn above 0", f"{self.move}, {self.turn}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,7 +43,7 @@ def guided_tour(
     waypoints: Points,
     rng: np.random.Generator,
     *,
-    steps: StartStop = StartStop(),
+    steps: StartStop = THESIS_STEPS,
     odometer: OdometerConfig = ODOMETERS["pioneer"],
 ) -> Journey:
     """Guide a robot through the waypoints and return what it saw.
@@ -106,19 +93,6 @@ def first_pose(waypoints: Points) -> Pose:
     """At the first waypoint, facing the second."""
     first = waypoints[1] - waypoints[0]
     return np.array([*waypoints[0], np.arctan2(first[1], first[0])])
-
-
-def follow_leg(simulator: Simulator, waypoint: Points, steps: StartStop) -> Iterator[Reading]:
-    """Turn towards the waypoint and go there; one reading a step."""
-    to = waypoint - simulator.pose[:2]
-    turn = float(wrap_angle(np.arctan2(to[1], to[0]) - simulator.pose[2]))
-    parts = int(np.ceil(abs(turn) / steps.turn - 1e-9))
-    for _ in range(parts):
-        yield simulator.turn(turn / parts)
-    distance = float(np.hypot(*(waypoint - simulator.pose[:2])))
-    parts = int(np.ceil(distance / steps.move - 1e-9))
-    for _ in range(parts):
-        yield simulator.move(distance / parts)
 
 
 def true_motions(journey: Journey) -> Poses:

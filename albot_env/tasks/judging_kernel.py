@@ -9,6 +9,8 @@ from numba import njit
 
 from albot_core.parcel import Parcel, opened
 from albot_env.tasks.kernels import find_home
+from albot_env.tasks.standing import Standing
+from albot_env.tasks.survey_kernel import Senses
 
 TERMS = ("right_known", "right_new", "false_known", "missed")
 """The reward's terms, in the order of the columns of `Standing.terms`: a place known as the one
@@ -130,7 +132,9 @@ def _weigh(i: int, wanted: float, j: Judgement) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _show(i, here, sheets, senses, standing, j) -> None:  # type: ignore[no-untyped-def]
+def _show(
+    i: int, here: int, sheets: Sheets, senses: Senses, standing: Standing, j: Judgement
+) -> None:
     """Let robot i stand at an arrival of its tour."""
     senses.poses[i] = sheets.poses[i, here]
     senses.beliefs[i] = sheets.beliefs[i, here]

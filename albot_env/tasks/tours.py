@@ -21,8 +21,8 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Segments
 from albot_core.perception.reading import Reading
-from albot_env.experiments.guided_tour import StartStop, follow_leg
 from albot_env.sim.simulator import Simulator
+from albot_env.sim.start_stop import THESIS_STEPS, follow_leg
 from albot_env.tasks.arrivals import Notebook, question
 from albot_env.tasks.equipment import Equipment
 from albot_env.tasks.outing import KEPT, Shelf
@@ -33,8 +33,6 @@ from albot_maps.geodesic import DistanceField
 
 AROUND = 8
 """At each stop the robot turns round in so many parts, and looks after each."""
-STEPS = StartStop()
-"""How far it is sent at a time."""
 DOORWAY = 1.5
 """Wider openings between rooms are no doorways (m)."""
 _ROOM = 0.1
@@ -208,7 +206,7 @@ class _Guide:
             )
         for turn in way:
             before = simulator.pose[:2]
-            for reading in follow_leg(simulator, turn, STEPS):
+            for reading in follow_leg(simulator, turn, THESIS_STEPS):
                 self._notebook.follow(reading)
                 self._collided |= simulator.collided
             self._path_length += float(np.hypot(*(simulator.pose[:2] - before)))

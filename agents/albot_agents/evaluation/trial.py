@@ -60,6 +60,7 @@ def run_trial(trial: Trial, tell: Callable[[int], None] = lambda _: None) -> Out
         tell(0)
         observation, info = begin_episode(env, agent, trial.seed)
         path, coverages = [info["pose"][:2]], [info.get("coverage")]
+        explores = info["path_length"] == 0.0  # No outward journey has covered ground before.
         collisions, touched, over = 0, False, False
         while not over:
             tell(len(path))
@@ -77,14 +78,14 @@ def run_trial(trial: Trial, tell: Callable[[int], None] = lambda _: None) -> Out
         start=info["start"],
         path=np.array(path),
         collisions=collisions,
-        **_explored(trial, np.array(path), coverages),
+        **(_explored(trial, np.array(path), coverages) if explores else {}),
     )
 
 
 def _explored(
     trial: Trial, path: Float64[np.ndarray, "steps 2"], coverages: Sequence[float | None]
 ) -> dict[str, Any]:
-    """What a trial says of exploring, where its task covers ground."""
+    """What a trial that set out from the start says of exploring, where its task covers ground."""
     known = [share for share in coverages if share is not None]
     if not known:
         return {}
