@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from albot_agents.agent import Action, filled
-from albot_agents.scripted.senses import SENSED, make_sense, sense_way
+from albot_agents.scripted.senses import SENSED, make_sense, sense_known_way
 from albot_core.exploration.wayfarer import Wayfarer
 from albot_core.geometry.poses import inverse
 from albot_env.tasks.action import ActionConfig
@@ -21,8 +21,9 @@ class Albot1Homing:
 
     It uses only what the map holds: over the network of places the way back to the place that
     it set out from (Hossain 2014, section 4.2.3, brings known places into the perceptual map
-    one at a time), within a place the trail that it came by. Round what is in the way it goes
-    by its laser.
+    one at a time), within a place the trail that it came by. Where that is much longer than a way
+    that it has not seen to be barred, it tries the latter; that is ours. Round what is in the way
+    it goes by its laser.
 
     Args:
         observing: How the environment makes observations. Where they do not show the way home
@@ -51,6 +52,6 @@ class Albot1Homing:
         home = inverse(senses.pose)[:2]
         if np.hypot(*home) < self.ARRIVED:
             return filled(np.zeros(2, np.float32), self._actions, declares=True)
-        ahead = sense_way(observation, self._observing)
-        command = self._wayfarer.command(senses, home if ahead is None else ahead)
+        known = sense_known_way(observation, self._observing)
+        command = self._wayfarer.command(senses, home, known)
         return filled(ActionConfig().shares(command), self._actions)

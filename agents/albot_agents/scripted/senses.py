@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from albot_core.exploration.senses import Senses
-from albot_core.geometry.types import Points
+from albot_core.exploration.wayfarer import KnownWay
 from albot_env.tasks.observation import ObservationConfig
 
 SENSED = ("laser", "motion", "heading", "home")
@@ -43,10 +43,17 @@ def sense_travel_home(observation: Any, config: ObservationConfig) -> float:
     return config.travel_home(parts["confidence"][0])
 
 
-def sense_way(observation: Any, config: ObservationConfig) -> Points | None:
-    """The point ahead on the believed way home, in the robot's frame (m); None for none."""
+def sense_known_way(observation: Any, config: ObservationConfig) -> KnownWay | None:
+    """The way home that the map holds; None for none, or where it is not shown.
+
+    Where no confidence is shown, which tells its length, it is infinitely long.
+    """
     if "way" not in config.shapes:
         return None
     parts = observation if isinstance(observation, dict) else config.split(observation)
     part = np.asarray(parts["way"], float)
-    return config.home_distance(part[2]) * part[:2] if part[3] > 0 else None
+    if part[3] <= 0:
+        return None
+    shows_length = "confidence" in config.shapes
+    length = sense_travel_home(observation, config) if shows_length else np.inf
+    return KnownWay(config.home_distance(part[2]) * part[:2], length)

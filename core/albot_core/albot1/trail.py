@@ -150,30 +150,42 @@ def look_about(
             nearest, best = k, length
         can_go[k] = length < SAME or (own and length < NEAR)
         x, y = cos * dx + sin * dy, cos * dy - sin * dx
-        if can_go[k] or x <= 0.0 or length >= SIGHT:
-            continue
-        can_go[k] = True
-        for j in range(view.shape[0]):
-            if not _passes_clear(view[j], x / length, y / length, length):
-                can_go[k] = False
-                break
+        if not can_go[k] and x > 0.0 and length < SIGHT:
+            can_go[k] = _is_in_sight(view, x / length, y / length, length)
     return nearest
 
 
 @njit(cache=True, error_model="numpy")
-def _passes_clear(wall: np.ndarray, ux: float, uy: float, length: float) -> bool:
-    """Whether a straight way from the origin along (ux, uy) leaves a wall aside."""
+def _is_in_sight(view: np.ndarray, ux: float, uy: float, length: float) -> bool:
+    """Whether a robot at the origin can see that it can go so far along (ux, uy).
+
+    No surface stands in its way, and one is seen beyond: where none is seen there may be one
+    that is too small in view.
+    """
+    seen = False
+    for wall in view:
+        near, far = _span(wall, ux, uy)
+        if near <= length + CLEARANCE and far >= 0.0:
+            return False
+        seen = seen or length <= near < np.inf
+    return seen
+
+
+@njit(cache=True, error_model="numpy")
+def _span(wall: np.ndarray, ux: float, uy: float) -> tuple[float, float]:
+    """From where to where (m) a wall is beside a way from the origin along (ux, uy).
+
+    Infinitely far, where it nowhere is.
+    """
     ax, ay = ux * wall[0] + uy * wall[1], ux * wall[1] - uy * wall[0]
     bx, by = ux * wall[2] + uy * wall[3], ux * wall[3] - uy * wall[2]
-    # The part of the wall in the strip beside the way: does any of it lie before its end?
     low, high = 0.0, 1.0
     if ay != by:
         first, second = (-CLEARANCE - ay) / (by - ay), (CLEARANCE - ay) / (by - ay)
         low, high = max(low, min(first, second)), min(high, max(first, second))
     elif abs(ay) > CLEARANCE:
-        return True
+        return np.inf, np.inf
     if low > high:
-        return True
-    nearest = min(ax + low * (bx - ax), ax + high * (bx - ax))
-    farthest = max(ax + low * (bx - ax), ax + high * (bx - ax))
-    return bool(farthest < 0.0 or nearest > length + CLEARANCE)
+        return np.inf, np.inf
+    one, other = ax + low * (bx - ax), ax + high * (bx - ax)
+    return min(one, other), max(one, other)

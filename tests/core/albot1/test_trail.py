@@ -61,7 +61,9 @@ def test_a_point_in_view_cuts_a_long_way_short() -> None:
     away[4] = 0.0
     assert trail.way(away).points == [4, 3, 2, 1, 0]
     facing_home = np.array((2.0, 2.0, -0.75 * np.pi))
-    trail.tread(0, facing_home, np.array(((1.0, -1.5, 1.6, -1.5),)))
+    trail.tread(0, facing_home, NOTHING)
+    assert trail.way(away).points == [4, 3, 2, 1, 0], "there may be a wall too small to be seen"
+    trail.tread(0, facing_home, np.array(((4.0, -1.0, 4.0, 1.0),)))
     assert trail.way(away).points == [4, 0]
 
 
@@ -78,7 +80,7 @@ def test_a_wall_between_bars_the_short_cut() -> None:
     st.lists(st.tuples(*[st.floats(-9, 9)] * 4), max_size=4),
     st.lists(st.tuples(*[st.floats(-9, 9)] * 2), min_size=1, max_size=6),
 )
-def test_a_point_is_in_view_where_no_wall_is_in_the_strip_to_it(
+def test_a_point_is_in_view_where_the_strip_to_it_is_clear_and_a_wall_is_seen_beyond(
     walls: list[tuple[float, ...]], points: list[tuple[float, float]]
 ) -> None:
     """The slow way: shapely's intersections, in a frame that looks along the strip."""
@@ -95,9 +97,13 @@ def test_a_point_is_in_view_where_no_wall_is_in_the_strip_to_it(
         # Walls that all but touch the strip may be told either way.
         wide = box(-1e-6, -CLEARANCE - 1e-6, length + CLEARANCE + 1e-6, CLEARANCE + 1e-6)
         narrow = box(1e-6, -CLEARANCE + 1e-6, length + CLEARANCE - 1e-6, CLEARANCE - 1e-6)
+        beyond = box(length + CLEARANCE, -CLEARANCE + 1e-6, 99.0, CLEARANCE - 1e-6)
+        about = box(length + CLEARANCE, -CLEARANCE - 1e-6, 99.0, CLEARANCE + 1e-6)
         if not any(line.intersects(wide) for line in lines):
-            assert can_go[k]
+            assert can_go[k] or not any(line.intersects(beyond) for line in lines)
         if any(line.intersects(narrow) for line in lines):
+            assert not can_go[k]
+        if not any(line.intersects(about) for line in lines):
             assert not can_go[k]
 
 
