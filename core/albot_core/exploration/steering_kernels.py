@@ -17,6 +17,8 @@ _SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Shares of the speed wanted that are tried where braking would come too late."""
 _SAME = 0.005
 """Things that come nearer by no more than this (m) count as no nearer: ranges are noisy."""
+_LEAST = 0.015
+"""…but not where less than this (m) is left: many such steps would end in touching them."""
 _FARTHEST = 1.5
 """Within this the robot comes to a stand from any speed (m)."""
 
@@ -116,7 +118,7 @@ def brake_in_time(
     near = near[:count]
     if count == 0:
         return command
-    enough = min(s.body + s.margin, held - _SAME)
+    enough = min(s.body + s.margin, max(held - _SAME, s.body + _LEAST))
     best, most = command, -math.inf
     for turning in (1.0, 0.0):
         for share in _SHARES:
