@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32, UInt64
+from jaxtyping import Float32, Float64, UInt64
 
 from albot_core.errors import InputError
 from albot_core.geometry.directions import angles_of
 from albot_core.geometry.types import Pose
 from albot_core.perception.reading import LaserGeometry, LaserScan
 from albot_core.ranges import POSITIVE, check_fields
-from albot_env.tasks.kernels import Sight, cover, cut_patch, is_time_to_look
+from albot_env.tasks.kernels import Sight, cover, cut_patch, find_frontier, is_time_to_look
 
 _PARTS = 2048
 """How finely the full turn is divided to look up the beam that points somewhere."""
@@ -55,7 +55,8 @@ class CoverageConfig:
         half = laser.spacing / 2
         beams = np.floor(((bearings + half) % (2 * np.pi)) / laser.spacing).astype(np.int64)
         beams[beams >= laser.beams] = -1
-        return Sight(self.radius, float(laser.mount[0]), float(laser.mount[1]), beams)
+        x, y, heading = (float(number) for number in laser.mount)
+        return Sight(self.radius, x, y, heading + laser.first_bearing, laser.spacing, beams)
 
 
 class Coverage:
@@ -122,3 +123,16 @@ class Coverage:
             self._grid, self._side, config.cell, self._centre, pose, config.patch_cell, width, patch
         )
         return patch.reshape(1, width, width)
+
+    def frontier(self, pose: Pose, scan: LaserScan, sectors: int) -> Float64[np.ndarray, "sectors"]:
+        """How far it is (m) in each sector of a scan, taken at `pose`, to ground not covered.
+
+        As far as the middle beam of the sector shows: infinity where it shows none (B. Yamauchi,
+        A frontier-based approach for autonomous exploration, CIRA 1997).
+        """
+        config, found = self._config, np.empty(sectors)
+        sight = config.sight(scan.geometry)
+        find_frontier(
+            self._grid, self._side, config.cell, self._centre, pose, sight, scan.ranges, found
+        )
+        return found

@@ -32,6 +32,10 @@ class Sight(NamedTuple):
     """Where on the robot the laser is (m)…"""
     y: float
     """…"""
+    first: float
+    """Where its first beam points from the robot's heading (rad)…"""
+    spacing: float
+    """…and how far it is from each beam to the next (rad)."""
     beams: np.ndarray
     """(parts,) int64: the beam that points into each part of the full turn (see `turned`);
     -1 where none does."""
@@ -127,6 +131,54 @@ def cut_patch(
             patch[row * width + column] = 1.0 if covered & np.uint64(1) else -1.0
             x += step_x
             y += step_y
+
+
+@njit(cache=True, error_model="numpy")
+def find_frontier(
+    grid: np.ndarray,
+    side: int,
+    cell: float,
+    centre: np.ndarray,
+    pose: np.ndarray,
+    sight: Sight,
+    ranges: np.ndarray,
+    frontier: np.ndarray,
+) -> None:
+    """Fill `frontier` with how far (m) uncovered ground is in each of as many equal sectors.
+
+    Along the middle beam; infinitely far where the beam ends before. It begins where the cells
+    on the beam and to both its sides are uncovered: beside a wall there are some whose middles
+    lie within it.
+    """
+    heading = pose[2] + sight.first
+    eye_x = pose[0] + math.cos(pose[2]) * sight.x - math.sin(pose[2]) * sight.y - centre[0]
+    eye_y = pose[1] + math.sin(pose[2]) * sight.x + math.cos(pose[2]) * sight.y - centre[1]
+    half, sectors = side / 2, frontier.shape[0]
+    for k in range(sectors):
+        beam = (2 * k + 1) * ranges.shape[0] // (2 * sectors)
+        bearing = heading + beam * sight.spacing
+        cos, sin = math.cos(bearing), math.sin(bearing)
+        frontier[k] = math.inf
+        reach = min(ranges[beam], side * cell) - cell
+        for step in range(1, int(reach / cell) + 1):
+            x, y = eye_x / cell + half + step * cos, eye_y / cell + half + step * sin
+            if not (
+                _is_covered(grid, side, x, y)
+                or _is_covered(grid, side, x - sin, y + cos)
+                or _is_covered(grid, side, x + sin, y - cos)
+            ):
+                frontier[k] = step * cell
+                break
+
+
+@njit(cache=True, error_model="numpy")
+def _is_covered(grid: np.ndarray, side: int, x: float, y: float) -> bool:
+    """Whether a point (cells from the corner of the square) is on covered ground."""
+    if not (0.0 <= x < side and 0.0 <= y < side):
+        return False
+    column, row = int(x), int(y)
+    word = grid[(row >> 3) * (side // 8) + (column >> 3)]
+    return bool((word >> np.uint64(((row & 7) << 3) | (column & 7))) & np.uint64(1))
 
 
 @njit(cache=True, error_model="numpy")

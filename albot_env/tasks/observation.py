@@ -39,11 +39,11 @@ Parts = dict[str, Float32[np.ndarray, "..."]]
 
 PARTS = (
     "laser", "sonar", "motion", "heading", "home", "confidence", "place", "exit", "way", "coverage",
-    "time_left",
+    "frontier", "time_left",
 )  # fmt: skip
 """All parts that there are, in the order in which they stand in the flat observation."""
-HOMEWARD = PARTS[:-1]
-"""What a robot is shown that is to find home: everything but a time that does not press."""
+HOMEWARD = PARTS[:-2]
+"""What a robot is shown that is to find home: no time that does not press, no frontiers."""
 USUAL = tuple(part for part in HOMEWARD if part not in ("confidence", "exit", "way"))
 """What others are shown: to find the way home costs time."""
 
@@ -125,6 +125,7 @@ class ObservationConfig:
             "exit": (6,),
             "way": (4,),
             "coverage": (1, side, side),
+            "frontier": (self.laser_sectors or self.laser.beams,),
             "time_left": (1,),
         }
         return {part: shapes[part] for part in PARTS if part in self.parts and shapes[part] != (0,)}
@@ -185,6 +186,8 @@ class ObservationConfig:
         direction in which to go through it, and 1; `way` direction and distance of a point some
         metres ahead on the way home that it remembers, and 1; where there is none, directions
         are 0, the distance and the last number -1; `coverage` the patch of `Coverage.patch`;
+        `frontier` how near, in each sector that the laser part shows, ground is in sight that is
+        not covered, on the laser's scale, -1 for none (see `Coverage.frontier`);
         `time_left` what is left of a time that the robot is given, -1 when it is up.
         """
         way = mapper.way_home if self.shows_way_home else np.full(7, np.nan)
@@ -205,6 +208,9 @@ class ObservationConfig:
             parts["sonar"] = self.observe_echoes(reading.sonar.ranges)
         if "coverage" in parts:
             parts["coverage"] = coverage.patch(mapper.pose)
+        if "frontier" in parts:
+            found = coverage.frontier(mapper.pose, reading.laser, len(parts["frontier"]))
+            scale_ranges(found, self.laser_knee, self.laser_range, parts["frontier"])
         shown["time_left"][0] = observe_time(time_left, self.time_range)
         return parts
 

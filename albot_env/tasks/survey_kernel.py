@@ -13,6 +13,7 @@ from albot_core.parcel import Parcel, opened
 from albot_env.tasks.kernels import (
     cover,
     cut_patch,
+    find_frontier,
     find_home,
     find_nearest,
     find_room,
@@ -83,6 +84,7 @@ class Layout(NamedTuple):
     exit: int
     way: int
     coverage: int
+    frontier: int
     time_left: int
 
 
@@ -135,6 +137,7 @@ def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
     """
     sight, covered, believed, rooms, s, layout, senses, findings = opened(parcel)
     nearest = np.empty(s.sectors)
+    frontier = np.empty(s.sectors if s.sectors else senses.ranges.shape[1])
     for k in range(rows.shape[0]):
         i = rows[k]
         pose, belief, ranges = senses.poses[i], senses.beliefs[i], senses.ranges[i]
@@ -172,6 +175,10 @@ def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
                 believed.grids[i], side, s.cell, centre, belief,
                 s.patch_cell, s.patch_cells, row[layout.coverage :],
             )  # fmt: skip
+        if layout.frontier >= 0:
+            grid = believed.grids[i]
+            find_frontier(grid, side, s.cell, centre, belief, sight, ranges, frontier)
+            scale_ranges(frontier, s.laser_knee, s.laser_range, row[layout.frontier :])
 
 
 @njit(cache=True, error_model="numpy")

@@ -83,3 +83,36 @@ def test_sizes_that_are_none_are_refused() -> None:
 def test_reachable_ground_of_two_rooms(two_rooms) -> None:
     # 40 m² of floor; the body reaches all but a little in each of the sixteen corners.
     assert two_rooms.reachable_area == pytest.approx(40.0, rel=0.01)
+
+
+def _all_round(range_: float) -> LaserScan:
+    return LaserScan(geometry=WIDE, ranges=np.full(WIDE.beams, range_))
+
+
+WIDE = LaserGeometry(beams=360, first_bearing=-np.pi, spacing=np.pi / 180)
+
+
+@pytest.mark.parametrize(("turn", "range_"), [(0.0, 9.0), (1.0, 9.0), (-2.5, np.inf)])
+def test_the_frontier_is_where_covered_ground_ends(turn: float, range_: float) -> None:
+    """Covered is a disc of 2 m about the origin; from beside its middle it ends nearer ahead."""
+    config = CoverageConfig(cell=0.1)
+    coverage = Coverage(config, 10.0)
+    coverage.add(np.zeros(3), _all_round(9.0))
+    aside = 1.2
+    found = coverage.frontier(np.array((aside, 0.0, turn)), _all_round(range_), 36)
+    bearings = turn - np.pi + (np.arange(36) * 10 + 5) * np.pi / 180
+    ends = np.sqrt(4 - (aside * np.sin(bearings)) ** 2) - aside * np.cos(bearings)
+    # A beam that leaves it aslant has its neighbours still inside for a while.
+    np.testing.assert_array_less(ends - 0.15, found)
+    np.testing.assert_array_less(found, ends + 0.35)
+
+
+def test_no_frontier_is_seen_where_a_wall_is_before_it() -> None:
+    coverage = Coverage(CoverageConfig(cell=0.1), 10.0)
+    coverage.add(np.zeros(3), _all_round(1.5))
+    assert np.all(np.isinf(coverage.frontier(np.zeros(3), _all_round(1.5), 36)))
+    opened = np.full(WIDE.beams, 1.5)
+    opened[170:190] = 6.0
+    scan = LaserScan(geometry=WIDE, ranges=opened)
+    found = coverage.frontier(np.zeros(3), scan, 36)
+    assert np.isfinite(found).nonzero()[0].tolist() == [17, 18]

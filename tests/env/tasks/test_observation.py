@@ -93,7 +93,7 @@ def assert_replayed(seen: list[tuple[Any, Any]], path: Path, config: Observation
 
 @pytest.mark.parametrize("sectors", [None, 20])
 def test_the_way_home_is_a_function_of_the_readings_too(make_env, tmp_path: Path, sectors) -> None:
-    config = replace(ObservationConfig(parts=HOMEWARD), laser_sectors=sectors)
+    config = replace(ObservationConfig(parts=(*HOMEWARD, "frontier")), laser_sectors=sectors)
     env = make_env(mapper="albot1", observation="dict", config=ExploreConfig(observations=config))
     env.recorder = EpisodeWriter(tmp_path / "a.mcap")
     seen = [env.reset(seed=5, options={"start": 0})]
