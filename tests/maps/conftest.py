@@ -61,4 +61,13 @@ class Lattice:
 
 @pytest.fixture(scope="session")
 def lattice() -> Callable[[World, float], Lattice]:
-    return Lattice
+    """Makes a world's lattice, once for each world and radius."""
+    made: dict[tuple[str, float], Lattice] = {}
+
+    def of(world: World, radius: float) -> Lattice:
+        key = world.source, radius
+        if key not in made:
+            made[key] = Lattice(world, radius)
+        return made[key]
+
+    return of

@@ -43,7 +43,7 @@ movables:
 """
 
 
-FAR_WALLS = 2000.0 * np.array([[-1, -1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1], [-1, 1, -1, -1]])
+FAR_WALLS = 700.0 * np.array([[-1, -1, 1, -1], [1, -1, 1, 1], [1, 1, -1, 1], [-1, 1, -1, -1]])
 
 
 def same(first: World, second: World) -> bool:
@@ -98,12 +98,13 @@ def test_the_catalogue_comes_back_exactly(name):
 
 
 metres = st.floats(-100, 100)
-names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=12).filter(
+characters = st.characters(exclude_categories=["Cs"])
+names = st.text(characters, min_size=1, max_size=12).filter(
     lambda name: name.isprintable() and bool(name.strip())
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=75, deadline=None)
 @given(
     name=names,
     walls=st.lists(
@@ -116,19 +117,19 @@ names = st.text(st.characters(codec="utf-8"), min_size=1, max_size=12).filter(
     heading=st.floats(-10, 10),
     corners=st.lists(metres, min_size=3, max_size=3, unique=True),
     labels=st.lists(names, min_size=3, max_size=3, unique=True),
-    note=st.text(st.characters(codec="utf-8", exclude_categories=["C"]), max_size=30),
+    note=st.text(st.characters(exclude_categories=["C"]), max_size=30),
 )
 def test_any_world_comes_back_exactly(name, walls, heading, corners, labels, note):
     low, middle, high = sorted(corners)
     outlines = (
-        [[900 + low, 0], [900 + middle, 0], [900, 300 + high]],
-        [[900, 0], [1000 + high, 100], [900, 200]],
+        [[440 + low, 0], [440 + middle, 0], [440, 300 + high]],
+        [[440, 0], [540 + high, 100], [440, 200]],
     )
     first, second, label = labels
     world = World(
         name=name,
         walls=np.concatenate((FAR_WALLS, walls)),
-        starts=np.array([[800.0 + low, high, heading]]),
+        starts=np.array([[220.0 + low, high, heading]]),
         rooms=tuple(
             Room(name=each, boundary=np.array(outline))
             for each, outline in zip((first, second), outlines, strict=True)
@@ -138,7 +139,7 @@ def test_any_world_comes_back_exactly(name, walls, heading, corners, labels, not
         exits=(Exit(name=label, segment=np.array([low, middle, high, low]), rooms=(first, second)),)
         if middle - low > 1
         else (),
-        tours={label: np.array([[800.0 + low, high], [801.0 + low, middle]])},
+        tours={label: np.array([[220.0 + low, high], [221.0 + low, middle]])},
         notes=(note,),
     )
     assert same(parse_world(world_text(world), source="again"), world)
@@ -182,7 +183,7 @@ def test_any_movable_things_come_back_exactly(door, box, walker):
     world = World(
         name="moving",
         walls=FAR_WALLS,
-        starts=np.array([[800.0, 0, 0]]),
+        starts=np.array([[600.0, 0, 0]]),
         movables=Movables(doors=(Door(**door),), boxes=(Box(**box),), walkers=(Walker(**walker),)),
     )
     assert same(parse_world(world_text(world), source="again"), world)

@@ -19,7 +19,7 @@ from albot_maps.generators.parameters import Range
 from albot_maps.generators.spec import KINDS, RandomSpec, parameters_of, parse_spec
 
 SEEDS = st.integers(0, 2**64 - 1)
-LARGEST = {"rooms": 40, "columns": 12, "rows": 12, "aisles": 8, "bays": 8, "cross_aisles": 3}
+LARGEST = {"rooms": 20, "columns": 8, "rows": 8, "aisles": 5, "bays": 5, "cross_aisles": 3}
 """Counts that the search does not go beyond, for the sake of its time."""
 WITH_DOORS = ("apartment", "hall", "office")
 DIGESTS = {
@@ -96,7 +96,7 @@ def check_exits(world: World) -> None:
     assert len(second) == 0
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(asked())
 def test_what_is_made_keeps_its_promises_and_what_is_not_says_why(spec):
     try:
@@ -113,15 +113,18 @@ def test_what_is_made_keeps_its_promises_and_what_is_not_says_why(spec):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_forty_of_each_kind_are_whole(kind):
+def test_twenty_of_each_kind_are_whole(kind):
+    """Their drawing is clean too: total length equals the length of the walls' union."""
     digests = set()
-    for seed in range(40):
+    for seed in range(20):
         world = load_world(f"random:{kind}:{seed}")
         check_exits(world)
+        lines = wall_lines(world.walls)
+        assert shapely.union_all(lines).length == pytest.approx(lines.length)
         assert world.closed
         assert world.name == f"{kind}-{seed}"
         digests.add(digest(world))
-    assert len(digests) == 40
+    assert len(digests) == 20
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -129,18 +132,8 @@ def test_the_same_on_every_machine(kind):
     assert digest(load_world(f"random:{kind}:42")) == DIGESTS[kind]
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=15, deadline=None)
-@given(seed=SEEDS)
-def test_no_wall_crosses_or_doubles_another(kind, seed):
-    """The drawing is clean: total length equals the length of the walls' union."""
-    world = load_world(f"random:{kind}:{seed}")
-    lines = wall_lines(world.walls)
-    assert shapely.union_all(lines).length == pytest.approx(lines.length)
-
-
-@settings(max_examples=20, deadline=None)
-@given(SEEDS, st.integers(8, 40), st.integers(0, 2))
+@settings(max_examples=12, deadline=None)
+@given(SEEDS, st.integers(8, 24), st.integers(0, 2))
 def test_an_office_has_the_rooms_and_loops_asked_for(seed, rooms, loops):
     world = load_world(f"random:office:{seed}?rooms={rooms}&loops={loops}&connections=0")
     halls = [room.name for room in world.rooms if room.name.startswith(("corridor", "link"))]
@@ -187,14 +180,17 @@ def test_a_maze_has_the_loops_asked_for(loops):
 def test_what_moves_is_as_much_as_was_asked_and_changes_nothing_else(kind):
     asked = {"people": 2, "boxes": 3} | ({"doors": 2} if kind in WITH_DOORS else {})
     query = "&".join(f"{name}={number}" for name, number in asked.items())
-    for seed in range(6):
-        world = load_world(f"random:{kind}:{seed}?{query}")
+    for seed in range(3):
+        world, bare = (
+            load_world(f"random:{kind}:{seed}?{query}"),
+            load_world(f"random:{kind}:{seed}"),
+        )
         moving = world.movables
         assert (len(moving.walkers), len(moving.boxes)) == (2, 3)
         assert len(moving.doors) == asked.get("doors", 0)
-        assert digest(world) == digest(load_world(f"random:{kind}:{seed}"))
+        assert digest(world) == digest(bare)
         assert load_world(world.source).movables == moving
-        assert not load_world(f"random:{kind}:{seed}").movables
+        assert not bare.movables
 
 
 def test_doors_fill_their_doorways():
@@ -247,7 +243,7 @@ def test_rooms_alike_in_a_symmetric_office(seed):
 def test_clutter_is_more_walls(kind):
     empty, full = (
         np.mean(
-            [len(load_world(f"random:{kind}:{seed}?clutter={clutter}").walls) for seed in range(8)]
+            [len(load_world(f"random:{kind}:{seed}?clutter={clutter}").walls) for seed in range(4)]
         )
         for clutter in (0, 1)
     )
