@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import jaxtyping
 import pytest
-from jaxtyping import install_import_hook
+
+from tests.checking import checked
 
 ROOT = Path(__file__).parents[1]
 SOURCES = {
@@ -44,7 +46,8 @@ def _drop_stale_kernels() -> None:
 
 
 _drop_stale_kernels()
-_HOOK = install_import_hook(_checked_modules(), "beartype.beartype")
+jaxtyping.jaxtyped = checked  # What the hook puts before every function and class.
+_HOOK = jaxtyping.install_import_hook(_checked_modules(), "beartype.beartype")
 
 
 @pytest.fixture(scope="session")
