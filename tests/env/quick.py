@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import gymnasium
 import numpy as np
 
 import albot_env
+from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
 from albot_env.tasks.homecoming import HomingConfig
 from albot_env.tasks.judging import JudgingConfig
 from albot_env.tasks.outing import OutingConfig
@@ -21,7 +24,9 @@ STROLL = HomingConfig(outing=OutingConfig(shortest=1.0, longest=2.0, away=0.0))
 """A journey out of a metre or two."""
 GLANCE = JudgingConfig(tour=TourConfig(arrivals=3))
 """A tour of two stops."""
-LOOP = load_world("square-loop")
+loaded = cache(load_world)
+"""A world by its name, made once: what is kept of journeys is kept with their world."""
+LOOP = loaded("square-loop")
 QUICK: dict[str, dict[str, Any]] = {
     "Albot/Homing-v0": {"config": STROLL, "journeys": 1, "world": LOOP},
     "Albot/PlaceRecognition-v0": {
@@ -36,6 +41,21 @@ JUDGED = ["Albot/PlaceRecognition-v0"]
 """Where the agent drives no robot, but answers."""
 DRIVEN = [name for name in IDS if name not in JUDGED]
 """Where it drives."""
+
+
+def cycled(**choices: Sequence[str]) -> list[dict[str, str]]:
+    """As many settings as the longest sequence holds; each choice is in one of them."""
+    count = max(map(len, choices.values()))
+    return [{name: of[k % len(of)] for name, of in choices.items()} for k in range(count)]
+
+
+SENSORS = {
+    "laser": list(LASERS),
+    "sonar": ["none", *SONARS],
+    "odometer": list(ODOMETERS),
+    "scenes": list(SCENES),
+}
+"""The names of all sensors."""
 
 
 def width(environment: str) -> int:
