@@ -14,6 +14,9 @@ from typing import Any
 
 import pytest
 
+from albot_cli.main import main
+from albot_env.tasks.explore import ExploreEnv
+
 KEYS = {
     "worlds", "agents", "episodes", "steps", "seconds", "steps_per_second", "violations",
 }  # fmt: skip
@@ -24,6 +27,15 @@ import os, signal
 from albot_env.tasks.explore import ExploreEnv
 
 whole = ExploreEnv.step
+
+def each_otherwise(seed, result):
+    if seed == 0:
+        raise RuntimeError("lost")
+    if seed == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if seed == 2:
+        os._exit(3)
+    result[4]["time"] = float("nan")
 
 def step(self, action):
     result = whole(self, action)
@@ -70,28 +82,29 @@ SHORT = ("stress", "--worlds", "square-loop", "--count", "3", "--steps", "6", "-
          "--jobs", "1")  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("what", "said"),
-    [
-        ("raise RuntimeError('lost')", "RuntimeError: lost"),
-        ("os.kill(os.getpid(), signal.SIGKILL)", "the process died: signal SIGKILL"),
-        ("os._exit(3)", "the process died: exit status 3"),
-        ("result[4]['time'] = float('nan')", "info time holds nan"),
-    ],
-)
-def test_what_is_broken_is_found_in_every_episode(what: str, said: str, tmp_path: Path):
-    done = albot(tmp_path, *SHORT, "--json", what=what)
+def test_what_is_broken_is_found_in_every_episode(tmp_path: Path):
+    """An error, two deaths of a worker, each with one more to take its place, and a bad step."""
+    what = "each_otherwise(self.np_random_seed, result)"
+    done = albot(tmp_path, *SHORT, "--count", "4", "--json", what=what)
     assert (done.returncode, done.stderr) == (1, "")
     found = json.loads(done.stdout)
-    assert found["episodes"] == 3
-    assert [each["seed"] for each in found["violations"]] == [0, 1, 2]
-    for each in found["violations"]:
+    assert found["episodes"] == 4
+    assert [each["seed"] for each in found["violations"]] == [0, 1, 2, 3]
+    said = (
+        "RuntimeError: lost",
+        "the process died: signal SIGKILL",
+        "the process died: exit status 3",
+        "info time holds nan",
+    )
+    for each, words in zip(found["violations"], said, strict=True):
         assert each.keys() >= {"world", "agent", "seed", "step", "what", "command"}
         assert each["step"] == 4
-        assert each["what"].startswith(said)
+        assert each["what"].startswith(words)
 
 
-def test_the_command_that_is_printed_shows_it_again(tmp_path: Path):
+def test_the_command_that_is_printed_shows_it_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     what = "raise RuntimeError('lost')"
     done = albot(tmp_path, *SHORT, what=what)
     assert done.returncode == 1
@@ -99,9 +112,15 @@ def test_the_command_that_is_printed_shows_it_again(tmp_path: Path):
     assert len(lines) == 7
     assert lines[0].startswith("step 4: RuntimeError: lost")
     assert "3 violations" in lines[-1]
-    again = albot(tmp_path, *shlex.split(lines[1])[1:], "--headless", what=what)
-    assert again.returncode == 1
-    assert "RuntimeError: lost" in again.stderr
+
+    def lost(self: ExploreEnv, action: Any) -> Any:
+        raise RuntimeError("lost")
+
+    monkeypatch.setattr(ExploreEnv, "step", lost)
+    monkeypatch.setattr(sys, "argv", [*shlex.split(lines[1]), "--headless"])
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RuntimeError, match="lost"):
+        main()
 
 
 def test_ctrl_c_tells_what_was_found_so_far(tmp_path: Path):
@@ -144,8 +163,6 @@ def test_bad_input_is_one_line_and_exit_2(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ):
-    from albot_cli.main import main
-
     monkeypatch.setattr(sys, "argv", ["albot", "stress", *words])
     with pytest.raises(SystemExit) as ended:
         main()
