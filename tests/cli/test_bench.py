@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,18 +64,21 @@ def test_the_text_has_a_line_a_row() -> None:
 @pytest.mark.filterwarnings("ignore")  # ir-sim's own
 def test_environments_processes_and_learner_have_their_keys_and_lines() -> None:
     words = [word for part in ("env", "processes", "learner") for word in ("--part", part)]
-    figures = bench(*words)
+    figures: Any = bench(*words)
     rows = figures["env"]
     assert isinstance(rows, list)
     keys = {"id", "mode", "num_envs", "mapper", "steps_per_second", "steps_per_cpu_second"}
     keys |= {"segments", "ratio"}
     assert all(keys <= row.keys() for row in rows)
-    assert figures["processes"]["scaling"] > 0  # type: ignore[index]
-    assert len(figures["learner"]["runs"]) == 3  # type: ignore[index]
+    pair = figures["processes"]
+    assert (pair["num_envs"], pair["processes"]) == (2, 2)
+    assert pair["scaling"] == pytest.approx(pair["together"] / pair["single"])
+    assert min(pair["single"], pair["scaling"], pair["scaling_cpu"]) > 0
+    assert len(figures["learner"]["runs"]) == 3
     lines = as_text(figures).splitlines()
     starts = [line.split()[0] for line in lines[1:]]
     assert starts == ["environment"] * len(rows) + ["processes"] + ["learner"] * 3
-    assert lines[0].startswith(f"{figures['machine']['processor']}, Python")  # type: ignore[index]
+    assert lines[0].startswith(f"{figures['machine']['processor']}, Python")
 
 
 def test_a_missing_learner_is_a_line() -> None:

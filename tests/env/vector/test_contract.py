@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
 
 import albot_env
 from albot_core.errors import InputError
+from albot_maps import load_worlds
 from tests.env.quick import (
     DRIVEN,
     LOOP,
@@ -121,9 +122,9 @@ def test_it_does_so_for_long_in_worlds_that_change(environment: str) -> None:
     """With contacts, every sensor, things that move, and at each reset another world of a set."""
     options = {
         "world": [
-            "random:office:0..3?rooms=4",
-            "random:apartment:0..1?rooms=3&people=1&boxes=1&doors=1",
-            "random:maze:0..2?rows=3&columns=3",
+            load_worlds("random:office:0..3?rooms=4"),
+            load_worlds("random:apartment:0..1?rooms=3&people=1&boxes=1&doors=1"),
+            load_worlds("random:maze:0..2?rows=3&columns=3"),
         ],
         "max_episode_steps": 80,
         "odometer": "carpet",
@@ -158,7 +159,8 @@ def test_it_does_so_with_every_sensor(environment: str, options: dict[str, str])
 @pytest.mark.parametrize("environment", DRIVEN)
 @pytest.mark.parametrize("mapper", ["none", "albot1"])
 def test_threads_change_nothing(environment: str, mapper: str) -> None:
-    options = {"world": "random:office:0..1?rooms=4", "mapper": mapper, "max_episode_steps": 20}
+    worlds = load_worlds("random:office:0..1?rooms=4")
+    options = {"world": worlds, "mapper": mapper, "max_episode_steps": 20}
     alone = _drive(_vector(environment, 80, threads=1, **options), 50)
     assert_same(alone, _drive(_vector(environment, 80, threads=3, **options), 50))
 
