@@ -161,8 +161,8 @@ def test_it_does_so_with_every_sensor(environment: str, options: dict[str, str])
 def test_threads_change_nothing(environment: str, mapper: str) -> None:
     worlds = load_worlds("random:office:0..1?rooms=4")
     options = {"world": worlds, "mapper": mapper, "max_episode_steps": 20}
-    alone = _drive(_vector(environment, 80, threads=1, **options), 50)
-    assert_same(alone, _drive(_vector(environment, 80, threads=3, **options), 50))
+    alone = _drive(_vector(environment, 80, threads=1, **options), 30)
+    assert_same(alone, _drive(_vector(environment, 80, threads=3, **options), 30))
 
 
 @pytest.mark.parametrize("environment", IDS)
