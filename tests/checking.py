@@ -13,9 +13,10 @@ from collections.abc import Callable
 from typing import Any, get_type_hints
 
 import jaxtyping
-from beartype import beartype
+from beartype import BeartypeConf, beartype
 
 JAXTYPED = jaxtyping.jaxtyped
+CHECK = beartype(conf=BeartypeConf(violation_type=jaxtyping.TypeCheckError))
 DIMENSIONS = jaxtyping.jaxtyped("context")
 """Within it a dimension that bears a name has one length."""
 
@@ -36,7 +37,7 @@ def checked(fn: Any = None, *, typechecker: Any) -> Any:
 def _checked(fn: Callable[..., Any]) -> Callable[..., Any]:
     names = fn.__globals__
     fn.__annotations__ = {name: _resolved(of, names) for name, of in fn.__annotations__.items()}
-    whole = beartype(fn)
+    whole = CHECK(fn)
 
     @functools.wraps(fn)
     def call(*args: Any, **kwargs: Any) -> Any:
