@@ -18,6 +18,8 @@ _FIGURES = {
     "success_rate": "success",
     "spl": "SPL",
     "soft_spl": "soft SPL",
+    "precision": "precision",
+    "recall": "recall",
     "mean_coverage": "coverage",
     "collisions_per_m": "collisions per m",
 }
@@ -77,10 +79,13 @@ def _heading(agent: AgentFile, name: str) -> str:
     network = agent.network
     lstm = f"{network.lstm_layers} × LSTM {network.lstm_size}, " if network.lstm_layers else ""
     layers = " × ".join(map(str, network.layers))
+    inputs = f"{network.inputs} inputs"
+    if network.candidates:
+        inputs = f"{network.candidates} candidates of {network.width} numbers each"
     actions = f"{network.outputs} {'discrete actions' if agent.discrete else 'numbers'}"
     return (
         f"# {name}\n\nA policy for `{agent.task}`, trained by {agent.training.plan.algorithm}: "
-        f"{network.inputs} inputs, {lstm}{layers} {network.activation}, {actions}. It acts as "
+        f"{inputs}, {lstm}{layers} {network.activation}, {actions}. It acts as "
         f"its network holds for best; nothing is drawn by chance."
     )
 

@@ -11,9 +11,18 @@ from jaxtyping import Float32
 from albot_core.errors import InputError
 from albot_core.ranges import Range, check_fields
 
-Row = Float32[np.ndarray, "units"]
+Row = Float32[np.ndarray, "*rows units"]
+Made = Float32[np.ndarray, "*rows made"]
+CANDIDATES = ("arrivals", "mask")
+"""The parts of observations whose candidates are weighed."""
+ABSENT = np.float32(-1e8)
+"""What says of a candidate that is not there that it is this one; finite, so that PyTorch's
+gradients are."""
+NOTHING = np.float32(-1.0)
+"""What is pooled where there is no candidate: no unit gives less."""
 
 _SIZE = Range("a whole number from 1 to 65536", 1.0, 65536.0, whole=True)
+_CANDIDATES = Range("a whole number from 0 to 65536", 0.0, 65536.0, whole=True)
 _LAYERS = Range("a whole number from 0 to 8", 0.0, 8.0, whole=True)
 
 
@@ -34,7 +43,12 @@ _ACTIVATIONS: Mapping[str, Callable[[Row], Row]] = {"elu": _elu, "relu": _relu, 
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
-    """How a policy network is built: LSTM layers, hidden layers, and a linear one for actions."""
+    """How a policy network is built: LSTM layers, hidden layers, and a linear one for actions.
+
+    One that weighs candidates looks at each of them with the same layers. Its observations are a
+    row of numbers for each candidate, and then which of them there are (above 0); the
+    outputs weigh "none of them", and each.
+    """
 
     inputs: int
     """Numbers in an observation."""
@@ -48,6 +62,8 @@ class NetworkConfig:
     """Units of each LSTM layer; 0 without any."""
     lstm_layers: int = 0
     """LSTM layers."""
+    candidates: int = 0
+    """How many candidates an observation can hold; 0 where it is looked at as a whole."""
 
     def __post_init__(self) -> None:
         check_fields(self, _SIZE, "inputs", "outputs")
@@ -60,12 +76,28 @@ class NetworkConfig:
         if self.activation not in _ACTIVATIONS:
             expected = f"one of {', '.join(_ACTIVATIONS)}"
             raise InputError("NetworkConfig.activation", expected, self.activation)
+        self._check_candidates()
+
+    def _check_candidates(self) -> None:
+        """Refuse candidates without a row of their own, or without an output."""
+        check_fields(self, _CANDIDATES, "candidates")
+        if not self.candidates:
+            return
+        row, rest = divmod(self.inputs, self.candidates)
+        if rest or row < 2 or self.lstm_layers or self.outputs != self.candidates + 1:
+            expected = "0, or as many as share the inputs, one output fewer, and no LSTM"
+            raise InputError("NetworkConfig.candidates", expected, str(self.candidates))
+
+    @property
+    def width(self) -> int:
+        """Numbers that the first layer takes."""
+        return self.inputs // self.candidates - 1 if self.candidates else self.inputs
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """The arrays of the network by name, and their shapes."""
         shapes: dict[str, tuple[int, ...]] = {}
-        width, size = self.inputs, self.lstm_size
+        width, size = self.width, self.lstm_size
         for k in range(self.lstm_layers):
             shapes |= {
                 f"lstm{k}.input": (4 * size, width),
@@ -76,7 +108,8 @@ class NetworkConfig:
         for k, units in enumerate(self.layers):
             shapes |= {f"layer{k}.weight": (units, width), f"layer{k}.bias": (units,)}
             width = units
-        return shapes | {"action.weight": (self.outputs, width), "action.bias": (self.outputs,)}
+        outputs = 2 if self.candidates else self.outputs  # Of candidates "none" and "this one".
+        return shapes | {"action.weight": (outputs, width), "action.bias": (outputs,)}
 
 
 class Network:
@@ -106,12 +139,31 @@ class Network:
         self, observation: Float32[np.ndarray, "inputs"]
     ) -> Float32[np.ndarray, "outputs"]:
         """The network's answer to the next observation."""
-        weights, row = self._weights, observation
+        if self._config.candidates:
+            return self._weigh(observation)
+        row = observation
         for k in range(self._config.lstm_layers):
             row = self._remember(k, row)
+        return self._linear("action", self._look(row))
+
+    def _weigh(self, observation: Float32[np.ndarray, "inputs"]) -> Float32[np.ndarray, "outputs"]:
+        """What says "none of the candidates", by what is largest in any, and what says each."""
+        candidates, width = self._config.candidates, self._config.width
+        there = observation[candidates * width :] > 0
+        seen = self._look(observation[: candidates * width].reshape(candidates, width))
+        pooled = np.max(seen, axis=0, where=there[:, np.newaxis], initial=NOTHING)
+        none, this = self._linear("action", pooled)[0], self._linear("action", seen)[:, 1]
+        return np.concatenate(((none,), np.where(there, this, ABSENT)))
+
+    def _look(self, row: Row) -> Made:
+        """What the hidden layers make of a row, or of each of several."""
         for k in range(len(self._config.layers)):
-            row = self._activate(weights[f"layer{k}.weight"] @ row + weights[f"layer{k}.bias"])
-        return np.asarray(weights["action.weight"] @ row + weights["action.bias"])
+            row = self._activate(self._linear(f"layer{k}", row))
+        return row
+
+    def _linear(self, name: str, row: Row) -> Made:
+        """What a linear layer makes of them."""
+        return np.asarray(row @ self._weights[f"{name}.weight"].T + self._weights[f"{name}.bias"])
 
     def _remember(self, k: int, row: Float32[np.ndarray, "inputs"]) -> Float32[np.ndarray, "units"]:
         """One step of an LSTM layer."""

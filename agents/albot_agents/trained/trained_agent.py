@@ -11,7 +11,7 @@ from gymnasium.spaces import Box, Discrete, Space
 from albot_agents.agent import Action
 from albot_agents.plain import differences, plain
 from albot_agents.trained.agent_file import AgentFile
-from albot_agents.trained.network import Network
+from albot_agents.trained.network import CANDIDATES, Network
 from albot_core.errors import InputError
 from albot_env.tasks.observation import ObservationConfig
 
@@ -40,6 +40,8 @@ class TrainedAgent:
         apart = [] if trained is None else differences(plain(observing), trained)
         if apart:
             raise InputError(name, "observations as in its training", "; ".join(apart))
+        if file.network.candidates:
+            observing.require(CANDIDATES, name)
         (length,) = observing.flat_space.shape
         if length != file.network.inputs:
             expected = f"observations of {file.network.inputs} numbers"

@@ -10,7 +10,7 @@ from gymnasium import spaces
 
 from albot_agents.task import for_one
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings
-from albot_agents.trained.network import NetworkConfig
+from albot_agents.trained.network import CANDIDATES, NetworkConfig
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.reading import stage_settings
 
@@ -32,9 +32,15 @@ class Exporter:
         if isinstance(single.get("world"), list):
             single["world"] = single["world"][0]
         env = gymnasium.make(plan.task, **single)
-        self._settings = kept_settings(plan.task, settings, env.get_wrapper_attr("observing"))
+        observing = env.get_wrapper_attr("observing")
+        self._settings = kept_settings(plan.task, settings, observing)
         self._inputs = spaces.flatdim(env.observation_space)
         self._discrete = isinstance(env.action_space, spaces.Discrete)
+        self._outputs = int(spaces.flatdim(env.action_space))
+        self._candidates = 0
+        if plan.policy.kind == "candidates":
+            observing.require(CANDIDATES, "PolicyPlan.kind candidates")
+            self._candidates = self._outputs - 1
         env.close()
 
     def agent(self, state: Mapping[str, np.ndarray], training: TrainingFacts) -> AgentFile:
@@ -45,7 +51,6 @@ class Exporter:
             training: What is to be told of the training.
         """
         plan = self._plan
-        weights = policy_weights(state, plan)
         return AgentFile(
             task=plan.task,
             settings=self._settings,
@@ -54,11 +59,12 @@ class Exporter:
                 inputs=self._inputs,
                 layers=plan.policy.net_arch,
                 activation=plan.policy.activation,
-                outputs=len(weights["action.bias"]),
+                outputs=self._outputs,
                 lstm_size=plan.policy.lstm_size if plan.recurrent else 0,
                 lstm_layers=plan.policy.lstm_layers if plan.recurrent else 0,
+                candidates=self._candidates,
             ),
-            weights=weights,
+            weights=policy_weights(state, plan),
             training=training,
         )
 

@@ -10,6 +10,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
+from albot_agents.training.candidates import CandidatePolicy
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_core.errors import InputError
 
@@ -41,9 +42,9 @@ def make_learner(plan: TrainingPlan, envs: VecEnv) -> OnPolicyAlgorithm:
         )
     }  # fmt: skip
     numbers |= {name: plan.schedule(name) for name in ("learning_rate", "clip_range")}
-    kind, policy = (RecurrentPPO, "MlpLstmPolicy") if plan.recurrent else (PPO, "MlpPolicy")
-    learner = kind(
-        policy,
+    kind: Any = RecurrentPPO if plan.recurrent else PPO
+    learner: OnPolicyAlgorithm = kind(
+        _policy_kind(plan),
         envs,
         ent_coef=plan.schedule("ent_coef").first,
         policy_kwargs=_policy_settings(plan),
@@ -68,6 +69,12 @@ def choose_device(plan: TrainingPlan) -> str:
     policy = plan.policy
     widest = max((*policy.net_arch, *(policy.value_arch or ()), policy.lstm_size * plan.recurrent))
     return "cuda" if there and widest >= GPU_UNITS else "cpu"
+
+
+def _policy_kind(plan: TrainingPlan) -> str | type[CandidatePolicy]:
+    if plan.recurrent:
+        return "MlpLstmPolicy"
+    return CandidatePolicy if plan.policy.kind == "candidates" else "MlpPolicy"
 
 
 def _policy_settings(plan: TrainingPlan) -> dict[str, Any]:

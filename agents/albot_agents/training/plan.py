@@ -14,6 +14,8 @@ from albot_core.ranges import POSITIVE, SHARE, Range, check_fields
 
 ALGORITHMS = ("ppo", "recurrent_ppo")
 """Proximal policy optimisation (Schulman et al., arXiv:1707.06347), without and with an LSTM."""
+POLICIES = ("mlp", "candidates")
+"""An observation looked at as a whole; or candidates, each looked at by the same network."""
 ACTIVATIONS = ("elu", "relu", "tanh")
 DEVICES = ("auto", "cpu", "cuda")
 
@@ -25,6 +27,9 @@ _FROM_ZERO = Range("a whole number from 0", 0.0, whole=True)
 class PolicyPlan:
     """The networks. Policy and value have one each, and share nothing."""
 
+    kind: str = "mlp"
+    """`mlp`, or `candidates`: for tasks that ask which of several it is, if any. The networks then
+    look at each candidate alone, and at what is largest in any of them."""
     net_arch: tuple[int, ...] = (64, 64)
     """Units in the hidden layers."""
     value_arch: tuple[int, ...] | None = None
@@ -35,8 +40,8 @@ class PolicyPlan:
     """Logarithm of the actions' standard deviation at the beginning."""
     initial_action: tuple[float, ...] | None = None
     """What the policy does in the mean at the beginning (of a discrete set, the logarithms of
-    its preferences); None for 0. A policy that declares by chance at every third step never
-    sees what driving is good for."""
+    its preferences; of candidates, of "none" and of each of them); None for 0. A policy that
+    declares by chance at every third step never sees what driving is good for."""
     lstm_size: int = 128
     """Units of each LSTM layer, of `recurrent_ppo` only."""
     lstm_layers: int = 1
@@ -47,6 +52,7 @@ class PolicyPlan:
         for name in ("net_arch", "value_arch"):
             if any(units not in _COUNT for units in getattr(self, name) or ()):
                 raise InputError(f"PolicyPlan.{name}", "sizes from 1", str(getattr(self, name)))
+        _check_name("PolicyPlan.kind", self.kind, POLICIES)
         _check_name("PolicyPlan.activation", self.activation, ACTIVATIONS)
 
 
@@ -153,6 +159,8 @@ class TrainingPlan:
         check_fields(self, POSITIVE, "max_grad_norm")
         _check_name("TrainingPlan.algorithm", self.algorithm, ALGORITHMS)
         _check_name("TrainingPlan.device", self.device, DEVICES)
+        if self.recurrent and self.policy.kind != "mlp":
+            raise InputError("TrainingPlan.policy", "kind mlp for an LSTM", self.policy.kind)
         for name in ("learning_rate", "clip_range", "ent_coef"):
             self.schedule(name)
         samples = self.n_envs * self.n_steps

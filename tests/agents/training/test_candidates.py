@@ -1,0 +1,70 @@
+"""A training that judges places, end to end: from a plan to an agent that answers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+import pytest
+import yaml
+
+from albot_agents.agent import choose
+from albot_agents.episode import begin_episode
+from albot_agents.registry import find_agent, make_agent
+from albot_agents.trained.agent_file import read_agent
+from albot_agents.training.folder import RunFolder
+from albot_agents.training.reading import read_plan
+from albot_agents.training.run import TrainingRun
+from albot_core.errors import InputError
+from tests.agents.training.tiny import begun
+
+TASK = "Albot/PlaceRecognition-v0"
+PLAN: dict[str, Any] = {
+    "task": TASK,
+    "n_envs": 2,
+    "n_timesteps": 16,
+    "n_steps": 4,
+    "batch_size": 8,
+    "gamma": 0.0,
+    "policy": {"kind": "candidates", "net_arch": [8], "initial_action": [1, 0]},
+    "env": {
+        "world": "square-loop",
+        "mapper": "none",
+        "journeys": 1,
+        "config": {"tour": {"arrivals": 3}},
+    },
+    "evaluation": None,
+}
+
+
+def test_a_judge_is_trained_and_judges(tmp_path: Path) -> None:
+    (tmp_path / "plan.yml").write_text(yaml.safe_dump(PLAN))
+    folder, plan = RunFolder(tmp_path / "run"), read_plan(tmp_path / "plan.yml")
+    folder.begin(plan, "albot train")
+    run = TrainingRun(folder, plan)
+    assert run.run()["samples"] == 16
+    network = read_agent(folder.last).network
+    assert (network.candidates, network.outputs) == (2, 3)
+    name = str(folder.last)
+    env = gymnasium.make(TASK, world="square-loop", **find_agent(name).environment(TASK, {}))
+    agent = make_agent(name, env.get_wrapper_attr("observing"))
+    observation, info = begin_episode(env, agent, 3)
+    answer = choose(agent, observation, info)
+    expected, _ = run.learner.predict(observation, deterministic=True)
+    assert isinstance(answer, np.int64)
+    assert answer == expected
+
+
+def test_where_there_is_nothing_to_weigh_that_is_said(tmp_path: Path) -> None:
+    policy = {"kind": "candidates", "initial_action": None}
+    folder, plan = begun(tmp_path, policy=policy)
+    with pytest.raises(
+        InputError, match=r"kind candidates: expected .* part arrivals, found laser"
+    ):
+        TrainingRun(folder, plan)
+    with pytest.raises(InputError, match="policy: expected kind mlp for an LSTM, found candidates"):
+        begun(tmp_path, policy=policy, algorithm="recurrent_ppo")
+    with pytest.raises(InputError, match="did you mean candidates"):
+        begun(tmp_path, policy={"kind": "candidate"})
