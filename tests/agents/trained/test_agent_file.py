@@ -181,6 +181,7 @@ def test_other_arrays_are_refused(
         (("discrete",), "yes", "discrete: expected true or false"),
         (("network", "layers"), [4, 4], r"layer1.*: expected the array"),
         (("network", "inputs"), 10**12, "network.inputs: expected a whole number"),
+        (("network", "candidates"), 3, "network.candidates: expected 0, or as many as share"),
         (("network", "activation"), "os.system", "network.activation: expected one of"),
         (("settings", "world"), "/etc/passwd", "settings: expected only"),
         (("settings", "mapper"), 3, "settings.mapper: expected text"),
@@ -235,7 +236,7 @@ def test_a_card_tells_what_the_file_does(path: Path, tmp_path: Path) -> None:
     figures = {
         "task": TASK, "world_specs": ["random:office"], "seeds": "1000..1099", "episodes": 100,
         "odometer": "poor", "mapper": "odometry", "success_rate": 0.96, "ci95": [0.9, 0.99],
-        "spl": None,
+        "spl": None, "precision": 0.995, "recall": 0.9,
     }  # fmt: skip
     (tmp_path / "e.json").write_text(json.dumps(figures))
     evaluation = read_evaluation(tmp_path / "e.json")
@@ -246,6 +247,7 @@ def test_a_card_tells_what_the_file_does(path: Path, tmp_path: Path) -> None:
         assert told in text
     row = "| Albot/Homing-v0 | `random:office` | 1000..1099 | poor | odometry | 100 | 0.960 (0.900"
     assert row in text
+    assert "to 0.990) | 0.995 | 0.900 |" in text
     assert "SPL |" not in text
     assert picture.read_bytes().startswith(b"\x89PNG")
     (tmp_path / "e.json").write_text("[]")

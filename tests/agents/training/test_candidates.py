@@ -14,10 +14,12 @@ from albot_agents.agent import choose
 from albot_agents.episode import begin_episode
 from albot_agents.registry import find_agent, make_agent
 from albot_agents.trained.agent_file import read_agent
+from albot_agents.trained.card import write_card
 from albot_agents.training.folder import RunFolder
 from albot_agents.training.reading import read_plan
 from albot_agents.training.run import TrainingRun
 from albot_core.errors import InputError
+from albot_env.tasks.observation import ObservationConfig
 from tests.agents.training.tiny import begun
 
 TASK = "Albot/PlaceRecognition-v0"
@@ -55,6 +57,10 @@ def test_a_judge_is_trained_and_judges(tmp_path: Path) -> None:
     expected, _ = run.learner.predict(observation, deterministic=True)
     assert isinstance(answer, np.int64)
     assert answer == expected
+    with pytest.raises(InputError, match="expected observations with the part arrivals"):
+        make_agent(name, ObservationConfig())
+    card, *_ = write_card(read_agent(folder.last), "judge", tmp_path / "judge.md")
+    assert "2 candidates of 11 numbers each, 8 tanh, 3 discrete actions" in card.read_text()
 
 
 def test_where_there_is_nothing_to_weigh_that_is_said(tmp_path: Path) -> None:
