@@ -14,7 +14,7 @@ from albot_agents.registry import AGENTS, agent_names, check_agent, find_agent, 
 from albot_core.errors import InputError
 from tests.env.quick import DRIVEN, IDS, JUDGED, LOOP, QUICK
 
-JUDGES = {"place-judge"}
+JUDGES = {"place-judge", "place-recognition"}
 """Those who judge places and drive nothing."""
 WHO_ACTS_WHERE = [(name, task) for task in IDS for name in agent_names(task)]
 

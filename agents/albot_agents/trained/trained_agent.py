@@ -34,25 +34,21 @@ class TrainedAgent:
     def __init__(self, name: str, file: AgentFile, observing: ObservationConfig) -> None:
         self.name = name
         self._file = file
-        self._parts = tuple(observing.shapes)
+        self._observing = observing
         self._network = Network(file.network, file.weights)
         trained = file.settings["config"].get("observations")
         apart = [] if trained is None else differences(plain(observing), trained)
         if apart:
             raise InputError(name, "observations as in its training", "; ".join(apart))
-        if file.network.candidates:
-            observing.require(CANDIDATES, name)
-        (length,) = observing.flat_space.shape
-        if length != file.network.inputs:
-            expected = f"observations of {file.network.inputs} numbers"
-            raise InputError(name, expected, f"{length}")
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin anew.
 
         Raises:
-            InputError: The environment has other actions than those in which it was trained.
+            InputError: The environment makes other observations than those in which it was
+                trained, or has other actions.
         """
+        self._check_observations()
         outputs = self._file.network.outputs
         mine = f"{outputs} discrete" if self._file.discrete else f"{outputs} numbers"
         if isinstance(actions, Discrete):
@@ -66,8 +62,19 @@ class TrainedAgent:
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """The mean action of its policy, or the likeliest of a discrete set."""
         if isinstance(observation, dict):
-            observation = np.concatenate([observation[part].ravel() for part in self._parts])
+            parts = self._observing.shapes
+            observation = np.concatenate([observation[part].ravel() for part in parts])
         answer = self._network(np.asarray(observation, np.float32))
         if self._file.discrete:
             return np.int64(np.argmax(answer))
         return np.asarray(np.clip(answer, -1, 1))
+
+    def _check_observations(self) -> None:
+        """Refuse observations that the network does not take."""
+        network = self._file.network
+        if network.candidates:
+            self._observing.require(CANDIDATES, self.name)
+        (length,) = self._observing.flat_space.shape
+        if length != network.inputs:
+            expected = f"observations of {network.inputs} numbers"
+            raise InputError(self.name, expected, f"{length}")

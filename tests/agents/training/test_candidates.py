@@ -58,7 +58,7 @@ def test_a_judge_is_trained_and_judges(tmp_path: Path) -> None:
     assert isinstance(answer, np.int64)
     assert answer == expected
     with pytest.raises(InputError, match="expected observations with the part arrivals"):
-        make_agent(name, ObservationConfig())
+        make_agent(name, ObservationConfig()).reset(np.random.default_rng(0), env.action_space)
     card, *_ = write_card(read_agent(folder.last), "judge", tmp_path / "judge.md")
     assert "2 candidates of 11 numbers each, 8 tanh, 3 discrete actions" in card.read_text()
 
