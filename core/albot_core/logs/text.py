@@ -44,7 +44,8 @@ class LogText:
         Args:
             keywords: What the lines of interest begin with.
             fixed_end: Whether their last words are numbers of as many decimals each, so
-                that fewer in the last line show that it is torn.
+                that fewer in the last line show that it is torn. The first line of its kind
+                is held against the lines of other kinds, and the word before its last.
 
         Raises:
             InputError: The last line is torn within its keyword or its last number.
@@ -57,7 +58,9 @@ class LogText:
                 continue
             may_be_torn = self._last_line_torn and number == len(self.lines)
             if words[0] in keywords:
-                if fixed_end and may_be_torn and _decimals(words[-1]) < decimals.get(words[0], 0):
+                others = max((*decimals.values(), *map(_decimals, words[-2:-1])), default=0)
+                usual = decimals.get(words[0], others)
+                if fixed_end and may_be_torn and _decimals(words[-1]) < usual:
                     raise self.error("a whole number at the end", repr(words[-1]))
                 decimals[words[0]] = _decimals(words[-1])
                 yield words

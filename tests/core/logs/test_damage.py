@@ -253,6 +253,17 @@ def _read(path: Path, content: bytes, keep_going: bool) -> Log | None:
     return log
 
 
+def test_a_log_cut_within_the_last_number_of_its_only_scan(kind, tmp_path, log_text):
+    content = log_text(kind, scans=1).encode().rstrip()
+    whole = _read(tmp_path / "whole.log", content + b"\n", False)
+    assert whole is not None
+    for end in range(len(content) - 12, len(content)):
+        log = _read(tmp_path / "cut.log", content[:end], True)
+        if log is not None:
+            np.testing.assert_array_equal(log.ranges, whole.ranges)
+            np.testing.assert_array_equal(log.stamps, whole.stamps)
+
+
 @FUZZ
 @given(share=st.floats(0, 1), keep_going=st.booleans())
 def test_a_log_cut_at_any_byte(kind, share, keep_going, tmp_path, log_text):
