@@ -40,13 +40,13 @@ CONTESTS = (
     ),
     Contest(
         task="Albot/Explore-v0",
-        agents=("gap-explorer", "nearest-frontier", "random"),
+        agents=("gap-explorer", "nearest-frontier", "exploring", "random"),
     ),
     Contest(task="Albot/ExploreAndHome-v0", agents=("round-trip", "random")),
     # Rooms are the truth of places: the floor plans' are cut otherwise than robots see them.
     Contest(
         task="Albot/PlaceRecognition-v0",
-        agents=("place-judge", "random"),
+        agents=("place-judge", "place-recognition", "random"),
         kinds=(OFFICES, APARTMENTS),
         settings={"journeys": 2**31},
     ),

@@ -21,6 +21,8 @@ _FIGURES = {
     "precision": "precision",
     "recall": "recall",
     "mean_coverage": "coverage",
+    "coverage_auc": "coverage over 200 m",
+    "rooms_share": "rooms entered",
     "collisions_per_m": "collisions per m",
 }
 """What the card tells of an evaluation, where it is known."""

@@ -8,12 +8,16 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from albot_core.errors import InputError
 from albot_core.files import write_text
 
 FIGURES = ("is_success", "spl", "coverage", "distance_home")
 """What an episode's last info tells that is written down as well, where the task knows it."""
 _COLUMNS = ("r", "l", "t", *FIGURES)
+POINTS = 30
+"""Points of a learning curve that is drawn of the training's own episodes."""
 Row = Sequence[float | int | None]
 """Return, steps, seconds since the training began, and the figures; None for unknown."""
 
@@ -51,6 +55,19 @@ class MonitorFile:
             lines = "".join(f"{','.join(map(_cell, row))}\n" for row in rows).encode()
             self._write(lines)
             self.size += len(lines)
+
+    @property
+    def curve(self) -> dict[str, list[float]]:
+        """The mean return of the episodes so far, in `POINTS` parts, and samples at their ends."""
+        table = self._path.read_text().splitlines()[2:]
+        if not table:
+            return {}
+        returns, steps = np.array([line.split(",")[:2] for line in table], float).T
+        parts = np.array_split(np.arange(len(table)), min(POINTS, len(table)))
+        return {
+            "samples": [float(steps[: part[-1] + 1].sum()) for part in parts],
+            "return": [float(returns[part].mean()) for part in parts],
+        }
 
     def _write(self, lines: bytes) -> None:
         """Let lines follow what counts, and nothing else; all of them or none."""

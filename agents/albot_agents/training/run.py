@@ -179,7 +179,7 @@ class TrainingRun:
             samples=snapshot.samples,
             episodes=snapshot.run["episodes"],
             seconds=round(snapshot.run["seconds"], 1),
-            curve=self._evaluations.curve if self._evaluations else {},
+            curve=(self._evaluations or self._monitor).curve,
             **facts(),
         )
         return self._exporter.agent(snapshot.weights, told)

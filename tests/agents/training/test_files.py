@@ -82,6 +82,14 @@ def test_a_full_disk_leaves_whole_lines(tmp_path: Path, monkeypatch: pytest.Monk
         MonitorFile(tmp_path / "monitor.csv", "Albot/Homing-v0", 999)
 
 
+def test_the_curve_of_its_episodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(monitor, "POINTS", 2)
+    file = MonitorFile(tmp_path / "monitor.csv", "Albot/Explore-v0")
+    assert file.curve == {}
+    file.add([(1.0, 10, 0.1), (3.0, 20, 0.2), (-4.0, 5, 0.3)])
+    assert file.curve == {"samples": [30.0, 35.0], "return": [2.0, -4.0]}
+
+
 def test_a_write_in_parts_is_whole() -> None:
     class Slow:
         """Takes three bytes at a time."""
