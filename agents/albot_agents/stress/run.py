@@ -14,7 +14,7 @@ import numpy as np
 import albot_env  # noqa: F401  (registers the environments)
 from albot_agents.agent import choose
 from albot_agents.episode import begin_episode
-from albot_agents.registry import make_agent
+from albot_agents.registry import find_agent, make_agent
 from albot_agents.stress.plan import Episode, Violation
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose
@@ -115,7 +115,9 @@ class Watch:
         moment = self._witness.last
         seen = np.concatenate((self._opaque, moment.things))
         observing, laser = self._observing, self._observing.laser
-        ranges = observing.ranges(observing.split(observation)["laser"])
+        ranges = np.asarray(moment.reading.laser.ranges)
+        if "laser" in observing.shapes and observing.laser_sectors is None:
+            ranges = observing.ranges(observing.split(observation)["laser"])
         eye = compose(pose, np.array(laser.mount))
         wrong = check_laser(seen, eye, laser.bearings, ranges, self._limits)
         if moment.reading.sonar is not None:
@@ -149,13 +151,9 @@ def run_episode(episode: Episode, tell: Callable[[int], None], limits: Limits) -
 
 def _watched(episode: Episode, limits: Limits) -> Iterator[list[str]]:
     """What is wrong after the reset, and after each step."""
-    env = gymnasium.make(
-        ENVIRONMENT,
-        world=episode.world,
-        mapper=episode.mapper,
-        max_episode_steps=episode.steps,
-        disable_env_checker=True,
-    )
+    asked = {"world": episode.world, "mapper": episode.mapper, "max_episode_steps": episode.steps}
+    settings = find_agent(episode.agent).environment(ENVIRONMENT, asked)
+    env = gymnasium.make(ENVIRONMENT, disable_env_checker=True, **settings)
     try:
         observing = env.get_wrapper_attr("observing")
         agent = make_agent(episode.agent, observing)
