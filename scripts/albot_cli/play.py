@@ -38,7 +38,8 @@ RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "record", "no_movables"
     "--agent",
     default="gap-explorer",
     show_default=True,
-    help="albot1-homing, gap-explorer, nearest-frontier, oracle, path-integration or random.",
+    help="albot1-homing, exploring, gap-explorer, nearest-frontier, oracle, path-integration, "
+    "random, or the file of a trained agent.",
 )
 @click.option(
     "--laser",

@@ -49,8 +49,8 @@ _STOPPED = 130
     multiple=True,
     default=("gap-explorer", "random"),
     show_default=True,
-    help="albot1-homing, gap-explorer, nearest-frontier, oracle, path-integration or random; "
-    "repeatable.",
+    help="albot1-homing, exploring, gap-explorer, nearest-frontier, oracle, path-integration, "
+    "random, or the file of a trained agent; repeatable.",
 )
 @click.option("--mapper", default="none", show_default=True, help="See `albot mappers`; or none.")
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
