@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from albot_core.errors import InputError
 from albot_maps.generators.spec import PREFIX, parse_spec
@@ -41,6 +41,10 @@ class WorldSet:
     def __len__(self) -> int:
         """How many worlds there are."""
         return len(self._worlds)
+
+    def __iter__(self) -> Iterator[World]:
+        """The worlds in turn."""
+        return (self[number] for number in range(len(self)))
 
     def __getitem__(self, number: int) -> World:
         """The world of a number from 0 on.

@@ -72,3 +72,8 @@ def test_numbers_beyond_the_set_are_refused() -> None:
             worlds[number]
     with pytest.raises(InputError, match="at least one world"):
         WorldSet(())
+
+
+def test_worlds_come_in_turn() -> None:
+    worlds = load_worlds("random:maze:3..5")
+    assert [world.name for world in worlds] == ["maze-3", "maze-4", "maze-5"]

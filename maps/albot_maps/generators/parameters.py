@@ -81,6 +81,8 @@ class Parameters:
     kind: ClassVar[str]
     """The kind's name in a world spec."""
 
+    starts: int = count(1, 1, 50)
+    """How many starts there are, of which episodes draw: the kind's own, and others anywhere."""
     people: int = count(0, 0, 50)
     """How many people walk through the rooms."""
     boxes: int = count(0, 0, 50)

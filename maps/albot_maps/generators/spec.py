@@ -13,6 +13,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_maps.generators.dice import Dice
 from albot_maps.generators.parameters import Parameters
+from albot_maps.generators.starts import scatter_starts
 from albot_maps.generators.things import populate
 from albot_maps.world import World
 
@@ -57,7 +58,7 @@ class RandomSpec:
         dice = Dice(np.random.Generator(np.random.PCG64(self.seed)))
         plan, start = draw(self.parameters, dice, str(self))
         world = plan.world(f"{self.kind}-{self.seed}", str(self), start)
-        return populate(world, self.parameters, dice)
+        return populate(scatter_starts(world, self.parameters, dice), self.parameters, dice)
 
 
 def parse_spec(text: str) -> RandomSpec:

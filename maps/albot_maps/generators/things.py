@@ -29,7 +29,7 @@ _BEFORE_EXIT = 0.5
 _SPARE = 0.05
 """What routes and boxes keep from walls beyond what they must (m)."""
 _AWAY = {"start": 1.3, "doorways": 0.3, "routes": 0.35, "boxes": 0.1}
-"""What boxes keep from all else (m): from the start so much that they never wall it in."""
+"""What boxes keep from all else (m): from starts so much that they never wall one in."""
 _LEAST_ROUTE = 2.0
 """The shortest way from the first to another waypoint (m)."""
 
@@ -66,7 +66,7 @@ class _Places:
         self._dice = dice
         self._walls = wall_lines(world.walls)
         shapely.prepare(self._walls)
-        self._start = shapely.Point(world.starts[0, :2])
+        self._starts = shapely.multipoints(world.starts[:, :2])
         self._boxes_of = {room.name: _bounds(room.boundary) for room in world.rooms}
         self._exits_of: dict[str, list[Exit]] = {room.name: [] for room in world.rooms}
         for opening in world.exits:
@@ -82,7 +82,7 @@ class _Places:
                 sweep = door.sweep
                 inner = sweep.buffer(-TOLERANCE)
                 if (
-                    sweep.distance(self._start) > ROBOT_RADIUS + _SPARE
+                    sweep.distance(self._starts) > ROBOT_RADIUS + _SPARE
                     and not self._walls.intersects(inner)
                     and not any(sweep.intersects(other) for other in sweeps)
                 ):
@@ -143,7 +143,7 @@ class _Places:
         doorways = [opening.segment for opening in self._world.exits if _is_doorway(opening)]
         kept = [
             (self._walls, _SPARE),
-            (self._start, _AWAY["start"]),
+            (self._starts, _AWAY["start"]),
             (wall_lines(np.reshape(doorways, (-1, 4))), _AWAY["doorways"]),
             (routes, _AWAY["routes"]),
             (sweeps, _SPARE),
