@@ -6,7 +6,7 @@ the same to the last bit. What its steps are worth, a task says that builds on t
 
 from __future__ import annotations
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64
@@ -21,6 +21,7 @@ from albot_env.sim.fleet import Fleet, draw_key
 from albot_env.sim.simulator import CONTROL_STEP, SUBSTEPS
 from albot_env.tasks.action import ActionConfig, Numbers
 from albot_env.tasks.equipment import Equipment
+from albot_env.tasks.journeys import Journeys
 from albot_env.tasks.kernels import reckon
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.rest import Rest
@@ -50,6 +51,8 @@ class Expedition:
     """Id of the environment."""
     terms_of_reward: ClassVar[tuple[str, ...]] = ()
     """The names of the reward's terms."""
+    journeys: Journeys[Any] | None = None
+    """What robots have behind them when an episode begins; None where they set out anew."""
 
     def __init__(
         self,

@@ -65,14 +65,14 @@ class Homing(Expedition):
     def __init__(
         self, robots: int, equipment: Equipment, config: HomingConfig, journeys: int
     ) -> None:
-        if journeys < 0:
-            raise InputError(self.task, "0 or more", str(journeys), place="journeys")
         super().__init__(
             robots, equipment, actions=config.actions, observations=config.observations
         )
         self._config = config
         self._reckoning = Packer(self._books)
-        self._outings = Outings(equipment, config.observations, config.outing, journeys)
+        self.journeys = self._outings = Outings(
+            self.task, equipment, config.observations, config.outing, journeys
+        )
         self._shared = journeys > 0
         self._outward = np.zeros(robots)
         self._cut_short = np.zeros(robots, np.bool_)

@@ -90,6 +90,7 @@ class Judging(Expedition):
             actions=AnswerConfig(most=most),
             observations=CandidatesConfig(most=most),
         )
+        self.journeys = self._tours
         self._led: list[Tour | None] = [None] * robots
         beams, sonars = self._senses.ranges.shape[1], self._senses.echoes.shape[1]
         length = self.observations.shape[1]

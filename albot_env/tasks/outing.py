@@ -1,37 +1,27 @@
 """Outward journeys: how robots that are to find home got to where they are.
 
 A robot that is to go home has first explored, by the gap explorer of `albot_core.exploration`,
-and so filled its map. A journey is a function of its world, start and number alone (and
-of what the robot set out with), whoever asks for it and when; so it may be kept and
-given to any robot, or made again, without making any difference.
+and so filled its map.
 """
 
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from threading import Lock
-from typing import Any, Generic, TypeVar
 
 import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.exploration.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.exploration.senses import Senses
-from albot_core.geometry.types import Pose
 from albot_env.tasks.action import ActionConfig
 from albot_env.tasks.equipment import Equipment
 from albot_env.tasks.expedition import Expedition
+from albot_env.tasks.journeys import Journeys, Ticket
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.rest import Rest
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField
-
-KEPT = 1024
-"""Journeys that are kept in a process, whoever made them; the one that was longest not asked
-for is made again."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,45 +58,18 @@ class Outing:
     """Whether the robot got stuck before it came as far as it was to."""
 
 
-Kept = TypeVar("Kept")
-
-
-class Shelf(Generic[Kept]):
-    """The journeys that are kept. Each holds its world, whose id so is nobody else's."""
-
-    def __init__(self) -> None:
-        self._kept: OrderedDict[tuple[Any, ...], Kept] = OrderedDict()
-        self._lock = Lock()
-
-    def fetch(self, key: tuple[Any, ...], make: Callable[[], Kept]) -> Kept:
-        """The journey with this key, which is made where it is not kept."""
-        with self._lock:
-            kept = self._kept.get(key)
-        journey = make() if kept is None else kept
-        with self._lock:
-            self._kept[key] = journey
-            self._kept.move_to_end(key)
-            if len(self._kept) > KEPT:
-                self._kept.popitem(last=False)
-        return journey
-
-    def clear(self) -> None:
-        """Keep none any more."""
-        with self._lock:
-            self._kept.clear()
-
-
-SHELF: Shelf[Outing] = Shelf()
-
-
-class Outings:
+class Outings(Journeys[Outing]):
     """Makes outward journeys, and keeps them.
 
     Args:
+        task: Id of the environment, for the errors.
         equipment: What the robots set out with.
         observations: How they look at the ground that they cover.
         config: How long journeys are.
-        journeys: How many different ones there are from a start; 0 for a new one each time.
+        count: How many different ones there are from a start; 0 for a new one each time.
+
+    Raises:
+        InputError: There are fewer journeys than none.
     """
 
     _STEPS_PER_METRE = 40
@@ -116,15 +79,15 @@ class Outings:
 
     def __init__(
         self,
+        task: str,
         equipment: Equipment,
         observations: ObservationConfig,
         config: OutingConfig,
-        journeys: int,
+        count: int,
     ) -> None:
-        self._config = config
-        self._journeys = journeys
         seen = observations.coverage, observations.laser_range
-        self._kind = replace(equipment, threads=1), *seen, config
+        super().__init__(task, (replace(equipment, threads=1), *seen, config), count)
+        self._config = config
         self._scout = Expedition(
             1,
             replace(equipment, threads=1),
@@ -133,20 +96,13 @@ class Outings:
         )
         self._explorer = GapExplorer(GapExplorerConfig(near=observations.coverage.radius))
 
-    def draw(self, world: World, start: Pose, rng: np.random.Generator) -> Outing:
-        """A journey from a start, drawn at random."""
-        if not self._journeys:
-            return self._travel(world, start, int(rng.integers(2**63)))
-        number = int(rng.integers(self._journeys))
-        key = (self._kind, id(world), start.tobytes(), number)
-        return SHELF.fetch(key, lambda: self._travel(world, start, number))
-
     def close(self) -> None:
         """Let the scout go."""
         self._scout.close()
 
-    def _travel(self, world: World, start: Pose, number: int) -> Outing:
-        """Make the journey of a number."""
+    def travel(self, ticket: Ticket) -> Outing:
+        """Make a journey."""
+        world, start, number = ticket
         rng = np.random.default_rng((number, *start.view(np.uint64).tolist()))
         wanted = float(rng.uniform(self._config.shortest, self._config.longest))
         field = DistanceField(world.walls, ROBOT_RADIUS, start[:2])

@@ -18,6 +18,7 @@ from albot_env.rendering.viewer import NullViewer, Viewer
 from albot_env.sim import choose_sensors
 from albot_env.tasks.equipment import Equipment
 from albot_env.tasks.expedition import Expedition
+from albot_env.tasks.journeys import Journeys
 from albot_env.tasks.observation import Parts
 from albot_env.tasks.start import choose_start, choose_world
 from albot_maps import World, WorldSet, load_worlds
@@ -162,6 +163,11 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             self._show()
         reward, ended = float(robot.rewards[0]), bool(robot.ended[0])
         return self._observe(), reward, ended, False, self._info()
+
+    @property
+    def journeys(self) -> Journeys[Any] | None:
+        """What the robot has behind it when an episode begins; None where it sets out anew."""
+        return self._robot.journeys
 
     @property
     def frame(self) -> Frame:

@@ -1,7 +1,5 @@
 """Tours: robots guided through a building, in whose rooms they stop more than once.
 
-A tour is a function of its world, start and number alone (and of what the robot set out
-with): it may be kept and given to any robot, or made again, without making any difference.
 The guide sees where the robot truly is, so that what it errs does not change the way.
 """
 
@@ -17,7 +15,6 @@ import numpy as np
 import shapely
 from jaxtyping import Bool, Float32, Float64
 
-from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Segments
 from albot_core.perception.reading import Reading
@@ -25,7 +22,7 @@ from albot_env.sim.simulator import Simulator
 from albot_env.sim.start_stop import THESIS_STEPS, follow_leg
 from albot_env.tasks.arrivals import Notebook, question
 from albot_env.tasks.equipment import Equipment
-from albot_env.tasks.outing import KEPT, Shelf
+from albot_env.tasks.journeys import KEPT, Journeys, Ticket
 from albot_env.tasks.tour_plan import Stops, TourConfig
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.freespace import wall_lines
@@ -116,31 +113,24 @@ class Tour:
         }
 
 
-SHELF: Shelf[Tour] = Shelf()
-"""The tours that are kept in a process, whoever made them."""
-
-
-class Tours:
+class Tours(Journeys[Tour]):
     """Makes tours, and keeps them.
 
     Args:
         task: Id of the environment, for the errors.
         equipment: What the robots set out with. What moves is left out.
         config: How long tours are, and where they lead.
-        journeys: How many different ones there are from a start; 0 for a new one each time.
+        count: How many different ones there are from a start; 0 for a new one each time.
 
     Raises:
         InputError: There are fewer journeys than none, or there is no such mapper.
     """
 
-    def __init__(self, task: str, equipment: Equipment, config: TourConfig, journeys: int) -> None:
-        if journeys < 0:
-            raise InputError(task, "0 or more", str(journeys), place="journeys")
+    def __init__(self, task: str, equipment: Equipment, config: TourConfig, count: int) -> None:
+        super().__init__(task, (replace(equipment, threads=1), config), count)
         Notebook(equipment.mapper)  # There is such a mapper.
         self._equipment = equipment
         self._config = config
-        self._journeys = journeys
-        self._kind = replace(equipment, threads=1), config
         self._stops: OrderedDict[int, Stops] = OrderedDict()
 
     def check(self, world: World) -> None:
@@ -151,14 +141,6 @@ class Tours:
         """
         self._find_stops(world).named(self._config.rooms)
 
-    def draw(self, world: World, start: Pose, rng: np.random.Generator) -> Tour:
-        """A tour from a start, drawn at random."""
-        if not self._journeys:
-            return self._travel(world, start, int(rng.integers(2**63)))
-        number = int(rng.integers(self._journeys))
-        key = (self._kind, id(world), start.tobytes(), number)
-        return SHELF.fetch(key, lambda: self._travel(world, start, number))
-
     def _find_stops(self, world: World) -> Stops:
         if id(world) not in self._stops:
             self._stops[id(world)] = Stops(world)
@@ -166,8 +148,9 @@ class Tours:
                 self._stops.popitem(last=False)
         return self._stops[id(world)]
 
-    def _travel(self, world: World, start: Pose, number: int) -> Tour:
-        """Make the tour of a number."""
+    def travel(self, ticket: Ticket) -> Tour:
+        """Make a tour."""
+        world, start, number = ticket
         rng = np.random.default_rng((number, *start.view(np.uint64).tolist()))
         stops = self._find_stops(world)
         guide = _Guide(world, self._equipment, start, rng)

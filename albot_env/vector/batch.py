@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float32, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_env.tasks.equipment import Equipment
+from albot_env.tasks.journeys import Journeys, Ticket
 from albot_env.tasks.single import METADATA, Robots, Settings, equip, wants_discrete, wants_flat
 from albot_env.tasks.start import choose_start, choose_world
 from albot_env.vector.settings import (
@@ -179,6 +180,20 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         else:
             infos = self._infos(np.ones(self.num_envs, np.bool_))
         return self._observe(), rewards, terminated, truncated, infos
+
+    @property
+    def journeys(self) -> Journeys[Any] | None:
+        """What robots have behind them when an episode begins; None where they set out anew."""
+        return self._robots.journeys
+
+    def missing_journeys(self) -> list[Ticket]:
+        """The journeys that resets may draw and that are not kept yet, if all could be kept.
+
+        Each is made when it is first drawn; who wants them sooner makes them elsewhere, in
+        processes side by side, and gives them to `journeys.keep`.
+        """
+        journeys = self._robots.journeys
+        return [] if journeys is None else journeys.missing(list(dict.fromkeys(self._worlds)))
 
     def close_extras(self, **_: Any) -> None:
         """Let the threads go; called by `close`."""

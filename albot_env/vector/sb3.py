@@ -52,7 +52,8 @@ class BatchedVecEnv(VecEnv):
         mode = batch.metadata.get("autoreset_mode")
         if mode is not AutoresetMode.SAME_STEP:
             raise InputError(_SOURCE, "autoreset_mode SameStep", str(mode))
-        self._batch: Any = batch
+        self.batch: Any = batch
+        """The batch."""
         self._actions: np.ndarray | None = None
         super().__init__(batch.num_envs, batch.single_observation_space, batch.single_action_space)
 
@@ -65,7 +66,7 @@ class BatchedVecEnv(VecEnv):
         if any(options != self._options[0] for options in self._options):
             raise InputError(_SOURCE, "the same options for all", str(self._options))
         observations: VecEnvObs
-        observations, _ = self._batch.reset(seed=list(self._seeds), options=self._options[0])
+        observations, _ = self.batch.reset(seed=list(self._seeds), options=self._options[0])
         self._reset_seeds()
         self._reset_options()
         self.reset_infos = [{} for _ in range(self.num_envs)]
@@ -78,7 +79,7 @@ class BatchedVecEnv(VecEnv):
     def step_wait(self) -> VecEnvStepReturn:
         """Take the step."""
         assert self._actions is not None, "step_async comes before step_wait"
-        observations, rewards, ended, truncated, batched = self._batch.step(self._actions)
+        observations, rewards, ended, truncated, batched = self.batch.step(self._actions)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         over = ended | truncated
         for k in np.flatnonzero(over).tolist():
@@ -89,11 +90,11 @@ class BatchedVecEnv(VecEnv):
 
     def close(self) -> None:
         """Close the batch."""
-        self._batch.close()
+        self.batch.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
         """The batch's attribute, once for each environment asked for."""
-        return [getattr(self._batch, attr_name)] * len(self._chosen(indices))
+        return [getattr(self.batch, attr_name)] * len(self._chosen(indices))
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Refused: the environments of a batch have no attributes of their own.

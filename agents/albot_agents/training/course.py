@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 from albot_agents.training.monitor import FIGURES, Row
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.reading import stage_settings
+from albot_agents.training.stock import lay_in
 from albot_core.errors import InputError
-from albot_env.vector.sb3 import make_sb3
+from albot_env.vector.sb3 import BatchedVecEnv, make_sb3
 
 RECENT = 500
 """Episodes that the success rate goes by."""
@@ -49,7 +51,8 @@ class Course(VecEnvWrapper):
         """Number of the stage."""
         self.stepping = 0.0
         """Seconds that the environments took."""
-        super().__init__(_make(plan, stage))
+        self.venv: BatchedVecEnv
+        super().__init__(self._make(stage))
 
     @property
     def elapsed(self) -> float:
@@ -71,16 +74,25 @@ class Course(VecEnvWrapper):
         rate = self.success_rate if len(self._recent) == RECENT else None
         return its.until_success is not None and rate is not None and rate >= its.until_success
 
-    def next_stage(self, seed: int) -> VecEnvObs:
+    def lay_in(self, tell: Callable[[str], None]) -> None:
+        """Lay in the journeys of this stage; before the reset that would make them.
+
+        Args:
+            tell: Is told how it goes.
+        """
+        lay_in(self._plan.task, self.venv.batch, self._settings, tell)
+
+    def next_stage(self, seed: int, tell: Callable[[str], None]) -> VecEnvObs:
         """Begin the next stage; the first observations.
 
         Args:
             seed: Decides what is drawn in it.
+            tell: Is told how it goes to lay in its journeys.
 
         Raises:
             InputError: An environment cannot be made, or its spaces are others.
         """
-        following = _make(self._plan, self.stage + 1)
+        following = self._make(self.stage + 1)
         for name in ("observation_space", "action_space"):
             before, after = getattr(self.venv, name), getattr(following, name)
             if before != after:
@@ -89,6 +101,7 @@ class Course(VecEnvWrapper):
         self.venv = following
         self.stage += 1
         self._recent.clear()
+        self.lay_in(tell)
         self.seed(seed)
         return self.reset()
 
@@ -125,6 +138,6 @@ class Course(VecEnvWrapper):
         if "is_success" in info:
             self._recent.append(bool(info["is_success"]))
 
-
-def _make(plan: TrainingPlan, stage: int) -> VecEnv:
-    return make_sb3(plan.task, plan.n_envs, **stage_settings(plan, plan.stages[stage]))
+    def _make(self, stage: int) -> BatchedVecEnv:
+        self._settings = stage_settings(self._plan, self._plan.stages[stage])
+        return make_sb3(self._plan.task, self._plan.n_envs, **self._settings)

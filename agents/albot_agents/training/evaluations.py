@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from albot_agents.evaluation.plan import parse_seeds, plan_trials
 from albot_agents.task import batch_settings
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.reading import evaluation_settings
+from albot_agents.training.stock import lay_in
 from albot_core.errors import InputError
 from albot_core.files import replacing
 
@@ -45,6 +46,7 @@ class Evaluations:
         settings = evaluation_settings(plan)
         if "journeys" in batch_settings(plan.task):
             settings["journeys"] = 1  # The same from a start each time, so it is kept.
+        self._task, self._settings = plan.task, settings
         self._batch: Any = gymnasium.make_vec(
             plan.task,
             num_envs=len(trials),
@@ -86,6 +88,14 @@ class Evaluations:
         return curve | {
             name: row.tolist() for name, row in means.items() if not np.isnan(row).any()
         }
+
+    def lay_in(self, tell: Callable[[str], None]) -> None:
+        """Lay in the journeys of the episodes; before the first evaluation, which would make them.
+
+        Args:
+            tell: Is told how it goes.
+        """
+        lay_in(self._task, self._batch, self._settings, tell)
 
     def measure(self, learner: OnPolicyAlgorithm) -> bool:
         """Measure the policy as it is now, and write the results; whether it is the best so far.

@@ -92,6 +92,7 @@ class TrainingRun:
         try:
             remaining = self._plan.n_timesteps - self.learner.num_timesteps
             if remaining > 0:
+                self._lay_in()
                 steward = _Steward(self._between)
                 self.learner.learn(remaining, callback=steward, reset_num_timesteps=False)
             self._between(last=True)
@@ -114,6 +115,13 @@ class TrainingRun:
         if self._evaluations is not None:
             self._evaluations.close()
 
+    def _lay_in(self) -> None:
+        """Make the journeys that the environments will draw."""
+        samples = self.learner.num_timesteps
+        for each in (self._course, self._evaluations):
+            if each is not None:
+                each.lay_in(lambda note: self._tell(samples, note))
+
     def _between(self, last: bool = False) -> None:
         """Between two rollouts, and at the end: move on, measure, write."""
         samples = self.learner.num_timesteps
@@ -130,7 +138,8 @@ class TrainingRun:
     def _next_stage(self) -> None:
         """Let the learner go on in the next stage's environments."""
         learner, samples = self.learner, self.learner.num_timesteps
-        learner._last_obs = self._course.next_stage(self._chance())  # type: ignore[assignment]
+        begun = self._course.next_stage(self._chance(), lambda note: self._tell(samples, note))
+        learner._last_obs = begun  # type: ignore[assignment]
         learner._last_episode_starts = np.ones(self._plan.n_envs, np.bool_)
         self._stage_began = samples
 

@@ -12,12 +12,13 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
-from albot_env.tasks import outing as outing_module
+from albot_env.tasks import journeys as journeys_module
 from albot_env.tasks.homecoming import HomingConfig
 from albot_env.tasks.homing import HomingEnv
 from albot_env.tasks.homing_kernel import success_weighted
+from albot_env.tasks.journeys import Shelf
 from albot_env.tasks.observation import ObservationConfig
-from albot_env.tasks.outing import OutingConfig, Outings, Shelf
+from albot_env.tasks.outing import OutingConfig, Outings
 from albot_env.tasks.reward import HomingWeights
 from albot_maps import World
 from tests.env.quick import STROLL, drawn_actions
@@ -173,7 +174,7 @@ def test_kept_journeys_are_those_that_would_be_made(
 ) -> None:
     """Whoever asks first, and whatever was driven in between."""
     ours, nobodys = Shelf(), Shelf()
-    monkeypatch.setattr(outing_module, "SHELF", ours)
+    monkeypatch.setattr(journeys_module, "SHELF", ours)
     one, other = (_make(two_rooms, journeys=2, mapper="odometry") for _ in range(2))
     other.reset(seed=11)
     for _ in range(5):
@@ -181,10 +182,10 @@ def test_kept_journeys_are_those_that_would_be_made(
     begins = []
     for seed in range(5):
         seen, info = one.reset(seed=seed)
-        monkeypatch.setattr(outing_module, "SHELF", nobodys)
+        monkeypatch.setattr(journeys_module, "SHELF", nobodys)
         again, twin = other.reset(seed=seed)
         nobodys.clear()
-        monkeypatch.setattr(outing_module, "SHELF", ours)
+        monkeypatch.setattr(journeys_module, "SHELF", ours)
         assert np.array_equal(seen, again)
         assert np.array_equal(info["pose"], twin["pose"])
         begins.append(tuple(info["pose"]))
@@ -194,10 +195,10 @@ def test_kept_journeys_are_those_that_would_be_made(
 def test_robots_that_see_otherwise_share_journeys(
     two_rooms: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(outing_module, "SHELF", Shelf())
+    monkeypatch.setattr(journeys_module, "SHELF", Shelf())
     made = []
-    travel = Outings._travel
-    monkeypatch.setattr(Outings, "_travel", lambda *given: (made.append(1), travel(*given))[1])
+    travel = Outings.travel
+    monkeypatch.setattr(Outings, "travel", lambda *given: (made.append(1), travel(*given))[1])
     short = OutingConfig(shortest=2.0, longest=3.0, away=1.0)
     blind = HomingConfig(outing=short, observations=ObservationConfig(parts=("home",)))
     for settings in ({"config": HomingConfig(outing=short)}, {"config": blind}):

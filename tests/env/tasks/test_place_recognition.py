@@ -15,7 +15,7 @@ from albot_core.errors import InputError
 from albot_core.perception.reading import Reading
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
-from albot_env.tasks import tours
+from albot_env.tasks import journeys, tours
 from albot_env.tasks.arrivals import Notebook
 from albot_env.tasks.features import FEATURES
 from albot_env.tasks.judging import JudgingConfig
@@ -161,7 +161,7 @@ def test_observations_are_a_function_of_the_readings_alone(
     monkeypatch.setattr(tours, "Notebook", Recorded)
     config = JudgingConfig(tour=TourConfig(rooms=("east", "west")))
     env = _make(two_rooms, mapper="albot1", config=config, observation="dict")
-    tours.SHELF.clear()  # It is made before our eyes.
+    journeys.SHELF.clear()  # It is made before our eyes.
     seen = [env.reset(seed=1)[0], env.step(0)[0]]
     notebook, again = Notebook("albot1"), []
     for act, what in recorded:
@@ -176,7 +176,7 @@ def test_kept_tours_are_those_that_would_be_made(two_rooms: World) -> None:
     one, other = (_make(two_rooms, journeys=2, config=THERE_AND_BACK) for _ in range(2))
     start = {"start": 0}
     seen = [one.reset(seed=seed, options=start) for seed in range(4)]
-    tours.SHELF.clear()
+    journeys.SHELF.clear()
     other.reset(seed=11, options=start)
     other.step(1)
     for seed, (observation, info) in enumerate(seen):

@@ -1,0 +1,84 @@
+"""Journeys that are made before a training begins are those that it would make."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import pytest
+
+import albot_env  # noqa: F401  (registers the environments)
+from albot_agents.training import stock
+from albot_agents.training.stock import lay_in
+from albot_core.errors import InputError
+from albot_env.tasks import journeys
+from albot_env.tasks.homecoming import HomingConfig
+from albot_env.tasks.journeys import Shelf
+from albot_env.tasks.outing import OutingConfig
+from albot_maps import World, WorldSet
+
+TASK = "Albot/Homing-v0"
+SHORT = HomingConfig(outing=OutingConfig(shortest=1.0, longest=2.0, away=0.5))
+
+
+@pytest.fixture(autouse=True)
+def _empty_shelf(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(journeys, "SHELF", Shelf())
+
+
+def settings(world: Any, **changes: Any) -> dict[str, Any]:
+    return {"world": world, "mapper": "odometry", "journeys": 2, "config": SHORT, **changes}
+
+
+def test_no_reset_makes_what_was_laid_in(two_rooms: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    """And the robots begin as if each journey had been made when it was drawn."""
+    given = settings(two_rooms, threads=2)
+    lazy = gymnasium.make_vec(TASK, num_envs=6, **given)
+    wanted, _ = lazy.reset(seed=3)
+    monkeypatch.setattr(journeys, "SHELF", Shelf())
+    monkeypatch.setattr(stock, "FEWEST", 1)
+    told: list[str] = []
+    batch: Any = gymnasium.make_vec(TASK, num_envs=6, **given)
+    lay_in(TASK, batch, given, told.append)
+    assert told[0] == "0 of 4 journeys made"  # Two from each of two starts.
+    assert told[-1] == "4 of 4 journeys made"
+    assert batch.missing_journeys() == []
+    monkeypatch.setattr(type(batch.journeys), "travel", lambda *_: pytest.fail("made again"))
+    seen, _ = batch.reset(seed=3)
+    assert seen.tobytes() == wanted.tobytes()
+
+
+def test_few_journeys_and_one_thread_are_no_reason_to_start_processes(
+    two_rooms: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stock, "run_parallel", lambda *_: pytest.fail("processes"))
+    for given in (settings(two_rooms, threads=2), settings(two_rooms, threads=1, journeys=40)):
+        batch = gymnasium.make_vec(TASK, num_envs=2, **given)
+        lay_in(TASK, batch, given)
+
+
+def test_what_cannot_be_kept_is_not_laid_in(two_rooms: World) -> None:
+    for count, missing in ((0, 0), (512, 1024), (513, 0)):
+        batch: Any = gymnasium.make_vec(TASK, 2, **settings(two_rooms, journeys=count))
+        assert len(batch.missing_journeys()) == missing
+    explorers: Any = gymnasium.make_vec("Albot/Explore-v0", 2, world=two_rooms, mapper="none")
+    assert explorers.missing_journeys() == []
+
+
+def test_worlds_that_robots_share_are_gone_through_once(two_rooms: World) -> None:
+    both = WorldSet((two_rooms, "random:maze:1"))
+    batch: Any = gymnasium.make_vec(TASK, 3, **settings([both, both, two_rooms]))
+    assert len(batch.missing_journeys()) == 2 * (len(two_rooms.starts) + 1)
+
+
+def test_a_journey_that_cannot_be_made_is_left_to_its_reset(
+    two_rooms: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stock, "FEWEST", 1)
+    task = "Albot/PlaceRecognition-v0"
+    given = {"world": "random:hall:1?porches=0", "mapper": "none", "journeys": 2, "threads": 2}
+    batch: Any = gymnasium.make_vec(task, 2, **given)
+    lay_in(task, batch, given)
+    assert len(batch.missing_journeys()) == 2
+    with pytest.raises(InputError, match="two rooms"):
+        batch.reset(seed=1)
