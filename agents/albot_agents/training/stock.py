@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from itertools import chain
 from typing import Any
 
 import gymnasium
@@ -47,8 +48,11 @@ def lay_in(
         return
     scout = {name: value for name, value in settings.items() if name not in _BATCH_ONLY}
     tell(f"0 of {len(tickets)} journeys made")
-    made = run_parallel(_Making(task, scout), enumerate(tickets), min(jobs, len(tickets)))
-    for done, (number, journey) in enumerate(made, start=1):
+    errands = list(enumerate(tickets))
+    # The first one here: numba then keeps what it compiles, and no process has to do it again.
+    first = _make(batch.journeys, errands[0])
+    others = run_parallel(_Making(task, scout), errands[1:], min(jobs, len(tickets) - 1))
+    for done, (number, journey) in enumerate(chain([first], others), start=1):
         if journey is not None:
             batch.journeys.keep(tickets[number], journey)
         tell(f"{done} of {len(tickets)} journeys made")
@@ -62,15 +66,11 @@ class _Making(Trade[Errand, "tuple[int, Any]"]):
         self._journeys: Any = None
 
     def work(self, task: Errand, tell: Callable[[int], None]) -> tuple[int, Any]:
-        """Make a journey; None where that is not possible."""
-        number, ticket = task
-        try:
-            if self._journeys is None:
-                env = gymnasium.make(self._task, world=ticket.world, **self._settings)
-                self._journeys = env.get_wrapper_attr("journeys")
-            return number, self._journeys.travel(ticket)
-        except InputError:
-            return number, None
+        """Make a journey."""
+        if self._journeys is None:
+            env = gymnasium.make(self._task, world=task[1].world, **self._settings)
+            self._journeys = env.get_wrapper_attr("journeys")
+        return _make(self._journeys, task)
 
     def died(self, task: Errand, step: int, cause: str) -> tuple[int, Any]:
         """A journey that was not survived: our fault.
@@ -80,3 +80,12 @@ class _Making(Trade[Errand, "tuple[int, Any]"]):
         """
         number, ticket = task
         raise RuntimeError(f"{self._task}, journey {number} in {ticket.world.name}: {cause}")
+
+
+def _make(journeys: Any, errand: Errand) -> tuple[int, Any]:
+    """The number of a journey, and the journey; None where it cannot be made."""
+    number, ticket = errand
+    try:
+        return number, journeys.travel(ticket)
+    except InputError:
+        return number, None
