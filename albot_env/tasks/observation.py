@@ -235,7 +235,6 @@ class ObservationConfig:
         """What the compiled survey goes by."""
         coverage = self.coverage
         return Scales(
-            cell=coverage.cell,
             spacing=coverage.spacing,
             turn=coverage.turn,
             patch_cell=coverage.patch_cell,
