@@ -6,7 +6,6 @@ world, start, commands and key alone, to the last bit.
 
 from __future__ import annotations
 
-import math
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -24,18 +23,11 @@ from albot_env.sim.crew import Crew
 from albot_env.sim.drive import RobotConfig
 from albot_env.sim.engine import Bridge
 from albot_env.sim.floors import CROWD, Floors
-from albot_env.sim.laser import normal_table
+from albot_env.sim.instruments import Instruments
 from albot_env.sim.odometer_kernels import COUNTS
-from albot_env.sim.rays import index_for, make_fan
-from albot_env.sim.register import Register
-from albot_env.sim.scene_kernels import Scenes
-from albot_env.sim.sensing_kernels import Devices, Sensed, Surroundings, sense
 from albot_env.sim.sensors import Sensors
-from albot_env.sim.sonar import NO_SONARS, SonarConfig
 from albot_env.sim.space import PHYSICS_STEP
-from albot_env.sim.thing_arrays import Stage
 from albot_env.sim.things import Still
-from albot_env.sim.wall_index import WallIndex, Walls
 from albot_maps.world import World
 
 
@@ -59,14 +51,6 @@ def draw_key(rng: np.random.Generator) -> int:
     return int(rng.integers(2**64, dtype=np.uint64))
 
 
-def _audible(sonar: SonarConfig | None) -> WallIndex:
-    """An index of what sonars can hear from where."""
-    if sonar is None:
-        return WallIndex(0.0, (0.0, 0.0))
-    spread = max(math.hypot(x, y) for x, y in sonar.geometry.places)
-    return WallIndex(sonar.constants.horizon, (0.0, 0.0), spread=spread)
-
-
 class Fleet:
     """Robots of one make. Place each before it drives; sense to have readings.
 
@@ -88,8 +72,6 @@ class Fleet:
         movables: bool = True,
     ) -> None:
         self.robot = robot
-        self.sensors = sensors
-        laser, sonar = sensors.laser, sensors.sonar
         self._crew = crew or Crew(1)
         self._robots = Robots(
             targets=np.zeros((robots, 2)),
@@ -100,53 +82,31 @@ class Fleet:
             touched=np.zeros((robots, 2), np.bool_),
             ids=np.zeros(robots, np.int64),
         )
-        self._devices = Devices(
-            odometer=sensors.odometer.constants(robot.wheel_base),
-            fan=make_fan(laser.geometry),
-            normals=normal_table(laser.range_noise),
-            dropout=laser.dropout_threshold,
-            sonars=NO_SONARS if sonar is None else sonar.constants,
-            scenes=np.empty((0, len(Scenes._fields))),
-        )
-        self._sensed = Sensed(
-            keys=np.zeros(robots, np.uint64),
-            readings=np.zeros(robots, np.int64),
-            buildings=np.zeros(robots, np.int64),
-            seeing=np.zeros(robots, np.int64),
-            hearing=np.zeros(robots, np.int64),
-            motions=np.zeros((robots, 3)),
-            ranges=np.full((robots, laser.geometry.beams), np.inf),
-            echoes=np.full((robots, len(self._devices.sonars.mounts)), np.inf),
-            scenes=np.full(robots, -1),
-        )
         self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
+        self._instruments = Instruments(sensors, robot, self._robots)
         self._floors = Floors(robots, robot, movables=movables)
         self._bridged = 0
         self._build_bridges(CROWD)
-        self._opaque = index_for(laser.geometry)
-        self._solid = _audible(sensors.sonar)
-        self._buildings = Register(robots, self._take_in, self._forget)
-        self._sensing = Packer(self._surroundings)
 
     @property
     def motions(self) -> Float64[np.ndarray, "robots 3"]:
         """What the odometers measured at the last sensing."""
-        return self._sensed.motions
+        return self._instruments.sensed.motions
 
     @property
     def ranges(self) -> Float64[np.ndarray, "robots beams"]:
         """What the lasers saw at the last sensing (m); infinite where nothing came back."""
-        return self._sensed.ranges
+        return self._instruments.sensed.ranges
 
     @property
     def echoes(self) -> Float64[np.ndarray, "robots sonars"]:
         """What the sonars heard at the last sensing (m); infinite where nothing came back."""
-        return self._sensed.echoes
+        return self._instruments.sensed.echoes
 
     @property
     def scenes(self) -> Int64[np.ndarray, "robots"]:
         """The scenes that the cameras recognised at the last sensing; -1 where none."""
-        return self._sensed.scenes
+        return self._instruments.sensed.scenes
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
@@ -210,21 +170,19 @@ class Fleet:
         robots = self._robots
         self._floors.place(row, world, pose, key, robots.ids)
         self._build_bridges(1 + self._floors.things.most_bodies)
-        for other, building in self._buildings.enter(row, world):
-            self._sensed.buildings[other] = building
         for array in (robots.targets, robots.wheels, robots.counts, robots.touched):
             array[row] = 0
         robots.states[row] = *pose, 0.0, 0.0, 0.0
         robots.poses[row] = *pose[:2], wrap_angle(pose[2])
-        self._sensed.keys[row] = key
-        self._sensed.readings[row] = 0
+        self._instruments.begin(row, world, key)
 
     def halt(self, row: int) -> Halt:
         """How a robot stands that has come to rest."""
+        sensed = self._instruments.sensed
         return Halt(
             pose=self.states[row, :3].copy(),
-            key=int(self._sensed.keys[row]),
-            readings=int(self._sensed.readings[row]),
+            key=int(sensed.keys[row]),
+            readings=int(sensed.readings[row]),
             counts=self._robots.counts[row].copy(),
             things=self._floors.things.halt(row),
         )
@@ -237,23 +195,8 @@ class Fleet:
         """
         self.place(row, world, halt.pose, halt.key)
         self._robots.counts[row] = halt.counts
-        self._sensed.readings[row] = halt.readings
+        self._instruments.sensed.readings[row] = halt.readings
         self._floors.things.resume(row, halt.things)
-
-    def _take_in(self, world: World) -> int:
-        """Note what there is to be sensed in a world; return its building's number."""
-        if self.sensors.sonar is not None:
-            self._solid.add(world.walls)
-        if self.sensors.scenes is not None:
-            fields = np.array(self.sensors.scenes.constants(world.bounds), np.float64)
-            scenes = np.concatenate((self._devices.scenes, fields[np.newaxis]))
-            self._devices = self._devices._replace(scenes=scenes)
-        return self._opaque.add(world.opaque)
-
-    def _forget(self) -> None:
-        self._opaque.clear()
-        self._solid.clear()
-        self._devices = self._devices._replace(scenes=self._devices.scenes[:0])
 
     def clear_contacts(self) -> None:
         """From now on a robot counts as collided only when pushed again."""
@@ -302,46 +245,17 @@ class Fleet:
 
     def _machinery(self, engine: Engine, tables: chipmunk_kernels.Floors) -> tuple[Any, ...]:
         """What the physics takes."""
-        return engine, tables, self._robots, self._devices.odometer, self.robot.wheel_base
+        return engine, tables, self._robots, self._instruments.odometer, self.robot.wheel_base
 
     def readings(self, stamps: Float64[np.ndarray, "robots"]) -> Readings:
         """What was sensed last, at these times (s). It is written over at the next sensing."""
-        sensors, sensed = self.sensors, self._sensed
-        return Readings(
-            stamps=stamps,
-            motions=sensed.motions,
-            laser=sensors.laser.geometry,
-            ranges=sensed.ranges,
-            sonar=None if sensors.sonar is None else sensors.sonar.geometry,
-            echoes=None if sensors.sonar is None else sensed.echoes,
-            scenes=None if sensors.scenes is None else sensed.scenes,
-        )
+        return self._instruments.readings(stamps)
 
     def locate(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Find out where in their buildings all robots, or some, are: before `sense`."""
-        chosen = self._everyone if rows is None else rows
-        sensed, poses = self._sensed, self.poses
-        self._opaque.locate(chosen, sensed.buildings, poses, sensed.seeing)
-        if len(self._devices.sonars.mounts):
-            self._solid.locate(chosen, sensed.buildings, poses, sensed.hearing)
+        self._instruments.locate(self._everyone if rows is None else rows)
 
     def sense(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Take the readings of all robots, or some: `motions`, `ranges` and so on."""
         chosen = self._everyone if rows is None else rows
-        stage = self._floors.things.stage
-        tables = self._opaque.tables, self._solid.tables
-        sense(chosen, self._sensing.parcel(*tables, stage, self._devices))
-
-    def _surroundings(
-        self, opaque: Walls, solid: Walls, stage: Stage, devices: Devices
-    ) -> tuple[Any, ...]:
-        """What the sensors take."""
-        around = Surroundings(
-            opaque=opaque,
-            solid=solid,
-            things=stage.segments,
-            first=stage.robots["segments"],
-            last=stage.robots["segments_end"],
-            most_walls=self._opaque.most,
-        )
-        return self._robots.poses, self._robots.counts, around, devices, self._sensed
+        self._instruments.sense(chosen, self._floors.things.stage)

@@ -5,14 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32, Float64, UInt64
+from jaxtyping import Float32, Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.directions import angles_of
 from albot_core.geometry.types import Pose
 from albot_core.perception.reading import LaserGeometry, LaserScan
 from albot_core.ranges import POSITIVE, check_fields
-from albot_env.tasks.kernels import Sight, cover, cut_patch, find_frontier, is_time_to_look
+from albot_env.tasks.ground import laid, no_ground
+from albot_env.tasks.ground_kernels import (
+    Sight,
+    cover,
+    cut_patch,
+    find_frontier,
+    is_time_to_look,
+)
 
 _PARTS = 2048
 """How finely the full turn is divided to look up the beam that points somewhere."""
@@ -75,9 +82,7 @@ class Coverage:
         self, config: CoverageConfig, extent: float, centre: tuple[float, float] = (0.0, 0.0)
     ) -> None:
         self._config = config
-        self._centre = np.array(centre)
-        self._side = config.side(extent)
-        self._grid: UInt64[np.ndarray, "words"] = np.zeros((self._side // 8) ** 2, np.uint64)
+        self._ground = laid(no_ground(1, config.cell), 0, config.side(extent), centre)
         self._cells = 0
         self._moved = np.full(2, np.inf)
 
@@ -88,7 +93,7 @@ class Coverage:
 
     def clear(self) -> None:
         """Uncover everything."""
-        self._grid.fill(0)
+        self._ground.grids.fill(0)
         self._cells = 0
         self._moved[:] = np.inf
 
@@ -96,7 +101,7 @@ class Coverage:
         """Cover the ground that a scan taken at `pose` shows; return how much is new (m²)."""
         config = self._config
         sight = config.sight(scan.geometry)
-        new = cover(self._grid, self._side, config.cell, self._centre, pose, sight, scan.ranges)
+        new = cover(self._ground, 0, pose, sight, scan.ranges)
         self._cells += new
         return new * config.cell**2
 
@@ -119,9 +124,7 @@ class Coverage:
         """
         config, width = self._config, self._config.patch_cells
         patch = np.empty(width * width, np.float32)
-        cut_patch(
-            self._grid, self._side, config.cell, self._centre, pose, config.patch_cell, width, patch
-        )
+        cut_patch(self._ground, 0, pose, config.patch_cell, width, patch)
         return patch.reshape(1, width, width)
 
     def frontier(self, pose: Pose, scan: LaserScan, sectors: int) -> Float64[np.ndarray, "sectors"]:
@@ -130,9 +133,7 @@ class Coverage:
         As far as the middle beam of the sector shows: infinity where it shows none (B. Yamauchi,
         A frontier-based approach for autonomous exploration, CIRA 1997).
         """
-        config, found = self._config, np.empty(sectors)
-        sight = config.sight(scan.geometry)
-        find_frontier(
-            self._grid, self._side, config.cell, self._centre, pose, sight, scan.ranges, found
-        )
+        found = np.empty(sectors)
+        sight = self._config.sight(scan.geometry)
+        find_frontier(self._ground, 0, pose, sight, scan.ranges, found)
         return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from albot_env.sim import Sensors
+from albot_env.sim import Sensors, choose_sensors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,3 +20,24 @@ class Equipment:
     threads: int = 1
     """Threads that share the work; 0 for as many as there are processors. What comes of it is
     the same with any number."""
+
+
+def equip(
+    *,
+    mapper: str,
+    odometer: str,
+    laser: str,
+    sonar: str,
+    scenes: str,
+    movables: bool,
+    threads: int = 1,
+) -> Equipment:
+    """The equipment of these names.
+
+    Raises:
+        InputError: There is no such sensor.
+    """
+    sensors = choose_sensors(
+        laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source="sensors"
+    )
+    return Equipment(mapper=mapper, sensors=sensors, movables=movables, threads=threads)

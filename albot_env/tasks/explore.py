@@ -28,7 +28,7 @@ class ExploreEnv(SingleEnv[Exploration]):
         Anything else, out of range or not a number, is an `InputError`.
 
     Observation space:
-        With `observation="dict"` the parts of `ObservationConfig.observe`, by default
+        With `observation="dict"` the parts that `observer.observe` tells of, by default
         the same in one row (`ObservationConfig.split` takes it apart). All float32 in
         [-1, 1]. They are a function of the readings alone.
 

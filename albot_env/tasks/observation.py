@@ -1,7 +1,7 @@
 """Observations: what the robot could know, scaled to [-1, 1] without any statistics.
 
-An observation is a function of the readings alone: the laser and the motion come from the
-reading, the rest from the mapper, which saw nothing but readings.
+This is their form: which parts there are, how long each is and how it is scaled. The survey
+fills them in for many robots at once, `observe` (see `observer`) for one.
 """
 
 from __future__ import annotations
@@ -17,21 +17,10 @@ from gymnasium import spaces
 from jaxtyping import Float, Float32, Float64
 
 from albot_core.errors import InputError
-from albot_core.mapper import EXIT, POINT, TRAVEL, Mapper
-from albot_core.perception.reading import LaserGeometry, Reading, SonarGeometry
+from albot_core.perception.reading import LaserGeometry, SonarGeometry
 from albot_core.ranges import POSITIVE, check_fields
-from albot_env.tasks.coverage import Coverage, CoverageConfig
-from albot_env.tasks.kernels import (
-    TIME_KNEE,
-    find_nearest,
-    observe_confidence,
-    observe_exit,
-    observe_home,
-    observe_motion,
-    observe_time,
-    observe_way,
-    scale_ranges,
-)
+from albot_env.tasks.coverage import CoverageConfig
+from albot_env.tasks.kernels import TIME_KNEE
 from albot_env.tasks.survey_kernel import Layout, Scales
 
 Parts = dict[str, Float32[np.ndarray, "..."]]
@@ -170,72 +159,11 @@ class ObservationConfig:
         length = sum(int(np.prod(shape)) for shape in self.shapes.values())
         return spaces.Box(-1, 1, (length,), np.float32)
 
-    def observe(
-        self, reading: Reading, mapper: Mapper, coverage: Coverage, time_left: float = math.inf
-    ) -> Parts:
-        """The observation after a reading, with so much time left (s).
-
-        `laser` is near at 1 and far at -1 (see `ranges`), and so is `sonar`, which robots
-        without sonars lack; `motion` the odometer's last
-        step forward, sideways and round; `heading` cosine and sine of the heading that the
-        robot believes to have as seen from home; `home` the direction of home in the robot's
-        frame as cosine and sine, and its distance, -1 at home; `confidence` how sure the mapper
-        may be of that, from 1 to -1 where it has lost its way (see `home_drift`); `place` whether
-        it is in a place that it knows from before, and whether it has lost its way (1 or -1);
-        `exit` direction and distance of the next exit on the believed way home, then the
-        direction in which to go through it, and 1; `way` direction and distance of a point some
-        metres ahead on the way home that it remembers, and 1; where there is none, directions
-        are 0, the distance and the last number -1; `coverage` the patch of `Coverage.patch`;
-        `frontier` how near, in each sector that the laser part shows, ground is in sight that is
-        not covered, on the laser's scale, -1 for none (see `Coverage.frontier`);
-        `time_left` what is left of a time that the robot is given, -1 when it is up.
-        """
-        way = mapper.way_home if self.shows_way_home else np.full(7, np.nan)
-        home, flags = mapper.home, (mapper.network.familiar, mapper.is_lost)
-        knee, longest = self.home_knee, self.home_range
-        parts = {name: np.empty(shape, np.float32) for name, shape in self.shapes.items()}
-        shown = parts | {name: np.empty(6, np.float32) for name in PARTS if name not in parts}
-        observe_motion(reading.motion, self.step_length, self.step_turn, shown["motion"])
-        shown["heading"][:2] = np.cos(home[2]), -np.sin(home[2])
-        observe_home(home, knee, longest, shown["home"])
-        shown["confidence"][0] = observe_confidence(way[TRAVEL], self.home_drift, self.home_near)
-        shown["place"][:2] = np.where(flags, 1, -1)
-        observe_exit(mapper.pose, way[EXIT], knee, longest, shown["exit"])
-        observe_way(mapper.pose, way[POINT], knee, longest, shown["way"])
-        if "laser" in parts:
-            parts["laser"] = self.observe_ranges(reading.laser.ranges)
-        if "sonar" in parts and reading.sonar is not None:
-            parts["sonar"] = self.observe_echoes(reading.sonar.ranges)
-        if "coverage" in parts:
-            parts["coverage"] = coverage.patch(mapper.pose)
-        if "frontier" in parts:
-            found = coverage.frontier(mapper.pose, reading.laser, len(parts["frontier"]))
-            scale_ranges(found, self.laser_knee, self.laser_range, parts["frontier"])
-        shown["time_left"][0] = observe_time(time_left, self.time_range)
-        return parts
-
-    def observe_ranges(self, ranges: Float[np.ndarray, "beams"]) -> Float32[np.ndarray, "shown"]:
-        """Ranges (m) as the `laser` part shows them: 1 at 0, -1 at `laser_range` and beyond."""
-        shown = np.asarray(ranges, np.float64)
-        if self.laser_sectors is not None:
-            shown = np.empty(self.laser_sectors)
-            find_nearest(np.asarray(ranges, np.float64), shown)
-        scaled = np.empty(len(shown), np.float32)
-        scale_ranges(shown, self.laser_knee, self.laser_range, scaled)
-        return scaled
-
-    def observe_echoes(self, ranges: Float[np.ndarray, "sonars"]) -> Float32[np.ndarray, "sonars"]:
-        """Echoes (m) as the `sonar` part shows them: 1 at 0, -1 at `sonar_range` and beyond."""
-        scaled = np.empty(len(ranges), np.float32)
-        scale_ranges(np.asarray(ranges, np.float64), self.laser_knee, self.sonar_range, scaled)
-        return scaled
-
     @property
     def scales(self) -> Scales:
         """What the compiled survey goes by."""
         coverage = self.coverage
         return Scales(
-            cell=coverage.cell,
             spacing=coverage.spacing,
             turn=coverage.turn,
             patch_cell=coverage.patch_cell,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from jaxtyping import Float64
@@ -13,8 +13,28 @@ from albot_env.tasks import exploration_kernel, homing_kernel, judging_kernel, r
 
 
 @dataclass(frozen=True, kw_only=True)
-class ExploreWeights:
+class Weights:
+    """What a reward's terms are worth, each in the field of its name."""
+
+    terms: ClassVar[tuple[str, ...]]
+    """The terms, in their order."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not np.isfinite(value):
+                raise InputError(f"{type(self).__name__}.{name}", "a finite number", str(value))
+
+    @property
+    def values(self) -> Float64[np.ndarray, "terms"]:
+        """The weights in the order of the terms."""
+        return np.array([float(getattr(self, name)) for name in self.terms])
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExploreWeights(Weights):
     """What the terms of the exploration reward are worth. A reward is their sum."""
+
+    terms: ClassVar[tuple[str, ...]] = exploration_kernel.TERMS
 
     coverage: float = 0.02
     """For every square metre of ground truly covered for the first time (1/m²)."""
@@ -30,17 +50,9 @@ class ExploreWeights:
     time: float = -0.01
     """For every second that passes (1/s)."""
 
-    def __post_init__(self) -> None:
-        _check_finite(self)
-
-    @property
-    def values(self) -> Float64[np.ndarray, "terms"]:
-        """The weights in the order of the terms."""
-        return _ordered(self, exploration_kernel.TERMS)
-
 
 @dataclass(frozen=True, kw_only=True)
-class HomingWeights:
+class HomingWeights(Weights):
     """What the terms of the homing reward are worth. A reward is their sum.
 
     Progress is shaped by a potential (Ng, Harada and Russell, Policy invariance under reward
@@ -51,6 +63,8 @@ class HomingWeights:
     sum to -Φ of its beginning, whatever way the robot took, and the best policy is the one
     without shaping.
     """
+
+    terms: ClassVar[tuple[str, ...]] = homing_kernel.TERMS
 
     success: float = 10.0
     """For declaring home where it is."""
@@ -70,17 +84,12 @@ class HomingWeights:
     change."""
 
     def __post_init__(self) -> None:
-        _check_finite(self)
+        super().__post_init__()
         _check_discount(self)
-
-    @property
-    def values(self) -> Float64[np.ndarray, "terms"]:
-        """The weights in the order of the terms."""
-        return _ordered(self, homing_kernel.TERMS)
 
 
 @dataclass(frozen=True, kw_only=True)
-class RoundTripWeights:
+class RoundTripWeights(Weights):
     """What the terms of the reward for exploring and coming home are worth. A reward is their sum.
 
     Progress is shaped by a potential that grows with time (Devlin and Kudenko, Dynamic
@@ -90,6 +99,8 @@ class RoundTripWeights:
     to -Φ of the beginning, which is 0, whatever the robot did: the best policy is the one
     without shaping.
     """
+
+    terms: ClassVar[tuple[str, ...]] = round_trip_kernel.TERMS
 
     coverage: float = 0.02
     """For every square metre of ground truly covered for the first time (1/m²)."""
@@ -112,18 +123,15 @@ class RoundTripWeights:
     change."""
 
     def __post_init__(self) -> None:
-        _check_finite(self)
+        super().__post_init__()
         _check_discount(self)
-
-    @property
-    def values(self) -> Float64[np.ndarray, "terms"]:
-        """The weights in the order of the terms."""
-        return _ordered(self, round_trip_kernel.TERMS)
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlaceWeights:
+class PlaceWeights(Weights):
     """What the terms of the reward for judging places are worth. A reward is their sum."""
+
+    terms: ClassVar[tuple[str, ...]] = judging_kernel.TERMS
 
     right_known: float = 1.0
     """For a place known again as the one that it is."""
@@ -134,29 +142,8 @@ class PlaceWeights:
     missed: float = -1.0
     """For a known place taken for new."""
 
-    def __post_init__(self) -> None:
-        _check_finite(self)
-
-    @property
-    def values(self) -> Float64[np.ndarray, "terms"]:
-        """The weights in the order of the terms."""
-        return _ordered(self, judging_kernel.TERMS)
-
-
-Weights = ExploreWeights | HomingWeights | RoundTripWeights | PlaceWeights
-
 
 def _check_discount(weights: HomingWeights | RoundTripWeights) -> None:
     if not 0 < weights.discount <= 1:
         place = f"{type(weights).__name__}.discount"
         raise InputError(place, "within (0, 1]", str(weights.discount))
-
-
-def _check_finite(weights: Weights) -> None:
-    for name, value in vars(weights).items():
-        if not np.isfinite(value):
-            raise InputError(f"{type(weights).__name__}.{name}", "a finite number", str(value))
-
-
-def _ordered(weights: Weights, terms: Sequence[str]) -> Float64[np.ndarray, "terms"]:
-    return np.array([float(getattr(weights, name)) for name in terms])

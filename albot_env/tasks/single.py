@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Generic, TypedDict, TypeVar
+from typing import Any, Generic, TypeVar
 
 import gymnasium
 import numpy as np
@@ -15,11 +15,11 @@ from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Rec
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
 from albot_env.rendering.viewer import NullViewer, Viewer
-from albot_env.sim import choose_sensors
-from albot_env.tasks.equipment import Equipment
+from albot_env.tasks.equipment import Equipment, equip
 from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.journeys import Journeys
 from albot_env.tasks.observation import Parts
+from albot_env.tasks.settings import Settings, wants_discrete, wants_flat
 from albot_env.tasks.start import choose_start, choose_world
 from albot_maps import World, WorldSet, load_worlds
 
@@ -27,28 +27,6 @@ METADATA: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps"
 
 Observation = Float32[np.ndarray, "length"] | Parts
 Robots = TypeVar("Robots", bound=Expedition)
-
-
-class Settings(TypedDict, total=False):
-    """What every environment takes by name, single or batched."""
-
-    mapper: str
-    """Name of the mapper inside, or `none`: the robot only adds up its odometer."""
-    odometer: str
-    """Name of the odometer's preset (`albot_env.sim.ODOMETERS`)."""
-    laser: str
-    """Name of the laser's preset (`LASERS`)."""
-    sonar: str
-    """Name of the sonars' preset (`SONARS`), or `none`."""
-    scenes: str
-    """Name of the camera's preset (`SCENES`), or `none`. Mappers see its scenes; observations
-    do not show them."""
-    observation: str
-    """`flat` or `dict`."""
-    action: str
-    """`continuous`, or `discrete`: a number of `ActionConfig.choices`."""
-    movables: bool
-    """Whether doors, boxes and people move in worlds that have any; if not, they are left out."""
 
 
 class SingleSettings(Settings, total=False):
@@ -254,49 +232,6 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
     def _show(self) -> None:
         if self.render_mode == "human":
             self._viewer.show(self.frame)
-
-
-def equip(
-    *,
-    mapper: str,
-    odometer: str,
-    laser: str,
-    sonar: str,
-    scenes: str,
-    movables: bool,
-    threads: int = 1,
-) -> Equipment:
-    """The equipment of these names.
-
-    Raises:
-        InputError: There is no such sensor.
-    """
-    sensors = choose_sensors(
-        laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source="sensors"
-    )
-    return Equipment(mapper=mapper, sensors=sensors, movables=movables, threads=threads)
-
-
-def wants_flat(observation: str, task: str) -> bool:
-    """Whether observations are wanted in one row.
-
-    Raises:
-        InputError: In one row, or by part: there is nothing else.
-    """
-    if observation not in ("flat", "dict"):
-        raise InputError(task, "flat or dict", str(observation), place="observation")
-    return observation == "flat"
-
-
-def wants_discrete(action: str, task: str) -> bool:
-    """Whether actions are numbers of choices.
-
-    Raises:
-        InputError: Continuous, or discrete: there is nothing else.
-    """
-    if action not in ("continuous", "discrete"):
-        raise InputError(task, "continuous or discrete", str(action), place="action")
-    return action == "discrete"
 
 
 def _single(fact: Any) -> Any:

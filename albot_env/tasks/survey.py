@@ -10,10 +10,18 @@ from jaxtyping import Bool, Float32, Float64, Int64, UInt64
 from albot_core.parcel import Packer
 from albot_core.perception.reading import LaserGeometry
 from albot_env.sim.register import Register
-from albot_env.tasks.ground import map_extent, world_centre, world_extent
+from albot_env.tasks.ground import (
+    laid,
+    map_extent,
+    no_ground,
+    words_of,
+    world_centre,
+    world_extent,
+)
+from albot_env.tasks.ground_kernels import Ground
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.rooms import outlines_of
-from albot_env.tasks.survey_kernel import Findings, Ground, Rooms, Senses, survey
+from albot_env.tasks.survey_kernel import Findings, Rooms, Senses, survey
 from albot_maps import World
 
 
@@ -50,8 +58,8 @@ class Survey:
         self._config = config.coverage
         self._scales, self._layout = config.scales, config.layout
         self._sight = config.coverage.sight(laser)
-        self._covered = _no_ground(robots)
-        self._believed = _no_ground(robots)
+        self._covered = no_ground(robots, self._config.cell)
+        self._believed = no_ground(robots, self._config.cell)
         self._plots = Register(robots, self._plot, self._forget_rooms)
         self._rooms = Rooms(
             corners=np.empty((0, 2)),
@@ -93,10 +101,8 @@ class Survey:
             self._rooms = self._rooms._replace(entered=np.concatenate((entered, added), axis=1))
         self._rooms.entered[row] = False
         side = self._config.side(world_extent(world) + self._config.cell)
-        self._covered = _laid(self._covered, row, side, world_centre(world))
-        self._believed = _laid(
-            self._believed, row, self._config.side(map_extent(world)), (0.0, 0.0)
-        )
+        self._covered = laid(self._covered, row, side, world_centre(world))
+        self._believed = laid(self._believed, row, self._config.side(map_extent(world)), (0.0, 0.0))
         findings = self.findings
         findings.ground[row], findings.rooms_entered[row] = 0, 0
         findings.moved[row] = np.inf
@@ -106,8 +112,8 @@ class Survey:
         """What a robot has found out so far (copies)."""
         findings = self.findings
         return Surveyed(
-            covered=_words(self._covered, row).copy(),
-            believed=_words(self._believed, row).copy(),
+            covered=words_of(self._covered, row).copy(),
+            believed=words_of(self._believed, row).copy(),
             entered=self._rooms.entered[row].copy(),
             ground=int(findings.ground[row]),
             rooms_entered=int(findings.rooms_entered[row]),
@@ -116,8 +122,8 @@ class Survey:
 
     def resume(self, row: int, surveyed: Surveyed) -> None:
         """Let a robot, which has begun, know what another one in its world has found out."""
-        _words(self._covered, row)[:] = surveyed.covered
-        _words(self._believed, row)[:] = surveyed.believed
+        words_of(self._covered, row)[:] = surveyed.covered
+        words_of(self._believed, row)[:] = surveyed.believed
         rooms = min(len(surveyed.entered), self._rooms.entered.shape[1])
         self._rooms.entered[row, :rooms] = surveyed.entered[:rooms]
         findings = self.findings
@@ -158,29 +164,3 @@ class Survey:
         """What the survey takes."""
         observing = self._scales, self._layout
         return self._sight, covered, believed, rooms, *observing, senses, self.findings
-
-
-def _no_ground(robots: int) -> Ground:
-    return Ground(
-        grids=np.zeros((robots, 0), np.uint64),
-        sides=np.zeros(robots, np.int64),
-        centres=np.zeros((robots, 2)),
-    )
-
-
-def _words(ground: Ground, row: int) -> UInt64[np.ndarray, "words"]:
-    """A robot's own words."""
-    words: UInt64[np.ndarray, "words"] = ground.grids[row, : (ground.sides[row] // 8) ** 2]
-    return words
-
-
-def _laid(ground: Ground, row: int, side: int, centre: tuple[float, float]) -> Ground:
-    """The ground with an empty square for one robot; larger arrays only where needed."""
-    words = (side // 8) ** 2
-    robots, room = ground.grids.shape
-    if words > room:
-        added = np.zeros((robots, words - room), np.uint64)
-        ground = ground._replace(grids=np.concatenate((ground.grids, added), axis=1))
-    ground.grids[row] = 0
-    ground.sides[row], ground.centres[row] = side, centre
-    return ground

@@ -10,14 +10,11 @@ from numba import njit
 
 from albot_core.mapper import EXIT, POINT, TRAVEL
 from albot_core.parcel import Parcel, opened
+from albot_env.tasks.ground_kernels import cover, cut_patch, find_frontier, is_time_to_look
 from albot_env.tasks.kernels import (
-    cover,
-    cut_patch,
-    find_frontier,
     find_home,
     find_nearest,
     find_room,
-    is_time_to_look,
     observe_confidence,
     observe_exit,
     observe_home,
@@ -25,17 +22,6 @@ from albot_env.tasks.kernels import (
     observe_way,
     scale_ranges,
 )
-
-
-class Ground(NamedTuple):
-    """The grids of ground of all robots; a row each (see `kernels`)."""
-
-    grids: np.ndarray
-    """(n, words) uint64: a bit for each cell, set where covered."""
-    sides: np.ndarray
-    """(n,) int64: cells along each side; a multiple of eight."""
-    centres: np.ndarray
-    """(n, 2) float64: the middles of the grids (m)."""
 
 
 class Rooms(NamedTuple):
@@ -54,7 +40,6 @@ class Rooms(NamedTuple):
 class Scales(NamedTuple):
     """The sizes that observations and coverage go by (see their configurations)."""
 
-    cell: float
     spacing: float
     turn: float
     patch_cell: float
@@ -141,13 +126,10 @@ def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
     for k in range(rows.shape[0]):
         i = rows[k]
         pose, belief, ranges = senses.poses[i], senses.beliefs[i], senses.ranges[i]
-        side, centre = believed.sides[i], believed.centres[i]
         new = 0
         if is_time_to_look(senses.motions[i], s.spacing, s.turn, findings.moved[i]):
-            cover(believed.grids[i], side, s.cell, centre, belief, sight, ranges)
-            new = cover(
-                covered.grids[i], covered.sides[i], s.cell, covered.centres[i], pose, sight, ranges
-            )
+            cover(believed, i, belief, sight, ranges)
+            new = cover(covered, i, pose, sight, ranges)
         findings.new_ground[i] = new
         findings.ground[i] += new
         first = rooms.worlds[i, 0]
@@ -171,13 +153,10 @@ def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
         _tell_motion(i, s, layout, senses, row)
         _tell_beliefs(i, s, layout, senses, row)
         if layout.coverage >= 0:
-            cut_patch(
-                believed.grids[i], side, s.cell, centre, belief,
-                s.patch_cell, s.patch_cells, row[layout.coverage :],
-            )  # fmt: skip
+            patch = row[layout.coverage :]
+            cut_patch(believed, i, belief, s.patch_cell, s.patch_cells, patch)
         if layout.frontier >= 0:
-            grid = believed.grids[i]
-            find_frontier(grid, side, s.cell, centre, belief, sight, ranges, frontier)
+            find_frontier(believed, i, belief, sight, ranges, frontier)
             scale_ranges(frontier, s.laser_knee, s.laser_range, row[layout.frontier :])
 
 

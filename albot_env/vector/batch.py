@@ -14,9 +14,10 @@ from jaxtyping import Bool, Float32, Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_env.tasks.equipment import Equipment
+from albot_env.tasks.equipment import Equipment, equip
 from albot_env.tasks.journeys import Journeys, Ticket
-from albot_env.tasks.single import METADATA, Robots, Settings, equip, wants_discrete, wants_flat
+from albot_env.tasks.settings import Settings, wants_discrete, wants_flat
+from albot_env.tasks.single import METADATA, Robots
 from albot_env.tasks.start import choose_start, choose_world
 from albot_env.vector.settings import (
     Worlds,

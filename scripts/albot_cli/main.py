@@ -14,7 +14,7 @@ import click
 from albot_core.errors import InputError
 
 SUBCOMMANDS = {
-    "agents": "List the agents.",
+    "agents": "List the agents; write the model card of a trained one.",
     "bench": "Measure speed, each figure beside something run in the same minute.",
     "evaluate": "Measure an agent in many episodes of a task.",
     "experiment": "Repeat the papers' experiments.",
@@ -24,7 +24,7 @@ SUBCOMMANDS = {
     "results": "Measure all agents in all tasks, for one page.",
     "stress": "Drive agents through many worlds and check every step.",
     "train": "Let an agent learn a task.",
-    "worlds": "List, show, check and convert worlds.",
+    "worlds": "List, show, check, convert and make worlds.",
 }
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)

@@ -26,8 +26,8 @@ def command() -> None:
     """List, show, check, convert and make worlds.
 
     WORLD is a name that `albot worlds list` prints, a random world (random:KIND:SEED), or
-    a file: our own YAML, a ROS map (.yaml, .pgm, .png), or an XML floor plan; compressed
-    (.gz, .xz) or not.
+    a file: our own YAML, a ROS map (.yaml, .pgm, .png), an XML floor plan, a house of
+    HouseExpo (.json), or a Stage world (.world); compressed (.gz, .xz) or not.
     """
 
 

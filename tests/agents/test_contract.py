@@ -12,7 +12,7 @@ from albot_agents.agent import Agent, choose
 from albot_agents.episode import begin_episode
 from albot_agents.registry import AGENTS, agent_names, check_agent, find_agent, make_agent
 from albot_core.errors import InputError
-from tests.env.quick import DRIVEN, IDS, JUDGED, LOOP, QUICK
+from tests.env.quick import DRIVEN, IDS, JUDGED, LOOP, SETTINGS
 
 JUDGES = {"place-judge", "place-recognition"}
 """Those who judge places and drive nothing."""
@@ -21,7 +21,7 @@ WHO_ACTS_WHERE = [(name, task) for task in IDS for name in agent_names(task)]
 
 def _begun(name: str, environment: str, form: str = "flat") -> tuple[Agent, Any]:
     settings = {"world": LOOP, "mapper": "odometry", "observation": form}
-    wanted = {**settings, **QUICK.get(environment, {})}
+    wanted = {**settings, **SETTINGS.get(environment, {})}
     env = gymnasium.make(environment, **find_agent(name).environment(environment, wanted))
     return make_agent(name, env.get_wrapper_attr("observing")), env
 

@@ -27,7 +27,7 @@ GLANCE = JudgingConfig(tour=TourConfig(arrivals=3))
 loaded = cache(load_world)
 """A world by its name, made once: what is kept of journeys is kept with their world."""
 LOOP = loaded("square-loop")
-QUICK: dict[str, dict[str, Any]] = {
+SETTINGS: dict[str, dict[str, Any]] = {
     "Albot/Homing-v0": {"config": STROLL, "journeys": 1, "world": LOOP},
     "Albot/PlaceRecognition-v0": {
         "config": GLANCE,
@@ -56,6 +56,12 @@ SENSORS = {
     "scenes": list(SCENES),
 }
 """The names of all sensors."""
+UNKNOWN = [
+    ({"odometer": "perfect"}, "perfect"),
+    ({"mapper": "albot2"}, "albot2"),
+    ({"observation": "image"}, "image"),
+]
+"""Settings that name what there is not, and what the refusal says it found."""
 
 
 def width(environment: str) -> int:

@@ -6,17 +6,16 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
-from gymnasium.spaces import Box
 
-from albot_agents.agent import Action, filled
-from albot_agents.scripted.senses import SENSED, make_sense, sense_known_way
+from albot_agents.agent import Action
+from albot_agents.scripted.driving import DrivingAgent
+from albot_agents.scripted.senses import sense_known_way
 from albot_core.exploration.wayfarer import Wayfarer
 from albot_core.geometry.poses import inverse
-from albot_env.tasks.action import ActionConfig
 from albot_env.tasks.observation import ObservationConfig
 
 
-class Albot1Homing:
+class Albot1Homing(DrivingAgent[Wayfarer]):
     """Drives through one exit after another until home is in this place, and there to it.
 
     It uses only what the map holds: over the network of places the way back to the place that
@@ -31,27 +30,18 @@ class Albot1Homing:
     """
 
     name: ClassVar[str] = "albot1-homing"
-    knows_truth: ClassVar[bool] = False
 
     ARRIVED = 0.3
     """How near to where it believes home to be it declares (m)."""
 
     def __init__(self, observing: ObservationConfig) -> None:
-        observing.require(SENSED, self.name)
-        self._observing = observing
-        self._wayfarer = Wayfarer()
-
-    def reset(self, rng: np.random.Generator, actions: Box) -> None:
-        """Begin anew."""
-        self._wayfarer.reset(rng)
-        self._actions = actions
+        super().__init__(observing, Wayfarer())
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The action that leads on towards home, or declares it."""
-        senses = make_sense(observation, self._observing)
+        senses = self._sense(observation)
         home = inverse(senses.pose)[:2]
         if np.hypot(*home) < self.ARRIVED:
-            return filled(np.zeros(2, np.float32), self._actions, declares=True)
+            return self._declare()
         known = sense_known_way(observation, self._observing)
-        command = self._wayfarer.command(senses, home, known)
-        return filled(ActionConfig().shares(command), self._actions)
+        return self._drive(self._driver.command(senses, home, known))

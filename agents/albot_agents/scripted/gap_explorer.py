@@ -5,17 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-import numpy as np
-from gymnasium.spaces import Box
-
-from albot_agents.agent import Action, filled
-from albot_agents.scripted.senses import SENSED, make_sense
+from albot_agents.agent import Action
+from albot_agents.scripted.driving import DrivingAgent
 from albot_core.exploration.gap_explorer import GapExplorer, GapExplorerConfig
-from albot_env.tasks.action import ActionConfig
 from albot_env.tasks.observation import ObservationConfig
 
 
-class GapExplorerAgent:
+class GapExplorerAgent(DrivingAgent[GapExplorer]):
     """Goes from gap to gap, the nearest first, and back to those passed by. It declares nothing.
 
     Args:
@@ -23,19 +19,10 @@ class GapExplorerAgent:
     """
 
     name: ClassVar[str] = "gap-explorer"
-    knows_truth: ClassVar[bool] = False
 
     def __init__(self, observing: ObservationConfig) -> None:
-        observing.require(SENSED, self.name)
-        self._observing = observing
-        self._explorer = GapExplorer(GapExplorerConfig(near=observing.coverage.radius))
-
-    def reset(self, rng: np.random.Generator, actions: Box) -> None:
-        """Begin anew, by looking all around."""
-        self._actions = actions
-        self._explorer.reset(rng)
+        super().__init__(observing, GapExplorer(GapExplorerConfig(near=observing.coverage.radius)))
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The next action."""
-        senses = make_sense(observation, self._observing)
-        return filled(ActionConfig().shares(self._explorer.command(senses)), self._actions)
+        return self._drive(self._driver.command(self._sense(observation)))

@@ -8,16 +8,15 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium.spaces import Box
 
-from albot_agents.agent import Action, filled
-from albot_agents.scripted.senses import SENSED, make_sense
+from albot_agents.agent import Action
+from albot_agents.scripted.driving import DrivingAgent
 from albot_core.exploration.approach import Approach
 from albot_core.geometry.poses import compose, inverse
 from albot_core.geometry.types import Pose
-from albot_env.tasks.action import ActionConfig
 from albot_env.tasks.observation import ObservationConfig
 
 
-class PathIntegration:
+class PathIntegration(DrivingAgent[Approach]):
     """Follows its home vector round what is in the way, and declares where the vector is nothing.
 
     From the first observation it takes where home is believed to be, and from there on adds up
@@ -29,28 +28,23 @@ class PathIntegration:
     """
 
     name: ClassVar[str] = "path-integration"
-    knows_truth: ClassVar[bool] = False
 
     ARRIVED = 0.2
     """The home vector is nothing where it is shorter than this (m)."""
 
     def __init__(self, observing: ObservationConfig) -> None:
-        observing.require(SENSED, self.name)
-        self._observing = observing
-        self._approach = Approach()
+        super().__init__(observing, Approach())
 
     def reset(self, rng: np.random.Generator, actions: Box) -> None:
         """Begin anew."""
-        self._approach.reset(rng)
-        self._actions = actions
+        super().reset(rng, actions)
         self._pose: Pose | None = None
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The action that leads on towards home, or declares it."""
-        senses = make_sense(observation, self._observing)
+        senses = self._sense(observation)
         self._pose = senses.pose if self._pose is None else compose(self._pose, senses.motion)
         home = inverse(self._pose)[:2]
         if np.hypot(*home) < self.ARRIVED:
-            return filled(np.zeros(2, np.float32), self._actions, declares=True)
-        command = self._approach.command(senses, home)
-        return filled(ActionConfig().shares(command), self._actions)
+            return self._declare()
+        return self._drive(self._driver.command(senses, home))

@@ -6,13 +6,11 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int
 from scipy import ndimage
 
-from albot_core.exploration.following import things_around, waypoint
-from albot_core.exploration.look_round import LookRound
-from albot_core.exploration.patience import Patience
+from albot_core.exploration.explorer import Explorer
 from albot_core.exploration.senses import Senses
-from albot_core.exploration.sketch import Sketch, SketchConfig, Ways
+from albot_core.exploration.sketch import Ways
 from albot_core.exploration.sketch_kernels import BLOCKED, FREE, STEP
-from albot_core.exploration.steering import Command, SteeringConfig, hold_back, steer
+from albot_core.exploration.steering import SteeringConfig
 
 _NEIGHBOURS = np.ones((3, 3), np.bool_)
 _FAR = np.iinfo(np.int32).max
@@ -38,7 +36,7 @@ def find_frontiers(
     return np.asarray(np.where(np.bincount(groups.ravel())[groups] >= least, groups, 0))
 
 
-class FrontierExplorer:
+class FrontierExplorer(Explorer):
     """Goes to the nearest frontier that it can come to, over and over.
 
     After B. Yamauchi, A frontier-based approach for autonomous exploration, IEEE International
@@ -52,8 +50,6 @@ class FrontierExplorer:
 
     _LEAST = 0.6
     """A frontier narrower than this is none (m): the robot does not fit through."""
-    _PLAN_EVERY = 9
-    """Steps between two searches for the way."""
     _NEAR_BY = 0.4
     """A frontier no farther than this from where the robot can come to is one it can reach (m)."""
     _ARRIVED = 0.3
@@ -62,38 +58,12 @@ class FrontierExplorer:
     """No frontier so near to one that was given up is gone to (m)."""
 
     def __init__(self, near: float = 2.0, config: SteeringConfig | None = None) -> None:
-        self._near = near
-        self._config = config or SteeringConfig()
+        super().__init__(near, config or SteeringConfig())
 
     def reset(self, rng: np.random.Generator) -> None:
         """Begin anew, by looking all around."""
-        self._rng = rng
-        self._sketch = Sketch(SketchConfig(near=self._near))
-        self._look_round = LookRound()
-        self._patience = Patience()
-        self._goal: Float64[np.ndarray, "2"] | None = None
-        self._route: Float64[np.ndarray, "cells 2"] = np.empty((0, 2))
+        super().reset(rng)
         self._given_up: Float64[np.ndarray, "places 2"] = np.empty((0, 2))
-        self._steps = 0
-
-    def command(self, senses: Senses) -> Command:
-        """How to drive next, after what is sensed now."""
-        self._sketch.draw(senses)
-        self._steps += 1
-        return hold_back(self._wanted(senses), senses.points, senses.motion, self._config)
-
-    def _wanted(self, senses: Senses) -> Command:
-        """The next command but for what the robot must brake for."""
-        turning = self._look_round.command(senses.pose)
-        if turning is None:
-            turning = self._patience.recovery()
-        if turning is not None:
-            return turning
-        self._give_up_where_vain(senses)
-        if self._goal is None or self._steps % self._PLAN_EVERY == 0:
-            self._plan(senses)
-        ahead = senses.to_robot(waypoint(self._sketch, senses, self._route))
-        return steer(things_around(self._sketch, senses), ahead, self._config)
 
     def _give_up_where_vain(self, senses: Senses) -> None:
         """Drop a goal that cannot be come nearer, or that is no nearer to what is new."""

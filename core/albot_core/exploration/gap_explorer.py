@@ -12,14 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from albot_core.exploration.following import things_around, waypoint
+from albot_core.exploration.explorer import Explorer
 from albot_core.exploration.gaps import find_gaps
-from albot_core.exploration.look_round import LookRound
-from albot_core.exploration.patience import Patience
 from albot_core.exploration.prospects import Prospects
 from albot_core.exploration.senses import Senses
-from albot_core.exploration.sketch import Sketch, SketchConfig, Ways
-from albot_core.exploration.steering import Command, SteeringConfig, hold_back, steer
+from albot_core.exploration.sketch import Ways
+from albot_core.exploration.steering import SteeringConfig
 from albot_core.geometry.types import Points
 from albot_core.ranges import POSITIVE, check_fields
 
@@ -50,7 +48,7 @@ class GapExplorerConfig:
         check_fields(self, POSITIVE, "gap_width", "reach", "clearance", "near", "worth")
 
 
-class GapExplorer:
+class GapExplorer(Explorer):
     """Goes from gap to gap, the nearest first, and back to those passed by.
 
     Args:
@@ -59,44 +57,18 @@ class GapExplorer:
 
     _LOOK_EVERY = 3
     """Steps between two looks for prospects: the robot moves two hand's breadths meanwhile."""
-    _PLAN_EVERY = 9
-    """Steps between two searches for the way."""
     _FAN = np.radians(6.0)
     """Angle between the beams along which it looks for open ground (rad)."""
 
     def __init__(self, config: GapExplorerConfig = GapExplorerConfig()) -> None:
+        super().__init__(config.near, config.steering)
         self._config = config
 
     def reset(self, rng: np.random.Generator) -> None:
         """Begin anew, by looking all around."""
-        self._rng = rng
-        self._sketch = Sketch(SketchConfig(near=self._config.near))
+        super().reset(rng)
         self._prospects = Prospects()
-        self._patience = Patience()
-        self._goal: Float64[np.ndarray, "2"] | None = None
-        self._route: Float64[np.ndarray, "cells 2"] = np.empty((0, 2))
-        self._steps = 0
         self._least = self._config.worth
-        self._look_round = LookRound()
-
-    def command(self, senses: Senses) -> Command:
-        """How to drive next, after what is sensed now."""
-        self._take_in(senses)
-        steering = self._config.steering
-        return hold_back(self._wanted(senses), senses.points, senses.motion, steering)
-
-    def _wanted(self, senses: Senses) -> Command:
-        """The next command but for what the robot must brake for."""
-        turning = self._look_round.command(senses.pose)
-        if turning is None:
-            turning = self._patience.recovery()
-        if turning is not None:
-            return turning
-        self._give_up_where_vain(senses)
-        if self._goal is None or self._steps % self._PLAN_EVERY == 0:
-            self._plan(senses)
-        ahead = senses.to_robot(waypoint(self._sketch, senses, self._route))
-        return steer(things_around(self._sketch, senses), ahead, self._config.steering)
 
     def _take_in(self, senses: Senses) -> None:
         """Draw what is in view, and note what is worth going to."""

@@ -3,48 +3,39 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import gymnasium
 import numpy as np
 import pytest
-import yaml
 
 from albot_agents.agent import choose
 from albot_agents.episode import begin_episode
+from albot_agents.plain import merged
 from albot_agents.registry import find_agent, make_agent
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.trained.card import write_card
-from albot_agents.training.folder import RunFolder
-from albot_agents.training.reading import read_plan
 from albot_agents.training.run import TrainingRun
 from albot_core.errors import InputError
 from albot_env.tasks.observation import ObservationConfig
-from tests.agents.training.tiny import begun
+from tests.agents.training.tiny import SMALL, begun
 
 TASK = "Albot/PlaceRecognition-v0"
-PLAN: dict[str, Any] = {
-    "task": TASK,
-    "n_envs": 2,
-    "n_timesteps": 16,
-    "n_steps": 4,
-    "batch_size": 8,
-    "gamma": 0.0,
-    "policy": {"kind": "candidates", "net_arch": [8], "initial_action": [1, 0]},
-    "env": {
-        "world": "square-loop",
-        "mapper": "none",
-        "journeys": 1,
-        "config": {"tour": {"arrivals": 3}},
+PLAN = merged(
+    SMALL,
+    {
+        "task": TASK,
+        "n_timesteps": 16,
+        "n_steps": 4,
+        "batch_size": 8,
+        "gamma": 0.0,
+        "policy": {"kind": "candidates", "initial_action": [1, 0]},
+        "env": {"config": {"tour": {"arrivals": 3}}},
     },
-    "evaluation": None,
-}
+)
 
 
 def test_a_judge_is_trained_and_judges(tmp_path: Path) -> None:
-    (tmp_path / "plan.yml").write_text(yaml.safe_dump(PLAN))
-    folder, plan = RunFolder(tmp_path / "run"), read_plan(tmp_path / "plan.yml")
-    folder.begin(plan, "albot train")
+    folder, plan = begun(tmp_path, PLAN)
     run = TrainingRun(folder, plan)
     assert run.run()["samples"] == 16
     network = read_agent(folder.last).network

@@ -12,39 +12,47 @@ from albot_agents.training.reading import read_plan
 from albot_core.files import write_text
 
 TASK = "Albot/Homing-v0"
-TINY: dict[str, Any] = {
-    "task": TASK,
+SMALL: dict[str, Any] = {
     "n_envs": 2,
-    "n_timesteps": 64,
-    "n_steps": 8,
-    "batch_size": 16,
     "n_epochs": 1,
-    "checkpoint_every": 32,
     "torch_threads": 1,
-    "policy": {"net_arch": [8], "initial_action": [0.5, 0, -1]},
-    "env": {
-        "world": "square-loop",
-        "mapper": "none",
-        "journeys": 1,
-        "max_episode_steps": 12,
-        "config": {"outing": {"shortest": 1, "longest": 2, "away": 0}},
-    },
-    "evaluation": {"worlds": ["square-loop"], "seeds": "900", "every": 32},
+    "policy": {"net_arch": [8]},
+    "env": {"world": "square-loop", "mapper": "none", "journeys": 1},
+    "evaluation": None,
 }
+"""What trainings of all tasks have in common."""
+TINY = merged(
+    SMALL,
+    {
+        "task": TASK,
+        "n_timesteps": 64,
+        "n_steps": 8,
+        "batch_size": 16,
+        "checkpoint_every": 32,
+        "policy": {"initial_action": [0.5, 0, -1]},
+        "env": {
+            "max_episode_steps": 12,
+            "config": {"outing": {"shortest": 1, "longest": 2, "away": 0}},
+        },
+        "evaluation": {"worlds": ["square-loop"], "seeds": "900", "every": 32},
+    },
+)
 """Four updates, one episode in an evaluation."""
 
 
-def plan_file(path: Path, **changes: Any) -> Path:
-    """The tiny plan as a YAML file, with changes."""
+def plan_file(path: Path, plan: dict[str, Any] = TINY, **changes: Any) -> Path:
+    """The tiny plan, or another one, as a YAML file, with changes."""
     import yaml
 
-    write_text(path, yaml.safe_dump(merged(TINY, changes)))
+    write_text(path, yaml.safe_dump(merged(plan, changes)))
     return path
 
 
-def begun(folder: Path, **changes: Any) -> tuple[RunFolder, TrainingPlan]:
+def begun(
+    folder: Path, plan: dict[str, Any] = TINY, **changes: Any
+) -> tuple[RunFolder, TrainingPlan]:
     """The folder of a run that is about to begin, and its plan."""
-    plan = read_plan(plan_file(folder / "plan.yml", **changes))
+    read = read_plan(plan_file(folder / "plan.yml", plan, **changes))
     run = RunFolder(folder / "run")
-    run.begin(plan, "albot train --config plan.yml")
-    return run, plan
+    run.begin(read, "albot train --config plan.yml")
+    return run, read

@@ -12,13 +12,13 @@ from gymnasium.utils.env_checker import check_env
 import albot_env
 from albot_core.errors import InputError
 from albot_env.tasks.action import DRIVING, ActionConfig, DeclaringActionConfig
-from tests.env.quick import DRIVEN, QUICK
+from tests.env.quick import DRIVEN, SETTINGS
 
 assert albot_env.__doc__
 
 
 def _make(environment: str, action: str = "discrete") -> gymnasium.Env[Any, Any]:
-    settings = {"world": "square-loop", "mapper": "none", **QUICK.get(environment, {})}
+    settings = {"world": "square-loop", "mapper": "none", **SETTINGS.get(environment, {})}
     return gymnasium.make(environment, action=action, **settings)
 
 

@@ -17,6 +17,7 @@ from albot_env.tasks.coverage import Coverage
 from albot_env.tasks.explore_and_home import ExploreAndHomeEnv
 from albot_env.tasks.kernels import log_scale
 from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.observer import observe
 from albot_env.tasks.reward import RoundTripWeights
 from albot_env.tasks.round_trip import RoundTripConfig
 from albot_maps import World
@@ -127,7 +128,7 @@ def test_observations_are_a_function_of_the_readings_and_the_time(
         mapper.update(moment.reading)
         ground.follow(moment.reading.motion, mapper.pose, moment.reading.laser)
         left = (60 - step) * CONTROL_STEP
-        again = env.observing.observe(moment.reading, mapper, ground, left)
+        again = observe(env.observing, moment.reading, mapper, ground, left)
         assert again.keys() == observation.keys()
         for name, part in observation.items():
             np.testing.assert_array_equal(again[name], part, err_msg=name)

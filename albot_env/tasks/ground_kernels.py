@@ -1,0 +1,177 @@
+"""Compiled loops over the ground: covering it, cutting patches, finding its frontier.
+
+A grid of ground is a square of cells, a bit each. Eight by eight cells share a word, so that
+what lies around a robot lies together in memory: column x, row y is bit 8 (y % 8) + x % 8 of
+word (x // 8) + words a row × (y // 8).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from albot_core.geometry.directions import turned
+
+_ONE = 2.0**32
+"""A cell in fixed-point numbers, in which loops over cells need no conversions: a negative
+cell, taken as unsigned, is beyond every grid."""
+
+
+class Ground(NamedTuple):
+    """The grids of ground of robots; a row each. Ground beyond a robot's grid is never covered."""
+
+    grids: np.ndarray
+    """(n, words) uint64: a bit for each cell, set where covered."""
+    sides: np.ndarray
+    """(n,) int64: cells along each side; a multiple of eight."""
+    centres: np.ndarray
+    """(n, 2) float64: the middles of the grids (m)."""
+    cell: float
+    """Side of a cell (m)."""
+
+
+class Sight(NamedTuple):
+    """What of the ground a laser shows."""
+
+    radius: float
+    """Ground farther from the laser is not covered (m)."""
+    x: float
+    """Where on the robot the laser is (m)…"""
+    y: float
+    """…"""
+    first: float
+    """Where its first beam points from the robot's heading (rad)…"""
+    spacing: float
+    """…and how far it is from each beam to the next (rad)."""
+    beams: np.ndarray
+    """(parts,) int64: the beam that points into each part of the full turn (see `turned`);
+    -1 where none does."""
+
+
+@njit(cache=True, error_model="numpy")
+def is_time_to_look(motion: np.ndarray, spacing: float, turn: float, moved: np.ndarray) -> bool:
+    """Add a motion to what was `moved` (m, rad) since the last look; whether one is due."""
+    moved[0] += math.hypot(motion[0], motion[1])
+    moved[1] += abs(motion[2])
+    if moved[0] < spacing and moved[1] < turn:
+        return False
+    moved[0] = moved[1] = 0.0
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def cover(ground: Ground, i: int, pose: np.ndarray, sight: Sight, ranges: np.ndarray) -> int:
+    """Mark the cells of robot i whose middles a scan taken at `pose` shows.
+
+    A middle is seen where it is no farther than the radius, and than the range of the beam
+    that points its way. Cells outside the grid are left out. Returns how many were new.
+    """
+    grid, side, cell, centre = ground.grids[i], ground.sides[i], ground.cell, ground.centres[i]
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    # The laser's place, in cells from the middle of cell (0, 0).
+    eye_x = (pose[0] + cos * sight.x - sin * sight.y - centre[0]) / cell + side / 2 - 0.5
+    eye_y = (pose[1] + sin * sight.x + cos * sight.y - centre[1]) / cell + side / 2 - 0.5
+    radius, beams = sight.radius / cell, sight.beams
+    parts, words = beams.shape[0], side // 8
+    new = 0
+    for row in range(max(0, math.ceil(eye_y - radius)), min(side, math.floor(eye_y + radius) + 1)):
+        dy = row - eye_y
+        half = math.sqrt(max(0.0, radius * radius - dy * dy))
+        first, last = math.ceil(eye_x - half), math.floor(eye_x + half)
+        for column in range(max(0, first), min(side, last + 1)):
+            word = (row >> 3) * words + (column >> 3)
+            bit = np.uint64(1) << np.uint64(((row & 7) << 3) | (column & 7))
+            if grid[word] & bit:
+                continue
+            dx = column - eye_x
+            u, v = cos * dx + sin * dy, cos * dy - sin * dx
+            beam = beams[min(int((turned(u, v) + 2.0) * 0.25 * parts), parts - 1)]
+            if beam < 0:
+                continue
+            reach = ranges[beam] / cell
+            if dx * dx + dy * dy <= reach * reach:
+                grid[word] |= bit
+                new += 1
+    return new
+
+
+@njit(cache=True, error_model="numpy")
+def cut_patch(
+    ground: Ground, i: int, pose: np.ndarray, patch_cell: float, width: int, patch: np.ndarray
+) -> None:
+    """Fill `patch`, row by row of `width` cells, with robot i's ground: 1 covered, -1 not.
+
+    The cells, of side `patch_cell` (m), lie around `pose`: row 0 farthest ahead of it, column 0
+    farthest to its left.
+    """
+    grid, side, cell, centre = ground.grids[i], ground.sides[i], ground.cell, ground.centres[i]
+    size, words = np.uint64(side), np.uint64(side // 8)
+    three, seven, whole = np.uint64(3), np.uint64(7), np.uint64(32)
+    cos, sin = math.cos(pose[2]) * patch_cell / cell, math.sin(pose[2]) * patch_cell / cell
+    middle_x = (pose[0] - centre[0]) / cell + side / 2
+    middle_y = (pose[1] - centre[1]) / cell + side / 2
+    left = (width - 1) / 2
+    step_x, step_y = np.uint64(np.int64(sin * _ONE)), np.uint64(np.int64(-cos * _ONE))
+    for row in range(width):
+        forward = (width - 1) / 2 - row
+        x = np.uint64(np.int64((middle_x + cos * forward - sin * left) * _ONE))
+        y = np.uint64(np.int64((middle_y + sin * forward + cos * left) * _ONE))
+        for column in range(width):
+            cell_x, cell_y = x >> whole, y >> whole
+            covered = np.uint64(0)
+            if cell_x < size and cell_y < size:
+                word = grid[(cell_y >> three) * words + (cell_x >> three)]
+                covered = word >> (((cell_y & seven) << three) | (cell_x & seven))
+            patch[row * width + column] = 1.0 if covered & np.uint64(1) else -1.0
+            x += step_x
+            y += step_y
+
+
+@njit(cache=True, error_model="numpy")
+def find_frontier(
+    ground: Ground,
+    i: int,
+    pose: np.ndarray,
+    sight: Sight,
+    ranges: np.ndarray,
+    frontier: np.ndarray,
+) -> None:
+    """Fill `frontier` with how far (m) robot i's uncovered ground is in as many equal sectors.
+
+    Along the middle beam; infinitely far where the beam ends before. It begins where the cells
+    on the beam and to both its sides are uncovered: beside a wall there are some whose middles
+    lie within it.
+    """
+    grid, side, cell, centre = ground.grids[i], ground.sides[i], ground.cell, ground.centres[i]
+    heading = pose[2] + sight.first
+    eye_x = pose[0] + math.cos(pose[2]) * sight.x - math.sin(pose[2]) * sight.y - centre[0]
+    eye_y = pose[1] + math.sin(pose[2]) * sight.x + math.cos(pose[2]) * sight.y - centre[1]
+    half, sectors = side / 2, frontier.shape[0]
+    for k in range(sectors):
+        beam = (2 * k + 1) * ranges.shape[0] // (2 * sectors)
+        bearing = heading + beam * sight.spacing
+        cos, sin = math.cos(bearing), math.sin(bearing)
+        frontier[k] = math.inf
+        reach = min(ranges[beam], side * cell) - cell
+        for step in range(1, int(reach / cell) + 1):
+            x, y = eye_x / cell + half + step * cos, eye_y / cell + half + step * sin
+            if not (
+                _is_covered(grid, side, x, y)
+                or _is_covered(grid, side, x - sin, y + cos)
+                or _is_covered(grid, side, x + sin, y - cos)
+            ):
+                frontier[k] = step * cell
+                break
+
+
+@njit(cache=True, error_model="numpy")
+def _is_covered(grid: np.ndarray, side: int, x: float, y: float) -> bool:
+    """Whether a point (cells from the corner of the square) is on covered ground."""
+    if not (0.0 <= x < side and 0.0 <= y < side):
+        return False
+    column, row = int(x), int(y)
+    word = grid[(row >> 3) * (side // 8) + (column >> 3)]
+    return bool((word >> np.uint64(((row & 7) << 3) | (column & 7))) & np.uint64(1))

@@ -1,0 +1,89 @@
+"""The observer: makes an observation of a reading, as the compiled survey does for many robots.
+
+An observation is a function of the readings alone: the laser and the motion come from the
+reading, the rest from the mapper, which saw nothing but readings.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from albot_core.mapper import EXIT, POINT, TRAVEL, Mapper
+from albot_core.perception.reading import Reading
+from albot_env.tasks.coverage import Coverage
+from albot_env.tasks.kernels import (
+    find_nearest,
+    observe_confidence,
+    observe_exit,
+    observe_home,
+    observe_motion,
+    observe_time,
+    observe_way,
+    scale_ranges,
+)
+from albot_env.tasks.observation import PARTS, ObservationConfig, Parts
+
+
+def observe(
+    config: ObservationConfig,
+    reading: Reading,
+    mapper: Mapper,
+    coverage: Coverage,
+    time_left: float = math.inf,
+) -> Parts:
+    """The observation after a reading, with so much time left (s).
+
+    `laser` is near at 1 and far at -1 (see `observe_ranges`), and so is `sonar`, which robots
+    without sonars lack; `motion` the odometer's last step forward, sideways and round; `heading`
+    cosine and sine of the heading that the robot believes to have as seen from home; `home` the
+    direction of home in the robot's frame as cosine and sine, and its distance, -1 at home;
+    `confidence` how sure the mapper may be of that, from 1 to -1 where it has lost its way (see
+    `ObservationConfig.home_drift`); `place` whether it is in a place that it knows from before,
+    and whether it has lost its way (1 or -1); `exit` direction and distance of the next exit on
+    the believed way home, then the direction in which to go through it, and 1; `way` direction
+    and distance of a point some metres ahead on the way home that it remembers, and 1; where
+    there is none, directions are 0, the distance and the last number -1; `coverage` the patch
+    of `Coverage.patch`; `frontier` how near, in each sector that the laser part shows, ground is
+    in sight that is not covered, on the laser's scale, -1 for none (see `Coverage.frontier`);
+    `time_left` what is left of a time that the robot is given, -1 when it is up.
+    """
+    way = mapper.way_home if config.shows_way_home else np.full(7, np.nan)
+    home, flags = mapper.home, (mapper.network.familiar, mapper.is_lost)
+    knee, longest = config.home_knee, config.home_range
+    parts = {name: np.empty(shape, np.float32) for name, shape in config.shapes.items()}
+    shown = parts | {name: np.empty(6, np.float32) for name in PARTS if name not in parts}
+    observe_motion(reading.motion, config.step_length, config.step_turn, shown["motion"])
+    shown["heading"][:2] = np.cos(home[2]), -np.sin(home[2])
+    observe_home(home, knee, longest, shown["home"])
+    shown["confidence"][0] = observe_confidence(way[TRAVEL], config.home_drift, config.home_near)
+    shown["place"][:2] = np.where(flags, 1, -1)
+    observe_exit(mapper.pose, way[EXIT], knee, longest, shown["exit"])
+    observe_way(mapper.pose, way[POINT], knee, longest, shown["way"])
+    if "laser" in parts:
+        parts["laser"] = observe_ranges(config, reading.laser.ranges)
+    if "sonar" in parts and reading.sonar is not None:
+        echoes = reading.sonar.ranges
+        scale_ranges(echoes, config.laser_knee, config.sonar_range, parts["sonar"])
+    if "coverage" in parts:
+        parts["coverage"] = coverage.patch(mapper.pose)
+    if "frontier" in parts:
+        found = coverage.frontier(mapper.pose, reading.laser, len(parts["frontier"]))
+        scale_ranges(found, config.laser_knee, config.laser_range, parts["frontier"])
+    shown["time_left"][0] = observe_time(time_left, config.time_range)
+    return parts
+
+
+def observe_ranges(
+    config: ObservationConfig, ranges: Float[np.ndarray, "beams"]
+) -> Float32[np.ndarray, "shown"]:
+    """Ranges (m) as the `laser` part shows them: 1 at 0, -1 at `laser_range` and beyond."""
+    shown = np.asarray(ranges, np.float64)
+    if config.laser_sectors is not None:
+        beams, shown = shown, np.empty(config.laser_sectors)
+        find_nearest(beams, shown)
+    scaled = np.empty(len(shown), np.float32)
+    scale_ranges(shown, config.laser_knee, config.laser_range, scaled)
+    return scaled
