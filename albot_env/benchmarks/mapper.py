@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -12,7 +11,7 @@ from jaxtyping import Float64, Int64
 from albot_core.albot1.mapper import Albot1
 from albot_core.albot1.memory import add_surface, empty_memory
 from albot_core.albot1.memory_state import stored_memory
-from albot_core.geometry.poses import inverse, relative, transform_segments
+from albot_core.geometry.poses import inverse, transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mapper import Mapper, MapperBatch
 from albot_core.perception.reading import Reading, Readings
@@ -68,44 +67,6 @@ def measure_growth(rounds: int = 5) -> list[dict[str, float | int | str]]:
             mapper.restore(known)
             best = max(best, _timed(mapper, tour.readings[1:]))
         rows.append({"name": "albot1", "surfaces": size, "readings_per_second": best})
-    return rows
-
-
-def measure_journey(stages: int = 10, stage_km: float = 1.0) -> list[dict[str, float | int | str]]:
-    """Lead `albot1` round `office-ring` again and again: does a long journey cost more?
-
-    Returns:
-        A row for each stage: `path_km` at its end, `us_per_reading` of its updates (CPU time),
-        `surfaces` and `places` remembered at its end, and `memory_bytes` of its whole state.
-    """
-    tour = _tour()
-    back = relative(tour.truth[-1], tour.truth[0])
-    first = replace(tour.readings[0], motion=back)
-    loop = [first, *tour.readings[1:]]
-    length = float(sum(np.hypot(*reading.motion[:2]) for reading in loop))
-    mapper = Albot1.default()
-    for reading in loop[:_BATCH_STEPS]:  # compiles
-        mapper.update(reading)
-    mapper.reset()
-    rows: list[dict[str, float | int | str]] = []
-    rounds = 0
-    for path_km in stage_km * np.arange(1, stages + 1):
-        began, started = rounds, time.process_time()
-        while rounds * length < 1000.0 * path_km:
-            for reading in loop:
-                mapper.update(reading)
-            rounds += 1
-        seconds = time.process_time() - started
-        rows.append(
-            {
-                "name": "albot1",
-                "path_km": float(path_km),
-                "us_per_reading": 1e6 * seconds / ((rounds - began) * len(loop)),
-                "surfaces": len(mapper.surfaces),
-                "places": len(mapper.network.places),
-                "memory_bytes": sum(array.nbytes for array in mapper.state().values()),
-            }
-        )
     return rows
 
 

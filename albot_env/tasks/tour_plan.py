@@ -70,6 +70,11 @@ class Stops:
         middles = [part.representative_point().coords[0] for part in self._parts.values()]
         self._middles = dict(zip(self._parts, np.array(middles), strict=True))
 
+    @property
+    def rooms(self) -> list[int]:
+        """The numbers of these rooms."""
+        return list(self._parts)
+
     def named(self, names: tuple[str, ...]) -> list[int]:
         """The rooms of these names.
 

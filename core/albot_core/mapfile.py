@@ -13,7 +13,7 @@ from albot_core.mapper import Mapper
 from albot_core.registry import MAPPERS, make_mapper
 
 FORMAT = "albot-map"
-VERSION = 3
+VERSION = 4
 
 _FILE = ArchiveFormat(name=FORMAT, version=VERSION, kind="map file", largest=1 << 30)
 

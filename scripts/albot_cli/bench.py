@@ -53,9 +53,10 @@ def _measures(log: Path | None) -> dict[str, Callable[[], Any]]:
     from albot_cli.startup import measure_startup
     from albot_env.benchmarks.environment import measure_environments
     from albot_env.benchmarks.generator import measure_generators
+    from albot_env.benchmarks.journey import measure_journey
     from albot_env.benchmarks.laser import measure_laser
     from albot_env.benchmarks.learner import measure_learner
-    from albot_env.benchmarks.mapper import measure_growth, measure_journey, measure_mappers
+    from albot_env.benchmarks.mapper import measure_growth, measure_mappers
     from albot_env.benchmarks.processes import measure_processes
 
     readings = read_log(log).readings if log else None

@@ -51,8 +51,9 @@ def _mapper(row: Figures) -> str:
 def _journey(row: Figures) -> str:
     return (
         f"journey     {row['path_km']:7.1f} km        {row['us_per_reading']:8.1f} µs/reading  "
-        f"{row['name']}: {row['surfaces']} surfaces, {row['places']} places, "
-        f"{row['memory_bytes'] / 1024:,.0f} KiB"
+        f"({row['ratio']:.1f} times a thousand additions in Python)  {row['name']}: "
+        f"{row['surfaces']} surfaces, {row['places']} places, {row['trail_points']} points of "
+        f"trail, {row['memory_bytes'] / 1024:,.0f} KiB"
     )
 
 

@@ -15,7 +15,7 @@ from albot_core.albot1.memory import USED, VISIT, Memory, living
 from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import turned_round
 from albot_core.albot1.recognition import moved
-from albot_core.albot1.revisiting import find, recognize_place
+from albot_core.albot1.revisiting import find, is_time_to_look, recognize_place
 from albot_core.albot1.sight import Sight
 from albot_core.albot1.structure import joined
 from albot_core.albot1.treading import tread
@@ -23,12 +23,18 @@ from albot_core.albot1.updating import update_map
 from albot_core.albot1.visits import (
     arouse_from,
     begin_visit,
+    marked_visits,
     move_visits,
+    renumber_visits,
     seen_in_visit,
     suspect_still,
 )
 from albot_core.geometry.poses import transform_segments
 from albot_core.geometry.types import Segments
+
+
+VISITS_LOOKED_AFTER = 128
+"""At each so many visits it is seen to which of them still matter."""
 
 
 class Robot(NamedTuple):
@@ -80,11 +86,19 @@ def _cross(robot: Robot, limits: Limits) -> None:
     """It has crossed an exit: remember the place left, and enter the next."""
     memory, sight, gate = robot.memory, robot.sight, robot.exits.gate
     line = gate[:4] if gate[4] > 0 else turned_round(gate[:4])
+    _forget_visits(robot)
     robot.network.remember_place(robot.step, line, seen_in_visit(memory), sight.pose)
     leave_exits(robot.exits, *sight.pose[:2])
     begin_visit(memory, robot.network.suspicions())
     enter(memory, sight, limits)
     _note_update(robot)
+
+
+def _forget_visits(robot: Robot) -> None:
+    """Now and then forget the visits of which nothing more can come."""
+    if len(robot.network.visits) % VISITS_LOOKED_AFTER == 0:
+        kept = marked_visits(robot.memory)
+        renumber_visits(robot.memory, robot.network.keep_visits(kept))
 
 
 def _note_update(robot: Robot) -> None:
@@ -99,6 +113,8 @@ def _suspect(robot: Robot) -> None:
     memory, network = robot.memory, robot.network
     met = memory.met[: len(network.visits)]
     suspect_still(memory, met[:, 1])
+    if not is_time_to_look(network, robot.sight.pose):
+        return
     if recognize_place(network, robot.step, met[:, 0], _before_it(robot), robot.sight.pose):
         arouse_from(memory, network.suspicions())
 
@@ -117,6 +133,7 @@ def _lose(robot: Robot, limits: Limits) -> None:
     before = memory.ids[:used] < robot.next_id
     present = memory.marks[:used] == memory.counts[VISIT]
     seen = memory.surfaces[:used][before & present & living(memory)]
+    _forget_visits(robot)
     network.lose(robot.step, seen, sight.pose)
     begin_visit(memory, network.suspicions())
     update_map(memory, sight, limits)
@@ -126,6 +143,8 @@ def _lose(robot: Robot, limits: Limits) -> None:
 def _find(robot: Robot) -> None:
     """It has lost its way, and looks where it may be."""
     memory, sight, network = robot.memory, robot.sight, robot.network
+    if not is_time_to_look(network, sight.pose):
+        return
     first = network.lost_since
     motion = find(network, robot.step, _before_it(robot), sight.pose)
     if motion is None:

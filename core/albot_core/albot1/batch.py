@@ -9,15 +9,11 @@ from jaxtyping import Bool, Float64, Int64
 
 from albot_core.albot1.attending import Robot, attend
 from albot_core.albot1.config import Albot1Config
-from albot_core.albot1.exits import (
-    Exits,
-    no_exits,
-)
-from albot_core.albot1.following import TROD, Lens, Robots, follow
+from albot_core.albot1.exits import no_exits
+from albot_core.albot1.following import Lens, Robots, follow
 from albot_core.albot1.mapping import LOST, UPDATES
 from albot_core.albot1.memory import (
     ALIVE,
-    Memory,
     empty_memory,
     forget,
     living,
@@ -26,12 +22,8 @@ from albot_core.albot1.memory_state import enlarged
 from albot_core.albot1.network import START, PlaceNetwork
 from albot_core.albot1.recognition import moved
 from albot_core.albot1.robot_state import STANDING, check_standing, rebuilt_arrays, stored_arrays
-from albot_core.albot1.sight import (
-    Sight,
-    copy_sight,
-    empty_sight,
-)
-from albot_core.albot1.storage import COLUMNS, addresses_of
+from albot_core.albot1.sight import copy_sight, empty_sight
+from albot_core.albot1.storage import COLUMNS, Arrays, addresses_of
 from albot_core.albot1.treading import follow_home
 from albot_core.albot1.wayfinding import way_lines
 from albot_core.geometry.types import Segments
@@ -57,11 +49,10 @@ class Albot1Batch:
     def __init__(self, count: int, config: Albot1Config | None = None) -> None:
         self.config = config or Albot1Config()
         self._limits = self.config.limits
-        self._arrays: list[tuple[Memory, Sight, Exits]] = []
+        self._arrays: list[Arrays] = []
         self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
         self._homes = np.zeros((count, 3))
         self._places = np.zeros((count, 2), np.bool_)
-        self._current_places = np.zeros(count, np.int64)
         self._ways_home = np.full((count, 7), np.nan)
         self._found_at = np.full((count, 2), np.inf)
         self._versions = [-1] * count
@@ -74,9 +65,15 @@ class Albot1Batch:
             events=np.zeros(count, np.int64),
             trod=np.zeros((count, 3)),
             next_ids=np.zeros(count, np.int64),
+            current=np.zeros(count, np.int64),
+            displacements=np.zeros((count, 3)),
+            is_lost=np.zeros(count, np.bool_),
         )
+        for network in self._networks:
+            trail = network.trail
+            parts = empty_memory(), empty_sight(), no_exits()
+            self._arrays.append(Arrays(*parts, trail.steps, trail.homewards.graph))
         for row in range(count):
-            self._arrays.append((empty_memory(), empty_sight(), no_exits()))
             self._settle(row)
         self._following = Packer(lambda laser: (self._robots, self._lens(laser), self._limits))
 
@@ -103,7 +100,7 @@ class Albot1Batch:
     @property
     def current_places(self) -> Int64[np.ndarray, "robots"]:
         """The id of the place that each believes to be in. Written over."""
-        return self._current_places
+        return self._robots.current
 
     @property
     def places(self) -> Bool[np.ndarray, "robots 2"]:
@@ -127,7 +124,7 @@ class Albot1Batch:
             has_changed = self._versions[row] != network.version
             if not (has_gone or has_changed):
                 continue
-            pose, way, sight = self.poses[row], self._ways_home[row], self._arrays[row][1]
+            pose, way, sight = self.poses[row], self._ways_home[row], self._arrays[row].sight
             if has_changed:
                 self._versions[row] = network.version
                 exits = way_lines(network, pose, START)
@@ -153,10 +150,10 @@ class Albot1Batch:
 
     def reset(self, row: int) -> None:
         """Let one forget everything."""
-        memory, sight, exits = self._arrays[row]
+        memory, sight, exits, _, _ = self._arrays[row]
         forget(memory)
         exits.counts[:], exits.gate[:] = 0, 0
-        self._networks[row] = PlaceNetwork(self.config.places)
+        self._networks[row] = PlaceNetwork(self.config.places, self._networks[row].trail)
         self._forget_ways(row)
         sight.size[0] = 0
         sight.pose[:] = 0.0
@@ -192,18 +189,18 @@ class Albot1Batch:
 
     def exits(self, row: int) -> Segments:
         """The exits that one has seen and remembers, in its map's frame (a copy)."""
-        exits = self._arrays[row][2]
+        exits = self._arrays[row].exits
         return exits.lines[: exits.counts[0]].copy()
 
     def surfaces(self, row: int) -> Segments:
         """The surfaces that one remembers, in its map's frame (a copy)."""
-        memory = self._arrays[row][0]
+        memory = self._arrays[row].memory
         alive = living(memory)
         return np.asarray(memory.surfaces[: len(alive)][alive])
 
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Everything that one remembers, as arrays by name."""
-        memory, sight, exits = self._arrays[row]
+        memory, sight, exits, _, _ = self._arrays[row]
         robots, network = self._robots, self._networks[row]
         standing = {name: getattr(robots, name)[row].copy() for name in STANDING}
         return standing | stored_arrays(memory, sight, exits, network)
@@ -216,7 +213,8 @@ class Albot1Batch:
         """
         check_standing(state)
         memory, sight, exits, network = rebuilt_arrays(state, self.config.places)
-        self._arrays[row] = memory, sight, exits
+        trail = network.trail
+        self._arrays[row] = Arrays(memory, sight, exits, trail.steps, trail.homewards.graph)
         self._networks[row] = network
         self._forget_ways(row)
         self._settle(row)
@@ -235,20 +233,23 @@ class Albot1Batch:
         network = self._networks[row]
         self._homes[row] = network.home
         self._places[row] = network.is_familiar, network.lost_since > 0
-        self._current_places[row] = network.current
+        robots = self._robots
+        robots.current[row], robots.is_lost[row] = network.current, network.lost_since > 0
+        robots.displacements[row] = network.displacement
 
     def _attend(self, row: int) -> None:
         """See to what happened to one at its last reading."""
         robot, events = self._robot(row), int(self._robots.events[row])
         attend(robot, events, self._limits)
-        if events != TROD:
-            self._robots.surfaces[row] = robot.memory.counts[ALIVE]
-            self._stand(row)
+        self._robots.surfaces[row] = robot.memory.counts[ALIVE]
+        self._stand(row)
 
     def _robot(self, row: int) -> Robot:
-        robots = self._robots
+        robots, arrays = self._robots, self._arrays[row]
         return Robot(
-            *self._arrays[row],
+            memory=arrays.memory,
+            sight=arrays.sight,
+            exits=arrays.exits,
             network=self._networks[row],
             progress=robots.progress[row],
             pose=robots.poses[row],
@@ -257,14 +258,18 @@ class Albot1Batch:
 
     def _settle(self, row: int) -> None:
         """Tell the kernel where a robot's arrays are."""
-        self._robots.table[row] = addresses_of(*self._arrays[row])
+        self._robots.table[row] = addresses_of(self._arrays[row])
 
     def _enlarge(self, row: int) -> None:
-        """Give one twice the room."""
-        memory, old, exits = self._arrays[row]
-        sight = empty_sight(2 * len(old.slots))
-        copy_sight(old, sight)
-        self._arrays[row] = enlarged(memory), sight, exits
+        """Give one twice the room: its trail, or else its map and its view."""
+        arrays, trail = self._arrays[row], self._networks[row].trail
+        if trail.make_room():
+            arrays = arrays._replace(steps=trail.steps, graph=trail.homewards.graph)
+        else:
+            sight = empty_sight(2 * len(arrays.sight.slots))
+            copy_sight(arrays.sight, sight)
+            arrays = arrays._replace(memory=enlarged(arrays.memory), sight=sight)
+        self._arrays[row] = arrays
         self._settle(row)
 
     def _lens(self, laser: LaserGeometry) -> Lens:

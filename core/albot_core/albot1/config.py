@@ -87,15 +87,18 @@ class PlacesConfig:
     """Where map and alignment differ by less (m), the map is left as it is."""
     fewest_found: int = 7
     """A robot that has lost its way needs so many surfaces to know a place again."""
-    events_kept: int = 4096
+    most_described: int = 1024
+    """Surfaces of a place's description; those seen last are kept. Without an end to it, a
+    robot that drifts as it comes back would describe each wall again beside itself."""
+    events_kept: int = 512
     """Events remembered; the oldest are forgotten first."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "shortest", "gap", "angle", "turn", "agreement")
         check_fields(self, POSITIVE, "look_spacing", "look_turn")
         check_fields(self, SHARE, "least_share", "suspicion_share")
-        counts = "fewest_matches", "fewest_met", "most_met", "fewest_found", "events_kept"
-        check_fields(self, _FROM_ONE, *counts)
+        counts = "fewest_matches", "fewest_met", "most_met", "fewest_found"
+        check_fields(self, _FROM_ONE, *counts, "most_described", "events_kept")
         if not self.shift > 0:
             raise InputError("PlacesConfig.shift", "above 0", str(self.shift))
 

@@ -11,10 +11,10 @@ from albot_core.albot1.config import Limits
 from albot_core.albot1.exits import cross_exit, remember_exits
 from albot_core.albot1.mapping import STEP, STRANGE, map_step
 from albot_core.albot1.memory import ALIVE, NEXT_ID, SUSPECT, VISIT, Memory, room_left
-from albot_core.albot1.recognition import length_of, moved, wrap
+from albot_core.albot1.recognition import length_of, moved, pose_in, wrap
 from albot_core.albot1.sight import Sight, copy_sight
-from albot_core.albot1.storage import ROOM, exits_at, memory_at, sight_at
-from albot_core.albot1.trail import LOOK_ROUND, STRIDE
+from albot_core.albot1.storage import ROOM, exits_at, graph_at, memory_at, sight_at, steps_at
+from albot_core.albot1.trail import LOOK_ROUND, STRIDE, has_room, tread_on
 from albot_core.parcel import Parcel, opened
 from albot_core.perception.surfaces import NO_EDGE, extract_surfaces
 
@@ -36,14 +36,15 @@ class Lens(NamedTuple):
 
 CROSSED, SUSPECTED, ASTRAY, TROD = 1, 2, 4, 8
 """In `Robots.events`: the robot got through an exit; it met enough surfaces of an earlier
-visit; it was moved; it has gone a stride or looks elsewhere."""
+visit; it was moved; it has gone a stride or looks elsewhere, and must not tread on its trail
+before the rest has been seen to."""
 
 
 class Robots(NamedTuple):
     """The arrays of all robots; a row each."""
 
     table: np.ndarray
-    """(n, COLUMNS) int64: where the robot's map, last view and exits are (see `storage`)."""
+    """(n, COLUMNS) int64: where the robot's arrays are (see `storage`)."""
     progress: np.ndarray
     """(n, 5) int64: how far it has come (see `mapping`)."""
     since: np.ndarray
@@ -58,6 +59,12 @@ class Robots(NamedTuple):
     """(n, 3) float64: where it trod on its trail last (m, rad; the map's frame)."""
     next_ids: np.ndarray
     """(n,) int64: the id that the next surface would have had before the last view."""
+    current: np.ndarray
+    """(n,) int64: the id of the place that it believes to be in."""
+    displacements: np.ndarray
+    """(n, 3) float64: where the enduring frame of its places lies (m, rad; the map's frame)."""
+    is_lost: np.ndarray
+    """(n,) bool: whether it has lost its way."""
 
 
 @njit(cache=True, error_model="numpy", inline="always")
@@ -130,6 +137,15 @@ def _has_room(memory: Memory, previous: Sight, current: Sight) -> bool:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
+def _tread(robots: Robots, row: int, view: Sight) -> None:
+    """Let a robot to which nothing else has happened tread on its trail."""
+    here = np.empty(3)
+    pose_in(robots.displacements[row], robots.poses[row], here)
+    steps, graph = steps_at(robots.table[row]), graph_at(robots.table[row])
+    tread_on(steps, graph, robots.current[row], here, view.surfaces[: view.size[0]])
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def _follow(
     robots: Robots,
     row: int,
@@ -140,6 +156,8 @@ def _follow(
     current: Sight,
 ) -> bool:
     """Let a robot take in its reading; false, with nothing done, where its room is too small."""
+    if not has_room(graph_at(robots.table[row])):
+        return False
     progress, since = robots.progress[row], np.zeros(3)
     previous = sight_at(robots.table[row])
     robots.events[row] = 0
@@ -169,7 +187,10 @@ def _follow(
         robots.since[row, i] = since[i]
     moved(previous.pose, since, robots.poses[row])
     if _has_gone_on(robots.poses[row], robots.trod[row]):
-        robots.events[row] += TROD
+        if robots.events[row] > 0 or robots.is_lost[row]:
+            robots.events[row] += TROD
+        else:
+            _tread(robots, row, previous)
     return True
 
 

@@ -87,7 +87,9 @@ def find_exits(sight: Sight, limits: Limits, lines: np.ndarray) -> int:
     """
     found = 0
     for i in range(sight.size[0] - 1):
-        for j in range(i + 1, sight.size[0]):
+        # What hides nothing at its end can open only towards the next surface.
+        last = sight.size[0] if sight.edges[i, 1] == OCCLUDING else i + 2
+        for j in range(i + 1, last):
             if found == lines.shape[0]:
                 return found
             if _opens(sight, i, j) and _is_exit(sight, i, j, lines[found], limits):

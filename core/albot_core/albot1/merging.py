@@ -21,7 +21,7 @@ def merge(network: PlaceNetwork, step: int, kept: Site, gone: Site, pose: Pose) 
     An exit that both have leads to one place: if they have it lead to two, these are
     one as well (line 13).
     """
-    kept.describe(transform_segments(pose, gone.surfaces), network.config.alike)
+    kept.describe(transform_segments(pose, gone.surfaces), network.config)
     first = len(kept.passages)
     for passage in gone.passages:
         passage.line = transform_segments(pose, passage.line[None])[0]

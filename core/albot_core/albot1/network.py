@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Int32
+from jaxtyping import Bool, Int32, Int64
 
 from albot_core.albot1.config import PlacesConfig
 from albot_core.albot1.memory import NEVER
@@ -39,9 +39,10 @@ class PlaceNetwork:
 
     Args:
         config: The thresholds.
+        trail: A trail of which no more is needed, to be used for this network's.
     """
 
-    def __init__(self, config: PlacesConfig) -> None:
+    def __init__(self, config: PlacesConfig, trail: Trail | None = None) -> None:
         self.config = config
         self.displacement: Pose = np.zeros(3)
         self.sites: dict[int, Site] = {START: Site(id=START, frame=np.zeros(3))}
@@ -51,7 +52,8 @@ class PlaceNetwork:
         self.version = 0
         """Grows with every change."""
         self.record = Record(config.events_kept, START)
-        self.trail = Trail()
+        self.trail = trail or Trail()
+        self.trail.forget()
         self.trail.tread(START, np.zeros(3), np.empty((0, 4)))
         self.next_id = 1
         self.looked_from: Pose | None = None
@@ -157,7 +159,7 @@ class PlaceNetwork:
         strange = self._new_place(pose)
         lost = Event(step=step, what=Happening.LOST, place=left.id, other=strange.id)
         self.record.note(lost)
-        self.trail.last = -1
+        self.trail.leave()
         self._begin_visit(strange.id)
         if not self.lost_since:
             self.lost_since = len(self.visits) - 1
@@ -165,7 +167,7 @@ class PlaceNetwork:
     def _close(self, seen: Segments) -> Site:
         """Combine what was seen with the description of the present place, and leave it."""
         left = self.here
-        left.describe(seen_from_frame(self.frame, seen), self.config.alike)
+        left.describe(seen_from_frame(self.frame, seen), self.config)
         self.displacements[-1] = self.displacement
         return left
 
@@ -181,6 +183,24 @@ class PlaceNetwork:
         self.visits.append(place)
         self.displacements.append(self.displacement)
         self.version += 1
+
+    def keep_visits(self, wanted: Bool[np.ndarray, "visits"]) -> Int64[np.ndarray, "visits"]:
+        """Forget all visits but those wanted and those by which it knows its way.
+
+        These are the first to each place, that in which the robot lost its way, and the
+        present one.
+
+        Returns:
+            The new number of each visit, -1 where it is forgotten.
+        """
+        kept = wanted.copy()
+        kept[[0, self.lost_since, -1]] = True
+        kept[[self.visits.index(place) for place in self.sites if place in self.visits]] = True
+        numbers = np.where(kept, np.cumsum(kept) - 1, -1)
+        self.visits = [self.visits[k] for k in np.flatnonzero(kept)]
+        self.displacements = [self.displacements[k] for k in np.flatnonzero(kept)]
+        self.lost_since = int(numbers[self.lost_since])
+        return numbers
 
     def _enduring(self, line: Line) -> Segments:
         return seen_from_frame(self.displacement, line[None])

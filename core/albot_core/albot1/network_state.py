@@ -7,11 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from albot_core.albot1.config import PlacesConfig
-from albot_core.albot1.homewards import rebuilt_homewards
 from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import Passage, Site
 from albot_core.albot1.record import COLUMNS, Event, Happening
-from albot_core.albot1.trail import Trail
+from albot_core.albot1.trail import Trail, rebuilt_trail
 from albot_core.errors import InputError
 
 _SHAPES = {
@@ -27,7 +26,7 @@ _SHAPES = {
     "displacement": (3,),
     "looked_from": ("looks", 3),
     "events": ("events", COLUMNS),
-    "trail": ("points", 3),
+    "trail": ("points", 4),
     "trail_links": ("links", 3),
 }
 """The arrays and their shapes; names stand for lengths that must agree."""
@@ -62,7 +61,9 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
             [] if network.looked_from is None else network.looked_from, (-1, 3)
         ).astype(float),
         "events": np.array([event.row() for event in network.record.events]),
-        "trail": np.column_stack((network.trail.points, network.trail.places)),
+        "trail": np.column_stack(
+            (network.trail.points, network.trail.places, network.trail.strides)
+        ),
         "trail_links": network.trail.homewards.links,
     }
 
@@ -107,12 +108,9 @@ def _sites(stored: Mapping[str, np.ndarray]) -> dict[int, Site]:
 
 
 def _trail(stored: Mapping[str, np.ndarray]) -> Trail:
-    trail = Trail()
-    trail.points = stored["trail"][:, :2].copy()
-    trail.places = stored["trail"][:, 2].astype(np.int64)
-    trail.homewards = rebuilt_homewards(len(trail.points), stored["trail_links"])
-    trail.last = int(stored["standing"][3])
-    return trail
+    points, last = stored["trail"], int(stored["standing"][3])
+    places, strides = points[:, 2:].T.astype(np.int64)
+    return rebuilt_trail(points[:, :2], places, strides, last, stored["trail_links"])
 
 
 def _check_shapes(stored: Mapping[str, np.ndarray]) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.albot1.config import Alike
+from albot_core.albot1.config import PlacesConfig
 from albot_core.albot1.structure import joined
 from albot_core.geometry.poses import relative, transform_segments, wrap_angle
 from albot_core.geometry.types import Points, Pose, Segments
@@ -47,9 +47,10 @@ class Site:
     """In its own frame (m)."""
     passages: list[Passage] = field(default_factory=list)
 
-    def describe(self, surfaces: Segments, alike: Alike) -> None:
+    def describe(self, surfaces: Segments, config: PlacesConfig) -> None:
         """Combine surfaces, in its frame, with its description (algorithm 5, line 11)."""
-        self.surfaces = joined(self.surfaces, surfaces, alike)
+        both = joined(self.surfaces, surfaces, config.alike)
+        self.surfaces = both[-config.most_described :]
 
     def passage_at(self, line: Line, among: int | None = None) -> int | None:
         """Which of its (first `among`) passages co-locates with a line in its frame, if any."""

@@ -31,8 +31,7 @@ def recognize_place(
     if not _looks_again(network, pose):
         return False
     needed = network.suspicions()
-    suspects = np.flatnonzero(met > needed)
-    for visit in suspects[np.argsort(-met[suspects], kind="stable")].tolist():
+    for visit in _suspects(network, met, needed):
         other = network.sites[network.visits[visit]]
         guess = compose(network.displacements[visit], other.frame)
         likeness = compare(seen, other.surfaces, guess, pose, network.config.alike)
@@ -79,12 +78,33 @@ def find(network: PlaceNetwork, step: int, seen: Segments, pose: Pose) -> Pose |
     return motion
 
 
-def _looks_again(network: PlaceNetwork, pose: Pose) -> bool:
+def _suspects(
+    network: PlaceNetwork, met: Int32[np.ndarray, "visits"], needed: Int32[np.ndarray, "visits"]
+) -> list[int]:
+    """The visits suspected, those of which most was met first.
+
+    Visits to one place of which nothing was met differ in nothing but the map's drift since:
+    the last of them speaks for all.
+    """
+    last = {place: visit for visit, place in enumerate(network.visits[:-1])}
+    suspects = np.flatnonzero(met > needed)
+    ordered = suspects[np.argsort(-met[suspects], kind="stable")].tolist()
+    return [v for v in ordered if met[v] > 0 or last[network.visits[v]] == v]
+
+
+def is_time_to_look(network: PlaceNetwork, pose: Pose) -> bool:
     """Whether the robot has gone or turned enough since the last comparison."""
-    if network.looked_from is not None:
-        x, y, turn = relative(network.looked_from, pose)
-        if np.hypot(x, y) < network.config.look_spacing and abs(turn) < network.config.look_turn:
-            return False
+    if network.looked_from is None:
+        return True
+    x, y, turn = relative(network.looked_from, pose)
+    config = network.config
+    return bool(np.hypot(x, y) >= config.look_spacing or abs(turn) >= config.look_turn)
+
+
+def _looks_again(network: PlaceNetwork, pose: Pose) -> bool:
+    """Whether it is time to look; then that is done from here."""
+    if not is_time_to_look(network, pose):
+        return False
     network.looked_from = pose.copy()
     return True
 

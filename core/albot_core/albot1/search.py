@@ -14,7 +14,7 @@ _ZERO: Any = np.int64(0)
 
 
 @njit(cache=True, error_model="numpy")
-def _sort(values: np.ndarray, count: int) -> None:
+def sort(values: np.ndarray, count: int) -> None:
     """Sort the first `count` values in place (Shell's method).
 
     numba takes more than a second to compile its own sort.
@@ -71,7 +71,7 @@ def _search_cells(memory: Memory, box: np.ndarray) -> np.ndarray:
                     found[count] = slot
                     count += 1
                 end = links[end, NEXT]
-    _sort(found, count)
+    sort(found, count)
     distinct = 0
     for i in range(count):
         if distinct == 0 or found[i] != found[distinct - 1]:

@@ -7,7 +7,7 @@ robots takes a table with the addresses of them all.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Int64
@@ -17,23 +17,45 @@ from numba.np.numpy_support import carray
 
 from albot_core.albot1.exits import ROOM as EXITS
 from albot_core.albot1.exits import Exits
+from albot_core.albot1.homewards import Graph
 from albot_core.albot1.memory import Memory
 from albot_core.albot1.sight import Sight
+from albot_core.albot1.trail import Steps
 
-CAPACITY, ROOM = 0, 1
+CAPACITY, ROOM, POINTS, LINKS = 0, 1, 2, 3
 """Places in a robot's row of the table: surfaces its map has room for, surfaces its view has
-room for; after them the addresses of its memory's arrays, of its view's, and of its exits'."""
-_MEMORY = 2
+room for, and points and links that its trail has; after them the addresses of its memory's
+arrays, of its view's, of its exits', and of its trail's."""
+_MEMORY = 4
 _SIGHT = _MEMORY + len(Memory._fields)
 _EXITS = _SIGHT + len(Sight._fields)
-COLUMNS = _EXITS + len(Exits._fields)
+_STEPS = _EXITS + len(Exits._fields)
+_GRAPH = _STEPS + len(Steps._fields)
+COLUMNS = _GRAPH + len(Graph._fields)
 """Length of a row of the table."""
 
 
-def addresses_of(memory: Memory, sight: Sight, exits: Exits) -> Int64[np.ndarray, "columns"]:
+class Arrays(NamedTuple):
+    """The arrays of one robot."""
+
+    memory: Memory
+    """Its map."""
+    sight: Sight
+    """Its last view."""
+    exits: Exits
+    """The exits that it has seen."""
+    steps: Steps
+    """The points of its trail."""
+    graph: Graph
+    """The links between them."""
+
+
+def addresses_of(arrays: Arrays) -> Int64[np.ndarray, "columns"]:
     """A robot's row of the table. It holds as long as the arrays live."""
-    addresses = [array.ctypes.data for array in (*memory, *sight, *exits)]
-    return np.array([len(memory.ids), len(sight.slots), *addresses], np.int64)
+    addresses = [array.ctypes.data for part in arrays for array in part]
+    memory, sight, _, steps, graph = arrays
+    rooms = [len(memory.ids), len(sight.slots), len(steps.places), len(graph.spans)]
+    return np.array([*rooms, *addresses], np.int64)
 
 
 def _pointer(typing: Any, address: Any) -> Any:
@@ -102,4 +124,31 @@ def exits_at(table: np.ndarray) -> Exits:
         _numbers(table[_EXITS], EXITS, 4),
         carray(pointer(table[_EXITS + 1]), (5,), np.float64),
         _integers(table[_EXITS + 2], 2),
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def steps_at(table: np.ndarray) -> Steps:
+    """The trail's points whose arrays' addresses stand in a row of the table."""
+    room, at = table[POINTS], _STEPS
+    return Steps(
+        _numbers(table[at], room, 2),
+        _integers(table[at + 1], room),
+        _integers(table[at + 2], room),
+        _integers(table[at + 3], 2),
+    )
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def graph_at(table: np.ndarray) -> Graph:
+    """The trail's links whose arrays' addresses stand in a row of the table."""
+    points, links, at = table[POINTS], table[LINKS], _GRAPH
+    return Graph(
+        _integers(table[at], 2),
+        carray(pointer(table[at + 1]), (points,), np.float64),
+        _integers(table[at + 2], points),
+        _integers(table[at + 3], points),
+        carray(pointer(table[at + 4]), (links, 2), np.int64),
+        carray(pointer(table[at + 5]), (links,), np.float64),
+        carray(pointer(table[at + 6]), (links, 2), np.int64),
     )

@@ -3,19 +3,20 @@
 The thesis's places are descriptions of what was seen; finding the way from one exit of a large
 place to the next wants to know where one can go as well. This is ours: the robot remembers,
 place by place, the points that it has come through, as far apart as a stride, and which of
-them follow on one another.
+them follow on one another. Of a long journey it remembers the points trodden on last, and the
+ways home from them: what it remembers does not grow for ever.
 """
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 from numba import njit
 
-from albot_core.albot1.homewards import HOME, Homewards
+from albot_core.albot1.homewards import HOME, Graph, Homewards, add_point, keep_points, link_all, rebuilt_homewards
+from albot_core.albot1.search import sort
 from albot_core.geometry.poses import transform_points
 from albot_core.geometry.types import Pose, Segments
 
@@ -36,6 +37,26 @@ SIGHT = 8.0
 """Points no farther away than this are looked for in view (m)."""
 CLEARANCE = 0.3
 """What is left to either side of a straight way to a point in view, at least (m)."""
+
+MOST_POINTS, MOST_LINKS = 1024, 16_384
+"""With more points or links than these the trail is too long: half of the points are forgotten,
+but not where the ways home from the others lead over them."""
+LOOKED_AFTER = 32
+"""At each so many points it is seen to whether the trail is too long."""
+
+
+class Steps(NamedTuple):
+    """The points of a trail, in arrays that have room for more (see `Graph`)."""
+
+    points: np.ndarray
+    """(points, 2) float64: in the enduring frame of the network of places (m)."""
+    places: np.ndarray
+    """(points,) int64: in which place each is."""
+    strides: np.ndarray
+    """(points,) int64: the stride, counted from 0, at which each was trodden on last."""
+    last: np.ndarray
+    """(2,) int64: the point trodden on last, -1 where the robot did not walk from there; and
+    the next stride."""
 
 
 class About(NamedTuple):
@@ -62,13 +83,56 @@ class Trail:
     """The points that one robot has come through, each in one of its places."""
 
     def __init__(self) -> None:
-        self.points: Float64[np.ndarray, "points 2"] = np.empty((0, 2))
-        """In the enduring frame of the network of places (m)."""
-        self.places: Int64[np.ndarray, "points"] = np.empty(0, np.int64)
         self.homewards = Homewards()
         """Which points follow on one another, and the ways home over them."""
-        self.last = -1
+        self.steps = _made(len(self.homewards.graph.lengths))
+        """The arrays, which are exchanged for larger ones when they are full."""
+
+    def forget(self) -> None:
+        """Remember no point."""
+        self.homewards.graph.counts[:] = 0
+        self.steps.last[:] = -1, 0
+
+    @property
+    def points(self) -> Float64[np.ndarray, "points 2"]:
+        """In the enduring frame of the network of places (m)."""
+        points: Float64[np.ndarray, "points 2"] = self.steps.points[: self._count]
+        return points
+
+    @property
+    def places(self) -> Int64[np.ndarray, "points"]:
+        """In which place each is."""
+        places: Int64[np.ndarray, "points"] = self.steps.places[: self._count]
+        return places
+
+    @property
+    def strides(self) -> Int64[np.ndarray, "points"]:
+        """The stride at which each was trodden on last."""
+        strides: Int64[np.ndarray, "points"] = self.steps.strides[: self._count]
+        return strides
+
+    @property
+    def last(self) -> int:
         """The point trodden on last; -1 where the robot did not walk from there."""
+        return int(self.steps.last[0])
+
+    @property
+    def _count(self) -> int:
+        return int(self.homewards.graph.counts[0])
+
+    def leave(self) -> None:
+        """The robot did not walk from the last point to where it is now."""
+        self.steps.last[0] = -1
+
+    def make_room(self) -> bool:
+        """See to it that there is room for a stride; true where there are other arrays now."""
+        if has_room(self.homewards.graph):
+            return False
+        self.homewards.make_room(self._count + 1)
+        room = len(self.homewards.graph.lengths)
+        if room > len(self.steps.places):
+            self.steps = _copied(self.steps, room)
+        return True
 
     def tread(self, place: int, pose: Pose, view: Segments) -> None:
         """The robot has come a stride farther, or turned to look elsewhere.
@@ -78,19 +142,8 @@ class Trail:
             pose: Where it is in the enduring frame.
             view: The surfaces in view, in its own frame (m).
         """
-        about = self.look(place, pose, view)
-        here = about.nearest
-        if here < 0 or about.away[here] >= SAME:
-            here = len(self.points)
-            self.points = np.concatenate((self.points, [pose[:2]]))
-            self.places = np.append(self.places, place)
-            self.homewards.add_point()
-        if self.last >= 0:
-            follows = np.arange(len(self.points)) == self.last
-            x, y = (self.points[here] - self.points[self.last]).tolist()
-            self.homewards.link(here, follows, np.full(len(follows), math.hypot(x, y)))
-        self.last = here
-        self.homewards.link(here, about.can_go, about.away)
+        self.make_room()
+        tread_on(self.steps, self.homewards.graph, place, pose, view)
 
     def look(self, place: int, pose: Pose, view: Segments) -> About:
         """What of the trail is about the robot; the arguments are as for `tread`."""
@@ -122,6 +175,105 @@ class Trail:
         while points[-1] != HOME:
             points.append(int(towards[points[-1]]))
         return Way(points, length)
+
+
+def rebuilt_trail(
+    points: Float64[np.ndarray, "points 2"],
+    places: Int64[np.ndarray, "points"],
+    strides: Int64[np.ndarray, "points"],
+    last: int,
+    links: Float64[np.ndarray, "links 3"],
+) -> Trail:
+    """The trail with these points and links (see `Trail`, `Homewards.links`)."""
+    trail = Trail()
+    trail.homewards = rebuilt_homewards(len(points), links)
+    trail.steps = steps = _made(len(trail.homewards.graph.lengths))
+    for array, kept in zip(steps, (points, places, strides), strict=False):
+        array[: len(kept)] = kept
+    steps.last[:] = last, strides.max(initial=-1) + 1
+    return trail
+
+
+def _made(room: int) -> Steps:
+    """No points, with room for so many."""
+    return Steps(
+        points=np.zeros((room, 2)),
+        places=np.zeros(room, np.int64),
+        strides=np.zeros(room, np.int64),
+        last=np.array((-1, 0)),
+    )
+
+
+def _copied(steps: Steps, room: int) -> Steps:
+    """The same with room for so many points."""
+    larger = _made(room)
+    for old, new in zip(steps, larger, strict=True):
+        new[: len(old)] = old
+    return larger
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def has_room(graph: Graph) -> bool:
+    """Whether there is room for a stride: a point, and links to all others."""
+    points, links = graph.counts[0], graph.counts[1]
+    return bool(points < graph.lengths.shape[0] and links + points < graph.spans.shape[0])
+
+
+@njit(cache=True, error_model="numpy")
+def tread_on(steps: Steps, graph: Graph, place: int, pose: np.ndarray, view: np.ndarray) -> None:
+    """`Trail.tread`, where there is room for a stride."""
+    count = graph.counts[0]
+    away, can_go = np.empty(count + 1), np.empty(count + 1, np.bool_)
+    points, places = steps.points[:count], steps.places[:count]
+    here = look_about(points, places, place, pose, view, away, can_go)
+    is_new = here < 0 or away[here] >= SAME
+    if is_new:
+        here = count
+        steps.points[here, 0], steps.points[here, 1] = pose[0], pose[1]
+        steps.places[here] = place
+        add_point(graph)
+    last = steps.last[0]
+    if last >= 0:
+        dx = steps.points[here, 0] - steps.points[last, 0]
+        dy = steps.points[here, 1] - steps.points[last, 1]
+        away[last] = np.sqrt(dx * dx + dy * dy)
+        can_go[last] = True
+    link_all(graph, here, can_go[:count], away[:count])
+    steps.strides[here] = steps.last[1]
+    steps.last[0] = here
+    steps.last[1] += 1
+    if is_new and graph.counts[0] % LOOKED_AFTER == 0:
+        _look_after(steps, graph)
+
+
+@njit(cache=True, error_model="numpy")
+def _look_after(steps: Steps, graph: Graph) -> None:
+    """Where the trail is too long, forget the points on which it has not trodden for longest."""
+    count = graph.counts[0]
+    if count <= MOST_POINTS and graph.counts[1] <= MOST_LINKS:
+        return
+    ages = steps.strides[:count].copy()
+    sort(ages, count)
+    kept = np.zeros(count, np.bool_)
+    kept[HOME] = True
+    for point in range(count):
+        if steps.strides[point] >= ages[count // 2]:
+            on = point
+            while on >= 0 and not kept[on]:
+                kept[on] = True
+                on = graph.towards[on]
+    places = np.full(count, -1)
+    staying = 0
+    for point in range(count):
+        if kept[point]:
+            steps.points[staying, 0] = steps.points[point, 0]
+            steps.points[staying, 1] = steps.points[point, 1]
+            steps.places[staying] = steps.places[point]
+            steps.strides[staying] = steps.strides[point]
+            places[point] = staying
+            staying += 1
+    keep_points(graph, places)
+    steps.last[0] = places[steps.last[0]]
 
 
 @njit(cache=True, error_model="numpy")

@@ -76,22 +76,34 @@ def is_inside(polygon: np.ndarray, x: float, y: float) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
-def square_distance(polygon: np.ndarray, x: float, y: float) -> float:
-    """Square of the distance from a point to the polygon's boundary (m²)."""
-    nearest = np.inf
+def is_at_boundary(polygon: np.ndarray, margin: float, x: float, y: float) -> bool:
+    """Whether a point is within `margin` of the polygon's boundary (m)."""
     corners = polygon.shape[0]
-    ax, ay = polygon[corners - 1, 0], polygon[corners - 1, 1]
+    # A little more than the margin, so that rounding passes over no edge.
+    reach = margin + 1e-9
+    ax, ay = polygon[corners - 1, 0] - x, polygon[corners - 1, 1] - y
     for i in range(corners):
-        bx, by = polygon[i, 0], polygon[i, 1]
-        run_x, run_y = bx - ax, by - ay
-        square = run_x * run_x + run_y * run_y
-        along = 0.0
-        if square > 0.0:
-            along = min(1.0, max(0.0, ((x - ax) * run_x + (y - ay) * run_y) / square))
-        dx, dy = x - ax - along * run_x, y - ay - along * run_y
-        nearest = min(nearest, dx * dx + dy * dy)
+        bx, by = polygon[i, 0] - x, polygon[i, 1] - y
+        beyond_x = min(ax, bx) > reach or max(ax, bx) < -reach
+        if not (beyond_x or min(ay, by) > reach or max(ay, by) < -reach):
+            if _comes_near(polygon, i, margin, x, y):
+                return True
         ax, ay = bx, by
-    return nearest
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _comes_near(polygon: np.ndarray, corner: int, margin: float, x: float, y: float) -> bool:
+    """Whether the polygon's edge that ends at a corner comes within `margin` of a point (m)."""
+    before = corner - 1 if corner > 0 else polygon.shape[0] - 1
+    ax, ay = polygon[before, 0], polygon[before, 1]
+    run_x, run_y = polygon[corner, 0] - ax, polygon[corner, 1] - ay
+    square = run_x * run_x + run_y * run_y
+    along = 0.0
+    if square > 0.0:
+        along = min(1.0, max(0.0, ((x - ax) * run_x + (y - ay) * run_y) / square))
+    dx, dy = x - ax - along * run_x, y - ay - along * run_y
+    return bool(dx * dx + dy * dy <= margin * margin)
 
 
 @njit(cache=True, error_model="numpy")
@@ -102,7 +114,7 @@ def is_covered(polygon: np.ndarray, box: np.ndarray, margin: float, x: float, y:
     """
     if x < box[0] or y < box[1] or x > box[2] or y > box[3]:
         return False
-    return is_inside(polygon, x, y) or square_distance(polygon, x, y) <= margin * margin
+    return is_inside(polygon, x, y) or is_at_boundary(polygon, margin, x, y)
 
 
 @njit(cache=True, error_model="numpy")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from albot_core.albot1.memory import SUSPECT, USED, VISIT, Memory, move_surface
+from albot_core.albot1.memory import SUSPECT, USED, VISIT, Memory, living, move_surface
 
 
 @njit(cache=True, error_model="numpy")
@@ -49,6 +49,26 @@ def begin_visit(memory: Memory, needed: np.ndarray) -> None:
     """
     memory.counts[VISIT] += 1
     arouse_from(memory, needed)
+
+
+def marked_visits(memory: Memory) -> np.ndarray:
+    """(visits + 1,) bool: the visits in which surfaces of the map were last seen."""
+    marked = np.zeros(memory.counts[VISIT] + 1, np.bool_)
+    marked[memory.marks[: memory.counts[USED]][living(memory)]] = True
+    return marked
+
+
+def renumber_visits(memory: Memory, numbers: np.ndarray) -> None:
+    """Give visits other numbers, in the same order.
+
+    `numbers` (visits + 1,): the new ones, -1 for those forgotten, which no surface's are.
+    """
+    kept, used = numbers >= 0, memory.counts[USED]
+    memory.met[: kept.sum()] = memory.met[: len(kept)][kept]
+    memory.marks[:used] = numbers[memory.marks[:used].clip(0, len(kept) - 1)]
+    memory.met_in[:used] = np.maximum(numbers[memory.met_in[:used]], 0)
+    memory.counts[VISIT] = kept.sum() - 1
+    memory.counts[SUSPECT] = max(numbers[memory.counts[SUSPECT]], 0)
 
 
 def arouse_from(memory: Memory, needed: np.ndarray) -> None:

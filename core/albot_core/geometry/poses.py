@@ -19,21 +19,23 @@ def compose(first: BroadcastPoses, second: BroadcastPoses) -> BroadcastPoses:
     """The pose reached by `second` seen from `first`: first ⊕ second. Shapes broadcast."""
     cos, sin = np.cos(first[..., 2]), np.sin(first[..., 2])
     x, y = second[..., 0], second[..., 1]
-    return np.stack(
-        np.broadcast_arrays(
-            first[..., 0] + cos * x - sin * y,
-            first[..., 1] + sin * x + cos * y,
-            wrap_angle(first[..., 2] + second[..., 2]),
-        ),
-        axis=-1,
-    )
+    east = first[..., 0] + cos * x - sin * y
+    reached = np.empty((*np.shape(east), 3))
+    reached[..., 0] = east
+    reached[..., 1] = first[..., 1] + sin * x + cos * y
+    reached[..., 2] = wrap_angle(first[..., 2] + second[..., 2])
+    return reached
 
 
 def inverse(pose: Poses) -> Poses:
     """The pose that undoes `pose`: the one composed with the other is the origin."""
     cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
     x, y = pose[..., 0], pose[..., 1]
-    return np.stack((-cos * x - sin * y, sin * x - cos * y, wrap_angle(-pose[..., 2])), axis=-1)
+    undone = np.empty(pose.shape)
+    undone[..., 0] = -cos * x - sin * y
+    undone[..., 1] = sin * x - cos * y
+    undone[..., 2] = wrap_angle(-pose[..., 2])
+    return undone
 
 
 def relative(origin: BroadcastPoses, target: BroadcastPoses) -> BroadcastPoses:
@@ -45,7 +47,10 @@ def transform_points(frame: Float64[np.ndarray, "3"], points: Points) -> Points:
     """Points given in `frame`, expressed in the frame that `frame` is given in."""
     cos, sin = np.cos(frame[2]), np.sin(frame[2])
     x, y = points[..., 0], points[..., 1]
-    return np.stack((frame[0] + cos * x - sin * y, frame[1] + sin * x + cos * y), axis=-1)
+    moved = np.empty(points.shape)
+    moved[..., 0] = frame[0] + cos * x - sin * y
+    moved[..., 1] = frame[1] + sin * x + cos * y
+    return moved
 
 
 def transform_segments(frame: Float64[np.ndarray, "3"], segments: Segments) -> Segments:

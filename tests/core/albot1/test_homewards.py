@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from albot_core.albot1.homewards import SHORTEST, Homewards, rebuilt_homewards
+from albot_core.albot1.homewards import SHORTEST, Homewards, keep_points, rebuilt_homewards
 
 POINTS = 12
 _ENDS = st.integers(0, POINTS - 1)
@@ -54,3 +54,36 @@ def test_there_is_always_room_for_more() -> None:
         ways.link(point, np.ones(point + 1, np.bool_), np.full(point + 1, 1.0 + point))
     assert len(ways.links) == 200 * 199 // 2
     assert ways.lengths[-1] == 200.0
+
+
+@settings(deadline=None)
+@given(
+    st.lists(st.tuples(_ENDS, _ENDS, st.floats(0.1, 2.0)), max_size=40),
+    st.sets(_ENDS),
+)
+def test_points_forgotten_leave_the_others_ways_home_as_they_were(
+    links: list[tuple[int, int, float]], wanted: set[int]
+) -> None:
+    ways = Homewards()
+    for _ in range(POINTS):
+        ways.add_point()
+    for one, other, span in links:
+        ways.link(one, np.arange(POINTS) == other, np.full(POINTS, span))
+    kept = {0, *wanted}
+    for point in wanted:
+        while point > 0:
+            kept.add(point)
+            point = int(ways.towards[point])
+    staying = sorted(kept)
+    lengths, before = ways.lengths[staying], ways.links
+    places = np.full(POINTS, -1)
+    places[staying] = np.arange(len(staying))
+    keep_points(ways.graph, places)
+    np.testing.assert_array_equal(ways.lengths, lengths)
+    both = np.isin(before[:, :2], staying).all(axis=1)
+    ends = places[before[both, :2].astype(np.int64)]
+    np.testing.assert_array_equal(ways.links, np.column_stack((ends, before[both, 2])))
+    # They are what they would be if the others had never been.
+    again = rebuilt_homewards(len(staying), ways.links)
+    np.testing.assert_array_equal(ways.lengths, again.lengths)
+    np.testing.assert_array_equal(ways.towards, again.towards)

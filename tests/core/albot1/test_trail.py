@@ -10,7 +10,7 @@ from shapely.geometry import LineString, box
 
 from albot_core.albot1.config import PlacesConfig
 from albot_core.albot1.network import PlaceNetwork
-from albot_core.albot1.trail import CLEARANCE, SAME, SIGHT, Trail, look_about
+from albot_core.albot1.trail import CLEARANCE, MOST_POINTS, SAME, SIGHT, Trail, look_about
 from albot_core.albot1.treading import follow_home, tread
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 
@@ -113,6 +113,31 @@ def test_points_move_with_their_place() -> None:
     trail.move(trail.places == 1, np.array((0.0, 1.0, np.pi / 2)), 0)
     np.testing.assert_allclose(trail.points, [[0, 0], [0, 4]], atol=1e-12)
     assert trail.places.tolist() == [0, 0]
+
+
+def test_of_a_trail_too_long_the_oldest_side_ways_are_forgotten() -> None:
+    """East along a corridor with a side way, back, and far to the west."""
+    trail = _begun()
+    side = [(5.0, 0.5 * k) for k in range(1, 600)]
+    out = [(0.5 * k, 0.0) for k in range(1, 11)]
+    west = [(-0.5 * k, 0.0) for k in range(1, MOST_POINTS - 500)]
+    _walk(trail, *out, *side, *side[::-1], *out[::-1], (0.0, 0.0), *west)
+    assert MOST_POINTS // 2 <= len(trail.points) < MOST_POINTS
+    np.testing.assert_array_equal(trail.points[0], (0.0, 0.0))
+    np.testing.assert_array_equal(trail.points[trail.last], west[-1])
+    # Of the side way its end was trodden on longest ago, but the rest is on no way home.
+    assert trail.points[:, 1].max() < side[-1][1]
+    here = np.where(np.arange(len(trail.points)) == trail.last, 0.0, np.inf)
+    way = trail.way(here)
+    assert way.length == pytest.approx(-west[-1][0])
+    assert [tuple(trail.points[k]) for k in way.points] == [*west[::-1], (0.0, 0.0)]
+
+
+def test_the_way_home_is_never_forgotten_however_long() -> None:
+    trail = _begun()
+    _walk(trail, *((0.5 * k, 0.0) for k in range(1, MOST_POINTS + 200)))
+    assert len(trail.points) == MOST_POINTS + 200
+    assert trail.homewards.lengths[-1] == pytest.approx(0.5 * (MOST_POINTS + 199))
 
 
 @pytest.mark.parametrize("displacement", [(0.0, 0.0, 0.0), (2.0, -1.0, 0.5)])
