@@ -15,7 +15,15 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 from numba import njit
 
-from albot_core.albot1.homewards import HOME, Graph, Homewards, add_point, keep_points, link_all, rebuilt_homewards
+from albot_core.albot1.homewards import (
+    HOME,
+    Graph,
+    Homewards,
+    add_point,
+    keep_points,
+    link_all,
+    rebuilt_homewards,
+)
 from albot_core.albot1.search import sort
 from albot_core.geometry.poses import transform_points
 from albot_core.geometry.types import Pose, Segments

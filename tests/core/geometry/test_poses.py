@@ -70,3 +70,10 @@ def test_shapes_broadcast() -> None:
     path[:, 0] = np.arange(5)
     assert compose(np.array([0.0, 0.0, np.pi / 2]), path).shape == (5, 3)
     assert np.allclose(compose(np.array([0.0, 0.0, np.pi / 2]), path)[4], [0, 4, np.pi / 2])
+
+
+@settings(deadline=None)
+@given(poses, poses)
+def test_single_poses_and_many_have_the_same_bits(a: np.ndarray, b: np.ndarray) -> None:
+    assert compose(a, b).tobytes() == compose(a[None], b[None]).tobytes()
+    assert inverse(a).tobytes() == inverse(a[None]).tobytes()
