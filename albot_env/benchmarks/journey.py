@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from itertools import islice
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,17 +14,12 @@ from albot_env.benchmarks.environment import WORLD
 from albot_env.benchmarks.patrol import patrol
 from albot_maps import load_world
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 Row = dict[str, float | int | str]
 
 _CHUNK = 250
 """Readings that are made ready before the mapper takes them in, which alone is timed."""
 _ADDITIONS = 50_000
 """Additions in Python that are timed beside each chunk."""
-_WARM_UP = 250
-"""Readings by which the mapper is led first, so that its code is compiled."""
 
 
 def measure_journey(
@@ -47,8 +41,8 @@ def measure_journey(
         `trail_points` and `trail_links`, and `memory_bytes` of the whole state.
     """
     mapper, building = Albot1.default(), load_world(world)
-    for reading in islice(patrol(building, np.random.default_rng(seed)), _WARM_UP):
-        mapper.update(reading)
+    for reading in islice(patrol(building, np.random.default_rng(seed)), 4 * int(stage_m)):
+        mapper.update(reading)  # compiles
     mapper.reset()
     readings = patrol(building, np.random.default_rng(seed))
     rows: list[Row] = []

@@ -10,6 +10,8 @@ from typing import Any
 import click
 
 from albot_cli.bench_report import as_text
+from albot_cli.journey_page import write_journey
+from albot_cli.outputs import check_file
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.logs.reader import read_log
@@ -25,17 +27,24 @@ PARTS = ("laser", "mapper", "journey", "env", "processes", "learner", "generator
     type=click.Path(path_type=Path),
     help="A real robot's log for the mappers; by default they map a simulated tour.",
 )
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Page for the journey, in Markdown; its picture is written beside it.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
-def command(parts: tuple[str, ...], log: Path | None, as_json: bool) -> None:
+def command(parts: tuple[str, ...], log: Path | None, out: Path | None, as_json: bool) -> None:
     """Measure speed: laser, mappers, environments, a learner, random worlds and the start.
 
-    The journey leads a mapper 10 km, kilometre by kilometre, to see whether it slows down.
+    The journey leads a mapper 10 km through one building, to see whether it slows down.
     Each other figure is the best of several rounds on one core; of `processes` on as many as
     there are processes, of `learner` on all cores.
     """
     for part in parts:
         if part not in PARTS:
             raise InputError("--part", f"one of {', '.join(PARTS)}", repr(part))
+    if out is not None:
+        check_file(out)
     measures = _measures(log)
     chosen = parts or PARTS
     # The keys stand whether measured or not, so that programs can rely on them.
@@ -45,6 +54,8 @@ def command(parts: tuple[str, ...], log: Path | None, as_json: bool) -> None:
         for done, part in enumerate(chosen, start=1):
             figures[part] = measures[part]()
             tell(done)
+    if out is not None and figures["journey"]:
+        write_journey(out, figures["journey"], figures["machine"])
     click.echo(json.dumps(figures) if as_json else as_text(figures))
 
 

@@ -32,7 +32,6 @@ from albot_core.albot1.visits import (
 from albot_core.geometry.poses import transform_segments
 from albot_core.geometry.types import Segments
 
-
 VISITS_LOOKED_AFTER = 128
 """At each so many visits it is seen to which of them still matter."""
 

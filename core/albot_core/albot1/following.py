@@ -146,6 +146,40 @@ def _tread(robots: Robots, row: int, view: Sight) -> None:
 
 
 @njit(cache=True, error_model="numpy", inline="always")
+def _view(
+    robots: Robots,
+    row: int,
+    previous: Sight,
+    current: Sight,
+    ranges: np.ndarray,
+    since: np.ndarray,
+    lens: Lens,
+    limits: Limits,
+) -> bool:
+    """Let a robot take in its reading as a view; false as `_follow`."""
+    _look(ranges, lens, limits, current)
+    memory, progress = memory_at(robots.table[row]), robots.progress[row]
+    if not _has_room(memory, previous, current) or current.size[0] > robots.table[row, ROOM]:
+        return False
+    x, y = previous.pose[0], previous.pose[1]
+    robots.next_ids[row] = memory.counts[NEXT_ID]
+    map_step(memory, previous, current, since, limits, progress)
+    copy_sight(current, previous)
+    exits = exits_at(robots.table[row])
+    remember_exits(exits, current, limits)
+    if progress[STRANGE] > 1:
+        robots.events[row] += ASTRAY
+    elif progress[STRANGE] == 0 and cross_exit(exits, x, y, current.pose):
+        robots.events[row] += CROSSED
+    if memory.counts[SUSPECT] > 0:
+        robots.events[row] += SUSPECTED
+    robots.surfaces[row] = memory.counts[ALIVE]
+    for i in range(3):
+        since[i] = 0.0
+    return True
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def _follow(
     robots: Robots,
     row: int,
@@ -158,31 +192,14 @@ def _follow(
     """Let a robot take in its reading; false, with nothing done, where its room is too small."""
     if not has_room(graph_at(robots.table[row])):
         return False
-    progress, since = robots.progress[row], np.zeros(3)
+    is_first, since = robots.progress[row, STEP] == 0, np.zeros(3)
     previous = sight_at(robots.table[row])
     robots.events[row] = 0
-    if progress[STEP] > 0:
+    if not is_first:
         moved(robots.since[row], motion, since)
-    if progress[STEP] == 0 or not _is_near(since, limits):
-        _look(ranges, lens, limits, current)
-        memory = memory_at(robots.table[row])
-        if not _has_room(memory, previous, current) or current.size[0] > robots.table[row, ROOM]:
-            return False
-        x, y = previous.pose[0], previous.pose[1]
-        robots.next_ids[row] = memory.counts[NEXT_ID]
-        map_step(memory, previous, current, since, limits, progress)
-        copy_sight(current, previous)
-        exits = exits_at(robots.table[row])
-        remember_exits(exits, current, limits)
-        if progress[STRANGE] > 1:
-            robots.events[row] += ASTRAY
-        elif progress[STRANGE] == 0 and cross_exit(exits, x, y, current.pose):
-            robots.events[row] += CROSSED
-        if memory.counts[SUSPECT] > 0:
-            robots.events[row] += SUSPECTED
-        robots.surfaces[row] = memory.counts[ALIVE]
-        for i in range(3):
-            since[i] = 0.0
+    is_view = is_first or not _is_near(since, limits)
+    if is_view and not _view(robots, row, previous, current, ranges, since, lens, limits):
+        return False
     for i in range(3):
         robots.since[row, i] = since[i]
     moved(previous.pose, since, robots.poses[row])

@@ -84,10 +84,10 @@ def is_at_boundary(polygon: np.ndarray, margin: float, x: float, y: float) -> bo
     ax, ay = polygon[corners - 1, 0] - x, polygon[corners - 1, 1] - y
     for i in range(corners):
         bx, by = polygon[i, 0] - x, polygon[i, 1] - y
-        beyond_x = min(ax, bx) > reach or max(ax, bx) < -reach
-        if not (beyond_x or min(ay, by) > reach or max(ay, by) < -reach):
-            if _comes_near(polygon, i, margin, x, y):
-                return True
+        aside = min(ax, bx) > reach or max(ax, bx) < -reach
+        aside = aside or min(ay, by) > reach or max(ay, by) < -reach
+        if not aside and _comes_near(polygon, i, margin, x, y):
+            return True
         ax, ay = bx, by
     return False
 

@@ -1,0 +1,116 @@
+"""The page of the long journey: what a reading costs, and what is remembered, as it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from albot_core.files import replacing, write_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Row = Mapping[str, Any]
+
+COMMAND = "albot bench --part journey --out docs/journey.md"
+
+_COLUMNS: Mapping[str, tuple[str, str, float]] = {
+    "km": ("path_km", "{:.1f}", 1.0),
+    "µs a reading": ("us_per_reading", "{:.0f}", 1.0),
+    "ratio": ("ratio", "{:.2f}", 1.0),
+    "KiB": ("memory_bytes", "{:.0f}", 1 / 1024),
+    "surfaces": ("surfaces", "{:.0f}", 1.0),
+    "places": ("places", "{:.0f}", 1.0),
+    "their exits": ("exits", "{:.0f}", 1.0),
+    "their surfaces": ("described", "{:.0f}", 1.0),
+    "visits": ("visits", "{:.0f}", 1.0),
+    "events": ("events", "{:.0f}", 1.0),
+    "points of trail": ("trail_points", "{:.0f}", 1.0),
+    "links": ("trail_links", "{:.0f}", 1.0),
+}
+"""Columns of the table: the figure, how it is written, and in which unit."""
+
+
+def write_journey(path: Path, rows: Sequence[Row], machine: Row) -> None:
+    """Write the page, and its picture beside it.
+
+    Raises:
+        InputError: A file cannot be written.
+    """
+    picture = path.with_suffix(".png")
+    with replacing(picture) as stream:
+        _drawn(rows).savefig(stream, format="png", dpi=90, metadata={"Software": "albot-env"})
+    write_text(path, page(rows, machine, picture.name))
+
+
+def page(rows: Sequence[Row], machine: Row, picture: str) -> str:
+    """The page in Markdown."""
+    lines = [
+        "# A long journey",
+        "",
+        f"`{rows[0]['name']}` guided from room to room of `{rows[0]['world']}`, drawn at random, "
+        f"for {rows[-1]['path_km']:.0f} km: {sum(row['readings'] for row in rows):,} readings. A "
+        "reading's cost is the processor's time for the mapper's update, the mean of a stage; "
+        "the ratio is that over what a thousand additions in Python take, measured in between, "
+        "which tells a slower mapper from a busier machine. What is remembered is all that a "
+        "saved map holds.",
+        "",
+        f"![Cost and memory along the way]({picture})",
+        "",
+        *_changes(rows),
+        "",
+        "| " + " | ".join(_COLUMNS) + " |",
+        "|" + "---:|" * len(_COLUMNS),
+        *map(_line, rows),
+        "",
+        f"Measured on {machine['processor']}, Python {machine['python']}, by `{COMMAND}`.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _line(row: Row) -> str:
+    cells = [form.format(unit * row[name]) for name, form, unit in _COLUMNS.values()]
+    return f"| {' | '.join(cells)} |"
+
+
+def _changes(rows: Sequence[Row]) -> list[str]:
+    """How the figures change over the journey's second half, by the line that fits them best."""
+    half = rows[len(rows) // 2 :]
+    if len(half) < 3:
+        return []
+    kilometres = [row["path_km"] for row in half]
+    names = "ratio", "memory_bytes", "places", "surfaces", "trail_links"
+    slopes = [np.polyfit(kilometres, [row[name] for row in half], 1)[0] for name in names]
+    cost = 100 * slopes[0] / float(np.mean([row["ratio"] for row in half]))
+    return [
+        f"In the second half, a kilometre more adds {cost:+.1f} % to the ratio, "
+        f"{slopes[1] / 1024:+.1f} KiB, {slopes[2]:+.1f} places, {slopes[3]:+.1f} surfaces of the "
+        f"map, and {slopes[4]:+.0f} links of the trail."
+    ]
+
+
+def _drawn(rows: Sequence[Row]) -> Figure:
+    """Cost, memory and what is remembered, each over the way."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 3.4), layout="constrained")
+    kilometres = [row["path_km"] for row in rows]
+    panels = (
+        ("a reading's cost over a thousand additions'", {"": "ratio"}, 1.0),
+        ("memory (KiB)", {"": "memory_bytes"}, 1 / 1024),
+        (
+            "remembered",
+            {"surfaces": "surfaces", "places": "places", "points of trail": "trail_points"},
+            1.0,
+        ),
+    )
+    for axes, (title, names, unit) in zip(figure.subplots(1, 3), panels, strict=True):
+        for label, name in names.items():
+            axes.plot(kilometres, [unit * row[name] for row in rows], ".-", label=label)
+        axes.set(title=title, xlabel="way (km)", ylim=(0, None))
+        if len(names) > 1:
+            axes.legend(frameon=False)
+    return figure
