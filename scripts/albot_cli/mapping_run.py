@@ -14,8 +14,9 @@ from albot_core.logs.log import Log
 from albot_core.mapper import Mapper
 from albot_core.registry import make_mapper
 
-_WARM_UP = 25
-"""Scans by which a first mapper is led, so that the second finds its code compiled."""
+_WARM_UP = 2500
+"""Scans by which a first mapper is led, so that the second finds its code compiled: so many that
+the robot has been through some exits and come back to a place."""
 
 _TELL_EVERY = 50
 """Scans between two words on how far the run has come."""
