@@ -14,7 +14,8 @@ from albot_core.albot1.memory import ALIVE, NEXT_ID, SUSPECT, VISIT, Memory, roo
 from albot_core.albot1.recognition import length_of, moved, pose_in, wrap
 from albot_core.albot1.sight import Sight, copy_sight
 from albot_core.albot1.storage import ROOM, exits_at, graph_at, memory_at, sight_at, steps_at
-from albot_core.albot1.trail import LOOK_ROUND, STRIDE, has_room, tread_on
+from albot_core.albot1.trail import LOOK_ROUND, STRIDE
+from albot_core.albot1.trail_kernels import has_room, tread_on
 from albot_core.parcel import Parcel, opened
 from albot_core.perception.surfaces import NO_EDGE, extract_surfaces
 

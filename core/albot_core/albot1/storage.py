@@ -20,7 +20,7 @@ from albot_core.albot1.exits import Exits
 from albot_core.albot1.homewards import Graph
 from albot_core.albot1.memory import Memory
 from albot_core.albot1.sight import Sight
-from albot_core.albot1.trail import Steps
+from albot_core.albot1.trail_kernels import Steps
 
 CAPACITY, ROOM, POINTS, LINKS = 0, 1, 2, 3
 """Places in a robot's row of the table: surfaces its map has room for, surfaces its view has

@@ -53,8 +53,10 @@ def test_few_journeys_and_one_thread_are_no_reason_to_start_processes(
 ) -> None:
     monkeypatch.setattr(stock, "run_parallel", lambda *_: pytest.fail("processes"))
     for given in (settings(two_rooms, threads=2), settings(two_rooms, threads=1, journeys=40)):
-        batch = gymnasium.make_vec(TASK, num_envs=2, **given)
+        batch: Any = gymnasium.make_vec(TASK, num_envs=2, **given)
+        missing = len(batch.missing_journeys())
         lay_in(TASK, batch, given)
+        assert len(batch.missing_journeys()) == missing > 0
 
 
 def test_what_cannot_be_kept_is_not_laid_in(two_rooms: World) -> None:

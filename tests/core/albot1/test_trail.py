@@ -10,7 +10,8 @@ from shapely.geometry import LineString, box
 
 from albot_core.albot1.config import PlacesConfig
 from albot_core.albot1.network import PlaceNetwork
-from albot_core.albot1.trail import CLEARANCE, MOST_POINTS, SAME, SIGHT, Trail, look_about
+from albot_core.albot1.trail import Trail
+from albot_core.albot1.trail_kernels import CLEARANCE, MOST_POINTS, SAME, SIGHT, look_about
 from albot_core.albot1.treading import follow_home, tread
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 
