@@ -17,7 +17,7 @@ WayHome = Float64[np.ndarray, "7"]
 """A believed way home, in the map's frame: `EXIT`, `POINT` and `TRAVEL`."""
 EXIT = slice(0, 4)
 """The line across the next exit on the way, the present place to its left; NaN where home is in
-this place, or where no way through exits is known."""
+this place or at hand, or where no way through exits is known."""
 POINT = slice(4, 6)
 """A point a little ahead on the way; NaN where home is nearer, or where none is known."""
 TRAVEL = 6

@@ -54,6 +54,7 @@ class Albot1Batch:
         self._homes = np.zeros((count, 3))
         self._places = np.zeros((count, 2), np.bool_)
         self._ways_home = np.full((count, 7), np.nan)
+        self._next_exits = np.full((count, 4), np.nan)
         self._found_at = np.full((count, 2), np.inf)
         self._versions = [-1] * count
         self._robots = Robots(
@@ -116,7 +117,8 @@ class Albot1Batch:
         """Find the way home of those that have gone on (AFRESH), or whose network has changed.
 
         The next exit is that of when the network last changed, as it does with each exit
-        crossed: within a place the way does not turn round for another exit.
+        crossed: within a place the way does not turn round for another exit. There is none where
+        the trail says that home is at hand, even if the place is taken for another than home.
         """
         gone = np.hypot(*(self._found_at[rows] - self.poses[rows, :2]).T) > AFRESH
         for row, has_gone in zip(rows.tolist(), gone.tolist(), strict=True):
@@ -128,10 +130,12 @@ class Albot1Batch:
             if has_changed:
                 self._versions[row] = network.version
                 exits = way_lines(network, pose, START)
-                way[EXIT] = exits[0] if len(exits) else np.nan
+                self._next_exits[row] = exits[0] if len(exits) else np.nan
             self._found_at[row] = pose[:2]
             ahead = follow_home(network, pose, sight.surfaces[: sight.size[0]])
             way[POINT], way[TRAVEL] = ahead.point, ahead.length
+            is_home = np.isnan(ahead.point[0]) and np.isfinite(ahead.length)
+            way[EXIT] = np.nan if is_home else self._next_exits[row]
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:

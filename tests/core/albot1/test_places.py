@@ -8,9 +8,10 @@ import pytest
 from albot_core.albot1.batch import Albot1Batch
 from albot_core.albot1.mapper import Albot1
 from albot_core.albot1.record import Happening
+from albot_core.albot1.trail import AHEAD
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, transform_segments
-from albot_core.mapper import EXIT
+from albot_core.mapper import EXIT, TRAVEL
 from albot_core.perception.reading import Reading, Readings
 from tests.core.scenes import FURNITURE, house_walk, scan_from, two_rooms
 
@@ -68,6 +69,19 @@ def test_the_way_home_leads_through_the_door(noisy):
     for reading in noisy[14:]:
         mapper.update(reading)
     assert np.isnan(mapper.way_home[EXIT]).all()
+
+
+def test_there_is_no_exit_on_the_way_where_home_is_at_hand():
+    """Two steps beyond the door the place is another one, but home is in view behind it."""
+    path = np.column_stack((np.arange(1.4, 4.1, 0.2), np.zeros(14), np.zeros(14)))
+    mapper, ways = Albot1.default(), []
+    for reading in readings_in(HOUSE, path):
+        mapper.update(reading)
+        if mapper.network.current == 1:
+            ways.append(mapper.way_home.copy())
+    lengths, exits = np.array([way[TRAVEL] for way in ways]), np.array([way[EXIT] for way in ways])
+    assert lengths[0] < 1.9 < 2.2 < lengths[-1]
+    np.testing.assert_array_equal(np.isnan(exits).all(axis=1), lengths < AHEAD)
 
 
 def noisy_truth(step: int) -> np.ndarray:
