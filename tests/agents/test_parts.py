@@ -17,7 +17,7 @@ from albot_core.exploration.patience import Patience
 from albot_core.exploration.prospects import Prospects
 from albot_core.exploration.senses import Senses
 from albot_core.exploration.sketch import Sketch
-from albot_core.exploration.sketch_kernels import BLOCKED, FREE, flood, straight_is_free
+from albot_core.exploration.sketch_kernels import BLOCKED, FREE, flood, straight_is_free, trace
 from albot_core.exploration.steering import (
     DIRECTIONS,
     SteeringConfig,
@@ -173,6 +173,12 @@ def test_the_flood_finds_the_shortest_ways(seed: int) -> None:
         r, c = divmod(int(before[row, column]), 24)
         step = 5 if r == row or c == column else 7
         assert ways[row, column] - ways[r, c] in (step, 2 * step)
+    goal = (int(rng.integers(3, 21)), int(rng.integers(3, 21)))
+    aimed = flood(grid, start, (2.0, 3.0), before, False, goal)
+    assert aimed[goal] == ways[goal]
+    if ways[goal] >= 0:
+        cells = trace(aimed, before, goal)
+        assert (aimed[tuple(cells.T)] == ways[tuple(cells.T)]).all()
         assert max(abs(r - row), abs(c - column)) == 1
 
 

@@ -11,6 +11,7 @@ from albot_core.exploration.senses import Senses
 from albot_core.exploration.sketch_kernels import (
     STEP,
     blocked_around,
+    cover_scan,
     draw_scan,
     farthest_straight,
     flood,
@@ -95,15 +96,9 @@ class Sketch:
         config = self._config
         self.make_room(senses.pose[:2])
         eye = compose(senses.pose, np.array(senses.laser.mount))
-        draw_scan(
-            self._grid,
-            self._covered,
-            config.cell,
-            eye,
-            senses.ranges,
-            senses.laser.bearings,
-            (config.near, config.reach),
-        )
+        beams = config.cell, eye, senses.ranges, senses.laser.bearings
+        draw_scan(self._grid, *beams, config.reach)
+        cover_scan(self._covered, *beams, config.near)
         np.minimum(self._drawn[0], eye[:2] - config.reach, out=self._drawn[0])
         np.maximum(self._drawn[1], eye[:2] + config.reach, out=self._drawn[1])
 

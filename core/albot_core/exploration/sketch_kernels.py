@@ -8,42 +8,55 @@ from numba import njit
 UNKNOWN, FREE, BLOCKED = 0, 1, 2
 STEP, ACROSS = 5, 7
 """Lengths of a step to a cell beside and to one across a corner: 7 is nearly 5 times √2."""
-_LISTS = 16
-"""More than the longest step."""
+_LISTS = 32
+"""More than a step adds at most to the length of a way with the least that is left of it."""
 
 
 @njit(cache=True, error_model="numpy")
 def draw_scan(
     grid: np.ndarray,
-    covered: np.ndarray,
     cell: float,
     eye: np.ndarray,
     ranges: np.ndarray,
     bearings: np.ndarray,
-    reaches: tuple[float, float],
+    reach: float,
 ) -> None:
     """Mark the ground along the beams free, and blocked where they end.
 
-    `eye` is the laser's pose in the map's frame. Ground is covered up to the first of
-    the reaches (m), and drawn up to the second.
+    `eye` is the laser's pose in the map's frame. Ground is drawn up to the reach (m); all of that
+    must be on the sheet.
     """
-    near, reach = reaches[0], reaches[1]
     half = grid.shape[0] // 2
     x, y = eye[0] / cell + half, eye[1] / cell + half  # Positive: to truncate is to floor.
-    covers = int(near / cell)
     for k in range(ranges.shape[0]):
         angle = eye[2] + bearings[k]
         dx, dy = np.cos(angle), np.sin(angle)
         steps = int(min(ranges[k] - cell, reach) / cell)
         for j in range(steps + 1):
-            row, column = int(y + j * dy), int(x + j * dx)
-            grid[row, column] = FREE
-            if j <= covers:
-                covered[row, column] = True
+            grid[int(y + j * dy), int(x + j * dx)] = FREE
     for k in range(ranges.shape[0]):  # Ends last: a beam that grazes a wall must not erase it.
         if ranges[k] < reach:
             angle, length = eye[2] + bearings[k], ranges[k] / cell
             grid[int(y + length * np.sin(angle)), int(x + length * np.cos(angle))] = BLOCKED
+
+
+@njit(cache=True, error_model="numpy")
+def cover_scan(
+    covered: np.ndarray,
+    cell: float,
+    eye: np.ndarray,
+    ranges: np.ndarray,
+    bearings: np.ndarray,
+    near: float,
+) -> None:
+    """Mark the ground along the beams, as far as `near` (m), covered. See `draw_scan`."""
+    half = covered.shape[0] // 2
+    x, y = eye[0] / cell + half, eye[1] / cell + half
+    for k in range(ranges.shape[0]):
+        angle = eye[2] + bearings[k]
+        dx, dy = np.cos(angle), np.sin(angle)
+        for j in range(int(min(ranges[k] - cell, near) / cell) + 1):
+            covered[int(y + j * dy), int(x + j * dx)] = True
 
 
 @njit(cache=True)
@@ -117,13 +130,15 @@ def flood(
     border = int(wide)
     cost = _weigh(grid, radii, hopeful)
     ways = np.full((rows, columns), -1, np.int32)
+    done = np.zeros((rows, columns), np.bool_)
     waiting = np.empty(8 * rows * columns + 1, np.int32)
     following = np.empty(8 * rows * columns + 1, np.int32)
     lists = np.full(_LISTS, -1)
-    waiting[0], following[0], lists[0] = start[0] * columns + start[1], -1, 0
+    waiting[0], following[0] = start[0] * columns + start[1], -1
     ways[start[0], start[1]] = 0
     before[start[0], start[1]] = waiting[0]
-    count, length, empty = 1, 0, 0
+    count, empty, length = 1, 0, _left(start[0], start[1], goal)
+    lists[length % _LISTS] = 0
     while empty < _LISTS:
         k = lists[length % _LISTS]
         if k < 0:
@@ -132,8 +147,9 @@ def flood(
         empty, lists[length % _LISTS] = 0, following[k]
         here = waiting[k]
         row, column = here // columns, here % columns
-        if ways[row, column] != length:
+        if done[row, column]:
             continue  # A shorter way was found since.
+        done[row, column] = True
         if row == goal[0] and column == goal[1]:
             break
         for i in range(9):
@@ -143,15 +159,25 @@ def flood(
                 continue
             near = (r - start[0]) ** 2 + (c - start[1]) ** 2 <= (radius + 1) ** 2
             step = STEP if r == row or c == column else ACROSS
-            reached = length + step * max(1, cost[r, c])
+            reached = ways[row, column] + step * max(1, cost[r, c])
             if 0 <= ways[r, c] <= reached:
                 continue
             if cost[r, c] > 0 or (near and grid[r, c] != BLOCKED):
                 ways[r, c], before[r, c] = reached, here
+                waits = (reached + _left(r, c, goal)) % _LISTS
                 waiting[count] = r * columns + c
-                following[count], lists[reached % _LISTS] = lists[reached % _LISTS], count
+                following[count], lists[waits] = lists[waits], count
                 count += 1
     return ways
+
+
+@njit(cache=True)
+def _left(row: int, column: int, goal: tuple[int, int]) -> int:
+    """How long the way from a cell to the goal is at least; 0 where there is no goal."""
+    if goal[0] < 0:
+        return 0
+    down, across = abs(row - goal[0]), abs(column - goal[1])
+    return STEP * max(down, across) + (ACROSS - STEP) * min(down, across)
 
 
 @njit(cache=True)
