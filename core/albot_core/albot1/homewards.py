@@ -96,8 +96,8 @@ class Homewards:
 def rebuilt_homewards(points: int, links: Float64[np.ndarray, "links 3"]) -> Homewards:
     """The ways home over so many points with these `links`."""
     ways = Homewards()
-    for _ in range(points):
-        ways.add_point()
+    ways.graph = _made(max(2 * points, 32), max(2 * len(links), 128))
+    add_points(ways.graph, points)
     ways.link_pairs(links)
     return ways
 
@@ -130,6 +130,13 @@ def add_point(graph: Graph) -> None:
     graph.lengths[point] = 0.0 if point == HOME else np.inf
     graph.towards[point] = graph.heads[point] = -1
     graph.counts[0] += 1
+
+
+@njit(cache=True, error_model="numpy")
+def add_points(graph: Graph, count: int) -> None:
+    """So many points more. There must be room."""
+    for _ in range(count):
+        add_point(graph)
 
 
 @njit(cache=True, error_model="numpy")
