@@ -14,6 +14,7 @@ from albot_core.perception.reading import LaserGeometry, LaserScan
 from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.ground import laid, no_ground
 from albot_env.tasks.ground_kernels import (
+    Ground,
     Sight,
     cover,
     cut_patch,
@@ -85,6 +86,11 @@ class Coverage:
         self._ground = laid(no_ground(1, config.cell), 0, config.side(extent), centre)
         self._cells = 0
         self._moved = np.full(2, np.inf)
+
+    @property
+    def ground(self) -> Ground:
+        """The ground as the compiled loops take it."""
+        return self._ground
 
     @property
     def area(self) -> float:

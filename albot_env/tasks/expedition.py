@@ -156,7 +156,8 @@ class Expedition:
         """Let a robot stand and know as another one did in this world; its steps count anew.
 
         `key` decides the noise from now on; by default it is the one it had, and what comes
-        next is what would have come.
+        next is what would have come, but for what is shown of a sketch of the ground: it begins
+        an empty one.
         """
         halt = rest.halt if key is None else rest.halt._replace(key=key)
         self._set_out(row, world, rest.start, halt.key)

@@ -168,6 +168,14 @@ def find_frontier(
 
 
 @njit(cache=True, error_model="numpy")
+def is_covered(ground: Ground, i: int, x: float, y: float) -> bool:
+    """Whether a point (m) is on ground that robot i has covered."""
+    side, half = ground.sides[i], ground.sides[i] / 2
+    x, y = (x - ground.centres[i, 0]) / ground.cell, (y - ground.centres[i, 1]) / ground.cell
+    return _is_covered(ground.grids[i], side, x + half, y + half)
+
+
+@njit(cache=True, error_model="numpy")
 def _is_covered(grid: np.ndarray, side: int, x: float, y: float) -> bool:
     """Whether a point (cells from the corner of the square) is on covered ground."""
     if not (0.0 <= x < side and 0.0 <= y < side):

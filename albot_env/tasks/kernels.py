@@ -128,7 +128,7 @@ def observe_way(
 ) -> None:
     """Fill `row` (4,) with the part way of an observation.
 
-    `point` (2,) is a point ahead on the way home, in the map; NaN for none. The lengths are
+    `point` (2,) is a point ahead on a way, in the map; NaN for none. The lengths are
     the knee and range of home's distance.
     """
     row[0] = row[1] = 0.0

@@ -22,16 +22,19 @@ from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.coverage import CoverageConfig
 from albot_env.tasks.kernels import TIME_KNEE
 from albot_env.tasks.survey_kernel import Layout, Scales
+from albot_env.tasks.wayfinding import WayfindingConfig
 
 Parts = dict[str, Float32[np.ndarray, "..."]]
 """An observation by part."""
 
 PARTS = (
-    "laser", "sonar", "motion", "heading", "home", "confidence", "place", "exit", "way", "coverage",
-    "frontier", "time_left",
+    "laser", "sonar", "motion", "heading", "home", "confidence", "place", "exit", "way", "shortcut",
+    "coverage", "frontier", "onward", "time_left",
 )  # fmt: skip
 """All parts that there are, in the order in which they stand in the flat observation."""
-HOMEWARD = PARTS[:-2]
+ROUND_TRIP = tuple(part for part in PARTS if part not in ("shortcut", "onward"))
+"""What a robot is shown that is to explore and be home in time."""
+HOMEWARD = tuple(part for part in ROUND_TRIP if part not in ("frontier", "time_left"))
 """What a robot is shown that is to find home: no time that does not press, no frontiers."""
 USUAL = tuple(part for part in HOMEWARD if part not in ("confidence", "exit", "way"))
 """What others are shown: to find the way home costs time."""
@@ -72,6 +75,8 @@ class ObservationConfig:
     """What is shown, of `PARTS`; the order does not matter. Robots without sonars lack `sonar`."""
     coverage: CoverageConfig = field(default_factory=CoverageConfig)
     """The egocentric patch of ground covered."""
+    wayfinding: WayfindingConfig = field(default_factory=WayfindingConfig)
+    """How ways over the ground are searched for."""
 
     def __post_init__(self) -> None:
         ranges = "laser_range", "sonar_range", "laser_knee", "home_range", "home_knee"
@@ -113,8 +118,10 @@ class ObservationConfig:
             "place": (2,),
             "exit": (6,),
             "way": (4,),
+            "shortcut": (4,),
             "coverage": (1, side, side),
             "frontier": (self.laser_sectors or self.laser.beams,),
+            "onward": (4,),
             "time_left": (1,),
         }
         return {part: shapes[part] for part in PARTS if part in self.parts and shapes[part] != (0,)}
@@ -131,7 +138,12 @@ class ObservationConfig:
     @property
     def shows_way_home(self) -> bool:
         """Whether something is shown for which the way home must be found."""
-        return not {"confidence", "exit", "way"}.isdisjoint(self.parts)
+        return not {"confidence", "exit", "way", "shortcut"}.isdisjoint(self.parts)
+
+    @property
+    def shows_ways_over_ground(self) -> bool:
+        """Whether something is shown for which the ground must be sketched."""
+        return not {"shortcut", "onward"}.isdisjoint(self.parts)
 
     def require(self, parts: Collection[str], who: str) -> None:
         """Refuse to do without parts that somebody needs.

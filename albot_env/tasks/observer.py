@@ -11,6 +11,7 @@ import math
 import numpy as np
 from jaxtyping import Float, Float32
 
+from albot_core.errors import InputError
 from albot_core.mapper import EXIT, POINT, TRAVEL, Mapper
 from albot_core.perception.reading import Reading
 from albot_env.tasks.coverage import Coverage
@@ -25,6 +26,7 @@ from albot_env.tasks.kernels import (
     scale_ranges,
 )
 from albot_env.tasks.observation import PARTS, ObservationConfig, Parts
+from albot_env.tasks.wayfinding import Wayfinding
 
 
 def observe(
@@ -33,6 +35,7 @@ def observe(
     mapper: Mapper,
     coverage: Coverage,
     time_left: float = math.inf,
+    wayfinding: Wayfinding | None = None,
 ) -> Parts:
     """The observation after a reading, with so much time left (s).
 
@@ -44,12 +47,19 @@ def observe(
     `ObservationConfig.home_drift`); `place` whether it is in a place that it knows from before,
     and whether it has lost its way (1 or -1); `exit` direction and distance of the next exit on
     the believed way home, then the direction in which to go through it, and 1; `way` direction
-    and distance of a point some metres ahead on the way home that it remembers, and 1; where
-    there is none, directions are 0, the distance and the last number -1; `coverage` the patch
+    and distance of a point some metres ahead on the way home that it remembers, and 1;
+    `shortcut` the same of a way home not known to be barred, where the remembered one is much
+    longer, and `onward` of the way to ground not covered (see `WayfindingConfig`); where there is
+    none, directions are 0, the distance and the last number -1; `coverage` the patch
     of `Coverage.patch`; `frontier` how near, in each sector that the laser part shows, ground is
     in sight that is not covered, on the laser's scale, -1 for none (see `Coverage.frontier`);
     `time_left` what is left of a time that the robot is given, -1 when it is up.
+
+    Raises:
+        InputError: There is no wayfinding, and ways over the ground are shown.
     """
+    if config.shows_ways_over_ground and wayfinding is None:
+        raise InputError("observe", "a Wayfinding that has followed the robot", "None")
     way = mapper.way_home if config.shows_way_home else np.full(7, np.nan)
     home, flags = mapper.home, (mapper.network.familiar, mapper.is_lost)
     knee, longest = config.home_knee, config.home_range
@@ -62,6 +72,10 @@ def observe(
     shown["place"][:2] = np.where(flags, 1, -1)
     observe_exit(mapper.pose, way[EXIT], knee, longest, shown["exit"])
     observe_way(mapper.pose, way[POINT], knee, longest, shown["way"])
+    if wayfinding is not None:
+        shortcut = wayfinding.shortcut(way[TRAVEL])
+        observe_way(mapper.pose, shortcut, knee, longest, shown["shortcut"])
+        observe_way(mapper.pose, wayfinding.onward, knee, longest, shown["onward"])
     if "laser" in parts:
         parts["laser"] = observe_ranges(config, reading.laser.ranges)
     if "sonar" in parts and reading.sonar is not None:

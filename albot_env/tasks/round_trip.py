@@ -17,7 +17,7 @@ from albot_env.tasks.action import DeclaringActionConfig, Numbers
 from albot_env.tasks.equipment import Equipment
 from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.homing_kernel import Fields, find_way
-from albot_env.tasks.observation import PARTS, ObservationConfig
+from albot_env.tasks.observation import ROUND_TRIP, ObservationConfig
 from albot_env.tasks.reward import RoundTripWeights
 from albot_env.tasks.round_trip_kernel import TERMS, RoundTrips, Rules, appraise_round_trip
 from albot_env.tasks.ways_home import HomeFields, no_fields, with_field
@@ -30,7 +30,9 @@ class RoundTripConfig:
 
     actions: DeclaringActionConfig = field(default_factory=DeclaringActionConfig)
     """What actions ask for."""
-    observations: ObservationConfig = field(default_factory=lambda: ObservationConfig(parts=PARTS))
+    observations: ObservationConfig = field(
+        default_factory=lambda: ObservationConfig(parts=ROUND_TRIP)
+    )
     """How observations are scaled, and which ground counts as covered."""
     weights: RoundTripWeights = field(default_factory=RoundTripWeights)
     """What the reward's terms are worth."""

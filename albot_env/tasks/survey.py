@@ -21,7 +21,9 @@ from albot_env.tasks.ground import (
 from albot_env.tasks.ground_kernels import Ground
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.rooms import outlines_of
+from albot_env.tasks.sketching_kernel import Sketches
 from albot_env.tasks.survey_kernel import Findings, Rooms, Senses, survey
+from albot_env.tasks.wayfinding import laid_sketch, no_sketches
 from albot_maps import World
 
 
@@ -60,6 +62,9 @@ class Survey:
         self._sight = config.coverage.sight(laser)
         self._covered = no_ground(robots, self._config.cell)
         self._believed = no_ground(robots, self._config.cell)
+        self._wayfinding, self._sketches_ways = config.wayfinding, config.shows_ways_over_ground
+        self._finding = config.wayfinding.pencil(config.coverage), config.wayfinding.search
+        self._sketches = no_sketches(robots)
         self._plots = Register(robots, self._plot, self._forget_rooms)
         self._rooms = Rooms(
             corners=np.empty((0, 2)),
@@ -103,6 +108,9 @@ class Survey:
         side = self._config.side(world_extent(world) + self._config.cell)
         self._covered = laid(self._covered, row, side, world_centre(world))
         self._believed = laid(self._believed, row, self._config.side(map_extent(world)), (0.0, 0.0))
+        if self._sketches_ways:
+            side = self._wayfinding.side(map_extent(world))
+            self._sketches = laid_sketch(self._sketches, row, side)
         findings = self.findings
         findings.ground[row], findings.rooms_entered[row] = 0, 0
         findings.moved[row] = np.inf
@@ -121,7 +129,10 @@ class Survey:
         )
 
     def resume(self, row: int, surveyed: Surveyed) -> None:
-        """Let a robot, which has begun, know what another one in its world has found out."""
+        """Let a robot, which has begun, know what another one in its world has found out.
+
+        Its sketch of the ground is not taken over: it begins an empty one.
+        """
         words_of(self._covered, row)[:] = surveyed.covered
         words_of(self._believed, row)[:] = surveyed.believed
         rooms = min(len(surveyed.entered), self._rooms.entered.shape[1])
@@ -155,12 +166,19 @@ class Survey:
         observations: Float32[np.ndarray, "robots length"],
     ) -> None:
         """Note what robots find out by their readings, and fill in what they observe."""
-        parcel = self._surveying.parcel(self._covered, self._believed, self._rooms, senses)
+        changing = self._covered, self._believed, self._rooms, senses, self._sketches
+        parcel = self._surveying.parcel(*changing)
         survey(rows, parcel, observations)
 
     def _plans(
-        self, covered: Ground, believed: Ground, rooms: Rooms, senses: Senses
+        self,
+        covered: Ground,
+        believed: Ground,
+        rooms: Rooms,
+        senses: Senses,
+        sketches: Sketches,
     ) -> tuple[Any, ...]:
         """What the survey takes."""
         observing = self._scales, self._layout
-        return self._sight, covered, believed, rooms, *observing, senses, self.findings
+        finding = *self._finding, sketches
+        return self._sight, covered, believed, rooms, *observing, senses, self.findings, *finding

@@ -10,7 +10,14 @@ from numba import njit
 
 from albot_core.mapper import EXIT, POINT, TRAVEL
 from albot_core.parcel import Parcel, opened
-from albot_env.tasks.ground_kernels import cover, cut_patch, find_frontier, is_time_to_look
+from albot_env.tasks.ground_kernels import (
+    Ground,
+    Sight,
+    cover,
+    cut_patch,
+    find_frontier,
+    is_time_to_look,
+)
 from albot_env.tasks.kernels import (
     find_home,
     find_nearest,
@@ -21,6 +28,14 @@ from albot_env.tasks.kernels import (
     observe_motion,
     observe_way,
     scale_ranges,
+)
+from albot_env.tasks.sketching_kernel import Pencil, Sketches, follow_sketch
+from albot_env.tasks.wayfinding_kernel import (
+    Search,
+    find_homewards,
+    find_onwards,
+    pick_onward,
+    pick_shortcut,
 )
 
 
@@ -68,8 +83,10 @@ class Layout(NamedTuple):
     place: int
     exit: int
     way: int
+    shortcut: int
     coverage: int
     frontier: int
+    onward: int
     time_left: int
 
 
@@ -118,9 +135,11 @@ def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
     """Survey the robots `rows`; each's observation goes into its row of `observations`.
 
     The parcel holds `Sight`, the `Ground` truly covered, that believed to be, `Rooms`, `Scales`,
-    `Layout`, `Senses` and `Findings`.
+    `Layout`, `Senses`, `Findings`, `Pencil`, `Search` and `Sketches`.
     """
-    sight, covered, believed, rooms, s, layout, senses, findings = opened(parcel)
+    contents = opened(parcel)
+    sight, covered, believed, rooms, s, layout, senses, findings = contents[:8]
+    pencil, search, sketches = contents[8:]
     nearest = np.empty(s.sectors)
     frontier = np.empty(s.sectors if s.sectors else senses.ranges.shape[1])
     for k in range(rows.shape[0]):
@@ -158,6 +177,29 @@ def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
         if layout.frontier >= 0:
             find_frontier(believed, i, belief, sight, ranges, frontier)
             scale_ranges(frontier, s.laser_knee, s.laser_range, row[layout.frontier :])
+        if layout.shortcut >= 0 or layout.onward >= 0:
+            _find_ways(i, sight, believed, layout, senses, pencil, search, sketches)
+            _tell_ways(i, s, layout, senses, search, sketches, row)
+
+
+@njit(cache=True, error_model="numpy")
+def _find_ways(
+    i: int,
+    sight: Sight,
+    believed: Ground,
+    layout: Layout,
+    senses: Senses,
+    pencil: Pencil,
+    search: Search,
+    sketches: Sketches,
+) -> None:
+    """Let robot i sketch the ground and find those ways over it that are shown."""
+    motion, belief, ranges = senses.motions[i], senses.beliefs[i], senses.ranges[i]
+    if follow_sketch(sketches, i, pencil, sight, motion, belief, ranges):
+        if layout.shortcut >= 0:
+            find_homewards(sketches, i, search, senses.home_places[i])
+        if layout.onward >= 0:
+            find_onwards(sketches, i, search, believed)
 
 
 @njit(cache=True, error_model="numpy")
@@ -185,3 +227,23 @@ def _tell_beliefs(i: int, s: Scales, layout: Layout, senses: Senses, row: np.nda
         observe_exit(belief, way[EXIT], s.home_knee, s.home_range, row[layout.exit :])
     if layout.way >= 0:
         observe_way(belief, way[POINT], s.home_knee, s.home_range, row[layout.way :])
+
+
+@njit(cache=True, error_model="numpy")
+def _tell_ways(
+    i: int,
+    s: Scales,
+    layout: Layout,
+    senses: Senses,
+    search: Search,
+    sketches: Sketches,
+    row: np.ndarray,
+) -> None:
+    """Fill in the ways that robot i has found over its sketch, as far as they are shown."""
+    belief = senses.beliefs[i]
+    if layout.shortcut >= 0:
+        point = pick_shortcut(sketches, i, search, senses.ways_home[i, TRAVEL])
+        observe_way(belief, point, s.home_knee, s.home_range, row[layout.shortcut :])
+    if layout.onward >= 0:
+        point = pick_onward(sketches, i)
+        observe_way(belief, point, s.home_knee, s.home_range, row[layout.onward :])

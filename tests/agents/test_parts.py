@@ -17,7 +17,14 @@ from albot_core.exploration.patience import Patience
 from albot_core.exploration.prospects import Prospects
 from albot_core.exploration.senses import Senses
 from albot_core.exploration.sketch import Sketch
-from albot_core.exploration.sketch_kernels import BLOCKED, FREE, flood, straight_is_free, trace
+from albot_core.exploration.sketch_kernels import (
+    BLOCKED,
+    FREE,
+    WANTED,
+    flood,
+    straight_is_free,
+    trace,
+)
 from albot_core.exploration.steering import (
     DIRECTIONS,
     SteeringConfig,
@@ -167,19 +174,53 @@ def test_the_flood_finds_the_shortest_ways(seed: int) -> None:
     start = (int(rng.integers(3, 21)), int(rng.integers(3, 21)))
     grid[start] = FREE
     before = np.empty(grid.shape, np.int64)
-    ways = flood(grid, start, (2.0, 3.0), before, False, (-1, -1))
+    ways, _ = flood(grid, start, (2.0, 3.0), before, False, (-1, -1))
     assert np.array_equal(ways, _slow_flood(grid, start, 2))
     for row, column in np.argwhere(ways > 0):
         r, c = divmod(int(before[row, column]), 24)
         step = 5 if r == row or c == column else 7
         assert ways[row, column] - ways[r, c] in (step, 2 * step)
-    goal = (int(rng.integers(3, 21)), int(rng.integers(3, 21)))
-    aimed = flood(grid, start, (2.0, 3.0), before, False, goal)
-    assert aimed[goal] == ways[goal]
-    if ways[goal] >= 0:
-        cells = trace(aimed, before, goal)
-        assert (aimed[tuple(cells.T)] == ways[tuple(cells.T)]).all()
         assert max(abs(r - row), abs(c - column)) == 1
+
+
+@given(st.integers(0, 2**32 - 1), st.booleans())
+@settings(deadline=None, max_examples=40)
+def test_a_flood_with_an_end_finds_the_shortest_way_there(seed: int, hopeful: bool) -> None:
+    rng = np.random.default_rng(seed)
+    grid = rng.choice(np.array((0, FREE, BLOCKED), np.int8), (24, 24), p=(0.1, 0.85, 0.05))
+    start, goal = (tuple(rng.integers(3, 21, 2).tolist()) for _ in range(2))
+    grid[start] = FREE
+    before, settings = np.empty(grid.shape, np.int64), ((2.0, 3.0), hopeful)
+    all_ways, end = _flood(grid, start, before, *settings, (-1, -1))
+    assert end == (-1, -1)
+    ways, end = _flood(grid, start, before, *settings, goal)
+    assert end == (goal if all_ways[goal] >= 0 else (-1, -1))
+    if end == goal:
+        cells = trace(ways, before, goal)
+        assert (tuple(cells[0]), tuple(cells[-1])) == (start, goal)
+        assert (np.abs(np.diff(cells, axis=0)).max(axis=1, initial=1) == 1).all()
+        assert (ways[tuple(cells.T)] == all_ways[tuple(cells.T)]).all()
+    wanted = (rng.random(grid.shape) < 0.03) & (grid == FREE)
+    wanted[start] = False
+    ways, end = _flood(np.where(wanted, np.int8(WANTED), grid), start, before, *settings, (-1, -1))
+    clear = _slow_flood(np.where(grid == 0, FREE, grid) if hopeful else grid, start, 2)
+    near = np.hypot(*(np.indices(grid.shape) - np.array(start)[:, None, None])) <= 3
+    reached = np.sort(clear[wanted & (clear >= 0) & ~near])
+    if len(reached) and not (wanted & near).any():
+        assert wanted[end]
+        assert ways[end] == reached[0]
+
+
+def _flood(
+    grid: np.ndarray,
+    start: tuple[int, int],
+    before: np.ndarray,
+    radii: tuple[float, float],
+    hopeful: bool,
+    goal: tuple[int, int],
+) -> tuple[np.ndarray, tuple[int, int]]:
+    ways, end = flood(grid, start, radii, before, hopeful, goal)
+    return ways, (int(end[0]), int(end[1]))
 
 
 def test_a_straight_way_is_free_or_not() -> None:

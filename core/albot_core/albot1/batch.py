@@ -24,6 +24,7 @@ from albot_core.albot1.recognition import moved
 from albot_core.albot1.robot_state import STANDING, check_standing, rebuilt_arrays, stored_arrays
 from albot_core.albot1.sight import copy_sight, empty_sight
 from albot_core.albot1.storage import COLUMNS, Arrays, addresses_of
+from albot_core.albot1.trail import AHEAD
 from albot_core.albot1.treading import follow_home
 from albot_core.albot1.wayfinding import way_lines
 from albot_core.geometry.types import Segments
@@ -134,8 +135,7 @@ class Albot1Batch:
             self._found_at[row] = pose[:2]
             ahead = follow_home(network, pose, sight.surfaces[: sight.size[0]])
             way[POINT], way[TRAVEL] = ahead.point, ahead.length
-            is_home = np.isnan(ahead.point[0]) and np.isfinite(ahead.length)
-            way[EXIT] = np.nan if is_home else self._next_exits[row]
+            way[EXIT] = np.nan if ahead.length < AHEAD else self._next_exits[row]
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:

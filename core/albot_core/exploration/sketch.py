@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float64, Int, Int8, Int64
 
+from albot_core.errors import InputError
 from albot_core.exploration.senses import Senses
 from albot_core.exploration.sketch_kernels import (
     STEP,
@@ -23,6 +24,11 @@ from albot_core.exploration.sketch_kernels import (
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Points, Pose
 from albot_core.ranges import POSITIVE, check_fields
+
+NEAR_BY = 0.5
+"""A way that ends no farther from a point than this (m) leads to it."""
+NARROW = 1.0
+"""Stretches of a route shorter than this (m) may lead close past things."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +50,9 @@ class SketchConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, *vars(self))
+        if self.wide < self.radius:
+            expected = f"at least the radius, {self.radius:g}"
+            raise InputError("SketchConfig.wide", expected, f"{self.wide:g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,10 +78,6 @@ class Sketch:
         config: How fine it is.
     """
 
-    _NEAR_BY = 0.5
-    """A way that ends no farther from a point than this (m) leads to it."""
-    _NARROW = 1.0
-    """Stretches of a route shorter than this (m) may lead close past things."""
     _ABOUT = 0.4
     """Half the side of the square (m) about a point that is the ground there."""
     _HOPE = 5.0
@@ -124,6 +129,7 @@ class Sketch:
     def ways(self, pose: Pose, *, hopeful: bool = False, goal: Points | None = None) -> Ways:
         """The ways from a pose; with a goal, no farther than to it.
 
+        With a goal, ways to points that are not on the way there may be too long, or missing.
         Who is hopeful takes the ground that he has not seen yet for free.
         """
         low, high = self._part(pose[:2], goal, self._HOPE if hopeful else self._config.wide)
@@ -134,7 +140,7 @@ class Sketch:
         if goal is not None:
             goal_row, goal_column = self._cell(goal)
             end = (goal_row - low[0], goal_column - low[1])
-        lengths = flood(part, (row - low[0], column - low[1]), self._radii, before, hopeful, end)
+        lengths, _ = flood(part, (row - low[0], column - low[1]), self._radii, before, hopeful, end)
         half = len(self._grid) // 2
         return Ways(lengths=lengths, before=before, corner=(low[0] - half, low[1] - half))
 
@@ -186,7 +192,7 @@ class Sketch:
             self._grid,
             (row, column),
             cells + len(self._grid) // 2,
-            (self._NARROW / self._config.cell, sight / self._config.cell),
+            (NARROW / self._config.cell, sight / self._config.cell),
             self._radii,
             hopeful,
         )
@@ -214,7 +220,7 @@ class Sketch:
         """The cell near a point with the shortest way, in the ways' part of the sheet."""
         row, column = self._cell(point)
         half = len(self._grid) // 2
-        around = int(self._NEAR_BY / self._config.cell)
+        around = int(NEAR_BY / self._config.cell)
         row, column = row - half - ways.corner[0], column - half - ways.corner[1]
         found = nearest_reached(ways.lengths, row, column, around)
         return None if found[0] < 0 else found

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-UNKNOWN, FREE, BLOCKED = 0, 1, 2
+UNKNOWN, FREE, BLOCKED, WANTED = 0, 1, 2, 3
+"""What cells are; wanted are those free ones of which any will do as the end of a way."""
 STEP, ACROSS = 5, 7
 """Lengths of a step to a cell beside and to one across a corner: 7 is nearly 5 times √2."""
 _LISTS = 32
@@ -65,7 +66,7 @@ def _passable(grid: np.ndarray, row: int, column: int, radius: float, hopeful: b
 
     Who is hopeful takes unknown cells for free.
     """
-    if grid[row, column] != FREE and not (hopeful and grid[row, column] == UNKNOWN):
+    if grid[row, column] == BLOCKED or (grid[row, column] == UNKNOWN and not hopeful):
         return False
     around = int(radius)
     for i in range(-around, around + 1):
@@ -87,7 +88,7 @@ def _weigh(grid: np.ndarray, radii: tuple[float, float], hopeful: bool) -> np.nd
     for row in range(rows):
         for column in range(columns):
             state = grid[row, column]
-            cost[row, column] = state == FREE or (hopeful and state == UNKNOWN)
+            cost[row, column] = state != BLOCKED and (hopeful or state != UNKNOWN)
     radius, wide = radii
     around = int(wide)
     for row in range(rows):
@@ -112,18 +113,22 @@ def flood(
     before: np.ndarray,
     hopeful: bool,
     goal: tuple[int, int],
-) -> np.ndarray:
-    """Flood the passable cells from `start`, nearest first; return the way to each, -1 beyond.
+) -> tuple[np.ndarray, tuple[int, int]]:
+    """Flood the passable cells from `start`, nearest first: the way to each, -1 beyond.
 
     A step to a cell beside is `STEP` long, one across a corner `ACROSS`; to a cell that is nearer
     to a blocked one than the second of the radii twice that. Cells nearer than the first are not
     passable, but near the start, so that a robot close to a wall can leave it: there only
-    blocked cells are not. The flood ends at the cell `goal`, if it gets there: what lies
-    farther away may then have too long a way. `before` receives the flat index of the cell
-    before each.
+    blocked cells are not. `before` receives the flat index of the cell before each.
 
-    Cells wait in as many lists as a step has lengths, by the length of their way modulo
-    that (R. Dial, Algorithm 360, Communications of the ACM 12, 1969).
+    With a `goal` that is a cell of the grid, those come first from which the way there could be
+    shortest (P. Hart, N. Nilsson and B. Raphael, A formal basis for the heuristic determination
+    of minimum cost paths, 1968). The flood ends there, or at the first wanted cell, if it gets to
+    one: the ways to cells that do not lie on the way may then be too long, or missing. Which it
+    ended at is returned too, (-1, -1) for none.
+
+    Cells wait in lists by the length of the way by them, as far as it is known, modulo the number
+    of the lists (R. Dial, Algorithm 360, Communications of the ACM 12, 1969).
     """
     rows, columns = grid.shape
     radius, wide = radii
@@ -150,8 +155,9 @@ def flood(
         if done[row, column]:
             continue  # A shorter way was found since.
         done[row, column] = True
-        if row == goal[0] and column == goal[1]:
-            break
+        is_end = row == goal[0] and column == goal[1]
+        if is_end or (grid[row, column] == WANTED and cost[row, column] > 0):
+            return ways, (row, column)
         for i in range(9):
             r, c = row + (i // 3) - 1, column + (i % 3) - 1
             inside = border <= r < rows - border and border <= c < columns - border
@@ -168,7 +174,7 @@ def flood(
                 waiting[count] = r * columns + c
                 following[count], lists[waits] = lists[waits], count
                 count += 1
-    return ways
+    return ways, (-1, -1)
 
 
 @njit(cache=True)

@@ -15,6 +15,11 @@ from albot_core.exploration.steering import Command, SteeringConfig, hold_back, 
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Points, Pose
 
+JUMP = 0.4
+"""A belief that moves farther than this (m) from what the odometer says begins a new sheet."""
+WORTH = 1.5
+"""A known way is left where it is so many times as long as one over ground not seen yet."""
+
 
 class KnownWay(NamedTuple):
     """A way that the robot has been before."""
@@ -39,14 +44,10 @@ class Wayfarer:
 
     _PLAN_EVERY = 5
     """Steps between two searches for the way."""
-    _JUMP = 0.4
-    """A belief that moves farther than this (m) from what the odometer says begins a new sheet."""
     _AT_HAND = 0.7
     """A target no farther away than this (m) is gone for straight: ways end about so near."""
     _FARTHEST = 25.0
     """Targets farther away are gone for as if so far (m)."""
-    _WORTH = 1.5
-    """A known way is left where it is so many times as long as one over ground not seen yet."""
 
     def __init__(self, config: SteeringConfig | None = None) -> None:
         self._config = config or SteeringConfig()
@@ -86,7 +87,7 @@ class Wayfarer:
     def _plan(self, senses: Senses, target: Points, known: KnownWay | None) -> None:
         """Find the way to the target or, where a known way is not much longer, on along that."""
         self._route, length = self._find(senses, target)
-        self._leaves = known is not None and self._WORTH * length < known.length < np.inf
+        self._leaves = known is not None and WORTH * length < known.length < np.inf
         if known is not None and not self._leaves:
             self._route, _ = self._find(senses, known.ahead)
 
@@ -103,7 +104,7 @@ class Wayfarer:
         """Draw what is in view, on a new sheet where the belief has jumped."""
         if self._pose is not None:
             expected = compose(self._pose, senses.motion)
-            if np.hypot(*(senses.pose - expected)[:2]) > self._JUMP:
+            if np.hypot(*(senses.pose - expected)[:2]) > JUMP:
                 self._sketch = Sketch(SketchConfig(extent=30.0))
                 self._steps = 0
         self._pose = senses.pose

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from albot_agents.registry import make_agent
 from albot_core.errors import InputError
-from albot_core.geometry.poses import relative
+from albot_core.geometry.poses import compose, relative
 from albot_core.registry import make_mapper
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
@@ -22,6 +22,7 @@ from albot_env.tasks.exploration import ExploreConfig
 from albot_env.tasks.kernels import observe_confidence, observe_time
 from albot_env.tasks.observation import HOMEWARD, ObservationConfig
 from albot_env.tasks.observer import observe, observe_ranges
+from albot_env.tasks.wayfinding import Wayfinding
 from tests.env.conftest import drive
 
 CONFIG = ObservationConfig()
@@ -81,12 +82,15 @@ def test_observations_are_a_function_of_the_readings_alone(make_env, tmp_path: P
 def assert_replayed(seen: list[tuple[Any, Any]], path: Path, config: ObservationConfig) -> None:
     """A fresh mapper makes the same observations of the readings recorded."""
     mapper, ground = make_mapper("albot1"), Coverage(config.coverage, 20.0)
+    wayfinding = Wayfinding(config.wayfinding, config.coverage, 20.0)
     moments = list(EpisodeReader(path).moments())
     assert len(moments) == len(seen)
     for moment, (observation, _) in zip(moments, seen, strict=True):
         mapper.update(moment.reading)
         ground.follow(moment.reading.motion, mapper.pose, moment.reading.laser)
-        again = observe(config, moment.reading, mapper, ground)
+        home, laser = compose(mapper.pose, mapper.home), moment.reading.laser
+        wayfinding.follow(moment.reading.motion, mapper.pose, laser, home, ground)
+        again = observe(config, moment.reading, mapper, ground, wayfinding=wayfinding)
         assert again.keys() == observation.keys()
         for name, part in observation.items():
             np.testing.assert_array_equal(again[name], part, err_msg=name)
@@ -94,7 +98,10 @@ def assert_replayed(seen: list[tuple[Any, Any]], path: Path, config: Observation
 
 @pytest.mark.parametrize("sectors", [None, 20])
 def test_the_way_home_is_a_function_of_the_readings_too(make_env, tmp_path: Path, sectors) -> None:
-    config = replace(ObservationConfig(parts=(*HOMEWARD, "frontier")), laser_sectors=sectors)
+    config = replace(
+        ObservationConfig(parts=(*HOMEWARD, "shortcut", "frontier", "onward")),
+        laser_sectors=sectors,
+    )
     env = make_env(mapper="albot1", observation="dict", config=ExploreConfig(observations=config))
     env.recorder = EpisodeWriter(tmp_path / "a.mcap")
     seen = [env.reset(seed=5, options={"start": 0})]

@@ -1,0 +1,190 @@
+"""The compiled loops of wayfinding: ways home, and to what is not covered, over sketches."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from albot_core.exploration.sketch_kernels import (
+    FREE,
+    STEP,
+    WANTED,
+    farthest_straight,
+    flood,
+    nearest_reached,
+    trace,
+)
+from albot_env.tasks.ground_kernels import Ground, is_covered
+from albot_env.tasks.sketching_kernel import LENGTH, POINT, Sketches, forget_way, grid_of
+
+_NOWHERE = (-1, -1)
+"""The goal of a search for wanted cells."""
+
+
+class Search(NamedTuple):
+    """How ways are searched for (see `WayfindingConfig`); lengths in m."""
+
+    cell: float
+    radii: tuple[float, float]
+    """How near ways come to what is blocked, and where they are twice as long, in cells."""
+    margin: float
+    first: float
+    last: float
+    narrow: float
+    """Stretches shorter than this may lead close past things."""
+    ahead: float
+    at_goal: float
+    """A way that ends no farther from home than this leads there."""
+    worth: float
+
+
+@njit(cache=True, error_model="numpy")
+def find_homewards(sketches: Sketches, i: int, search: Search, home: np.ndarray) -> None:
+    """Find robot i's shortest way home (map frame, m); ground not seen yet counts as free."""
+    way, belief, grid = sketches.homewards[i], sketches.beliefs[i], grid_of(sketches, i)
+    forget_way(way)
+    start, end = _cell(grid, belief, search.cell), _cell(grid, home, search.cell)
+    low, high = _box(grid, start, end, int(search.margin / search.cell))
+    if not (_is_inside(start, low, high, search) and _is_inside(end, low, high, search)):
+        return
+    part = grid[low[0] : high[0], low[1] : high[1]].copy()
+    before = np.empty(part.shape, np.int64)
+    here, goal = (start[0] - low[0], start[1] - low[1]), (end[0] - low[0], end[1] - low[1])
+    ways, last = flood(part, here, search.radii, before, True, goal)
+    if last[0] < 0:  # Home is believed to be in or beside something: as near by as can be.
+        last = nearest_reached(ways, goal[0], goal[1], int(search.at_goal / search.cell))
+    if last[0] < 0:
+        return
+    is_whole = _tell_way(part, low, grid.shape[0] // 2, trace(ways, before, last), search, way)
+    rest = STEP * math.hypot(last[0] - goal[0], last[1] - goal[1])
+    way[LENGTH] = (ways[last] + rest) / STEP * search.cell
+    if is_whole:
+        way[POINT] = home[:2]
+
+
+@njit(cache=True, error_model="numpy")
+def find_onwards(sketches: Sketches, i: int, search: Search, covered: Ground) -> None:
+    """Find robot i's shortest way, over ground seen to be free, to ground not covered.
+
+    It looks near by first, which is much faster, and twice as far where all of that is covered
+    and there is more beyond.
+    """
+    way, grid = sketches.onwards[i], grid_of(sketches, i)
+    forget_way(way)
+    start = _cell(grid, sketches.beliefs[i], search.cell)
+    around, goes_on = search.first, True
+    while goes_on:
+        low, high = _box(grid, start, start, int(around / search.cell))
+        if not _is_inside(start, low, high, search):
+            return
+        part = grid[low[0] : high[0], low[1] : high[1]].copy()
+        _mark_uncovered(part, low, grid.shape[0] // 2, search.cell, covered, i)
+        before = np.empty(part.shape, np.int64)
+        here = start[0] - low[0], start[1] - low[1]
+        ways, last = flood(part, here, search.radii, before, False, _NOWHERE)
+        if last[0] >= 0:
+            _tell_way(part, low, grid.shape[0] // 2, trace(ways, before, last), search, way)
+            way[LENGTH] = ways[last] / STEP * search.cell
+            return
+        goes_on = around < search.last and _comes_to_the_edge(ways, int(search.radii[1]))
+        around = min(2 * around, search.last)
+
+
+@njit(cache=True, error_model="numpy")
+def pick_shortcut(sketches: Sketches, i: int, search: Search, known: float) -> np.ndarray:
+    """The point ahead (map frame, m) on a way home that is worth leaving the known one for.
+
+    It is NaN where the known way home, so long (m), is not much longer.
+    """
+    way = sketches.homewards[i]
+    return way[POINT] if search.worth * way[LENGTH] < known else np.full(2, np.nan)
+
+
+@njit(cache=True, error_model="numpy")
+def pick_onward(sketches: Sketches, i: int) -> np.ndarray:
+    """The point ahead (map frame, m) on the way to ground not covered; NaN for none."""
+    return sketches.onwards[i, POINT]
+
+
+@njit(cache=True, error_model="numpy")
+def _mark_uncovered(
+    part: np.ndarray, low: tuple[int, int], half: int, cell: float, covered: Ground, i: int
+) -> None:
+    """Mark the free cells of a part of a sketch that are not covered, and could be.
+
+    `low` is the part's first cell, `half` how many cells before the map's origin a sketch begins.
+    """
+    extent = covered.sides[i] / 2 * covered.cell
+    for row in range(part.shape[0]):
+        y = (low[0] + row - half + 0.5) * cell
+        for column in range(part.shape[1]):
+            x = (low[1] + column - half + 0.5) * cell
+            could_be = part[row, column] == FREE and max(abs(x), abs(y)) < extent
+            if could_be and not is_covered(covered, i, x, y):
+                part[row, column] = WANTED
+
+
+@njit(cache=True, error_model="numpy")
+def _comes_to_the_edge(ways: np.ndarray, border: int) -> bool:
+    """Whether a flood came to the edge of where it may: there may be more beyond."""
+    first, last = border, ways.shape[0] - 1 - border
+    for k in range(first, last + 1):
+        if max(ways[first, k], ways[last, k], ways[k, first], ways[k, last]) >= 0:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def _tell_way(
+    part: np.ndarray,
+    low: tuple[int, int],
+    half: int,
+    cells: np.ndarray,
+    search: Search,
+    way: np.ndarray,
+) -> bool:
+    """Fill in the point ahead on a way of `cells` of a part; whether that is its end.
+
+    Unknown cells that the way leads over are free to look across. `low` and `half` are as for
+    `_mark_uncovered`.
+    """
+    place = cells[0, 0] + 0.5, cells[0, 1] + 0.5
+    sights = search.narrow / search.cell, search.ahead / search.cell
+    chosen = farthest_straight(part, place, cells, sights, search.radii, True)
+    way[0] = (cells[chosen, 1] + low[1] - half + 0.5) * search.cell
+    way[1] = (cells[chosen, 0] + low[0] - half + 0.5) * search.cell
+    return bool(chosen == cells.shape[0] - 1)
+
+
+@njit(cache=True, error_model="numpy")
+def _cell(grid: np.ndarray, place: np.ndarray, cell: float) -> tuple[int, int]:
+    """Row and column of a place (map frame, m)."""
+    half = grid.shape[0] // 2
+    # The origin is a corner of cells: rounding must not decide in which of them it is.
+    column, row = math.floor(place[0] / cell + 1e-6), math.floor(place[1] / cell + 1e-6)
+    return row + half, column + half
+
+
+@njit(cache=True, error_model="numpy")
+def _box(
+    grid: np.ndarray, one: tuple[int, int], other: tuple[int, int], margin: int
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """First and last rows and columns about two cells, as far as the sheet reaches."""
+    side = grid.shape[0]
+    low = max(0, min(one[0], other[0]) - margin), max(0, min(one[1], other[1]) - margin)
+    high_row = min(side, max(one[0], other[0]) + margin + 1)
+    high_column = min(side, max(one[1], other[1]) + margin + 1)
+    return low, (high_row, high_column)
+
+
+@njit(cache=True, error_model="numpy")
+def _is_inside(
+    place: tuple[int, int], low: tuple[int, int], high: tuple[int, int], search: Search
+) -> bool:
+    """Whether a cell is where a flood may come to in a part."""
+    border = int(search.radii[1])
+    rows = low[0] + border <= place[0] < high[0] - border
+    return bool(rows and low[1] + border <= place[1] < high[1] - border)

@@ -1,0 +1,225 @@
+"""Ways over the ground, home and to what is not covered, against ways known in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from albot_core.errors import InputError
+from albot_core.exploration.sketch import SketchConfig
+from albot_core.geometry.poses import relative
+from albot_core.perception.reading import LaserGeometry
+from albot_env.tasks.coverage import Coverage, CoverageConfig
+from albot_env.tasks.exploration import ExploreConfig
+from albot_env.tasks.explore import ExploreEnv
+from albot_env.tasks.homecoming import HomingConfig
+from albot_env.tasks.observation import HOMEWARD, ObservationConfig
+from albot_env.tasks.wayfinding import Wayfinding, WayfindingConfig
+from tests.core.scenes import scan_from
+
+CONFIG = WayfindingConfig()
+ANY = np.inf
+"""A known way so long that any other is worth leaving it for."""
+NEW = "shortcut", "onward"
+STILL, HALF_TURN = np.zeros(3), np.array((0.0, 0.0, np.pi))
+FAR_WALL = np.array(((30.0, -30.0, 30.0, 30.0),))
+ALL_ROUND = LaserGeometry(beams=361, first_bearing=-np.pi, spacing=2 * np.pi / 360)
+
+
+class Robot:
+    """One that sees walls exactly, covers what it sees, and finds its ways."""
+
+    def __init__(self, config: WayfindingConfig = CONFIG, extent: float = 20.0) -> None:
+        self.ways = Wayfinding(config, CoverageConfig(), extent)
+        self.ground = Coverage(CoverageConfig(), extent)
+
+    def look(self, pose, walls=FAR_WALL, home=(0.0, 0.0), motion=STILL, laser=None) -> None:
+        """Look once from a pose x, y, heading."""
+        at = np.array(pose, float)
+        scan = scan_from(at, walls, laser)
+        self.ground.follow(motion, at, scan)
+        self.ways.follow(motion, at, scan, np.array((*home, 0.0)), self.ground)
+
+    def look_again(self, pose, walls=FAR_WALL, home=(0.0, 0.0), motion=STILL) -> None:
+        """Come to a pose, and look from there until the next search is over."""
+        for k in range(CONFIG.every + 1):
+            self.look(pose, walls, home, motion if k == 0 else STILL)
+
+
+def _seen(pose, walls=FAR_WALL, home=(0.0, 0.0)) -> Robot:
+    """One that has looked once."""
+    robot = Robot()
+    robot.look(pose, walls, home)
+    return robot
+
+
+@given(st.floats(-9, 9), st.floats(-9, 9), st.floats(-np.pi, np.pi))
+@settings(deadline=None, max_examples=40)
+def test_over_open_ground_it_leads_straight_home(x: float, y: float, heading: float) -> None:
+    point = _seen((x, y, heading)).ways.shortcut(ANY)
+    away, ahead = np.hypot(x, y), point - (x, y)
+    assert np.hypot(*ahead) <= CONFIG.ahead + 2 * CONFIG.cell
+    if away > 2 * CONFIG.ahead:
+        # Steps lead along eight directions: where it bends is a matter of chance.
+        turned = np.arctan2(*ahead[::-1]) - np.arctan2(-y, -x)
+        assert np.cos(turned) > np.cos(np.radians(46))
+    if away < CONFIG.ahead - 2 * CONFIG.cell:
+        assert point.tolist() == [0.0, 0.0]
+
+
+def test_a_known_way_is_left_where_it_is_so_much_longer() -> None:
+    ways = _seen((8.0, 0.0, np.pi)).ways
+    assert np.isnan(ways.shortcut(8.0 * CONFIG.worth - 0.3)).all()
+    assert np.isfinite(ways.shortcut(8.0 * CONFIG.worth + 0.3)).all()
+
+
+def test_it_leads_round_the_end_of_a_wall_in_view() -> None:
+    """From (5, 0) to home the way past the wall's end (2.5, 3) is √(2.5² + 3²) twice."""
+    walls = np.array((*FAR_WALL, (2.5, -7.5, 2.5, 3.0)))
+    ways = _seen((5.0, 0.0, np.pi), walls).ways
+    around = 2 * np.hypot(2.5, 3.0 + CONFIG.radius)
+    assert np.isnan(ways.shortcut(0.9 * around * CONFIG.worth)).all()
+    x, y = ways.shortcut(1.25 * around * CONFIG.worth)
+    assert x > 2.4
+    assert y > 1.5
+
+
+def test_what_bars_the_way_is_remembered_until_it_is_seen_to_be_gone() -> None:
+    wall, home = np.array(((2.5, -9.0, 2.5, 9.0),)), (6.0, 0.0)
+    facing, averted = np.array((1.0, 0.0, 0.0)), np.array((1.0, 0.0, np.pi))
+    robot = Robot()
+    robot.look(facing, wall, home)
+    barred = robot.ways.shortcut(ANY)
+    robot.look_again(averted, FAR_WALL, home, HALF_TURN)
+    np.testing.assert_array_equal(robot.ways.shortcut(ANY), barred)
+    assert abs(barred[1]) > 1.0
+    robot.look_again(facing, FAR_WALL, home, HALF_TURN)
+    assert abs(robot.ways.shortcut(ANY)[1]) < 0.3
+
+
+def test_a_belief_that_jumps_begins_a_new_sketch() -> None:
+    wall, home = np.array(((2.5, -9.0, 2.5, 9.0),)), (6.0, 0.0)
+    here, there = np.array((1.0, 0.0, 0.0)), np.array((1.0, 1.0, np.pi))
+    stayed, jumped = _seen(here, wall, home), _seen(here, wall, home)
+    stayed.look_again(there, FAR_WALL, home, relative(here, there))
+    jumped.look_again(there, FAR_WALL, home)
+    assert abs(stayed.ways.shortcut(ANY)[1] - 1.0) > 0.8
+    assert abs(jumped.ways.shortcut(ANY)[1] - 1.0) < 0.8
+
+
+def _square(half: float) -> np.ndarray:
+    corners = half * np.array(((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)), float)
+    return np.hstack((corners[:-1], corners[1:]))
+
+
+def test_where_all_is_barred_there_is_no_way() -> None:
+    robot = Robot()
+    robot.look(STILL, _square(1.0), (5.0, 0.0), laser=ALL_ROUND)
+    assert np.isnan(robot.ways.shortcut(ANY)).all()
+    assert np.isnan(robot.ways.onward).all()
+
+
+def test_home_inside_a_wall_is_come_near_to() -> None:
+    wall = np.array(((0.0, -9.0, 0.0, 9.0),))
+    point = _seen((2.0, 0.0, np.pi), wall, (0.05, 0.0)).ways.shortcut(ANY)
+    np.testing.assert_allclose(point, (0.05, 0.0), atol=0.7)
+
+
+@pytest.mark.parametrize("x", [19.5, 22.0, 26.5, 26.9, 400.0])
+def test_at_the_edge_of_the_sheet_and_beyond_there_is_no_way_out_of_bounds(x: float) -> None:
+    """A sheet for maps of 20 m reaches 27 m; nothing is drawn where a scan would leave it."""
+    robot = _seen((x, 0.0, np.pi))
+    assert np.isfinite(robot.ways.shortcut(ANY)).all() == (x < 26.8)
+    assert np.isfinite(robot.ways.onward).all() == (x < 20.0)
+
+
+@given(st.floats(-9, 9), st.floats(-9, 9), st.floats(-np.pi, np.pi))
+@settings(deadline=None, max_examples=30)
+def test_over_open_ground_the_way_on_ends_where_covered_ground_does(
+    x: float, y: float, heading: float
+) -> None:
+    """Ground is covered as far as 2 m, and beside it the laser shows none."""
+    ahead = _seen((x, y, heading)).ways.onward - (x, y)
+    cell = CoverageConfig().cell
+    assert np.hypot(*ahead) <= CoverageConfig().radius + 2 * cell
+    assert np.cos(heading) * ahead[0] + np.sin(heading) * ahead[1] > -cell
+
+
+def test_the_way_on_leads_through_the_only_door() -> None:
+    """All of a small room is covered at a look but what lies beyond its door, ahead."""
+    room = [(-0.5, -0.2, 1.6, -0.2), (-0.5, 1.8, 1.6, 1.8), (-0.5, -0.2, -0.5, 1.8)]
+    room += [(1.6, -0.2, 1.6, 0.3), (1.6, 1.3, 1.6, 1.8)]
+    x, y = _seen((0.0, 0.8, 0.0), np.array((*room, (5.0, -9.0, 5.0, 9.0)))).ways.onward
+    assert x > 1.3  # Before or in the door: it is narrow, and not to be gone to from afar.
+    assert 0.3 < y < 1.3
+
+
+@pytest.mark.parametrize(("last", "is_found"), [(16.0, True), (8.0, False)])
+def test_ground_not_covered_is_looked_for_farther_and_farther(last, is_found) -> None:
+    """It has come 12 m along a corridor; what it has not covered lies where it set out."""
+    corridor = np.array(((-1.5, 0.7, 13.0, 0.7), (-1.5, -0.7, 13.0, -0.7), (13, -0.7, 13, 0.7)))
+    robot = Robot(replace(CONFIG, first=4.0, last=last))
+    step, at = np.array((0.3, 0.0, 0.0)), np.zeros(3)
+    robot.look(at, corridor, laser=ALL_ROUND)
+    for _ in range(38):
+        at = at + step
+        robot.look(at, corridor, motion=step, laser=ALL_ROUND)
+    robot.look_again(at, corridor)
+    x, y = robot.ways.onward
+    assert np.isfinite(x) == is_found
+    if is_found:
+        assert x < at[0] - 1.0
+        assert abs(y) < 0.7
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"worth": 0.9}, {"worth": np.nan}, {"every": 0}, {"cell": 0.0}, {"wide": 0.2},
+        {"margin": 0.5}, {"first": 0.3}, {"last": 7.0},
+    ],
+)  # fmt: skip
+def test_settings_that_are_none_are_refused(wrong) -> None:
+    with pytest.raises(InputError, match=rf"WayfindingConfig\.{next(iter(wrong))}"):
+        WayfindingConfig(**wrong)
+    with pytest.raises(InputError, match=r"SketchConfig\.wide"):
+        SketchConfig(wide=0.1)
+
+
+def test_a_batch_shows_what_a_single_one_shows() -> None:
+    observing = replace(ObservationConfig(), parts=(*HOMEWARD, *NEW), laser_sectors=12)
+    settings = {"world": "random:office:3", "config": HomingConfig(observations=observing)}
+    batch = gymnasium.make_vec("Albot/Homing-v0", 2, "vector_entry_point", **settings)
+    singles = [gymnasium.make("Albot/Homing-v0", **settings) for _ in range(2)]
+    rows, _ = batch.reset(seed=7)
+    alone = [env.reset(seed=7 + i)[0] for i, env in enumerate(singles)]
+    rng = np.random.default_rng(0)
+    shown = []
+    for _ in range(120):
+        np.testing.assert_array_equal(rows, alone)
+        parts = observing.split_rows(rows)
+        shown.append([parts[name][:, 3].copy() for name in NEW])
+        actions = rng.uniform((0.1, -0.8, -1), (0.7, 0.8, -0.9), (2, 3)).astype(np.float32)
+        rows, *_ = batch.step(actions)
+        alone = [env.step(action)[0] for env, action in zip(singles, actions, strict=True)]
+    shortcut, onward = np.swapaxes(shown, 0, 1)
+    assert set(np.unique(shortcut)) == {-1.0, 1.0}
+    assert (onward == 1.0).all()
+
+
+@pytest.mark.parametrize("mapper", ["albot1", "none"])
+def test_a_new_episode_begins_with_an_empty_sketch(two_rooms, mapper) -> None:
+    config = ExploreConfig(observations=ObservationConfig(parts=("laser", *NEW)))
+    driven, fresh = (ExploreEnv(two_rooms, mapper=mapper, config=config) for _ in range(2))
+    driven.reset(seed=3)
+    for _ in range(60):
+        driven.step(np.array((0.5, 0.2), np.float32))
+    seen = [[env.reset(seed=7)[0]] for env in (driven, fresh)]
+    for env, observations in zip((driven, fresh), seen, strict=True):
+        observations += [env.step(np.array((0.4, -0.1), np.float32))[0] for _ in range(30)]
+    np.testing.assert_array_equal(*seen)
