@@ -85,10 +85,13 @@ def _heading(agent: AgentFile, name: str) -> str:
     if network.candidates:
         inputs = f"{network.candidates} candidates of {network.width} numbers each"
     actions = f"{network.outputs} {'discrete actions' if agent.discrete else 'numbers'}"
+    acts = "as its network holds for best; nothing is drawn by chance"
+    if network.sampled:
+        acts = "by chance about what its network holds for best, as in its training"
     return (
         f"# {name}\n\nA policy for `{agent.task}`, trained by {agent.training.plan.algorithm}: "
-        f"{inputs}, {lstm}{layers} {network.activation}, {actions}. It acts as "
-        f"its network holds for best; nothing is drawn by chance."
+        f"{inputs}, {lstm}{layers} {network.activation}, {actions}. It acts "
+        f"{acts}."
     )
 
 

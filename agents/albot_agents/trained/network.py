@@ -62,6 +62,8 @@ class NetworkConfig:
     """Units of each LSTM layer; 0 without any."""
     lstm_layers: int = 0
     """LSTM layers."""
+    sampled: bool = False
+    """Whether an array `action.log_std` says how far actions spread about the outputs."""
     candidates: int = 0
     """How many candidates an observation can hold; 0 where it is looked at as a whole."""
 
@@ -84,8 +86,9 @@ class NetworkConfig:
         if not self.candidates:
             return
         row, rest = divmod(self.inputs, self.candidates)
-        if rest or row < 2 or self.lstm_layers or self.outputs != self.candidates + 1:
-            expected = "0, or as many as share the inputs, one output fewer, and no LSTM"
+        alone = not (self.lstm_layers or self.sampled)
+        if rest or row < 2 or not alone or self.outputs != self.candidates + 1:
+            expected = "0, or as many as share the inputs, one output fewer, no LSTM, not sampled"
             raise InputError("NetworkConfig.candidates", expected, str(self.candidates))
 
     @property
@@ -109,7 +112,8 @@ class NetworkConfig:
             shapes |= {f"layer{k}.weight": (units, width), f"layer{k}.bias": (units,)}
             width = units
         outputs = 2 if self.candidates else self.outputs  # Of candidates "none" and "this one".
-        return shapes | {"action.weight": (outputs, width), "action.bias": (outputs,)}
+        spread = {"action.log_std": (outputs,)} if self.sampled else {}
+        return shapes | {"action.weight": (outputs, width), "action.bias": (outputs,)} | spread
 
 
 class Network:
@@ -145,6 +149,13 @@ class Network:
         for k in range(self._config.lstm_layers):
             row = self._remember(k, row)
         return self._linear("action", self._look(row))
+
+    def draw(
+        self, answer: Float32[np.ndarray, "outputs"], rng: np.random.Generator
+    ) -> Float32[np.ndarray, "outputs"]:
+        """Numbers drawn about an answer: each from a normal distribution."""
+        spread = np.exp(self._weights["action.log_std"])
+        return np.asarray(answer + spread * rng.standard_normal(len(answer), np.float32))
 
     def _weigh(self, observation: Float32[np.ndarray, "inputs"]) -> Float32[np.ndarray, "outputs"]:
         """What says "none of the candidates", by what is largest in any, and what says each."""

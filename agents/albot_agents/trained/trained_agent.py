@@ -17,7 +17,7 @@ from albot_env.tasks.observation import ObservationConfig
 
 
 class TrainedAgent:
-    """Does what its network holds for best, and nothing by chance.
+    """Does what its network holds for best, or draws about it where it was made to.
 
     Args:
         name: Its name, or the path of its file.
@@ -58,15 +58,18 @@ class TrainedAgent:
         if mine != theirs:
             raise InputError(self.name, f"actions as in its training: {mine}", theirs)
         self._network.reset()
+        self._rng = rng
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
-        """The mean action of its policy, or the likeliest of a discrete set."""
+        """The mean action of its policy, or the likeliest of a discrete set; or one drawn by it."""
         if isinstance(observation, dict):
             parts = self._observing.shapes
             observation = np.concatenate([observation[part].ravel() for part in parts])
         answer = self._network(np.asarray(observation, np.float32))
         if self._file.discrete:
             return np.int64(np.argmax(answer))
+        if self._file.network.sampled:
+            answer = self._network.draw(answer, self._rng)
         return np.asarray(np.clip(answer, -1, 1))
 
     def _check_observations(self) -> None:

@@ -13,6 +13,7 @@ from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_setti
 from albot_agents.trained.network import CANDIDATES, NetworkConfig
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.reading import stage_settings
+from albot_core.errors import InputError
 
 
 class Exporter:
@@ -36,6 +37,8 @@ class Exporter:
         self._settings = kept_settings(plan.task, settings, observing)
         self._inputs = spaces.flatdim(env.observation_space)
         self._discrete = isinstance(env.action_space, spaces.Discrete)
+        if plan.policy.sampled and self._discrete:
+            raise InputError("PolicyPlan.sampled", "numbers as actions", "discrete ones")
         self._outputs = int(spaces.flatdim(env.action_space))
         self._candidates = 0
         if plan.policy.kind == "candidates":
@@ -62,6 +65,7 @@ class Exporter:
                 outputs=self._outputs,
                 lstm_size=plan.policy.lstm_size if plan.recurrent else 0,
                 lstm_layers=plan.policy.lstm_layers if plan.recurrent else 0,
+                sampled=plan.policy.sampled,
                 candidates=self._candidates,
             ),
             weights=policy_weights(state, plan),
@@ -89,4 +93,6 @@ def policy_weights(state: Mapping[str, np.ndarray], plan: TrainingPlan) -> dict[
         for part in ("weight", "bias"):
             # Between the layers stand their activations.
             weights[f"layer{k}.{part}"] = state[f"mlp_extractor.policy_net.{2 * k}.{part}"]
+    if plan.policy.sampled:
+        weights["action.log_std"] = state["log_std"]
     return weights | {f"action.{part}": state[f"action_net.{part}"] for part in ("weight", "bias")}

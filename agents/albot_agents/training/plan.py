@@ -42,6 +42,10 @@ class PolicyPlan:
     """What the policy does in the mean at the beginning (of a discrete set, the logarithms of
     its preferences; of candidates, of "none" and of each of them); None for 0. A policy that
     declares by chance at every third step never sees what driving is good for."""
+    sampled: bool = False
+    """Whether the agent draws its numbers by chance, as in training, rather than do what the
+    policy does in the mean: that may stand still for ever where it turns neither way. The
+    evaluations on the way go by the mean all the same. Not for discrete actions."""
     lstm_size: int = 128
     """Units of each LSTM layer, of `recurrent_ppo` only."""
     lstm_layers: int = 1

@@ -27,6 +27,7 @@ def _network(policy: Any, plan: TrainingPlan, outputs: int) -> Network:
         layers=plan.policy.net_arch,
         activation=plan.policy.activation,
         outputs=outputs,
+        sampled=plan.policy.sampled,
         lstm_size=plan.policy.lstm_size if recurrent else 0,
         lstm_layers=plan.policy.lstm_layers if recurrent else 0,
     )
@@ -63,6 +64,18 @@ def test_an_mlp_does_as_its_original(activation: str, layers: tuple[int, ...]) -
     found = np.array([np.clip(network(row), -1, 1) for row in rows])
     np.testing.assert_allclose(found, expected, atol=1e-5)
     assert 0.05 < (np.abs(expected) < 1).mean() < 1  # Some are clipped, some are not.
+
+
+def test_numbers_are_drawn_as_by_its_original() -> None:
+    plan = TrainingPlan(policy=PolicyPlan(net_arch=(16,), sampled=True))
+    policy = _policy(ActorCriticPolicy, plan, Box(-1, 1, (3,), np.float32))
+    network, rng = _network(policy, plan, 3), np.random.default_rng(4)
+    row = rng.uniform(-1, 1, LENGTH).astype(np.float32)
+    drawn = np.array([network.draw(network(row), rng) for _ in range(20_000)])
+    original = policy.get_distribution(torch.tensor(row[np.newaxis])).distribution
+    mean, deviation = (tensor.detach().numpy()[0] for tensor in (original.mean, original.stddev))
+    np.testing.assert_allclose(drawn.mean(axis=0), mean, atol=0.05)
+    np.testing.assert_allclose(drawn.std(axis=0), deviation, rtol=0.03)
 
 
 def test_a_discrete_policy_chooses_as_its_original() -> None:

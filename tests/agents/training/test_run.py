@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
 
 from albot_agents.registry import make_agent
 from albot_agents.trained.agent_file import read_agent
@@ -183,6 +184,30 @@ def test_the_best_agent_acts(trained: Trained) -> None:
     agent = make_agent(str(trained[0].best))
     assert not agent.knows_truth
     assert read_agent(trained[0].best).training.samples in (32, 64)
+
+
+def test_an_agent_may_draw_its_numbers_and_do_the_same_again(tmp_path: Path) -> None:
+    policy = {"net_arch": [8], "initial_action": [0.2, 0, 0], "sampled": True}
+    folder, plan = begun(tmp_path, policy=policy)
+    TrainingRun(folder, plan).run()
+    spread = np.exp(read_agent(folder.last).weights["action.log_std"])
+    agent, actions = make_agent(str(folder.last)), Box(-1, 1, (3,), np.float32)
+    (length,) = read_agent(folder.last).observing.flat_space.shape  # type: ignore[union-attr]
+    seen, drawn = np.zeros(length, np.float32), []
+    for seed in (1, 1, 2):
+        agent.reset(np.random.default_rng(seed), actions)
+        drawn.append([agent.act(seen, {}) for _ in range(300)])
+    np.testing.assert_array_equal(drawn[0], drawn[1])
+    assert not np.array_equal(drawn[0], drawn[2])
+    assert np.abs(drawn).max() <= 1.0
+    assert np.std(drawn[0], axis=0)[1] == pytest.approx(spread[1], rel=0.3)
+
+
+def test_of_discrete_actions_none_is_drawn(tmp_path: Path) -> None:
+    policy = {"net_arch": [8], "initial_action": None, "sampled": True}
+    folder, plan = begun(tmp_path, policy=policy, env={"action": "discrete"})
+    with pytest.raises(InputError, match=r"PolicyPlan\.sampled"):
+        TrainingRun(folder, plan)
 
 
 def test_a_run_is_not_begun_twice_in_a_folder(trained: Trained, tmp_path: Path) -> None:
