@@ -155,9 +155,8 @@ class Expedition:
     def resume(self, row: int, world: World, rest: Rest, key: int | None = None) -> None:
         """Let a robot stand and know as another one did in this world; its steps count anew.
 
-        `key` decides the noise from now on; by default it is the one it had, and what comes
-        next is what would have come, but for what is shown of a sketch of the ground: it begins
-        an empty one.
+        `key` decides the noise from now on; by default it is the one it had, and what comes next
+        is what would have come, but that it begins an empty sketch of the ground.
         """
         halt = rest.halt if key is None else rest.halt._replace(key=key)
         self._set_out(row, world, rest.start, halt.key)

@@ -62,7 +62,7 @@ class Survey:
         self._sight = config.coverage.sight(laser)
         self._covered = no_ground(robots, self._config.cell)
         self._believed = no_ground(robots, self._config.cell)
-        self._wayfinding, self._sketches_ways = config.wayfinding, config.shows_ways_over_ground
+        self._wayfinding, self._has_sketches = config.wayfinding, config.shows_ways_over_ground
         self._finding = config.wayfinding.pencil(config.coverage), config.wayfinding.search
         self._sketches = no_sketches(robots)
         self._plots = Register(robots, self._plot, self._forget_rooms)
@@ -108,7 +108,7 @@ class Survey:
         side = self._config.side(world_extent(world) + self._config.cell)
         self._covered = laid(self._covered, row, side, world_centre(world))
         self._believed = laid(self._believed, row, self._config.side(map_extent(world)), (0.0, 0.0))
-        if self._sketches_ways:
+        if self._has_sketches:
             side = self._wayfinding.side(map_extent(world))
             self._sketches = laid_sketch(self._sketches, row, side)
         findings = self.findings
