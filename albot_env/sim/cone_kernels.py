@@ -54,9 +54,10 @@ def find_echo(seen: np.ndarray, count: int, sonars: Sonars) -> tuple[float, floa
             break
         tried, last = reach, nearest
     if max(sonars.corner_reach, sonars.edge_reach) > 0.0:
+        specular = sonars.cos_limit, sonars.sin_limit
         reaches = sonars.corner_reach, sonars.edge_reach
         best, best_tangent = corner_echo(
-            seen, count, sonars.slope, sonars.limit, reaches, best, best_tangent
+            seen, count, sonars.slope, specular, reaches, best, best_tangent
         )
     return (best, best_tangent) if best < sonars.max_range else (np.inf, 0.0)
 

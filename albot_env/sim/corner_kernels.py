@@ -31,7 +31,7 @@ def corner_echo(
     seen: np.ndarray,
     count: int,
     slope: float,
-    limit: float,
+    specular: tuple[float, float],
     reaches: tuple[float, float],
     best: float,
     best_tangent: float,
@@ -42,7 +42,7 @@ def corner_echo(
         seen: The surfaces in the cone, in the sonar's frame (5, n).
         count: How many there are.
         slope: Tangent of half the cone.
-        limit: The specular limit (rad).
+        specular: Cosine and sine of the specular limit.
         reaches: Distances (m) up to which corners and edges echo.
         best: Range (m) of the nearest echo so far.
         best_tangent: Tangent of its bearing.
@@ -57,25 +57,30 @@ def corner_echo(
             if _hidden(seen, count, x, y):
                 continue
             distance = math.sqrt(x * x + y * y)
-            if distance < _reach_of(_opening(seen, count, j, x, y), limit, reaches):
+            across, along = _opening(seen, count, j, x, y)
+            if distance < _reach_of(across, along, specular, reaches):
                 best, best_tangent = distance, y / x
     return best, best_tangent
 
 
 @njit(cache=True, error_model="numpy")
-def _reach_of(opening: float, limit: float, reaches: tuple[float, float]) -> float:
-    """From how far (m) a point with this opening (rad) is heard."""
-    if abs(opening - math.pi / 2) <= limit and opening < math.pi - _TOUCH:
-        return reaches[0]
-    return reaches[1] if opening > math.pi + _TOUCH else 0.0
+def _reach_of(
+    across: float, along: float, specular: tuple[float, float], reaches: tuple[float, float]
+) -> float:
+    """From how far (m) a point is heard, by the sine and cosine of its opening, times a length."""
+    if along < 0.0 and abs(across) <= -_TOUCH * along:
+        return 0.0  # a straight wall
+    if across > 0.0:
+        return reaches[0] if abs(along) * specular[0] <= across * specular[1] else 0.0
+    return reaches[1] if across < 0.0 or along > 0.0 else 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def _opening(seen: np.ndarray, count: int, wall: int, x: float, y: float) -> float:
-    """Angle (rad), on the sonar's side, between the walls that touch a wall's end (x, y).
+def _opening(seen: np.ndarray, count: int, wall: int, x: float, y: float) -> tuple[float, float]:
+    """The angle, on the sonar's side, between the walls that touch a wall's end (x, y).
 
-    A full turn at the end of a single wall; 0 where a wall before it ends there too, with
-    which the point was looked at.
+    Told by its sine and cosine, times a length (m²). A full turn at the end of a single wall;
+    both 0 where a wall before it ends there too, with which the point was looked at.
     """
     # The next walls counter-clockwise and clockwise of the line to the sonar.
     left, left_x, left_y = np.inf, 0.0, 0.0
@@ -87,7 +92,7 @@ def _opening(seen: np.ndarray, count: int, wall: int, x: float, y: float) -> flo
         for end in range(2):
             px, py = (ax, ay) if end == 0 else (bx, by)
             if j < wall and px == 0.0 and py == 0.0:
-                return 0.0
+                return 0.0, 0.0
             if px * px + py * py > _TOUCH * _TOUCH:
                 # From 0 to 4, counter-clockwise from the direction to the sonar, (-x, -y).
                 turn = 2.0 + turned(x * px + y * py, x * py - y * px)
@@ -95,9 +100,7 @@ def _opening(seen: np.ndarray, count: int, wall: int, x: float, y: float) -> flo
                     left, left_x, left_y = turn, px, py
                 if turn > right:
                     right, right_x, right_y = turn, px, py
-    across, along = right_x * left_y - right_y * left_x, right_x * left_x + right_y * left_y
-    opening = math.atan2(across, along)
-    return opening if opening > 0.0 else opening + 2 * math.pi
+    return right_x * left_y - right_y * left_x, right_x * left_x + right_y * left_y
 
 
 @njit(cache=True, error_model="numpy")
@@ -107,7 +110,8 @@ def _touches(ax: float, ay: float, bx: float, by: float) -> bool:
         return False
     if max(ay, by) < -_TOUCH:
         return False
-    return abs(ax * by - ay * bx) <= _TOUCH * math.hypot(bx - ax, by - ay)
+    across = ax * by - ay * bx
+    return across * across <= _TOUCH * _TOUCH * ((bx - ax) ** 2 + (by - ay) ** 2)
 
 
 @njit(cache=True, error_model="numpy")

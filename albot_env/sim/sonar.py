@@ -73,7 +73,6 @@ class SonarConfig:
             max_range=float(geometry.max_range),
             cos_limit=math.cos(self.specular_limit),
             sin_limit=math.sin(self.specular_limit),
-            limit=float(self.specular_limit),
             corner_reach=float(self.corner_reach),
             edge_reach=float(self.edge_reach),
             noise=float(self.range_noise),

@@ -23,8 +23,6 @@ class Sonars(NamedTuple):
     cos_limit: float
     """Cosine and sine of the specular limit."""
     sin_limit: float
-    limit: float
-    """The specular limit (rad)."""
     corner_reach: float
     """Distance (m) up to which concave corners echo."""
     edge_reach: float

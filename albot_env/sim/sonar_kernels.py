@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from albot_env.sim.cone_kernels import find_echo
+from albot_env.sim.lane_calls import whole_lanes
 from albot_env.sim.noise_kernels import draw
 from albot_env.sim.sonar_arrays import Sonars
 from albot_env.sim.surface_kernels import Ear, gather, look
@@ -40,20 +41,20 @@ def listen(
         echoes: Filled; infinite where nothing came back.
     """
     most = nearby.shape[0] + things.shape[0]
-    scratch, inside = np.empty((11, most)), np.empty(most, np.int64)
-    ends, beyond, seen = scratch[:5], scratch[5], scratch[6:]
+    scratch = np.empty((10, whole_lanes(most)))
+    ends, seen = scratch[:5], scratch[5:]
     count = gather(walls, nearby, things, pose, sonars.horizon, ends)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for s in range(sonars.mounts.shape[0]):
         ear = _ear(sonars.mounts, s, cos, sin)
-        found = look(ends, count, ear, sonars, beyond, inside, seen)
+        found = look(ends, count, ear, sonars, seen)
         reach, _ = find_echo(seen, found, sonars)
         bits = draw(key, place + s)
         if np.int64((bits >> np.uint64(26)) & np.uint64(0x1FFFFFF)) < sonars.crosstalk:
             other = s + 1 if (bits >> np.uint64(51)) & np.uint64(1) else s - 1
             if 0 <= other < sonars.mounts.shape[0]:
                 mouth = _ear(sonars.mounts, other, cos, sin)
-                found = look(ends, count, mouth, sonars, beyond, inside, seen)
+                found = look(ends, count, mouth, sonars, seen)
                 out, tangent = find_echo(seen, found, sonars)
                 reach = min(reach, _overheard(ear, mouth, out, tangent))
         echoes[s] = _reported(reach, bits, sonars)

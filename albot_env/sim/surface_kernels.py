@@ -13,6 +13,7 @@ import math
 import numpy as np
 from numba import njit
 
+from albot_env.sim.lane_calls import LANES, lanes_within, lowest_lane
 from albot_env.sim.sonar_arrays import Sonars
 
 Ear = tuple[float, float, float, float]
@@ -27,6 +28,8 @@ HAIR = 1e-7
 """A gap narrower than this, as a difference of tangents, lets no sound through."""
 NEARER = 1.0 + 1e-12
 """A wall hides another where that is this much farther: more than by rounding."""
+_BITS, _ALL = 64, np.uint64(2**64 - 1)
+"""A word's bits, and a word with all of them."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -38,7 +41,10 @@ def gather(
     reach: float,
     ends: np.ndarray,
 ) -> int:
-    """Fill `ends` (5, n) with the surfaces that may be in reach (m) of a robot; how many."""
+    """Fill `ends` (5, n) with the surfaces that may be in reach (m) of a robot; how many.
+
+    Its rows are as long as `lane_calls.whole_lanes` says.
+    """
     count = 0
     for k in nearby:
         count += _take(walls, k, pose, reach, ends, count)
@@ -70,19 +76,11 @@ def _take(
 
 
 @njit(cache=True, error_model="numpy")
-def look(
-    ends: np.ndarray,
-    count: int,
-    ear: Ear,
-    sonars: Sonars,
-    beyond: np.ndarray,
-    inside: np.ndarray,
-    seen: np.ndarray,
-) -> int:
+def look(ends: np.ndarray, count: int, ear: Ear, sonars: Sonars, seen: np.ndarray) -> int:
     """Fill `seen` with the surfaces that matter in a sonar's cone; how many.
 
     What lies behind a surface that fills all of the cone does not matter, so that it goes
-    fastest with the near ones first. `beyond` and `inside` (n,) are written over.
+    fastest with the near ones first.
     """
     slope, reach = sonars.slope, sonars.max_range
     x, y, cos, sin = ear
@@ -90,21 +88,21 @@ def look(
     lx, ly = -sin - slope * cos, cos - slope * sin
     rx, ry = sin - slope * cos, -cos - slope * sin
     left, right, back = lx * x + ly * y, rx * x + ry * y, cos * x + sin * y
-    for k in range(count):
-        x1, y1, x2, y2 = ends[0, k], ends[1, k], ends[2, k], ends[3, k]
-        outside = min(lx * x1 + ly * y1, lx * x2 + ly * y2) - left
-        outside = max(outside, min(rx * x1 + ry * y1, rx * x2 + ry * y2) - right)
-        beyond[k] = max(outside, back - max(cos * x1 + sin * y1, cos * x2 + sin * y2))
-    near = 0
-    for k in range(count):
-        inside[near] = k
-        near += 1 if beyond[k] <= 0.0 else 0
     found, rim = 0, math.sqrt(x * x + y * y)
-    for k in inside[:near]:
-        if ends[DISTANCE, k] <= reach + rim:
-            _turn(ends, k, ear, seen, found)
-            reach = min(reach, _closed_off(seen, found, slope))
-            found += 1
+    for first in range(0, count, _BITS):
+        last = min(first + _BITS, count)
+        inside = np.int64(0)
+        for k in range(first, last, LANES):
+            some = lanes_within(ends, k, lx, ly, left, rx, ry, right, -cos, -sin, -back)
+            inside |= some << (k - first)
+        inside &= np.int64(_ALL >> np.uint64(_BITS - (last - first)))
+        while inside:
+            k = first + lowest_lane(inside)
+            inside &= inside - 1
+            if ends[DISTANCE, k] <= reach + rim:
+                _turn(ends, k, ear, seen, found)
+                reach = min(reach, _closed_off(seen, found, slope))
+                found += 1
     return found
 
 
@@ -112,13 +110,11 @@ def look(
 def _closed_off(seen: np.ndarray, k: int, slope: float) -> float:
     """How far (m) one can see into a cone past a surface; infinite where it does not fill it."""
     ax, ay, bx, by = seen[AX, k], seen[AY, k], seen[BX, k], seen[BY, k]
-    if ax * -slope < ay or by < bx * slope:
-        return np.inf
+    fills = (ax * -slope >= ay) & (by >= bx * slope)
     nx, ny = by - ay, ax - bx
     least = nx - slope * abs(ny)
-    return (
-        NEARER * seen[AREA, k] * math.sqrt(1.0 + slope * slope) / least if least > 0.0 else np.inf
-    )
+    depth = NEARER * seen[AREA, k] * math.sqrt(1.0 + slope * slope) / least
+    return depth if fills & (least > 0.0) else np.inf
 
 
 @njit(cache=True, error_model="numpy")
@@ -129,10 +125,10 @@ def _turn(ends: np.ndarray, k: int, ear: Ear, seen: np.ndarray, column: int) -> 
     ax, ay = cos * x1 + sin * y1, cos * y1 - sin * x1
     bx, by = cos * x2 + sin * y2, cos * y2 - sin * x2
     area = ax * by - ay * bx
-    if area < 0.0:
-        ax, ay, bx, by = bx, by, ax, ay
-    seen[AX, column], seen[AY, column] = ax, ay
-    seen[BX, column], seen[BY, column] = bx, by
+    # Nothing branches here: which way it goes cannot be foreseen.
+    flip = area < 0.0
+    seen[AX, column], seen[AY, column] = (bx if flip else ax), (by if flip else ay)
+    seen[BX, column], seen[BY, column] = (ax if flip else bx), (ay if flip else by)
     seen[AREA, column] = abs(area)
 
 

@@ -49,6 +49,8 @@ class Sight(NamedTuple):
     beams: np.ndarray
     """(parts,) int64: the beam that points into each part of the full turn (see `turned`);
     -1 where none does."""
+    ahead: float
+    """No beam points to where the cosine of the bearing from the robot's heading is less."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -76,11 +78,16 @@ def cover(ground: Ground, i: int, pose: np.ndarray, sight: Sight, ranges: np.nda
     eye_y = (pose[1] + sin * sight.x + cos * sight.y - centre[1]) / cell + side / 2 - 0.5
     radius, beams = sight.radius / cell, sight.beams
     parts, words = beams.shape[0], side // 8
+    least = radius * min(sight.ahead, 0.0)
     new = 0
     for row in range(max(0, math.ceil(eye_y - radius)), min(side, math.floor(eye_y + radius) + 1)):
         dy = row - eye_y
         half = math.sqrt(max(0.0, radius * radius - dy * dy))
-        first, last = math.ceil(eye_x - half), math.floor(eye_x + half)
+        # Where on the row something is at least so far ahead.
+        bound = (least - sin * dy) / cos
+        left = max(-half, bound) if cos > 0.0 else -half
+        right = min(half, bound) if cos < 0.0 else half
+        first, last = math.ceil(eye_x + left), math.floor(eye_x + right)
         for column in range(max(0, first), min(side, last + 1)):
             word = (row >> 3) * words + (column >> 3)
             bit = np.uint64(1) << np.uint64(((row & 7) << 3) | (column & 7))
