@@ -88,7 +88,7 @@ def _cross(robot: Robot, limits: Limits) -> None:
     _forget_visits(robot)
     robot.network.remember_place(robot.step, line, seen_in_visit(memory), sight.pose)
     leave_exits(robot.exits, *sight.pose[:2])
-    begin_visit(memory, robot.network.suspicions())
+    begin_visit(memory, robot.network.suspicions(sight.pose))
     enter(memory, sight, limits)
     _note_update(robot)
 
@@ -114,8 +114,13 @@ def _suspect(robot: Robot) -> None:
     suspect_still(memory, met[:, 1])
     if not is_time_to_look(network, robot.sight.pose):
         return
-    if recognize_place(network, robot.step, met[:, 0], _before_it(robot), robot.sight.pose):
-        arouse_from(memory, network.suspicions())
+    known = recognize_place(network, robot.step, met[:, 0], _before_it(robot), robot.sight.pose)
+    needed = network.suspicions(robot.sight.pose)
+    if known:
+        arouse_from(memory, needed)
+    else:
+        met[:, 1] = needed
+        suspect_still(memory, needed)
 
 
 def _before_it(robot: Robot) -> Segments:
@@ -134,7 +139,7 @@ def _lose(robot: Robot, limits: Limits) -> None:
     seen = memory.surfaces[:used][before & present & living(memory)]
     _forget_visits(robot)
     network.lose(robot.step, seen, sight.pose)
-    begin_visit(memory, network.suspicions())
+    begin_visit(memory, network.suspicions(sight.pose))
     update_map(memory, sight, limits)
     _note_update(robot)
 
@@ -152,4 +157,4 @@ def _find(robot: Robot) -> None:
     moved(motion, sight.pose.copy(), sight.pose)
     robot.pose[:] = sight.pose
     robot.exits.counts[:] = 0
-    arouse_from(memory, network.suspicions())
+    arouse_from(memory, network.suspicions(robot.sight.pose))

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from albot_core.albot1.attending import Robot, attend
 from albot_core.albot1.config import Albot1Config
-from albot_core.albot1.exits import no_exits
+from albot_core.albot1.exits import expect_exits, no_exits
 from albot_core.albot1.following import Lens, Robots, follow
 from albot_core.albot1.mapping import LOST, UPDATES
 from albot_core.albot1.memory import (
@@ -58,6 +58,7 @@ class Albot1Batch:
         self._next_exits = np.full((count, 4), np.nan)
         self._found_at = np.full((count, 2), np.inf)
         self._versions = [-1] * count
+        self._expecting = [-1] * count
         self._robots = Robots(
             table=np.zeros((count, COLUMNS), np.int64),
             progress=np.zeros((count, 5), np.int64),
@@ -229,7 +230,7 @@ class Albot1Batch:
 
     def _forget_ways(self, row: int) -> None:
         """Another network: the way home must be found anew."""
-        self._versions[row] = -1
+        self._versions[row] = self._expecting[row] = -1
         self._stand(row)
 
     def _stand(self, row: int) -> None:
@@ -240,6 +241,9 @@ class Albot1Batch:
         robots = self._robots
         robots.current[row], robots.is_lost[row] = network.current, network.lost_since > 0
         robots.displacements[row] = network.displacement
+        if self.config.remembered and self._expecting[row] != network.version:
+            self._expecting[row] = network.version
+            expect_exits(self._arrays[row].exits, network.predicted_exits)
 
     def _attend(self, row: int) -> None:
         """See to what happened to one at its last reading."""

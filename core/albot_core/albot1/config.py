@@ -79,6 +79,13 @@ class PlacesConfig:
     """…but at least more than so many…"""
     most_met: int = 8
     """…and never more. The thesis says only that n grows with the place's size."""
+    by_position: bool = False
+    """A robot in a new place suspects those as well within whose surfaces it believes to stand.
+    Off: as the thesis."""
+    shift_here: float = 0.7
+    """They are looked for no farther from where they are believed to be (m)…"""
+    share_here: float = 0.7
+    """…and the same surfaces must make up this share of the smaller description."""
     look_spacing: float = 0.7
     """After a comparison the robot goes so far until the next (m)…"""
     look_turn: float = np.radians(45.0)
@@ -94,9 +101,9 @@ class PlacesConfig:
     """Events remembered; the oldest are forgotten first."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "shortest", "gap", "angle", "turn", "agreement")
+        check_fields(self, POSITIVE, "shortest", "gap", "angle", "turn", "agreement", "shift_here")
         check_fields(self, POSITIVE, "look_spacing", "look_turn")
-        check_fields(self, SHARE, "least_share", "suspicion_share")
+        check_fields(self, SHARE, "least_share", "suspicion_share", "share_here")
         counts = "fewest_matches", "fewest_met", "most_met", "fewest_found"
         check_fields(self, _FROM_ONE, *counts, "most_described", "events_kept")
         if not self.shift > 0:
@@ -107,10 +114,15 @@ class PlacesConfig:
         """The thresholds as the comparison takes them."""
         return Alike(self.shortest, self.gap, self.angle, self.shift, self.turn)
 
+    @property
+    def alike_here(self) -> Alike:
+        """The same for a place within which the robot believes to stand."""
+        return self.alike._replace(shift=self.shift_here)
+
     @classmethod
     def improved(cls) -> PlacesConfig:
         """The default mapper's thresholds: rooms are alike, so more is asked for."""
-        return cls(gap=0.20, shift=3.0, turn=np.radians(20.0), least_share=0.3)
+        return cls(gap=0.20, shift=3.0, turn=np.radians(20.0), least_share=0.3, by_position=True)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,11 +16,14 @@ from albot_core.albot1.config import Limits
 from albot_core.albot1.gaps import REACH, beyond, find_exits
 from albot_core.albot1.sight import Sight
 from albot_core.errors import InputError
+from albot_core.geometry.types import Segments
 
 ROOM = 48
 """Exits that a robot remembers; the farthest is forgotten for a new one."""
 SAME = 0.6
 """Exits whose middles are nearer than this are one (m)."""
+ASIDE = 1.2
+"""An exit expected so near to one that is seen (m) is that one: the map may have drifted."""
 NEARBY = 3.0
 """When a place is left, exits farther away are forgotten (m)."""
 THROUGH = 0.3
@@ -38,12 +41,21 @@ class Exits(NamedTuple):
     gate: np.ndarray
     """(5,) float64: the exit whose line the robot has passed, and from which side (-1, 1)."""
     counts: np.ndarray
-    """(2,) int64: how many exits are remembered; NO_GATE or GATE."""
+    """(3,) int64: how many exits are remembered; NO_GATE or GATE; how many are expected."""
+    expected: np.ndarray
+    """(ROOM, 4) float64: where known exits of the present place should be, as `lines`."""
 
 
 def no_exits() -> Exits:
     """The exits of a robot that has seen none."""
-    return Exits(np.zeros((ROOM, 4)), np.zeros(5), np.zeros(2, np.int64))
+    return Exits(np.zeros((ROOM, 4)), np.zeros(5), np.zeros(3, np.int64), np.zeros((ROOM, 4)))
+
+
+def expect_exits(exits: Exits, lines: Segments) -> None:
+    """Expect exits at `lines` (n, 4), in the map's frame (m), and no others; only the last ROOM."""
+    lines = lines[-ROOM:]
+    exits.expected[: len(lines)] = lines
+    exits.counts[2] = len(lines)
 
 
 @njit(cache=True, error_model="numpy")
@@ -146,19 +158,29 @@ def remember_exits(exits: Exits, sight: Sight, limits: Limits) -> None:
 
 
 @njit(cache=True, error_model="numpy")
+def _is_seen(exits: Exits, line: np.ndarray) -> bool:
+    """Whether an exit is remembered about where one is expected."""
+    _, away = _nearest(exits, 0.5 * (line[0] + line[2]), 0.5 * (line[1] + line[3]))
+    return bool(away < ASIDE)
+
+
+@njit(cache=True, error_model="numpy")
 def cross_exit(exits: Exits, ax: float, ay: float, pose: np.ndarray) -> bool:
     """Whether on the way from (ax, ay) to `pose` the robot got through an exit.
 
     Its line is then in `exits.gate`. A robot that has passed the line is through only when
     it is THROUGH beyond it, so that one that dithers in a doorway does not cross it often.
+    It also gets through known exits that it does not see, where they are expected: aslant, or
+    with something beside it, a doorway may not look like one.
     """
     x, y = pose[0], pose[1]
     gate = exits.gate
     if exits.counts[1] == NO_GATE:
         nearest = np.inf
-        for k in range(exits.counts[0]):
-            line = exits.lines[k]
-            if crosses(line, ax, ay, x, y):
+        seen = exits.counts[0]
+        for k in range(seen + exits.counts[2]):
+            line = exits.lines[k] if k < seen else exits.expected[k - seen]
+            if crosses(line, ax, ay, x, y) and (k < seen or not _is_seen(exits, line)):
                 dx, dy = 0.5 * (line[0] + line[2]) - x, 0.5 * (line[1] + line[3]) - y
                 if dx * dx + dy * dy < nearest:
                     nearest = dx * dx + dy * dy
@@ -193,7 +215,7 @@ def stored_exits(exits: Exits) -> dict[str, np.ndarray]:
     return {
         "lines": exits.lines[: exits.counts[0]].copy(),
         "gate": exits.gate.copy(),
-        "counts": exits.counts.copy(),
+        "counts": exits.counts[:2].copy(),
     }
 
 
@@ -213,5 +235,5 @@ def rebuilt_exits(stored: Mapping[str, np.ndarray]) -> Exits:
     if not (np.isfinite(lines).all() and np.isfinite(stored["gate"]).all()):
         raise InputError("exits.lines", "finite numbers", "NaN or infinity")
     exits.lines[: len(lines)] = lines
-    exits.gate[:], exits.counts[:] = stored["gate"], counts
+    exits.gate[:], exits.counts[:2] = stored["gate"], counts
     return exits

@@ -12,21 +12,24 @@ from albot_core.albot1.places import (
     Line,
     Passage,
     Site,
+    direction,
     middle,
     seen_from_frame,
     turned_round,
 )
-from albot_core.albot1.record import Event, Happening, Record
+from albot_core.albot1.record import AROUND, GLIMPSED, Event, Happening, Record
 from albot_core.albot1.trail import Trail
-from albot_core.geometry.poses import compose, inverse, relative, transform_points
+from albot_core.geometry.poses import compose, inverse, relative, transform_points, wrap_angle
 from albot_core.geometry.poses import transform_segments as transformed
 from albot_core.geometry.types import Pose, Segments
 from albot_core.topology.network import Network
 
 START = 0
 """The id of the place that the robot set out from; a place found to be it becomes it."""
-GLIMPSED = -1
-"""Surfaces that must be met again of a place suspected on the other side of an exit: none."""
+DOORSTEP = 5.0
+"""A robot no farther from where it entered a place has just come in (m)."""
+STRAIGHT = np.radians(20.0)
+"""An exit is seen well enough to lay a place at it if it is turned less than this (rad)."""
 
 
 class PlaceNetwork:
@@ -93,21 +96,23 @@ class PlaceNetwork:
         places = tuple(self.sites[key].as_place() for key in sorted(self.sites))
         return Network(places=places, current=self.current, home=START, familiar=self.is_familiar)
 
-    def suspicions(self) -> Int32[np.ndarray, "visits"]:
+    def suspicions(self, pose: Pose) -> Int32[np.ndarray, "visits"]:
         """More than how many surfaces of each visit must be met again to arouse suspicion.
+
+        `pose` is the robot's in the map.
 
         They are more for a larger place (section 4.1.2). What is met of places that an exit
         joins to the present one is seen through that exit, and they are not the same place.
         A place suspected on this side of the exit just crossed is suspected beyond it, for
-        what was met of it there is the map's no more: this is ours. A robot that has lost its
-        way may be anywhere.
+        what was met of it there is the map's no more: this is ours. So it is that places are
+        suspected within which a robot stands that does not know where it is (AROUND). One that
+        has lost its way may be anywhere.
         """
         glimpsed = self.record.glimpsed()
         joined = {self.current, *(passage.leads_to for passage in self.here.passages)}
-        by_place = {
-            key: NEVER if key in joined else self._needed(site, glimpsed)
-            for key, site in self.sites.items()
-        }
+        by_place = {key: self.needed(site) for key, site in self.sites.items()}
+        by_place |= dict.fromkeys(self._places_around(pose), AROUND)
+        by_place |= dict.fromkeys(glimpsed, GLIMPSED) | dict.fromkeys(joined, NEVER)
         needed = np.full(len(self.visits), NEVER, np.int32)
         if self.lost_since:
             needed[1:] = GLIMPSED
@@ -115,12 +120,32 @@ class PlaceNetwork:
             needed[1:-1] = [by_place[place] for place in self.visits[1:-1]]
         return needed
 
-    def _needed(self, site: Site, glimpsed: set[int]) -> int:
+    def needed(self, site: Site) -> int:
+        """More than how many surfaces of a place must be met again, if nothing else speaks for it.
+
+        The thesis says no more than that they are more for a larger place.
+        """
         config = self.config
-        if site.id in glimpsed:
-            return GLIMPSED
         share = round(config.suspicion_share * len(site.surfaces))
         return min(max(share, config.fewest_met), config.most_met)
+
+    def _places_around(self, pose: Pose) -> list[int]:
+        """The places within whose surfaces a robot believes to stand that has entered a new one.
+
+        It has come no farther into that than DOORSTEP: whoever has seen much of a place that
+        is another one would have recognised it.
+        """
+        if self.is_familiar or not self.config.by_position:
+            return []
+        if np.hypot(*relative(self.frame, pose)[:2]) > DOORSTEP:
+            return []
+        around = []
+        for key, site in self.sites.items():
+            ends = site.surfaces.reshape(-1, 2)
+            point = relative(compose(self.displacement, site.frame), pose)[:2]
+            if len(ends) and (ends.min(0) <= point).all() and (point <= ends.max(0)).all():
+                around.append(key)
+        return around
 
     def remember_place(self, step: int, line: Line, seen: Segments, pose: Pose) -> None:
         """An exit is crossed (algorithms 5 and 7).
@@ -131,7 +156,12 @@ class PlaceNetwork:
             seen: The surfaces of the map that were seen in the visit that ends (m).
             pose: Where the robot is in the map.
         """
-        left, local = self._close(seen), seen_from_frame(self.frame, line[None])[0]
+        local = seen_from_frame(self.frame, line[None])[0]
+        unseen = self.here.passage_at(turned_round(local))
+        if unseen is not None:
+            self._return(step, self.here.passages[unseen])
+            return
+        left = self._close(seen)
         known = left.passage_at(local)  # line 13
         if known is None:
             entered = self._new_place(pose)
@@ -144,11 +174,22 @@ class PlaceNetwork:
         else:
             passage = left.passages[known]
             entered = self.sites[passage.leads_to]
-            self._align(entered, passage.exit_there, line)
+            self._align(passage, line)
             gap = float(np.hypot(*(middle(passage.line) - middle(local))))
             what = Happening.ENTERED
         self.record.note(Event(step=step, what=what, place=left.id, other=entered.id, gap=gap))
         self._begin_visit(entered.id)
+
+    def _return(self, step: int, passage: Passage) -> None:
+        """The robot comes into the place that it believed to be in: it had left it unnoticed.
+
+        This is ours. What it has seen since it last crossed an exit is of both places, and not
+        told apart: neither is described by it.
+        """
+        self.displacements[-1] = self.displacement
+        back = Event(step=step, what=Happening.RETURNED, place=self.current, other=passage.leads_to)
+        self.record.note(back)
+        self._begin_visit(self.current)
 
     def lose(self, step: int, seen: Segments, pose: Pose) -> None:
         """The robot is not where it believes to be: it begins anew, in a place without exits.
@@ -205,20 +246,26 @@ class PlaceNetwork:
     def _enduring(self, line: Line) -> Segments:
         return seen_from_frame(self.displacement, line[None])
 
-    def _align(self, site: Site, door: int, line: Line) -> None:
-        """Lay a place at the exit that it shares with the one left (algorithm 7, line 13).
+    def _align(self, passage: Passage, line: Line) -> None:
+        """Lay the place behind an exit of the present one at it (algorithm 7, line 13).
 
-        The thesis takes the exit as the reference for position and direction. A doorway seen
-        in passing gives its direction to some 10° only, and its place to the thickness of the
-        wall, for it is seen from either side; where the map is about right it is left alone.
+        The thesis takes the exit seen as the reference for position and direction. A doorway
+        seen in passing gives its direction to some 10° only, and its place to the thickness of
+        the wall, for it is seen from either side; with something beside it, to half its
+        width. So the two places are laid together by what both remember of their exit, and the
+        exit seen counts only where it lies in the direction remembered. Where the map is about
+        right it is left alone.
         """
-        there = transform_points(
-            compose(self.displacement, site.frame), middle(site.passages[door].line)
-        )
-        shift = middle(line) - there
-        if np.hypot(*shift) < self.config.agreement:
-            return
-        self.displacement = self.displacement + np.array([shift[0], shift[1], 0.0])
+        entered = self.sites[passage.leads_to]
+        frame = compose(self.displacement, entered.frame)
+        theirs = transform_points(frame, middle(entered.passages[passage.exit_there].line))
+        mine = transformed(self.frame, passage.line[None])[0]
+        shifts = [middle(mine) - theirs]
+        if abs(wrap_angle(direction(line) - direction(mine))) < STRAIGHT:
+            shifts.append(middle(line) - middle(mine))
+        for shift in shifts:
+            if np.hypot(*shift) >= self.config.agreement:
+                self.displacement = self.displacement + np.array([*shift, 0.0])
 
     def identify(self, step: int, other: Site, pose: Pose) -> None:
         """The present place is the other, whose frame lies at `pose` in the map."""

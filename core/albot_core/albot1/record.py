@@ -22,8 +22,13 @@ class Happening(IntEnum):
     FOLLOWED = 5
     LOST = 6
     FOUND = 7
+    RETURNED = 8
 
 
+GLIMPSED = -1
+"""As `Event.needed`, of a place suspected on the other side of an exit: none."""
+AROUND = -2
+"""The same of a place within which the robot seems to stand."""
 COLUMNS = 11
 """Numbers of an event: see the fields of `Event`."""
 
@@ -43,7 +48,7 @@ class Event:
     met: int = 0
     """How many surfaces of an earlier visit to the other place were met again."""
     needed: int = 0
-    """More than how many arouse the suspicion."""
+    """More than how many arouse the suspicion; or GLIMPSED or AROUND."""
     matches: int = 0
     """How many surfaces of the two places are the same."""
     left: int = 0
@@ -71,15 +76,21 @@ class Event:
         """One line that says what happened and why."""
         return f"view {self.step}: {self._told()}"
 
+    def _suspected(self) -> str:
+        """Why the place was thought to be the other."""
+        other = f"P{self.other + 1}"
+        if self.needed == GLIMPSED:
+            return f"{other} was in sight from the exit crossed"
+        if self.needed == AROUND:
+            return f"the robot seemed to stand within {other}"
+        return f"{self.met} surfaces of {other} were met again, more than {self.needed}"
+
     def _told(self) -> str:
-        place, other = f"P{self.place + 1}", f"P{self.other + 1}"
+        place, other, suspicion = f"P{self.place + 1}", f"P{self.other + 1}", self._suspected()
         structure = (
             f"{self.matches} surfaces are the same ({self.left} to the left, {self.right} to "
             f"the right, {self.share:.0%} of the smaller description)"
         )
-        suspicion = f"{other} was in sight from the exit crossed"
-        if self.needed >= 0:
-            suspicion = f"{self.met} surfaces of {other} were met again, more than {self.needed}"
         match self.what:
             case Happening.SET_OUT:
                 return f"set out in {place}"
@@ -90,6 +101,8 @@ class Event:
                     f"left {place} through a known exit, {self.gap:.2f} m from where it was "
                     f"expected, which leads to {other}"
                 )
+            case Happening.RETURNED:
+                return f"came out of {other} into {place}, which it had left by that exit unnoticed"
             case Happening.RECOGNIZED:
                 return f"{place} is {other}: {suspicion}, and {structure}"
             case Happening.REFUSED:

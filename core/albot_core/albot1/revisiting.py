@@ -7,7 +7,7 @@ from jaxtyping import Int32
 
 from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import Site
-from albot_core.albot1.record import Happening
+from albot_core.albot1.record import AROUND, Happening
 from albot_core.albot1.structure import Likeness, compare
 from albot_core.geometry.poses import compose, inverse, relative
 from albot_core.geometry.types import Pose, Segments
@@ -30,12 +30,16 @@ def recognize_place(
     """
     if not _looks_again(network, pose):
         return False
-    needed = network.suspicions()
+    needed = network.suspicions(pose)
     for visit in _suspects(network, met, needed):
         other = network.sites[network.visits[visit]]
         guess = compose(network.displacements[visit], other.frame)
-        likeness = compare(seen, other.surfaces, guess, pose, network.config.alike)
-        accepted = _is_confirmed(network, likeness, other, pose)
+        by_position = needed[visit] == AROUND and met[visit] <= network.needed(other)
+        alike = network.config.alike_here if by_position else network.config.alike
+        likeness = compare(seen, other.surfaces, guess, pose, alike)
+        accepted = _is_confirmed(network, likeness, other, pose) and (
+            not by_position or likeness.share >= network.config.share_here
+        )
         what = Happening.RECOGNIZED if accepted else Happening.REFUSED
         counts = {"met": int(met[visit]), "needed": int(needed[visit])}
         network.record.explain(step, what, network.current, other.id, likeness, **counts)

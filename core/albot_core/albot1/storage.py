@@ -123,7 +123,8 @@ def exits_at(table: np.ndarray) -> Exits:
     return Exits(
         _numbers(table[_EXITS], EXITS, 4),
         carray(pointer(table[_EXITS + 1]), (5,), np.float64),
-        _integers(table[_EXITS + 2], 2),
+        _integers(table[_EXITS + 2], 3),
+        _numbers(table[_EXITS + 3], EXITS, 4),
     )
 
 

@@ -12,6 +12,7 @@ from albot_core.albot1.exits import (
     ROOM,
     THROUGH,
     cross_exit,
+    expect_exits,
     no_exits,
     rebuilt_exits,
     remember_exits,
@@ -193,6 +194,28 @@ def test_of_two_lines_passed_the_nearer_to_the_end_is_the_gate():
     exits.counts[0] = 2
     assert cross_exit(exits, *path[0], np.array([*path[1], 0.0]))
     assert exits.gate.tolist() == [1.5, -0.5, 1.5, 0.5, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("seen", "crossed"),
+    [(None, True), ((0.0, 0.1, 0.0, 1.0), False), ((0.0, 2.0, 0.0, 2.9), True)],
+)
+def test_an_exit_is_crossed_where_it_is_expected_unless_it_is_seen_elsewhere(seen, crossed):
+    exits = no_exits()
+    expect_exits(exits, np.array([DOOR]))
+    if seen is not None:
+        exits.lines[0], exits.counts[0] = seen, 1
+    assert cross_exit(exits, -1.0, 0.0, np.array([1.0, 0.0, 0.0])) == crossed
+    expect_exits(exits, np.empty((0, 4)))
+    assert not cross_exit(exits, -1.0, 0.0, np.array([1.0, 0.0, 0.0]))
+
+
+def test_of_too_many_exits_the_last_are_expected():
+    lines = np.arange(4.0 * (ROOM + 5)).reshape(-1, 4)
+    exits = no_exits()
+    expect_exits(exits, lines)
+    assert exits.counts[2] == ROOM
+    np.testing.assert_array_equal(exits.expected, lines[5:])
 
 
 def test_exits_are_stored_and_rebuilt_and_damage_is_refused():

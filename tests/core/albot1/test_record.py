@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from albot_core.albot1.record import COLUMNS, Event, Happening
+from albot_core.albot1.record import AROUND, COLUMNS, GLIMPSED, Event, Happening
 
 WORDS = {
     Happening.SET_OUT: "view 7: set out in P3",
@@ -21,6 +21,7 @@ WORDS = {
     "description)",
     Happening.FOLLOWED: "view 7: P3 is P5 too: one exit leads to both",
     Happening.LOST: "view 7: lost: nothing in view is where it should be; calls it P5",
+    Happening.RETURNED: "view 7: came out of P5 into P3, which it had left by that exit unnoticed",
     Happening.FOUND: "view 7: found: P3 is P5, for 9 surfaces are the same (5 to the left, 4 to "
     "the right, 50% of the smaller description)",
 }
@@ -42,6 +43,18 @@ def test_every_event_explains_itself(what):
         gap=0.25,
     )
     assert str(event) == WORDS[what]
+
+
+@pytest.mark.parametrize(
+    ("needed", "why"),
+    [
+        (GLIMPSED, "P5 was in sight from the exit crossed"),
+        (AROUND, "the robot seemed to stand within P5"),
+    ],
+)
+def test_a_place_may_be_suspected_for_where_it_is(needed, why):
+    event = Event(step=7, what=Happening.REFUSED, place=2, other=4, needed=needed)
+    assert f"P3 is not taken for P5: {why}, but only 0 surfaces" in str(event)
 
 
 counts = st.integers(0, 2**31)
