@@ -8,7 +8,7 @@ import numpy as np
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.entering import enter
-from albot_core.albot1.exits import GATE, Exits, leave_exits
+from albot_core.albot1.exits import NO_GATE, Exits, leave_exits
 from albot_core.albot1.following import ASTRAY, CROSSED, SUSPECTED, TROD
 from albot_core.albot1.mapping import STEP, STRANGE, UPDATED_AT, UPDATES
 from albot_core.albot1.memory import USED, VISIT, Memory, living
@@ -71,7 +71,7 @@ def attend(robot: Robot, events: int, limits: Limits) -> None:
         _lose(robot, limits)
     elif events & CROSSED:
         _cross(robot, limits)
-    elif robot.exits.counts[1] == GATE:
+    elif robot.exits.counts[1] != NO_GATE:
         pass  # between two places there is no telling which it is in
     elif robot.network.lost_since:
         _find(robot)

@@ -29,8 +29,12 @@ NEARBY = 3.0
 THROUGH = 0.3
 """A robot has crossed an exit once it is this far beyond its line (m)."""
 
-NO_GATE, GATE = 0, 1
-"""In `Exits.counts[1]`: whether the robot stands in an exit whose line it has passed."""
+FAR = 1.0
+"""It has crossed one that it does not see once it is this far beyond its line (m)."""
+
+NO_GATE, GATE, EXPECTED = 0, 1, 2
+"""In `Exits.counts[1]`: whether the robot stands in an exit whose line it has passed, or in one
+that it does not see."""
 
 
 class Exits(NamedTuple):
@@ -41,7 +45,7 @@ class Exits(NamedTuple):
     gate: np.ndarray
     """(5,) float64: the exit whose line the robot has passed, and from which side (-1, 1)."""
     counts: np.ndarray
-    """(3,) int64: how many exits are remembered; NO_GATE or GATE; how many are expected."""
+    """(3,) int64: exits remembered; NO_GATE, GATE or EXPECTED; exits expected."""
     expected: np.ndarray
     """(ROOM, 4) float64: where known exits of the present place should be, as `lines`."""
 
@@ -165,36 +169,49 @@ def _is_seen(exits: Exits, line: np.ndarray) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
+def _pass(exits: Exits, ax: float, ay: float, x: float, y: float, what: int) -> None:
+    """Note as the gate the exit nearest to (x, y), if any, that was passed on the way there.
+
+    Of the exits remembered, where `what` is GATE; of those expected and not seen, if EXPECTED.
+    """
+    lines, count = exits.lines, exits.counts[0]
+    if what == EXPECTED:
+        lines, count = exits.expected, exits.counts[2]
+    nearest = np.inf
+    for k in range(count):
+        line = lines[k]
+        if crosses(line, ax, ay, x, y) and (what == GATE or not _is_seen(exits, line)):
+            dx, dy = 0.5 * (line[0] + line[2]) - x, 0.5 * (line[1] + line[3]) - y
+            if dx * dx + dy * dy < nearest:
+                nearest = dx * dx + dy * dy
+                for i in range(4):
+                    exits.gate[i] = line[i]
+                side = beyond(line[0], line[1], line[2], line[3], ax, ay)
+                exits.gate[4] = 1.0 if side > 0.0 else -1.0
+                exits.counts[1] = what
+
+
+@njit(cache=True, error_model="numpy")
 def cross_exit(exits: Exits, ax: float, ay: float, pose: np.ndarray) -> bool:
     """Whether on the way from (ax, ay) to `pose` the robot got through an exit.
 
     Its line is then in `exits.gate`. A robot that has passed the line is through only when
     it is THROUGH beyond it, so that one that dithers in a doorway does not cross it often.
     It also gets through known exits that it does not see, where they are expected: aslant, or
-    with something beside it, a doorway may not look like one.
+    with something beside it, a doorway may not look like one. Then it must come FAR beyond,
+    and pass none that it sees, for it may be that one.
     """
-    x, y = pose[0], pose[1]
-    gate = exits.gate
-    if exits.counts[1] == NO_GATE:
-        nearest = np.inf
-        seen = exits.counts[0]
-        for k in range(seen + exits.counts[2]):
-            line = exits.lines[k] if k < seen else exits.expected[k - seen]
-            if crosses(line, ax, ay, x, y) and (k < seen or not _is_seen(exits, line)):
-                dx, dy = 0.5 * (line[0] + line[2]) - x, 0.5 * (line[1] + line[3]) - y
-                if dx * dx + dy * dy < nearest:
-                    nearest = dx * dx + dy * dy
-                    for i in range(4):
-                        gate[i] = line[i]
-                    side = beyond(line[0], line[1], line[2], line[3], ax, ay)
-                    gate[4] = 1.0 if side > 0.0 else -1.0
-                    exits.counts[1] = GATE
-        if exits.counts[1] == NO_GATE:
-            return False
-    through = -gate[4] * beyond(gate[0], gate[1], gate[2], gate[3], x, y)
-    if abs(through) < THROUGH:
+    x, y, gate, counts = pose[0], pose[1], exits.gate, exits.counts
+    if counts[1] != GATE:
+        _pass(exits, ax, ay, x, y, GATE)
+    if counts[1] == NO_GATE:
+        _pass(exits, ax, ay, x, y, EXPECTED)
+    if counts[1] == NO_GATE:
         return False
-    exits.counts[1] = NO_GATE
+    through = -gate[4] * beyond(gate[0], gate[1], gate[2], gate[3], x, y)
+    if abs(through) < (THROUGH if counts[1] == GATE else FAR):
+        return False
+    counts[1] = NO_GATE
     return bool(through > 0.0)
 
 
@@ -227,8 +244,10 @@ def rebuilt_exits(stored: Mapping[str, np.ndarray]) -> Exits:
     """
     exits = no_exits()
     lines, counts = stored["lines"], stored["counts"]
-    if counts.shape != (2,) or counts.tolist() not in ([len(lines), 0], [len(lines), 1]):
-        raise InputError("exits.counts", f"{len(lines)} and 0 or 1", str(counts.tolist()))
+    if counts.shape != (2,) or counts.tolist() not in [
+        [len(lines), gate] for gate in (NO_GATE, GATE, EXPECTED)
+    ]:
+        raise InputError("exits.counts", f"{len(lines)} and 0 to 2", str(counts.tolist()))
     if len(lines) > ROOM or lines.shape[1:] != (4,) or stored["gate"].shape != (5,):
         found = f"{lines.shape} and {stored['gate'].shape}"
         raise InputError("exits.lines", f"shapes (up to {ROOM}, 4) and (5,)", found)

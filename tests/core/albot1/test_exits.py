@@ -9,8 +9,12 @@ from hypothesis import strategies as st
 
 from albot_core.albot1.config import Albot1Config
 from albot_core.albot1.exits import (
+    EXPECTED,
+    FAR,
+    GATE,
     ROOM,
     THROUGH,
+    Exits,
     cross_exit,
     expect_exits,
     no_exits,
@@ -196,18 +200,42 @@ def test_of_two_lines_passed_the_nearer_to_the_end_is_the_gate():
     assert exits.gate.tolist() == [1.5, -0.5, 1.5, 0.5, 1.0]
 
 
+def expecting(line: tuple[float, ...], *seen: tuple[float, ...]) -> Exits:
+    """A robot that expects an exit somewhere and has seen others."""
+    exits = no_exits()
+    expect_exits(exits, np.array([line]))
+    exits.lines[: len(seen)] = np.reshape(seen, (-1, 4))
+    exits.counts[0] = len(seen)
+    return exits
+
+
 @pytest.mark.parametrize(
     ("seen", "crossed"),
-    [(None, True), ((0.0, 0.1, 0.0, 1.0), False), ((0.0, 2.0, 0.0, 2.9), True)],
+    [((), True), (((0.0, 0.1, 0.0, 1.0),), False), (((0.0, 2.0, 0.0, 2.9),), True)],
 )
 def test_an_exit_is_crossed_where_it_is_expected_unless_it_is_seen_elsewhere(seen, crossed):
-    exits = no_exits()
-    expect_exits(exits, np.array([DOOR]))
-    if seen is not None:
-        exits.lines[0], exits.counts[0] = seen, 1
-    assert cross_exit(exits, -1.0, 0.0, np.array([1.0, 0.0, 0.0])) == crossed
+    exits = expecting(DOOR, *seen)
+    beyond = np.array([FAR + 0.01, 0.0, 0.0])
+    assert cross_exit(exits, -1.0, 0.0, beyond) == crossed
     expect_exits(exits, np.empty((0, 4)))
-    assert not cross_exit(exits, -1.0, 0.0, np.array([1.0, 0.0, 0.0]))
+    assert not cross_exit(exits, -1.0, 0.0, beyond)
+
+
+def test_an_exit_expected_is_crossed_only_far_beyond_and_not_where_one_that_is_seen_comes_first():
+    exits = expecting(DOOR)
+    assert not cross_exit(exits, -1.0, 0.0, np.array([FAR - 0.01, 0.0, 0.0]))
+    assert exits.counts[1] == EXPECTED
+    again = rebuilt_exits(stored_exits(exits))
+    expect_exits(again, exits.expected[:1])
+    assert cross_exit(exits, FAR - 0.01, 0.0, np.array([FAR + 0.01, 0.0, 0.0]))
+    assert tuple(exits.gate[:4]) == DOOR
+    # The same, but for a door that it sees on the way: it is that one.
+    behind = (0.9, -0.5, 0.9, 0.5)
+    again.lines[0], again.counts[0] = behind, 1
+    assert not cross_exit(again, 0.85, 0.0, np.array([FAR + 0.01, 0.0, 0.0]))
+    assert again.counts[1] == GATE
+    assert cross_exit(again, FAR + 0.01, 0.0, np.array([1.3, 0.0, 0.0]))
+    assert tuple(again.gate[:4]) == behind
 
 
 def test_of_too_many_exits_the_last_are_expected():
@@ -234,7 +262,7 @@ def test_exits_are_stored_and_rebuilt_and_damage_is_refused():
         with pytest.raises(InputError, match="exits"):
             rebuilt_exits(stored | {name: damage})
     with pytest.raises(InputError, match="counts"):
-        rebuilt_exits(stored | {"counts": np.array([1, 2])})
+        rebuilt_exits(stored | {"counts": np.array([1, 3])})
 
 
 def test_the_view_may_stand_anywhere():
