@@ -18,6 +18,7 @@ from albot_core.albot1.recognition import moved
 from albot_core.albot1.revisiting import find, is_time_to_look, recognize_place
 from albot_core.albot1.sight import Sight
 from albot_core.albot1.structure import joined
+from albot_core.albot1.suspicion import suspicions
 from albot_core.albot1.treading import tread
 from albot_core.albot1.updating import update_map
 from albot_core.albot1.visits import (
@@ -88,7 +89,7 @@ def _cross(robot: Robot, limits: Limits) -> None:
     _forget_visits(robot)
     robot.network.remember_place(robot.step, line, seen_in_visit(memory), sight.pose)
     leave_exits(robot.exits, *sight.pose[:2])
-    begin_visit(memory, robot.network.suspicions(sight.pose))
+    begin_visit(memory, suspicions(robot.network, sight.pose))
     enter(memory, sight, limits)
     _note_update(robot)
 
@@ -115,7 +116,7 @@ def _suspect(robot: Robot) -> None:
     if not is_time_to_look(network, robot.sight.pose):
         return
     known = recognize_place(network, robot.step, met[:, 0], _before_it(robot), robot.sight.pose)
-    needed = network.suspicions(robot.sight.pose)
+    needed = suspicions(network, robot.sight.pose)
     if known:
         arouse_from(memory, needed)
     else:
@@ -139,7 +140,7 @@ def _lose(robot: Robot, limits: Limits) -> None:
     seen = memory.surfaces[:used][before & present & living(memory)]
     _forget_visits(robot)
     network.lose(robot.step, seen, sight.pose)
-    begin_visit(memory, network.suspicions(sight.pose))
+    begin_visit(memory, suspicions(network, sight.pose))
     update_map(memory, sight, limits)
     _note_update(robot)
 
@@ -157,4 +158,4 @@ def _find(robot: Robot) -> None:
     moved(motion, sight.pose.copy(), sight.pose)
     robot.pose[:] = sight.pose
     robot.exits.counts[:] = 0
-    arouse_from(memory, network.suspicions(robot.sight.pose))
+    arouse_from(memory, suspicions(network, robot.sight.pose))

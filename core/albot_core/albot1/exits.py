@@ -1,4 +1,4 @@
-"""Exits seen and remembered in the perceptual map, and the event of crossing one.
+"""Exits seen and remembered in the perceptual map.
 
 Exits are part of the transient map: each is remembered where it was last seen, and what a
 later view shows to be shut is forgotten. Compiled, for many robots.
@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 from albot_core.albot1.config import Limits
-from albot_core.albot1.gaps import REACH, beyond, find_exits
+from albot_core.albot1.gaps import REACH, crosses, find_exits
 from albot_core.albot1.sight import Sight
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
@@ -22,16 +22,8 @@ ROOM = 48
 """Exits that a robot remembers; the farthest is forgotten for a new one."""
 SAME = 0.6
 """Exits whose middles are nearer than this are one (m)."""
-ASIDE = 1.2
-"""An exit expected so near to one that is seen (m) is that one: the map may have drifted."""
 NEARBY = 3.0
 """When a place is left, exits farther away are forgotten (m)."""
-THROUGH = 0.3
-"""A robot has crossed an exit once it is this far beyond its line (m)."""
-
-FAR = 1.0
-"""It has crossed one that it does not see once it is this far beyond its line (m)."""
-
 NO_GATE, GATE, EXPECTED = 0, 1, 2
 """In `Exits.counts[1]`: whether the robot stands in an exit whose line it has passed, or in one
 that it does not see."""
@@ -71,7 +63,7 @@ def _forget(exits: Exits, k: int) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _nearest(exits: Exits, x: float, y: float) -> tuple[int, float]:
+def nearest_exit(exits: Exits, x: float, y: float) -> tuple[int, float]:
     """The remembered exit with its middle nearest to a point, and how near (m)."""
     best, which = np.inf, -1
     for k in range(exits.counts[0]):
@@ -91,20 +83,6 @@ def _farthest(exits: Exits, x: float, y: float) -> int:
         if dx * dx + dy * dy > best:
             best, which = dx * dx + dy * dy, k
     return which
-
-
-@njit(cache=True, error_model="numpy")
-def crosses(line: np.ndarray, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Whether the way from a to b passes a line between its ends."""
-    dx, dy = line[2] - line[0], line[3] - line[1]
-    before = dx * (ay - line[1]) - dy * (ax - line[0])
-    after = dx * (by - line[1]) - dy * (bx - line[0])
-    if (before > 0.0) == (after > 0.0):
-        return False
-    ex, ey = bx - ax, by - ay
-    first = ex * (line[1] - ay) - ey * (line[0] - ax)
-    second = ex * (line[3] - ay) - ey * (line[2] - ax)
-    return bool((first > 0.0) != (second > 0.0))
 
 
 @njit(cache=True, error_model="numpy")
@@ -151,7 +129,7 @@ def remember_exits(exits: Exits, sight: Sight, limits: Limits) -> None:
             placed[2 * end] = pose[0] + cos * x - sin * y
             placed[2 * end + 1] = pose[1] + sin * x + cos * y
         x, y = 0.5 * (placed[0] + placed[2]), 0.5 * (placed[1] + placed[3])
-        which, away = _nearest(exits, x, y)
+        which, away = nearest_exit(exits, x, y)
         if away >= SAME:
             if exits.counts[0] == exits.lines.shape[0]:
                 _forget(exits, _farthest(exits, pose[0], pose[1]))
@@ -159,60 +137,6 @@ def remember_exits(exits: Exits, sight: Sight, limits: Limits) -> None:
             exits.counts[0] += 1
         for i in range(4):
             exits.lines[which, i] = placed[i]
-
-
-@njit(cache=True, error_model="numpy")
-def _is_seen(exits: Exits, line: np.ndarray) -> bool:
-    """Whether an exit is remembered about where one is expected."""
-    _, away = _nearest(exits, 0.5 * (line[0] + line[2]), 0.5 * (line[1] + line[3]))
-    return bool(away < ASIDE)
-
-
-@njit(cache=True, error_model="numpy")
-def _pass(exits: Exits, ax: float, ay: float, x: float, y: float, what: int) -> None:
-    """Note as the gate the exit nearest to (x, y), if any, that was passed on the way there.
-
-    Of the exits remembered, where `what` is GATE; of those expected and not seen, if EXPECTED.
-    """
-    lines, count = exits.lines, exits.counts[0]
-    if what == EXPECTED:
-        lines, count = exits.expected, exits.counts[2]
-    nearest = np.inf
-    for k in range(count):
-        line = lines[k]
-        if crosses(line, ax, ay, x, y) and (what == GATE or not _is_seen(exits, line)):
-            dx, dy = 0.5 * (line[0] + line[2]) - x, 0.5 * (line[1] + line[3]) - y
-            if dx * dx + dy * dy < nearest:
-                nearest = dx * dx + dy * dy
-                for i in range(4):
-                    exits.gate[i] = line[i]
-                side = beyond(line[0], line[1], line[2], line[3], ax, ay)
-                exits.gate[4] = 1.0 if side > 0.0 else -1.0
-                exits.counts[1] = what
-
-
-@njit(cache=True, error_model="numpy")
-def cross_exit(exits: Exits, ax: float, ay: float, pose: np.ndarray) -> bool:
-    """Whether on the way from (ax, ay) to `pose` the robot got through an exit.
-
-    Its line is then in `exits.gate`. A robot that has passed the line is through only when
-    it is THROUGH beyond it, so that one that dithers in a doorway does not cross it often.
-    It also gets through known exits that it does not see, where they are expected: aslant, or
-    with something beside it, a doorway may not look like one. Then it must come FAR beyond,
-    and pass none that it sees, for it may be that one.
-    """
-    x, y, gate, counts = pose[0], pose[1], exits.gate, exits.counts
-    if counts[1] != GATE:
-        _pass(exits, ax, ay, x, y, GATE)
-    if counts[1] == NO_GATE:
-        _pass(exits, ax, ay, x, y, EXPECTED)
-    if counts[1] == NO_GATE:
-        return False
-    through = -gate[4] * beyond(gate[0], gate[1], gate[2], gate[3], x, y)
-    if abs(through) < (THROUGH if counts[1] == GATE else FAR):
-        return False
-    counts[1] = NO_GATE
-    return bool(through > 0.0)
 
 
 def leave_exits(exits: Exits, x: float, y: float) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 from numba import njit
 
 from albot_core.albot1.config import Limits
-from albot_core.albot1.exits import cross_exit, remember_exits
+from albot_core.albot1.crossing import cross_exit
+from albot_core.albot1.exits import remember_exits
 from albot_core.albot1.mapping import STEP, STRANGE, map_step
 from albot_core.albot1.memory import ALIVE, NEXT_ID, SUSPECT, VISIT, Memory, room_left
 from albot_core.albot1.recognition import length_of, moved, pose_in, wrap

@@ -33,6 +33,20 @@ def beyond(px: float, py: float, qx: float, qy: float, x: float, y: float) -> fl
 
 
 @njit(cache=True, error_model="numpy")
+def crosses(line: np.ndarray, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Whether the way from a to b passes a line between its ends."""
+    dx, dy = line[2] - line[0], line[3] - line[1]
+    before = dx * (ay - line[1]) - dy * (ax - line[0])
+    after = dx * (by - line[1]) - dy * (bx - line[0])
+    if (before > 0.0) == (after > 0.0):
+        return False
+    ex, ey = bx - ax, by - ay
+    first = ex * (line[1] - ay) - ey * (line[0] - ax)
+    second = ex * (line[3] - ay) - ey * (line[2] - ax)
+    return bool((first > 0.0) != (second > 0.0))
+
+
+@njit(cache=True, error_model="numpy")
 def _runs_along(surface: np.ndarray, dx: float, dy: float) -> bool:
     """Whether a surface is a wall that runs along the direction (dx, dy)."""
     ux, uy = surface[2] - surface[0], surface[3] - surface[1]

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Bool, Int32, Int64
+from jaxtyping import Bool, Int64
 
 from albot_core.albot1.config import PlacesConfig
-from albot_core.albot1.memory import NEVER
 from albot_core.albot1.merging import merge
 from albot_core.albot1.places import (
     Line,
@@ -17,7 +16,7 @@ from albot_core.albot1.places import (
     seen_from_frame,
     turned_round,
 )
-from albot_core.albot1.record import AROUND, GLIMPSED, Event, Happening, Record
+from albot_core.albot1.record import Event, Happening, Record
 from albot_core.albot1.trail import Trail
 from albot_core.geometry.poses import compose, inverse, relative, transform_points, wrap_angle
 from albot_core.geometry.poses import transform_segments as transformed
@@ -26,8 +25,6 @@ from albot_core.topology.network import Network
 
 START = 0
 """The id of the place that the robot set out from; a place found to be it becomes it."""
-DOORSTEP = 5.0
-"""A robot no farther from where it entered a place has just come in (m)."""
 STRAIGHT = np.radians(20.0)
 """An exit is seen well enough to lay a place at it if it is turned less than this (rad)."""
 
@@ -95,57 +92,6 @@ class PlaceNetwork:
         """The network as users see it."""
         places = tuple(self.sites[key].as_place() for key in sorted(self.sites))
         return Network(places=places, current=self.current, home=START, familiar=self.is_familiar)
-
-    def suspicions(self, pose: Pose) -> Int32[np.ndarray, "visits"]:
-        """More than how many surfaces of each visit must be met again to arouse suspicion.
-
-        `pose` is the robot's in the map.
-
-        They are more for a larger place (section 4.1.2). What is met of places that an exit
-        joins to the present one is seen through that exit, and they are not the same place.
-        A place suspected on this side of the exit just crossed is suspected beyond it, for
-        what was met of it there is the map's no more: this is ours. So it is that places are
-        suspected within which a robot stands that does not know where it is (AROUND). One that
-        has lost its way may be anywhere.
-        """
-        glimpsed = self.record.glimpsed()
-        joined = {self.current, *(passage.leads_to for passage in self.here.passages)}
-        by_place = {key: self.needed(site) for key, site in self.sites.items()}
-        by_place |= dict.fromkeys(self._places_around(pose), AROUND)
-        by_place |= dict.fromkeys(glimpsed, GLIMPSED) | dict.fromkeys(joined, NEVER)
-        needed = np.full(len(self.visits), NEVER, np.int32)
-        if self.lost_since:
-            needed[1:] = GLIMPSED
-        else:
-            needed[1:-1] = [by_place[place] for place in self.visits[1:-1]]
-        return needed
-
-    def needed(self, site: Site) -> int:
-        """More than how many surfaces of a place must be met again, if nothing else speaks for it.
-
-        The thesis says no more than that they are more for a larger place.
-        """
-        config = self.config
-        share = round(config.suspicion_share * len(site.surfaces))
-        return min(max(share, config.fewest_met), config.most_met)
-
-    def _places_around(self, pose: Pose) -> list[int]:
-        """The places within whose surfaces a robot believes to stand that has entered a new one.
-
-        It has come no farther into that than DOORSTEP: whoever has seen much of a place that
-        is another one would have recognised it.
-        """
-        if self.is_familiar or not self.config.by_position:
-            return []
-        if np.hypot(*relative(self.frame, pose)[:2]) > DOORSTEP:
-            return []
-        around = []
-        for key, site in self.sites.items():
-            ends = site.surfaces.reshape(-1, 2)
-            point = relative(compose(self.displacement, site.frame), pose)[:2]
-            if len(ends) and (ends.min(0) <= point).all() and (point <= ends.max(0)).all():
-                around.append(key)
-        return around
 
     def remember_place(self, step: int, line: Line, seen: Segments, pose: Pose) -> None:
         """An exit is crossed (algorithms 5 and 7).

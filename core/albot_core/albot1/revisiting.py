@@ -9,6 +9,7 @@ from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import Site
 from albot_core.albot1.record import AROUND, Happening
 from albot_core.albot1.structure import Likeness, compare
+from albot_core.albot1.suspicion import enough, suspicions
 from albot_core.geometry.poses import compose, inverse, relative
 from albot_core.geometry.types import Pose, Segments
 
@@ -30,11 +31,11 @@ def recognize_place(
     """
     if not _looks_again(network, pose):
         return False
-    needed = network.suspicions(pose)
+    needed = suspicions(network, pose)
     for visit in _suspects(network, met, needed):
         other = network.sites[network.visits[visit]]
         guess = compose(network.displacements[visit], other.frame)
-        by_position = needed[visit] == AROUND and met[visit] <= network.needed(other)
+        by_position = needed[visit] == AROUND and met[visit] <= enough(other, network.config)
         alike = network.config.alike_here if by_position else network.config.alike
         likeness = compare(seen, other.surfaces, guess, pose, alike)
         accepted = _is_confirmed(network, likeness, other, pose) and (

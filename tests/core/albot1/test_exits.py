@@ -8,14 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.albot1.config import Albot1Config
+from albot_core.albot1.crossing import FAR, THROUGH, cross_exit
 from albot_core.albot1.exits import (
     EXPECTED,
-    FAR,
     GATE,
     ROOM,
-    THROUGH,
     Exits,
-    cross_exit,
     expect_exits,
     no_exits,
     rebuilt_exits,

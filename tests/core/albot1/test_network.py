@@ -13,6 +13,7 @@ from albot_core.albot1.network_state import rebuilt_network, stored_network
 from albot_core.albot1.places import Passage, Site, middle
 from albot_core.albot1.record import AROUND, Happening
 from albot_core.albot1.revisiting import find, recognize_place
+from albot_core.albot1.suspicion import suspicions
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.topology.network import Network
@@ -135,7 +136,7 @@ def test_places_that_an_exit_joins_are_not_one():
     for room in ((1, 0), (1, 1)):
         walker.go(room)
     network = walker.network
-    needed = network.suspicions(walker.pose())
+    needed = suspicions(network, walker.pose())
     config = network.config
     assert needed[0] == NEVER  # there is no visit 0
     assert needed[2] == NEVER  # next door
@@ -149,7 +150,7 @@ def test_larger_places_need_more_surfaces_to_be_suspected(size, expected):
     for room in RING:
         walker.go(room)
     walker.network.sites[0].surfaces = np.full((size, 4), 100.0)
-    assert walker.network.suspicions(walker.pose())[1] == expected
+    assert suspicions(walker.network, walker.pose())[1] == expected
 
 
 @pytest.mark.parametrize(("drift", "known"), [(0.3, True), (-1.0, False)])
@@ -166,11 +167,11 @@ def test_where_it_believes_to_stand_within_a_place_it_suspects_that(drift, known
     assert event.what == (Happening.RECOGNIZED if known else Happening.REFUSED)
     # In a place that it knows, and as in the thesis, where it stands arouses no suspicion.
     if known:
-        assert AROUND not in network.suspicions(walker.pose())
+        assert AROUND not in suspicions(network, walker.pose())
     letter = Walker(PlacesConfig())
     for room in RING:
         letter.go(room)
-    assert AROUND not in letter.network.suspicions(letter.pose())
+    assert AROUND not in suspicions(letter.network, letter.pose())
 
 
 def test_who_comes_out_of_a_place_had_left_the_other_unnoticed():
