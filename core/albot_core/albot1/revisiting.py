@@ -38,6 +38,8 @@ def recognize_place(
         by_position = needed[visit] == AROUND and met[visit] <= enough(other, network.config)
         alike = network.config.alike_here if by_position else network.config.alike
         likeness = compare(seen, other.surfaces, guess, pose, alike)
+        if by_position and likeness.matches == 0:
+            continue  # It stands within many: that it stands in none of them is not worth telling.
         accepted = _is_confirmed(network, likeness, other, pose) and (
             not by_position or likeness.share >= network.config.share_here
         )
