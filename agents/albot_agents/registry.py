@@ -149,10 +149,13 @@ def check_agent(name: str, task: str) -> None:
 def _trained(name: str, path: Path) -> AgentEntry:
     """The trained agent in a file."""
     file = read_agent(path)
+    algorithm, mapper = file.training.plan.algorithm, file.settings.get("mapper", "albot1")
+    parts = file.settings.get("config", {}).get("observations", {}).get("parts", [])
+    sees = f"; it sees {', '.join(parts)}" if parts else ""
     return AgentEntry(
-        summary=f"Trained for {file.task} by {file.training.plan.algorithm}.",
+        summary=f"Trained for {file.task} by {algorithm}, mapper {mapper}{sees}.",
         make=lambda observing: TrainedAgent(name, file, observing),
-        mapper=file.settings.get("mapper", "albot1"),
+        mapper=mapper,
         tasks=(file.task,),
         file=file,
     )

@@ -33,7 +33,15 @@ class Contest:
 CONTESTS = (
     Contest(
         task="Albot/Homing-v0",
-        agents=("oracle", "albot1-homing", "homing", "path-integration", "random"),
+        agents=(
+            "oracle",
+            "albot1-homing",
+            "homing",
+            "homing-blind",
+            "homing-mapless",
+            "path-integration",
+            "random",
+        ),
         odometers=("pioneer", "poor"),
         # So many journeys that hardly two episodes share one, but all agents of an episode do.
         settings={"journeys": 2**31},

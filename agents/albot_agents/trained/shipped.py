@@ -12,7 +12,8 @@ _FOLDER = Path(str(resources.files("albot_agents.trained")))
 
 def shipped_agents() -> dict[str, Path]:
     """Their files by name, in the order of the alphabet."""
-    return {path.stem: path for path in sorted(_FOLDER.glob(f"*{SUFFIX}"))}
+    files = {path.stem: path for path in _FOLDER.glob(f"*{SUFFIX}")}
+    return dict(sorted(files.items()))
 
 
 def card_of(name: str) -> Path:
