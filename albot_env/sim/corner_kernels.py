@@ -67,7 +67,7 @@ def corner_echo(
 def _reach_of(
     across: float, along: float, specular: tuple[float, float], reaches: tuple[float, float]
 ) -> float:
-    """From how far (m) a point is heard, by the sine and cosine of its opening, times a length."""
+    """From how far (m) a point is heard, by the sine and cosine of its opening, times an area."""
     if along < 0.0 and abs(across) <= -_TOUCH * along:
         return 0.0  # a straight wall
     if across > 0.0:
@@ -79,8 +79,8 @@ def _reach_of(
 def _opening(seen: np.ndarray, count: int, wall: int, x: float, y: float) -> tuple[float, float]:
     """The angle, on the sonar's side, between the walls that touch a wall's end (x, y).
 
-    Told by its sine and cosine, times a length (m²). A full turn at the end of a single wall;
-    both 0 where a wall before it ends there too, with which the point was looked at.
+    Told by its sine and cosine, times the lengths of both (m²). A full turn at the end of a
+    single wall; both 0 where a wall before it ends there too, with which the point was looked at.
     """
     # The next walls counter-clockwise and clockwise of the line to the sonar.
     left, left_x, left_y = np.inf, 0.0, 0.0

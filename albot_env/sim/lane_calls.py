@@ -65,6 +65,8 @@ def _lanes_within(
             within = met if within is None else builder.and_(within, met)
         return builder.zext(builder.bitcast(within, ir.IntType(LANES)), _WORD)
 
+    if ends.layout != "C" or ends.dtype != types.float64:
+        return None  # Numba then says that there is no such function for these arguments.
     return types.int64(ends, first, ax, ay, a, bx, by, b, cx, cy, c), generate
 
 

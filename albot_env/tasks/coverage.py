@@ -64,7 +64,7 @@ class CoverageConfig:
         beams = np.floor(((bearings + half) % (2 * np.pi)) / laser.spacing).astype(np.int64)
         beams[beams >= laser.beams] = -1
         # A part is narrower than a quarter of a degree.
-        ahead = float(np.cos(middles[beams >= 0]).min()) - 0.01
+        ahead = float(np.cos(middles[beams >= 0]).min(initial=1.0)) - 0.01
         x, y, heading = (float(number) for number in laser.mount)
         first = heading + laser.first_bearing
         return Sight(self.radius, x, y, first, laser.spacing, beams, ahead)

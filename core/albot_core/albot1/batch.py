@@ -241,7 +241,7 @@ class Albot1Batch:
         robots = self._robots
         robots.current[row], robots.is_lost[row] = network.current, network.lost_since > 0
         robots.displacements[row] = network.displacement
-        if self.config.remembered and self._expecting[row] != network.version:
+        if self.config.places.exits_expected and self._expecting[row] != network.version:
             self._expecting[row] = network.version
             expect_exits(self._arrays[row].exits, network.predicted_exits)
 

@@ -80,8 +80,8 @@ class PlacesConfig:
     most_met: int = 8
     """…and never more. The thesis says only that n grows with the place's size."""
     by_position: bool = False
-    """A robot in a new place suspects those as well within whose surfaces it believes to stand.
-    Off: as the thesis."""
+    """A robot that enters a new place suspects those as well within whose surfaces it believes to
+    stand. Off: as the thesis."""
     shift_here: float = 0.7
     """They are looked for no farther from where they are believed to be (m)…"""
     share_here: float = 0.7
@@ -90,6 +90,9 @@ class PlacesConfig:
     """After a comparison the robot goes so far until the next (m)…"""
     look_turn: float = np.radians(45.0)
     """…or turns so far (rad)."""
+    exits_expected: bool = False
+    """Known exits are crossed where they are expected, though they are not seen. Off: as the
+    thesis."""
     agreement: float = 0.40
     """Where map and alignment differ by less (m), the map is left as it is."""
     fewest_found: int = 7
@@ -122,7 +125,14 @@ class PlacesConfig:
     @classmethod
     def improved(cls) -> PlacesConfig:
         """The default mapper's thresholds: rooms are alike, so more is asked for."""
-        return cls(gap=0.20, shift=3.0, turn=np.radians(20.0), least_share=0.3, by_position=True)
+        return cls(
+            gap=0.20,
+            shift=3.0,
+            turn=np.radians(20.0),
+            least_share=0.3,
+            by_position=True,
+            exits_expected=True,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

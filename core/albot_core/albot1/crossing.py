@@ -12,7 +12,9 @@ THROUGH = 0.3
 """A robot has crossed an exit once it is this far beyond its line (m)."""
 
 FAR = 1.0
-"""It has crossed one that it does not see once it is this far beyond its line (m)."""
+"""It has crossed one that it does not see once it is this far beyond its line (m)…"""
+WIDE = 3.0
+"""…unless it has gone so far aside before (m)."""
 ASIDE = 1.2
 """An exit expected so near to one that is seen (m) is that one: the map may have drifted."""
 
@@ -25,10 +27,28 @@ def _is_seen(exits: Exits, line: np.ndarray) -> bool:
 
 
 @njit(cache=True, error_model="numpy")
+def _is_gate(exits: Exits, line: np.ndarray) -> bool:
+    """Whether the robot stands in this exit."""
+    same = exits.counts[1] != NO_GATE
+    for i in range(4):
+        same = same and exits.gate[i] == line[i]
+    return bool(same)
+
+
+@njit(cache=True, error_model="numpy")
+def _is_aside(gate: np.ndarray, x: float, y: float) -> bool:
+    """Whether a point is WIDE aside of an exit's middle."""
+    dx, dy = gate[2] - gate[0], gate[3] - gate[1]
+    along = dx * (x - 0.5 * (gate[0] + gate[2])) + dy * (y - 0.5 * (gate[1] + gate[3]))
+    return bool(abs(along) > WIDE * np.sqrt(dx * dx + dy * dy))
+
+
+@njit(cache=True, error_model="numpy")
 def _pass(exits: Exits, ax: float, ay: float, x: float, y: float, what: int) -> None:
     """Note as the gate the exit nearest to (x, y), if any, that was passed on the way there.
 
-    Of the exits remembered, where `what` is GATE; of those expected and not seen, if EXPECTED.
+    Of the exits remembered, where `what` is GATE; if EXPECTED, of those expected and not seen,
+    but for the gate itself: who goes back through that has crossed nothing.
     """
     lines, count = exits.lines, exits.counts[0]
     if what == EXPECTED:
@@ -36,7 +56,8 @@ def _pass(exits: Exits, ax: float, ay: float, x: float, y: float, what: int) -> 
     nearest = np.inf
     for k in range(count):
         line = lines[k]
-        if crosses(line, ax, ay, x, y) and (what == GATE or not _is_seen(exits, line)):
+        is_candidate = what == GATE or not (_is_gate(exits, line) or _is_seen(exits, line))
+        if is_candidate and crosses(line, ax, ay, x, y):
             dx, dy = 0.5 * (line[0] + line[2]) - x, 0.5 * (line[1] + line[3]) - y
             if dx * dx + dy * dy < nearest:
                 nearest = dx * dx + dy * dy
@@ -55,13 +76,16 @@ def cross_exit(exits: Exits, ax: float, ay: float, pose: np.ndarray) -> bool:
     it is THROUGH beyond it, so that one that dithers in a doorway does not cross it often.
     It also gets through known exits that it does not see, where they are expected: aslant, or
     with something beside it, a doorway may not look like one. Then it must come FAR beyond,
-    and pass none that it sees, for it may be that one.
+    and not WIDE aside first, as it would where the line lies in a corridor by error; and pass no
+    other, least of all one that it sees, for it may be that one.
     """
     x, y, gate, counts = pose[0], pose[1], exits.gate, exits.counts
     if counts[1] != GATE:
         _pass(exits, ax, ay, x, y, GATE)
-    if counts[1] == NO_GATE:
+    if counts[1] != GATE:
         _pass(exits, ax, ay, x, y, EXPECTED)
+    if counts[1] == EXPECTED and _is_aside(gate, x, y):
+        counts[1] = NO_GATE
     if counts[1] == NO_GATE:
         return False
     through = -gate[4] * beyond(gate[0], gate[1], gate[2], gate[3], x, y)

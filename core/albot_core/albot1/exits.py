@@ -25,8 +25,8 @@ SAME = 0.6
 NEARBY = 3.0
 """When a place is left, exits farther away are forgotten (m)."""
 NO_GATE, GATE, EXPECTED = 0, 1, 2
-"""In `Exits.counts[1]`: whether the robot stands in an exit whose line it has passed, or in one
-that it does not see."""
+"""In `Exits.counts[1]`: whether the robot stands in an exit whose line it has passed; of one that
+is seen, or of one that is only expected."""
 
 
 class Exits(NamedTuple):

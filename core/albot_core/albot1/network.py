@@ -130,7 +130,7 @@ class PlaceNetwork:
         """The robot comes into the place that it believed to be in: it had left it unnoticed.
 
         This is ours. What it has seen since it last crossed an exit is of both places, and not
-        told apart: neither is described by it.
+        told apart: neither is described by it. That it came back makes the place a known one.
         """
         self.displacements[-1] = self.displacement
         back = Event(step=step, what=Happening.RETURNED, place=self.current, other=passage.leads_to)
@@ -204,14 +204,15 @@ class PlaceNetwork:
         """
         entered = self.sites[passage.leads_to]
         frame = compose(self.displacement, entered.frame)
-        theirs = transform_points(frame, middle(entered.passages[passage.exit_there].line))
+        at = transform_points(frame, middle(entered.passages[passage.exit_there].line))
         mine = transformed(self.frame, passage.line[None])[0]
-        shifts = [middle(mine) - theirs]
+        targets = [middle(mine)]
         if abs(wrap_angle(direction(line) - direction(mine))) < STRAIGHT:
-            shifts.append(middle(line) - middle(mine))
-        for shift in shifts:
-            if np.hypot(*shift) >= self.config.agreement:
-                self.displacement = self.displacement + np.array([*shift, 0.0])
+            targets.append(middle(line))
+        for target in targets:
+            if np.hypot(*(target - at)) >= self.config.agreement:
+                self.displacement = self.displacement + np.array([*(target - at), 0.0])
+                at = target
 
     def identify(self, step: int, other: Site, pose: Pose) -> None:
         """The present place is the other, whose frame lies at `pose` in the map."""

@@ -9,7 +9,7 @@ from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import Site
 from albot_core.albot1.record import AROUND, Happening
 from albot_core.albot1.structure import Likeness, compare
-from albot_core.albot1.suspicion import enough, suspicions
+from albot_core.albot1.suspicion import surfaces_needed, suspicions
 from albot_core.geometry.poses import compose, inverse, relative
 from albot_core.geometry.types import Pose, Segments
 
@@ -32,10 +32,17 @@ def recognize_place(
     if not _looks_again(network, pose):
         return False
     needed = suspicions(network, pose)
+    stood_in: set[int] = set()
     for visit in _suspects(network, met, needed):
-        other = network.sites[network.visits[visit]]
-        guess = compose(network.displacements[visit], other.frame)
-        by_position = needed[visit] == AROUND and met[visit] <= enough(other, network.config)
+        other, least = network.sites[network.visits[visit]], int(needed[visit])
+        if least == AROUND and met[visit] > surfaces_needed(other, network.config):
+            least = surfaces_needed(other, network.config)
+        by_position = least == AROUND
+        if by_position and other.id in stood_in:
+            continue  # Where it stands now is the same for all visits.
+        stood_in.add(other.id)
+        displacement = network.displacement if by_position else network.displacements[visit]
+        guess = compose(displacement, other.frame)
         alike = network.config.alike_here if by_position else network.config.alike
         likeness = compare(seen, other.surfaces, guess, pose, alike)
         if by_position and likeness.matches == 0:
@@ -44,7 +51,7 @@ def recognize_place(
             not by_position or likeness.share >= network.config.share_here
         )
         what = Happening.RECOGNIZED if accepted else Happening.REFUSED
-        counts = {"met": int(met[visit]), "needed": int(needed[visit])}
+        counts = {"met": int(met[visit]), "needed": least}
         network.record.explain(step, what, network.current, other.id, likeness, **counts)
         if accepted:
             network.identify(step, other, _settled(network, guess, likeness, seen, other, pose))

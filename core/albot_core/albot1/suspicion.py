@@ -14,7 +14,7 @@ from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose
 
 DOORSTEP = 5.0
-"""A robot no farther from where it entered a place has just come in (m)."""
+"""A robot farther from where it entered a place has come in some time ago (m)."""
 
 
 def suspicions(network: PlaceNetwork, pose: Pose) -> Int32[np.ndarray, "visits"]:
@@ -35,7 +35,7 @@ def suspicions(network: PlaceNetwork, pose: Pose) -> Int32[np.ndarray, "visits"]
         needed[1:] = GLIMPSED
         return needed
     joined = {network.current, *(passage.leads_to for passage in network.here.passages)}
-    by_place = {key: enough(site, network.config) for key, site in network.sites.items()}
+    by_place = {key: surfaces_needed(site, network.config) for key, site in network.sites.items()}
     by_place |= dict.fromkeys(_places_around(network, pose), AROUND)
     by_place |= dict.fromkeys(network.record.glimpsed(), GLIMPSED)
     by_place |= dict.fromkeys(joined, NEVER)
@@ -43,7 +43,7 @@ def suspicions(network: PlaceNetwork, pose: Pose) -> Int32[np.ndarray, "visits"]
     return needed
 
 
-def enough(site: Site, config: PlacesConfig) -> int:
+def surfaces_needed(site: Site, config: PlacesConfig) -> int:
     """More than how many surfaces of a place must be met again, if nothing else speaks for it.
 
     The thesis says no more than that they are more for a larger place.
@@ -55,7 +55,8 @@ def enough(site: Site, config: PlacesConfig) -> int:
 def _places_around(network: PlaceNetwork, pose: Pose) -> list[int]:
     """The places within whose surfaces a robot believes to stand that has just entered a new one.
 
-    One that has come farther in than DOORSTEP would have recognised what it has seen.
+    Within the box, turned as the place's frame, that holds them. One that has come farther in
+    than DOORSTEP would have recognised what it has seen.
     """
     if network.is_familiar or not network.config.by_position:
         return []

@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.albot1.config import Albot1Config
-from albot_core.albot1.crossing import FAR, THROUGH, cross_exit
+from albot_core.albot1.crossing import FAR, THROUGH, WIDE, cross_exit
 from albot_core.albot1.exits import (
     EXPECTED,
     GATE,
+    NO_GATE,
     ROOM,
     Exits,
     expect_exits,
@@ -234,6 +235,31 @@ def test_an_exit_expected_is_crossed_only_far_beyond_and_not_where_one_that_is_s
     assert again.counts[1] == GATE
     assert cross_exit(again, FAR + 0.01, 0.0, np.array([1.3, 0.0, 0.0]))
     assert tuple(again.gate[:4]) == behind
+
+
+def test_who_walks_along_an_exit_expected_has_not_crossed_it():
+    exits = expecting(DOOR)
+    assert not cross_exit(exits, -1.0, 0.0, np.array([0.5, 0.0, 0.0]))
+    assert not cross_exit(exits, 0.5, 0.0, np.array([0.5, WIDE + 0.1, 0.0]))
+    assert exits.counts[1] == NO_GATE
+    assert not cross_exit(exits, 0.5, WIDE + 0.1, np.array([2.0, WIDE + 0.1, 0.0]))
+
+
+def test_who_goes_back_through_an_exit_expected_has_crossed_nothing():
+    exits = expecting(DOOR)
+    assert not cross_exit(exits, -1.0, 0.0, np.array([0.5, 0.0, 0.0]))
+    assert not cross_exit(exits, 0.5, 0.0, np.array([-0.5, 0.0, 0.0]))
+    assert not cross_exit(exits, -0.5, 0.0, np.array([-FAR - 0.1, 0.0, 0.0]))
+    assert exits.counts[1] == NO_GATE
+
+
+def test_of_exits_expected_the_one_passed_last_is_the_gate():
+    exits = no_exits()
+    expect_exits(exits, np.array([DOOR, (0.8, -0.5, 0.8, 0.5)]))
+    assert not cross_exit(exits, -1.0, 0.0, np.array([0.5, 0.0, 0.0]))
+    assert not cross_exit(exits, 0.5, 0.0, np.array([1.2, 0.0, 0.0]))
+    assert cross_exit(exits, 1.2, 0.0, np.array([0.9 + FAR, 0.0, 0.0]))
+    assert exits.gate[0] == 0.8
 
 
 def test_of_too_many_exits_the_last_are_expected():

@@ -153,13 +153,16 @@ def test_larger_places_need_more_surfaces_to_be_suspected(size, expected):
     assert suspicions(walker.network, walker.pose())[1] == expected
 
 
-@pytest.mark.parametrize(("drift", "known"), [(0.3, True), (-1.0, False)])
-def test_where_it_believes_to_stand_within_a_place_it_suspects_that(drift, known):
+@pytest.mark.parametrize(
+    ("drift", "learned", "known"), [(0.3, 0.0, True), (-1.0, 0.0, False), (-1.5, -1.4, True)]
+)
+def test_where_it_believes_to_stand_within_a_place_it_suspects_that(drift, learned, known):
     walker = Walker()
     for room in RING:
         walker.go(room)
     walker.drift = np.array([drift, 0.0, 0.0])
     network = walker.network
+    network.displacement = np.array([learned, 0.0, 0.0])
     nothing_met = np.zeros(len(network.visits), np.int32)
     found = recognize_place(network, 9, nothing_met, walker.seen(), walker.pose())
     event = network.record.events[-1]
@@ -172,6 +175,19 @@ def test_where_it_believes_to_stand_within_a_place_it_suspects_that(drift, known
     for room in RING:
         letter.go(room)
     assert AROUND not in suspicions(letter.network, letter.pose())
+
+
+def test_what_is_met_again_speaks_louder_than_where_it_stands():
+    walker = Walker()
+    for room in RING:
+        walker.go(room)
+    walker.network.sites[0].surfaces = walker.network.sites[0].surfaces[:3]
+    assert suspicions(walker.network, walker.pose())[1] == AROUND
+    assert not walker.recognize()
+    event = walker.network.record.events[-1]
+    assert (event.what, event.met, event.needed) == (Happening.REFUSED, 20, 2)
+    walker.go((-1, 0))  # It may have been that place, seen through the door.
+    assert walker.network.record.glimpsed() == {0}
 
 
 def test_who_comes_out_of_a_place_had_left_the_other_unnoticed():
@@ -202,6 +218,19 @@ def test_an_exit_lays_the_next_place_at_it_only_where_it_is_seen_well(shift, tur
     walker.network.remember_place(9, line, walker.seen(), np.array([4.3, shift, 0.0]))
     assert walker.network.current == 1
     np.testing.assert_allclose(walker.network.displacement, [0, moved, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize(("learned", "seen", "laid"), [(-0.39, -0.41, -0.39), (-0.39, 0.39, 0.39)])
+def test_what_is_remembered_and_what_is_seen_of_an_exit_do_not_add_up(learned, seen, laid):
+    walker = Walker()
+    for room in ((1, 0), (0, 0)):
+        walker.go(room)
+    network, door = walker.network, door_between((0, 0), (1, 0))
+    network.sites[1].frame = network.sites[1].frame + np.array([0.0, learned, 0.0])
+    line = door + np.array([0.0, seen, 0.0, seen])
+    network.remember_place(9, line, walker.seen(), np.array([4.3, seen, 0.0]))
+    there = transform_segments(network.frame, network.here.passages[0].line[None])[0]
+    np.testing.assert_allclose(middle(there)[1], laid, atol=1e-9)
 
 
 def test_places_are_laid_together_at_the_exit_that_both_remember():

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_core.perception.reading import LaserGeometry, LaserScan
 from albot_env.tasks.coverage import Coverage, CoverageConfig
+from albot_env.tasks.ground import laid, no_ground
+from albot_env.tasks.ground_kernels import cover
 
 CONFIG = CoverageConfig()
 NOWHERE = LaserScan(ranges=np.full(181, np.inf), geometry=LaserGeometry())
@@ -116,3 +118,28 @@ def test_no_frontier_is_seen_where_a_wall_is_before_it() -> None:
     scan = LaserScan(geometry=WIDE, ranges=opened)
     found = coverage.frontier(np.zeros(3), scan, 36)
     assert np.isfinite(found).nonzero()[0].tolist() == [17, 18]
+
+
+@settings(deadline=None)
+@given(
+    st.integers(2, 361),
+    st.floats(0.0005, 0.0174),
+    st.floats(-np.pi, np.pi),
+    st.tuples(st.floats(-0.3, 0.3), st.floats(-0.3, 0.3), st.floats(-np.pi, np.pi)),
+    st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-np.pi, np.pi)),
+)
+def test_what_is_behind_a_laser_is_passed_over_and_nothing_else(
+    beams: int,
+    spacing: float,
+    first: float,
+    mount: tuple[float, float, float],
+    pose: tuple[float, float, float],
+) -> None:
+    geometry = LaserGeometry(beams=beams, spacing=spacing, first_bearing=first, mount=mount)
+    sight, ranges = CONFIG.sight(geometry), np.full(beams, np.inf)
+    grids = []
+    for looking in (sight, sight._replace(ahead=-1.0)):
+        ground = laid(no_ground(1, CONFIG.cell), 0, CONFIG.side(4.0), (0.0, 0.0))
+        cover(ground, 0, np.array(pose), looking, ranges)
+        grids.append(ground.grids.copy())
+    np.testing.assert_array_equal(*grids)
