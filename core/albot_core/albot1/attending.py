@@ -115,13 +115,11 @@ def _suspect(robot: Robot) -> None:
     suspect_still(memory, met[:, 1])
     if not is_time_to_look(network, robot.sight.pose):
         return
-    known = recognize_place(network, robot.step, met[:, 0], _before_it(robot), robot.sight.pose)
-    needed = suspicions(network, robot.sight.pose)
-    if known:
-        arouse_from(memory, needed)
-    else:
-        met[:, 1] = needed
-        suspect_still(memory, needed)
+    step, pose = robot.step, robot.sight.pose
+    met[:, 1] = suspicions(network, pose)
+    suspect_still(memory, met[:, 1])
+    if recognize_place(network, step, met, _before_it(robot), pose):
+        arouse_from(memory, suspicions(network, pose))
 
 
 def _before_it(robot: Robot) -> Segments:

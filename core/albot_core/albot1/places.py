@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -46,6 +47,8 @@ class Site:
     surfaces: Segments = field(default_factory=lambda: np.empty((0, 4)))
     """In its own frame (m)."""
     passages: list[Passage] = field(default_factory=list)
+    _boxed: Segments | None = field(default=None, repr=False)
+    _box: list[float] = field(default_factory=list, repr=False)
 
     def describe(self, surfaces: Segments, config: PlacesConfig) -> None:
         """Combine surfaces, in its frame, with its description (algorithm 5, line 11)."""
@@ -68,6 +71,20 @@ class Site:
         A point is outside where it is seen through a passage from just inside.
         """
         return not any(_is_behind(passage.line, point) for passage in self.passages)
+
+    def surrounds(self, x: float, y: float) -> bool:
+        """Whether a point of the enduring frame (m) is in the box that holds its surfaces."""
+        if self._boxed is not self.surfaces:
+            ends = self.surfaces.reshape(-1, 2)
+            self._box = [*ends.min(0).tolist(), *ends.max(0).tolist()] if len(ends) else []
+            self._boxed = self.surfaces
+        if not self._box:
+            return False
+        left, bottom, right, top = self._box
+        east, north, turn = self.frame.tolist()
+        cos, sin, dx, dy = math.cos(turn), math.sin(turn), x - east, y - north
+        along, across = cos * dx + sin * dy, cos * dy - sin * dx
+        return bool(left <= along <= right and bottom <= across <= top)
 
     def as_place(self) -> Place:
         """The place as users see it."""

@@ -9,20 +9,21 @@ from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import Site
 from albot_core.albot1.record import AROUND, Happening
 from albot_core.albot1.structure import Likeness, compare
-from albot_core.albot1.suspicion import surfaces_needed, suspicions
+from albot_core.albot1.suspicion import surfaces_needed
 from albot_core.geometry.poses import compose, inverse, relative
 from albot_core.geometry.types import Pose, Segments
 
 
 def recognize_place(
-    network: PlaceNetwork, step: int, met: Int32[np.ndarray, "visits"], seen: Segments, pose: Pose
+    network: PlaceNetwork, step: int, met: Int32[np.ndarray, "visits 2"], seen: Segments, pose: Pose
 ) -> bool:
     """Enough surfaces of earlier visits were met again (algorithms 6 and 8).
 
     Args:
         network: What it knows of places.
         step: The view at which they were.
-        met: How many surfaces of each visit were met again in the present one.
+        met: How many surfaces of each visit were met again in the present one, and more than
+            how many arouse suspicion (see `suspicions`).
         seen: The surfaces of the map that were seen in the present visit (m).
         pose: Where the robot is in the map.
 
@@ -31,11 +32,11 @@ def recognize_place(
     """
     if not _looks_again(network, pose):
         return False
-    needed = suspicions(network, pose)
+    counts, needed = met.T
     stood_in: set[int] = set()
-    for visit in _suspects(network, met, needed):
+    for visit in _suspects(network, counts, needed):
         other, least = network.sites[network.visits[visit]], int(needed[visit])
-        if least == AROUND and met[visit] > surfaces_needed(other, network.config):
+        if least == AROUND and counts[visit] > surfaces_needed(other, network.config):
             least = surfaces_needed(other, network.config)
         by_position = least == AROUND
         if by_position and other.id in stood_in:
@@ -51,8 +52,8 @@ def recognize_place(
             not by_position or likeness.share >= network.config.share_here
         )
         what = Happening.RECOGNIZED if accepted else Happening.REFUSED
-        counts = {"met": int(met[visit]), "needed": least}
-        network.record.explain(step, what, network.current, other.id, likeness, **counts)
+        why = {"met": int(counts[visit]), "needed": least}
+        network.record.explain(step, what, network.current, other.id, likeness, **why)
         if accepted:
             network.identify(step, other, _settled(network, guess, likeness, seen, other, pose))
             return True

@@ -10,7 +10,7 @@ from albot_core.albot1.memory import NEVER
 from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import Site
 from albot_core.albot1.record import AROUND, GLIMPSED
-from albot_core.geometry.poses import compose, relative
+from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Pose
 
 DOORSTEP = 5.0
@@ -62,10 +62,5 @@ def _places_around(network: PlaceNetwork, pose: Pose) -> list[int]:
         return []
     if np.hypot(*relative(network.frame, pose)[:2]) > DOORSTEP:
         return []
-    around = []
-    for key, site in network.sites.items():
-        ends = site.surfaces.reshape(-1, 2)
-        point = relative(compose(network.displacement, site.frame), pose)[:2]
-        if len(ends) and (ends.min(0) <= point).all() and (point <= ends.max(0)).all():
-            around.append(key)
-    return around
+    here = relative(network.displacement, pose)
+    return [key for key, site in network.sites.items() if site.surrounds(*here[:2].tolist())]

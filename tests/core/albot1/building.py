@@ -8,6 +8,7 @@ from albot_core.albot1.config import PlacesConfig
 from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import middle
 from albot_core.albot1.revisiting import recognize_place
+from albot_core.albot1.suspicion import suspicions
 from albot_core.geometry.poses import compose, transform_segments
 
 SIDE = 8.0
@@ -70,7 +71,11 @@ class Walker:
         visits = range(len(self.network.visits))
         met = [20 if self.rooms[visit] == self.room else 0 for visit in visits]
         met[-1] = 0
-        counts = np.array(met, np.int32)
+        return self.looks(np.array(met, np.int32))
+
+    def looks(self, met: np.ndarray) -> bool:
+        """So many walls of each earlier visit are met."""
+        counts = np.stack((met, suspicions(self.network, self.pose())), -1)
         return recognize_place(self.network, self.step, counts, self.seen(), self.pose())
 
 

@@ -12,7 +12,7 @@ from albot_core.albot1.memory import NEVER
 from albot_core.albot1.network_state import rebuilt_network, stored_network
 from albot_core.albot1.places import Passage, Site, middle
 from albot_core.albot1.record import AROUND, Happening
-from albot_core.albot1.revisiting import find, recognize_place
+from albot_core.albot1.revisiting import find
 from albot_core.albot1.suspicion import suspicions
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, transform_segments
@@ -163,8 +163,7 @@ def test_where_it_believes_to_stand_within_a_place_it_suspects_that(drift, learn
     walker.drift = np.array([drift, 0.0, 0.0])
     network = walker.network
     network.displacement = np.array([learned, 0.0, 0.0])
-    nothing_met = np.zeros(len(network.visits), np.int32)
-    found = recognize_place(network, 9, nothing_met, walker.seen(), walker.pose())
+    found = walker.looks(np.zeros(len(network.visits), np.int32))
     event = network.record.events[-1]
     assert (found, event.other, event.needed) == (known, 0, AROUND)
     assert event.what == (Happening.RECOGNIZED if known else Happening.REFUSED)
