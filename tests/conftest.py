@@ -39,10 +39,15 @@ def _checked_modules() -> list[str]:
     modules = []
     for package, folder in SOURCES.items():
         for path in sorted((folder / package).rglob("*.py")):
-            if "numba" not in path.read_text(encoding="utf-8") and path.name != "__init__.py":
+            if path.name != "__init__.py" and not _compiles(path):
                 relative = path.relative_to(folder).with_suffix("")
                 modules.append(".".join(relative.parts))
     return modules
+
+
+def _compiles(path: Path) -> bool:
+    text = path.read_text(encoding="utf-8")
+    return "numba" in text or "albot_core.compiled" in text
 
 
 def _drop_stale_kernels() -> None:
@@ -52,7 +57,7 @@ def _drop_stale_kernels() -> None:
     have changed in another file.
     """
     for folder in {root / package for package, root in SOURCES.items()}:
-        sources = [p for p in folder.rglob("*.py") if "numba" in p.read_text(encoding="utf-8")]
+        sources = [path for path in folder.rglob("*.py") if _compiles(path)]
         newest = max((p.stat().st_mtime for p in sources), default=0.0)
         for compiled in folder.rglob("*.nbi"):
             if compiled.stat().st_mtime < newest:

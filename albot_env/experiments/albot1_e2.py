@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -78,7 +79,7 @@ class Pointing:
     @property
     def angle_error(self) -> float:
         """Between the directions of home as believed and as it was (rad)."""
-        turn = np.arctan2(self.believed[1], self.believed[0]) - np.arctan2(*self.home[1::-1])
+        turn = math.atan2(self.believed[1], self.believed[0]) - math.atan2(*self.home[1::-1])
         return float(abs(wrap_angle(turn)))
 
     @property

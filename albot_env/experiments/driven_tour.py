@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
@@ -64,7 +65,7 @@ def driven_tour(
 def _drive_to(simulator: Simulator, waypoint: Points, driving: Driving) -> Iterator[Reading]:
     """Head for the waypoint until it is reached; one reading a control step."""
     while np.hypot(*(to := waypoint - simulator.pose[:2])) > _ARRIVED:
-        aside = float(wrap_angle(np.arctan2(to[1], to[0]) - simulator.pose[2]))
+        aside = float(wrap_angle(math.atan2(to[1], to[0]) - simulator.pose[2]))
         forwards = max(0.0, 1.0 - abs(aside) / _TURN_FIRST)
         turn_rate = np.clip(_STEERING * aside, -driving.turn_rate, driving.turn_rate)
         yield simulator.step(driving.speed * forwards, float(turn_rate))

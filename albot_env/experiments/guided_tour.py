@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
@@ -92,7 +93,7 @@ def lead(
 def first_pose(waypoints: Points) -> Pose:
     """At the first waypoint, facing the second."""
     first = waypoints[1] - waypoints[0]
-    return np.array([*waypoints[0], np.arctan2(first[1], first[0])])
+    return np.array([*waypoints[0], math.atan2(first[1], first[0])])
 
 
 def true_motions(journey: Journey) -> Poses:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from albot_core.compiled import kernel
 
 PIVOT = 0.2
 """L: distance of the pivot behind the axle (m); nominal, as of a Pioneer 3-DX."""
@@ -28,7 +28,7 @@ _STRIDE = 0.2
 """The equation is solved in steps of at most this angle (rad)."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def swing(angle: float, distance: float, turn: float) -> float:
     """The caster's angle after the robot drives so far (m) while it turns so much (rad)."""
     strides = math.ceil((abs(distance) / TRAIL + abs(turn) * (1 + PIVOT / TRAIL)) / _STRIDE)
@@ -38,7 +38,7 @@ def swing(angle: float, distance: float, turn: float) -> float:
     return angle
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _rate(angle: float, distance: float, turn: float) -> float:
     """How fast the caster swings, as the whole motion takes one unit of time."""
     along = distance * math.sin(angle - math.copysign(_SKEW, distance))

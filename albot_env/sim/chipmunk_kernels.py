@@ -9,8 +9,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.parcel import Parcel, opened
 from albot_env.sim.chipmunk_calls import load, take_step, visit
 from albot_env.sim.drive_kernels import chord, ramped
@@ -73,7 +73,7 @@ class Floors(NamedTuple):
     """(n,) int64: for each robot, which of its floor's wheels are its own."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def advance(
     chosen: np.ndarray, parcel: Parcel, acceleration: float, duration: float, steps: int
 ) -> None:
@@ -124,7 +124,7 @@ def advance(
             robots.poses[i, 2] = (robots.states[i, 2] + math.pi) % (2 * math.pi) - math.pi
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _note_pushes(
     engine: Engine, members: np.ndarray, crew: int, robots: Robots, space: int
 ) -> None:

@@ -11,8 +11,7 @@ is computed, and nothing is divided but for walls inside the cone.
 The nearest point of a wall in an interval is the one nearest to the foot of the
 perpendicular. Walls are tried in the order of that point's distance, and where it is
 hidden, the search goes on from it to either side, behind what hides it; the first wall
-whose point is nearer than all others' is the echo. It goes fastest with the near walls
-first in the list. `seen` are the walls in the cone (see `surface_kernels`).
+whose point is nearer than all others' is the echo.
 """
 
 from __future__ import annotations
@@ -20,34 +19,52 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_env.sim.corner_kernels import corner_echo
+from albot_env.sim.lanes import LANES, Lanes, Table, lowest, question
 from albot_env.sim.sonar_arrays import Sonars
-from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY, HAIR, NEARER, bounded
+from albot_env.sim.surface_kernels import (
+    AREA,
+    AX,
+    AY,
+    BX,
+    BY,
+    FIRST,
+    HAIR,
+    INSIDE,
+    NEARER,
+    Cone,
+    bounded,
+)
 
 
-@njit(cache=True, error_model="numpy")
-def find_echo(seen: np.ndarray, count: int, sonars: Sonars) -> tuple[float, float]:
+@kernel()
+def find_echo(cone: Cone, sonars: Sonars) -> tuple[float, float]:
     """Range (m) of the nearest echo, infinite where there is none, and tangent of its bearing."""
+    table, blocks = cone.table, cone.blocks
     best, best_tangent = sonars.max_range, 0.0
     beam = sonars.slope, sonars.cos_limit, sonars.sin_limit
     tried, last = -1.0, -1
     while True:
         # The nearest of the walls that were not tried yet, if it is nearer than the best.
         reach, tangent, nearest = best, 0.0, -1
-        for j in range(count):
-            ax, ay, bx, by = seen[AX, j], seen[AY, j], seen[BX, j], seen[BY, j]
-            nx, ny, area = by - ay, ax - bx, seen[AREA, j]
-            # Most are too far by their perpendicular, for which nothing need be divided.
-            if area * area >= reach * reach * (nx * nx + ny * ny):
-                continue
-            found, slant = _nearest_point(ax, ay, bx, by, area, beam)
-            if found < reach and (found > tried or (found == tried and j > last)):
-                reach, tangent, nearest = found, slant, j
+        for block in range(cone.noted[0]):
+            first = blocks[FIRST, block]
+            likely = _likely(table, first, (reach * reach, *sonars.lean)) & blocks[INSIDE, block]
+            while likely:
+                j = first + lowest(likely)
+                likely &= likely - 1
+                ax, ay, bx, by, area = _wall(table, j)
+                nx, ny = by - ay, ax - bx
+                if area * area >= reach * reach * (nx * nx + ny * ny):
+                    continue
+                found, slant = _nearest_point(ax, ay, bx, by, area, beam)
+                if found < reach and (found > tried or (found == tried and j > last)):
+                    reach, tangent, nearest = found, slant, j
         if nearest < 0:
             break
-        shown, slant = _shown_point(seen, count, nearest, beam, tangent)
+        shown, slant = _shown_point(cone, nearest, beam, tangent)
         if shown < best:
             best, best_tangent = shown, slant
         if shown <= reach:
@@ -56,13 +73,29 @@ def find_echo(seen: np.ndarray, count: int, sonars: Sonars) -> tuple[float, floa
     if max(sonars.corner_reach, sonars.edge_reach) > 0.0:
         specular = sonars.cos_limit, sonars.sin_limit
         reaches = sonars.corner_reach, sonars.edge_reach
-        best, best_tangent = corner_echo(
-            seen, count, sonars.slope, specular, reaches, best, best_tangent
-        )
+        best, best_tangent = corner_echo(cone, sonars.slope, specular, reaches, best, best_tangent)
     return (best, best_tangent) if best < sonars.max_range else (np.inf, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
+def _wall(table: np.ndarray, j: int) -> tuple[float, float, float, float, float]:
+    """A wall's ends a and b, and its area."""
+    return table[AX, j], table[AY, j], table[BX, j], table[BY, j], table[AREA, j]
+
+
+@question
+def _likely(table: Table, reach2: Lanes, cos: Lanes, sin: Lanes) -> Lanes:
+    """Which walls may be heard within a reach, whose square is given.
+
+    Most are too far by their perpendicular, or it points too far away from the sonar's axis:
+    nothing need be divided to tell.
+    """
+    nx, ny, area = table[BY] - table[AY], table[AX] - table[BX], table[AREA]
+    facing = (ny * cos <= nx * sin) & (ny * cos >= nx * sin * -1.0)
+    return facing & (area * area < reach2 * (nx * nx + ny * ny))
+
+
+@kernel()
 def _span(
     ax: float, ay: float, bx: float, by: float, beam: tuple[float, float, float]
 ) -> tuple[float, float]:
@@ -77,7 +110,7 @@ def _span(
     return bounded(low, high, ny * sin - nx * cos, ny * cos + nx * sin)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _nearest_point(
     ax: float, ay: float, bx: float, by: float, area: float, beam: tuple[float, float, float]
 ) -> tuple[float, float]:
@@ -96,21 +129,21 @@ def _nearest_point(
     return area * math.sqrt(1.0 + tangent * tangent) / (nx + ny * tangent), tangent
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _shown_point(
-    seen: np.ndarray, count: int, j: int, beam: tuple[float, float, float], tangent: float
+    cone: Cone, j: int, beam: tuple[float, float, float], tangent: float
 ) -> tuple[float, float]:
     """Range and tangent of a wall's nearest point that echoes and is not hidden.
 
     `tangent` is that of the nearest point if nothing hid it; infinite where all is hidden.
     """
-    ax, ay, bx, by, area = seen[AX, j], seen[AY, j], seen[BX, j], seen[BY, j], seen[AREA, j]
+    ax, ay, bx, by, area = _wall(cone.table, j)
     low, high = _span(ax, ay, bx, by, beam)
     nx, ny = by - ay, ax - bx
     best, best_tangent = np.inf, 0.0
     for side in (1.0, -1.0):
         end = high if side > 0.0 else low
-        shown = _emerge(seen, count, j, tangent, side, end)
+        shown = _emerge(cone, j, tangent, side, end)
         if side * (end - shown) > HAIR:
             reach = area * math.sqrt(1.0 + shown * shown) / (nx + ny * shown)
             if reach < best:
@@ -120,36 +153,51 @@ def _shown_point(
     return best, best_tangent
 
 
-@njit(cache=True, error_model="numpy")
-def _emerge(
-    seen: np.ndarray, count: int, wall: int, tangent: float, side: float, end: float
-) -> float:
+@kernel()
+def _emerge(cone: Cone, wall: int, tangent: float, side: float, end: float) -> float:
     """From a tangent on to one side (1 or -1), the first where nothing hides the wall.
 
     At or beyond `end` where there is none. A gap narrower than HAIR, as between walls
     that touch, is none.
     """
-    nx, ny = seen[BY, wall] - seen[AY, wall], seen[AX, wall] - seen[BX, wall]
-    area = seen[AREA, wall]
-    moved = True
-    while moved and side * (end - tangent) > HAIR:
-        moved = False
-        probe = tangent + side * HAIR
-        for j in range(count):
-            ax, ay, bx, by = seen[AX, j], seen[AY, j], seen[BX, j], seen[BY, j]
-            if j == wall or ax * probe < ay or by < bx * probe or seen[AREA, j] == 0.0:
-                continue
-            share = seen[AREA, j] * NEARER
-            cx, cy = (by - ay) * area - nx * share, (ax - bx) * area - ny * share
-            if cx + cy * probe > 0.0:
-                ahead = min(_leave(ax, -ay, side), _leave(-bx, by, side))
-                tangent = side * min(ahead, _leave(cy, cx, side))
-                moved = True
-                break
+    ax, ay, bx, by, area = _wall(cone.table, wall)
+    nx, ny = by - ay, ax - bx
+    while side * (end - tangent) > HAIR:
+        j = _nearer(cone, wall, (tangent + side * HAIR, nx, ny, area))
+        if j < 0:
+            break
+        ax, ay, bx, by, its_area = _wall(cone.table, j)
+        share = its_area * NEARER
+        cx, cy = (by - ay) * area - nx * share, (ax - bx) * area - ny * share
+        ahead = min(_leave(ax, -ay, side), _leave(-bx, by, side))
+        tangent = side * min(ahead, _leave(cy, cx, side))
     return tangent
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
+def _nearer(cone: Cone, wall: int, probe: tuple[float, float, float, float]) -> int:
+    """The first wall that hides another at a tangent, or -1; `probe` is what `_hiding` takes."""
+    for block in range(cone.noted[0]):
+        first = int(cone.blocks[FIRST, block])
+        hiding = _hiding(cone.table, first, probe) & cone.blocks[INSIDE, block]
+        if first <= wall < first + LANES:
+            hiding &= ~(1 << (wall - first))
+        if hiding:
+            return first + lowest(hiding)
+    return -1
+
+
+@question
+def _hiding(table: Table, tangent: Lanes, nx: Lanes, ny: Lanes, area: Lanes) -> Lanes:
+    """Which walls are nearer at a tangent than the one with this normal and area."""
+    ax, ay, bx, by, its_area = (table[row] for row in (AX, AY, BX, BY, AREA))
+    share = its_area * NEARER
+    cx, cy = (by - ay) * area - nx * share, (ax - bx) * area - ny * share
+    between = (ax * tangent >= ay) & (by >= bx * tangent) & (its_area > 0.0)
+    return between & (cx + cy * tangent > 0.0)
+
+
+@kernel()
 def _leave(slope: float, offset: float, side: float) -> float:
     """Where, going to one side, slope t + offset >= 0 ends to hold: side times that t."""
     return -side * offset / slope if slope * side < 0.0 else np.inf

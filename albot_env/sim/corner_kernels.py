@@ -15,10 +15,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.geometry.directions import turned
-from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY
+from albot_env.sim.lanes import LANES, Lanes, Table, lowest, question
+from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY, FIRST, INSIDE, Cone
 
 _BEYOND = 1.0 + 1e-9
 """A wall is between when the point is this much farther, so not one that touches it."""
@@ -26,10 +27,9 @@ _TOUCH = 1e-6
 """A wall that passes a point no farther than this (m) touches it."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def corner_echo(
-    seen: np.ndarray,
-    count: int,
+    cone: Cone,
     slope: float,
     specular: tuple[float, float],
     reaches: tuple[float, float],
@@ -39,8 +39,7 @@ def corner_echo(
     """Range (m) and tangent of the nearest corner or edge that echoes, or else the best so far.
 
     Args:
-        seen: The surfaces in the cone, in the sonar's frame (5, n).
-        count: How many there are.
+        cone: The surfaces in the cone.
         slope: Tangent of half the cone.
         specular: Cosine and sine of the specular limit.
         reaches: Distances (m) up to which corners and edges echo.
@@ -48,22 +47,45 @@ def corner_echo(
         best_tangent: Tangent of its bearing.
     """
     farthest = max(reaches[0], reaches[1])
-    for j in range(count):
-        for end in range(2):
-            x, y = seen[2 * end, j], seen[2 * end + 1, j]
-            bound = min(best, farthest)
-            if x <= 0.0 or abs(y) > slope * x or x * x + y * y >= bound * bound:
-                continue
-            if _hidden(seen, count, x, y):
-                continue
+    table = cone.table
+    for block in range(cone.noted[0]):
+        first, bound = cone.blocks[FIRST, block], min(best, farthest)
+        within = slope, bound * bound
+        points = _first_ends_in(table, first, within)
+        points |= _second_ends_in(table, first, within) << LANES
+        points &= cone.blocks[INSIDE, block] * (1 << LANES | 1)
+        while points:
+            lane = lowest(points)
+            points &= points - 1
+            j, end = first + lane % LANES, lane // LANES
+            x, y = table[AX + 2 * end, j], table[AY + 2 * end, j]
             distance = math.sqrt(x * x + y * y)
-            across, along = _opening(seen, count, j, x, y)
+            if distance >= best or _is_hidden(cone, x, y):
+                continue
+            across, along = _opening(cone, j, x, y)
             if distance < _reach_of(across, along, specular, reaches):
                 best, best_tangent = distance, y / x
     return best, best_tangent
 
 
-@njit(cache=True, error_model="numpy")
+@question
+def _first_ends_in(table: Table, slope: Lanes, bound: Lanes) -> Lanes:
+    """Which surfaces have their end a in the cone, nearer than the square root of the bound."""
+    return _is_in(table[AX], table[AY], slope, bound)
+
+
+@question
+def _second_ends_in(table: Table, slope: Lanes, bound: Lanes) -> Lanes:
+    """The same of end b."""
+    return _is_in(table[BX], table[BY], slope, bound)
+
+
+def _is_in(x: Lanes, y: Lanes, slope: Lanes, bound: Lanes) -> Lanes:
+    rim = slope * x
+    return (x > 0.0) & (y <= rim) & (y >= rim * -1.0) & (x * x + y * y < bound)
+
+
+@kernel()
 def _reach_of(
     across: float, along: float, specular: tuple[float, float], reaches: tuple[float, float]
 ) -> float:
@@ -75,8 +97,8 @@ def _reach_of(
     return reaches[1] if across < 0.0 or along > 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy")
-def _opening(seen: np.ndarray, count: int, wall: int, x: float, y: float) -> tuple[float, float]:
+@kernel()
+def _opening(cone: Cone, wall: int, x: float, y: float) -> tuple[float, float]:
     """The angle, on the sonar's side, between the walls that touch a wall's end (x, y).
 
     Told by its sine and cosine, times the lengths of both (m²). A full turn at the end of a
@@ -85,43 +107,50 @@ def _opening(seen: np.ndarray, count: int, wall: int, x: float, y: float) -> tup
     # The next walls counter-clockwise and clockwise of the line to the sonar.
     left, left_x, left_y = np.inf, 0.0, 0.0
     right, right_x, right_y = -np.inf, 0.0, 0.0
-    for j in range(count):
-        ax, ay, bx, by = seen[AX, j] - x, seen[AY, j] - y, seen[BX, j] - x, seen[BY, j] - y
-        if not _touches(ax, ay, bx, by):
-            continue
-        for end in range(2):
-            px, py = (ax, ay) if end == 0 else (bx, by)
-            if j < wall and px == 0.0 and py == 0.0:
-                return 0.0, 0.0
-            if px * px + py * py > _TOUCH * _TOUCH:
-                # From 0 to 4, counter-clockwise from the direction to the sonar, (-x, -y).
-                turn = 2.0 + turned(x * px + y * py, x * py - y * px)
-                if turn < left:
-                    left, left_x, left_y = turn, px, py
-                if turn > right:
-                    right, right_x, right_y = turn, px, py
+    table = cone.table
+    for block in range(cone.noted[0]):
+        first = cone.blocks[FIRST, block]
+        touching = _touching(table, first, (x, y)) & cone.blocks[INSIDE, block]
+        while touching:
+            j = first + lowest(touching)
+            touching &= touching - 1
+            for end in range(2):
+                px, py = table[AX + 2 * end, j] - x, table[AY + 2 * end, j] - y
+                if j < wall and px == 0.0 and py == 0.0:
+                    return 0.0, 0.0
+                if px * px + py * py > _TOUCH * _TOUCH:
+                    # From 0 to 4, counter-clockwise from the direction to the sonar, (-x, -y).
+                    turn = 2.0 + turned(x * px + y * py, x * py - y * px)
+                    if turn < left:
+                        left, left_x, left_y = turn, px, py
+                    if turn > right:
+                        right, right_x, right_y = turn, px, py
     return right_x * left_y - right_y * left_x, right_x * left_x + right_y * left_y
 
 
-@njit(cache=True, error_model="numpy")
-def _touches(ax: float, ay: float, bx: float, by: float) -> bool:
-    """Whether the wall from a to b passes the origin no farther than _TOUCH (m)."""
-    if min(ax, bx) > _TOUCH or max(ax, bx) < -_TOUCH or min(ay, by) > _TOUCH:
-        return False
-    if max(ay, by) < -_TOUCH:
-        return False
-    across = ax * by - ay * bx
-    return across * across <= _TOUCH * _TOUCH * ((bx - ax) ** 2 + (by - ay) ** 2)
+@question
+def _touching(table: Table, x: Lanes, y: Lanes) -> Lanes:
+    """Which surfaces pass the point (x, y) no farther than _TOUCH (m)."""
+    ax, ay, bx, by = table[AX] - x, table[AY] - y, table[BX] - x, table[BY] - y
+    dx, dy, across = bx - ax, by - ay, ax * by - ay * bx
+    beside = (ax.least(bx) <= _TOUCH) & (ax.most(bx) >= -_TOUCH)
+    beside &= (ay.least(by) <= _TOUCH) & (ay.most(by) >= -_TOUCH)
+    return beside & (across * across <= (dx * dx + dy * dy) * (_TOUCH * _TOUCH))
 
 
-@njit(cache=True, error_model="numpy")
-def _hidden(seen: np.ndarray, count: int, x: float, y: float) -> bool:
+@kernel()
+def _is_hidden(cone: Cone, x: float, y: float) -> bool:
     """Whether a wall stands between the sonar and the point (x, y)."""
-    for j in range(count):
-        ax, ay, bx, by = seen[AX, j], seen[AY, j], seen[BX, j], seen[BY, j]
-        area = seen[AREA, j]
-        if ax * y < ay * x or by * x < bx * y or area == 0.0:
-            continue
-        if ((by - ay) * x + (ax - bx) * y) > area * _BEYOND:
+    for block in range(cone.noted[0]):
+        first = cone.blocks[FIRST, block]
+        if _hiding(cone.table, first, (x, y)) & cone.blocks[INSIDE, block]:
             return True
     return False
+
+
+@question
+def _hiding(table: Table, x: Lanes, y: Lanes) -> Lanes:
+    """Which surfaces stand between the sonar and the point (x, y)."""
+    ax, ay, bx, by, area = (table[row] for row in (AX, AY, BX, BY, AREA))
+    between = (ax * y >= ay * x) & (by * x >= bx * y) & (area > 0.0)
+    return between & ((by - ay) * x + (ax - bx) * y > area * _BEYOND)

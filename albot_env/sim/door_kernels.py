@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_env.sim.noise_kernels import draw, draw_share
 from albot_env.sim.plane_kernels import gap_to_ray, gap_to_sector
 from albot_env.sim.thing_arrays import Stage
@@ -18,7 +18,7 @@ _THERE = 1e-9
 """A leaf that lacks no more than this (rad) is where it is to be."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def swing(stage: Stage, i: int, robot: np.ndarray, radius: float, duration: float) -> None:
     """Decide how fast the doors of robot i turn in the next while (s).
 
@@ -40,7 +40,7 @@ def swing(stage: Stage, i: int, robot: np.ndarray, radius: float, duration: floa
             door.rate = turn / duration
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def begin_doors(
     stage: Stage, i: int, key: np.uint64, place: int, robot: np.ndarray, radius: float
 ) -> None:
@@ -64,7 +64,7 @@ def begin_doors(
         door.wait *= draw_share(door.key, 1)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _draw_stay(door: Any) -> None:
     """Draw how long a door stays as it is wanted now."""
     least = door.least_open if door.wanted else door.least_shut
@@ -73,7 +73,7 @@ def _draw_stay(door: Any) -> None:
     door.draws += 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _is_barred(
     stage: Stage,
     i: int,
@@ -108,7 +108,7 @@ def _is_barred(
     return barred
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _comes_near(door: Any, turn: float, x: float, y: float, reach: float) -> bool:
     """Whether a leaf that turns comes too near to a disc, and nearer than it is."""
     x, y = x - door.hinge_x, y - door.hinge_y
@@ -118,7 +118,7 @@ def _comes_near(door: Any, turn: float, x: float, y: float, reach: float) -> boo
     return turn == 0.0 or gap < gap_to_ray(x, y, door.angle, door.width)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def gap_to_sweeps(stage: Stage, i: int, x: float, y: float) -> float:
     """Distance (m) of a point from all that the doors of robot i ever pass."""
     gap = np.inf

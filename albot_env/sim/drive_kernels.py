@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from albot_core.compiled import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def wheels_for(
     speed: float, turn_rate: float, top_speed: float, top_turn_rate: float, wheel_base: float
 ) -> tuple[float, float]:
@@ -19,7 +20,7 @@ def wheels_for(
     return (speed - half) / excess, (speed + half) / excess
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def aim(
     commands: np.ndarray,
     top_speed: float,
@@ -34,7 +35,7 @@ def aim(
         targets[i, 0], targets[i, 1] = left, right
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def ramped(
     left: float, right: float, to_left: float, to_right: float, possible: float
 ) -> tuple[float, float]:
@@ -46,7 +47,7 @@ def ramped(
     return left + share * (to_left - left), right + share * (to_right - right)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def chord(heading: float, turn: float) -> tuple[float, float]:
     """Direction of an arc's chord, and its length over the arc's.
 

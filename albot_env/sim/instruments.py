@@ -109,7 +109,7 @@ class Instruments:
             things=stage.segments,
             first=stage.robots["segments"],
             last=stage.robots["segments_end"],
-            most_walls=self._opaque.most,
+            most_walls=max(self._opaque.most, self._solid.most),
         )
         return self._robots.poses, self._robots.counts, around, devices, self.sensed
 

@@ -9,14 +9,15 @@ bits alone and among a thousand others.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from albot_core.compiled import kernel
 
 _STEP = np.uint64(0x9E3779B97F4A7C15)
 _FIRST = np.uint64(0xBF58476D1CE4E5B9)
 _SECOND = np.uint64(0x94D049BB133111EB)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def draw(key: np.uint64, place: int) -> np.uint64:
     """The 64 random bits at a place (uint64) of the stream with this key (uint64)."""
     bits = key + _STEP * np.uint64(place)
@@ -25,13 +26,13 @@ def draw(key: np.uint64, place: int) -> np.uint64:
     return bits ^ (bits >> np.uint64(31))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def draw_share(key: np.uint64, place: int) -> float:
     """A number in [0, 1), each as likely, from a place of the stream."""
     return np.float64(draw(key, place) >> np.uint64(11)) * 2.0**-53
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def draw_normals(key: np.uint64, place: int) -> tuple[float, float]:
     """Two independent normal numbers, from two places on (Box and Muller's transform)."""
     first, second = draw_share(key, place), draw_share(key, place + 1)

@@ -14,8 +14,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_env.sim.caster_kernels import swing
 from albot_env.sim.noise_kernels import draw, draw_normals
 
@@ -46,7 +46,7 @@ _SLIPS: Any = np.int64(2**62 + 2)
 """Where in the stream the slips' numbers begin: three for each."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def roll(count: np.ndarray, left: float, right: float, duration: float, errors: np.ndarray) -> None:
     """Add what the wheels roll at these speeds (m/s) for a while (s)."""
     if left == 0.0 and right == 0.0:
@@ -60,7 +60,7 @@ def roll(count: np.ndarray, left: float, right: float, duration: float, errors: 
     _move(count, (left + right) / 2, turn)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _move(count: np.ndarray, distance: float, turn: float) -> None:
     """Add an arc of this length (m) and turn (rad)."""
     half = turn / 2
@@ -72,7 +72,7 @@ def _move(count: np.ndarray, distance: float, turn: float) -> None:
     count[TURNING] += abs(turn)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def read(
     count: np.ndarray, errors: np.ndarray, key: np.uint64, place: int, motion: np.ndarray
 ) -> None:
@@ -96,7 +96,7 @@ def read(
         count[i] = 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _roll_more(
     count: np.ndarray, left: float, right: float, duration: float, errors: np.ndarray
 ) -> None:
@@ -117,7 +117,7 @@ def _roll_more(
     _move(count, distance, turn)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _ticked(count: np.ndarray, rest: int, way: float, tick: float) -> float:
     """The way (m) of whole ticks that pass as a wheel rolls on; the rest is kept."""
     count[rest] += way
@@ -126,7 +126,7 @@ def _ticked(count: np.ndarray, rest: int, way: float, tick: float) -> float:
     return whole
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _begin(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> None:
     """Draw the episode's factors of distance and turn, and the way to the first slip."""
     count[DISTANCE] = 1.0 + errors[DISTANCE_SPREAD] * (_even(key, _EPISODE) - 0.5)
@@ -134,7 +134,7 @@ def _begin(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> None:
     count[NEXT_SLIP] = errors[SLIP_GAP] * _waiting(key, _SLIPS)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _stray(
     count: np.ndarray, errors: np.ndarray, noise_along: float, noise_heading: float
 ) -> tuple[float, float]:
@@ -156,7 +156,7 @@ def _stray(
     return own * noise_along + shared * noise_heading, drift * noise_heading
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _slip(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> tuple[float, float]:
     """Distance (m) and heading (rad) measured in excess as a wheel spun since the last reading."""
     count[ROLLED] += (count[LEFT_WAY] + count[RIGHT_WAY]) / 2
@@ -172,13 +172,13 @@ def _slip(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> tuple[float,
     return along, turn
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _even(key: np.uint64, place: int) -> float:
     """A number in [0, 1), each as likely as the others."""
     return np.float64(draw(key, place) >> np.uint64(11)) * 2.0**-53
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _waiting(key: np.uint64, place: int) -> float:
     """An exponentially distributed number of mean 1: how long one waits for what is rare."""
     return -math.log(1.0 - _even(key, place))

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from albot_core.compiled import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def nearest_on(
     x: float, y: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float]:
@@ -20,7 +21,7 @@ def nearest_on(
     return x1 + share * along_x, y1 + share * along_y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def gap_to_ray(x: float, y: float, angle: float, length: float) -> float:
     """Distance of a point from a segment that leaves the origin at an angle."""
     end_x, end_y = length * math.cos(angle), length * math.sin(angle)
@@ -28,7 +29,7 @@ def gap_to_ray(x: float, y: float, angle: float, length: float) -> float:
     return math.hypot(x - near_x, y - near_y)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def gap_to_sector(x: float, y: float, first: float, turn: float, radius: float) -> float:
     """Distance of a point from the sector about the origin that a ray sweeps."""
     ahead = (math.atan2(y, x) - first) * (1.0 if turn >= 0.0 else -1.0)
@@ -38,7 +39,7 @@ def gap_to_sector(x: float, y: float, first: float, turn: float, radius: float) 
     return min(gap, gap_to_ray(x, y, first + turn, radius))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def put_side(segments: np.ndarray, row: int, x1: float, y1: float, x2: float, y2: float) -> None:
     """Write a segment into a row of `segments` (n, 4)."""
     segments[row, 0], segments[row, 1] = x1, y1

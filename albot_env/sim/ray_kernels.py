@@ -15,8 +15,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.geometry.directions import turned
 from albot_env.sim.beam_calls import BLOCK, raise_block
 from albot_env.sim.wall_index import Walls
@@ -73,7 +73,7 @@ class Desk(NamedTuple):
     the last, which is GRAZING where float32 is too coarse; none where it is seen edge-on."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def make_desk(fan: Fan, room: int) -> Desk:
     """A desk for so many walls."""
     blocks = fan.cosines.shape[0]
@@ -87,7 +87,7 @@ def make_desk(fan: Fan, room: int) -> Desk:
     )
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(arrays=True, nogil=True)
 def scan_poses(
     fan: Fan,
     index: Walls,
@@ -102,7 +102,7 @@ def scan_poses(
         scan(fan, index, cells[i], nothing, 0, 0, poses[i], desk, ranges[i])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def scan(
     fan: Fan,
     index: Walls,
@@ -138,7 +138,7 @@ def scan(
         ranges[k] = np.float32(1.0) / inverse if inverse > horizon else np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _take(
     segments: np.ndarray,
     k: int,
@@ -157,7 +157,7 @@ def _take(
     return 1 if max(sx, ex) >= behind else 0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _line_up(fan: Fan, count: int, desk: Desk) -> None:
     """Find, of the first walls of the desk, the lines and the blocks that they reach into."""
     ends, lines, spans, blocks = desk.ends, desk.lines, desk.spans, fan.blocks
@@ -184,7 +184,7 @@ def _line_up(fan: Fan, count: int, desk: Desk) -> None:
         spans[j, 0], spans[j, 1] = begin, (end if area != 0.0 else _ZERO)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _raise_all(fan: Fan, count: int, desk: Desk) -> None:
     """Raise the inverse ranges to those of the first walls of the desk."""
     for j in range(count):
@@ -196,7 +196,7 @@ def _raise_all(fan: Fan, count: int, desk: Desk) -> None:
             _raise_grazing(desk.flat, fan.directions, desk.ends[j])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _raise_grazing(flat: np.ndarray, directions: np.ndarray, ends: np.ndarray) -> None:
     """Take in, with float64, a wall seen so edge-on that float32 is too coarse."""
     sx, sy, ex, ey = ends

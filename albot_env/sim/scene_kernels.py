@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_env.sim.noise_kernels import draw, draw_normals
 
 SCENE_DRAWS = 6
@@ -40,7 +40,7 @@ class Scenes(NamedTuple):
     """Probability that a scene is seen falsely, times 2^32."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def look(x: float, y: float, heading: float, scenes: Scenes, key: np.uint64, place: int) -> int:
     """The number of the scene that a robot sees; -1 where none.
 
@@ -63,7 +63,7 @@ def look(x: float, y: float, heading: float, scenes: Scenes, key: np.uint64, pla
     return scene_at(x, y, heading + scenes.heading_noise * turn, scenes)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def scene_at(x: float, y: float, heading: float, scenes: Scenes) -> int:
     """The number of the scene that is truly there; outside all places, that at their edge."""
     column = min(max(math.floor((x - scenes.left) / scenes.cell), 0), scenes.columns - 1)

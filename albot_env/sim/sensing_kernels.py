@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.parcel import Parcel, opened
 from albot_env.sim.noise_kernels import draw
 from albot_env.sim.odometer_kernels import ODOMETER_DRAWS, read
@@ -19,6 +19,7 @@ from albot_env.sim.ray_kernels import Fan, make_desk, scan
 from albot_env.sim.scene_kernels import SCENE_DRAWS, Scenes, look
 from albot_env.sim.sonar_arrays import Sonars
 from albot_env.sim.sonar_kernels import SONAR_DRAWS, listen
+from albot_env.sim.surface_kernels import make_cone
 from albot_env.sim.wall_index import Walls
 
 NORMALS = 4096
@@ -85,7 +86,7 @@ class Sensed(NamedTuple):
     """(n,) int64: the scenes that the cameras recognised; -1 for none."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def disturb(
     ranges: np.ndarray,
     key: np.uint64,
@@ -102,7 +103,7 @@ def disturb(
         ranges[k] = np.inf if lost or reach >= max_range else reach
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(arrays=True, nogil=True)
 def sense(rows: np.ndarray, parcel: Parcel) -> None:
     """Read the sensors of the robots `rows`, whose cells are known.
 
@@ -116,6 +117,7 @@ def sense(rows: np.ndarray, parcel: Parcel) -> None:
     for k in range(rows.shape[0]):
         most = max(most, around.last[rows[k]] - around.first[rows[k]])
     desk = make_desk(fan, around.most_walls + most)
+    cone = make_cone(around.most_walls + most)
     for k in range(rows.shape[0]):
         i = rows[k]
         key, reading = sensed.keys[i], sensed.readings[i]
@@ -132,7 +134,9 @@ def sense(rows: np.ndarray, parcel: Parcel) -> None:
             nearby = solid.members[start:end]
             place = SONAR_PLACES + reading * count * SONAR_DRAWS
             things = around.things[first:last]
-            listen(solid.walls, nearby, things, poses[i], sonars, key, place, sensed.echoes[i])
+            listen(
+                solid.walls, nearby, things, poses[i], sonars, key, place, cone, sensed.echoes[i]
+            )
         if devices.scenes.shape[0] > 0:
             scenes = _scenes_of(devices.scenes[sensed.buildings[i]])
             place = CAMERA_PLACES + reading * SCENE_DRAWS
@@ -140,7 +144,7 @@ def sense(rows: np.ndarray, parcel: Parcel) -> None:
             sensed.scenes[i] = look(x, y, heading, scenes, key, place)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _scenes_of(fields: np.ndarray) -> Scenes:
     """The scenes of one building."""
     left, bottom, cell, columns, rows, sectors, scenes, stride, position, heading, missed, false = (

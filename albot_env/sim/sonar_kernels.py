@@ -5,19 +5,18 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_env.sim.cone_kernels import find_echo
-from albot_env.sim.lane_calls import whole_lanes
 from albot_env.sim.noise_kernels import draw
 from albot_env.sim.sonar_arrays import Sonars
-from albot_env.sim.surface_kernels import Ear, gather, look
+from albot_env.sim.surface_kernels import Cone, Ear, gather, look
 
 SONAR_DRAWS = 1
 """Places in the robot's stream that each sonar takes at a reading."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel()
 def listen(
     walls: np.ndarray,
     nearby: np.ndarray,
@@ -26,6 +25,7 @@ def listen(
     sonars: Sonars,
     key: np.uint64,
     place: int,
+    cone: Cone,
     echoes: np.ndarray,
 ) -> None:
     """Fill `echoes` (sonars,) with the ranges (m) that a robot's sonars report.
@@ -38,29 +38,27 @@ def listen(
         sonars: The sonars.
         key: Key of the robot's stream.
         place: First of the places in it that the reading takes: SONAR_DRAWS for each sonar.
+        cone: Room for so many surfaces, to work in.
         echoes: Filled; infinite where nothing came back.
     """
-    most = nearby.shape[0] + things.shape[0]
-    scratch = np.empty((10, whole_lanes(most)))
-    ends, seen = scratch[:5], scratch[5:]
-    count = gather(walls, nearby, things, pose, sonars.horizon, ends)
+    count = gather(walls, nearby, things, pose, cone.table)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     for s in range(sonars.mounts.shape[0]):
         ear = _ear(sonars.mounts, s, cos, sin)
-        found = look(ends, count, ear, sonars, seen)
-        reach, _ = find_echo(seen, found, sonars)
+        look(cone, count, ear, sonars)
+        reach, _ = find_echo(cone, sonars)
         bits = draw(key, place + s)
         if np.int64((bits >> np.uint64(26)) & np.uint64(0x1FFFFFF)) < sonars.crosstalk:
             other = s + 1 if (bits >> np.uint64(51)) & np.uint64(1) else s - 1
             if 0 <= other < sonars.mounts.shape[0]:
                 mouth = _ear(sonars.mounts, other, cos, sin)
-                found = look(ends, count, mouth, sonars, seen)
-                out, tangent = find_echo(seen, found, sonars)
+                look(cone, count, mouth, sonars)
+                out, tangent = find_echo(cone, sonars)
                 reach = min(reach, _overheard(ear, mouth, out, tangent))
         echoes[s] = _reported(reach, bits, sonars)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _ear(mounts: np.ndarray, s: int, cos: float, sin: float) -> Ear:
     """Where a sonar is and points to, for a robot with this cosine and sine of its heading."""
     mx, my, mc, ms = mounts[s, 0], mounts[s, 1], mounts[s, 2], mounts[s, 3]
@@ -72,7 +70,7 @@ def _ear(mounts: np.ndarray, s: int, cos: float, sin: float) -> Ear:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _overheard(ear: Ear, mouth: Ear, out: float, tangent: float) -> float:
     """Range (m) at which one sonar hears another's echo, which that hears at `out`.
 
@@ -87,7 +85,7 @@ def _overheard(ear: Ear, mouth: Ear, out: float, tangent: float) -> float:
     return (out + math.hypot(x - ear[0], y - ear[1])) / 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _reported(reach: float, bits: np.uint64, sonars: Sonars) -> float:
     """What a sonar reports of an echo at this range: noise, misses, and both limits."""
     if np.int64(bits & np.uint64(0x3FFFFFF)) < sonars.dropout:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -35,7 +36,7 @@ THESIS_STEPS = StartStop()
 def follow_leg(simulator: Simulator, waypoint: Points, steps: StartStop) -> Iterator[Reading]:
     """Turn towards the waypoint and go there; one reading a step."""
     to = waypoint - simulator.pose[:2]
-    turn = float(wrap_angle(np.arctan2(to[1], to[0]) - simulator.pose[2]))
+    turn = float(wrap_angle(math.atan2(to[1], to[0]) - simulator.pose[2]))
     parts = int(np.ceil(abs(turn) / steps.turn - 1e-9))
     for _ in range(parts):
         yield simulator.turn(turn / parts)

@@ -6,8 +6,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_env.sim.chipmunk_calls import take_step, visit
 from albot_env.sim.chipmunk_kernels import (
     EACH_BODY,
@@ -29,7 +29,7 @@ _KEYS = 2**62
 """Where in a robot's stream the keys of its things stand, beyond all that its sensors draw."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def command(
     rows: np.ndarray,
     engine: Engine,
@@ -61,7 +61,7 @@ def command(
         visit(engine.calls[EACH_BODY], own.shelf, engine.calls[SET_BODY], engine.requests[PUSHES])
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def observe(rows: np.ndarray, engine: Engine, stage: Stage) -> None:
     """Read out where the things of some robots are."""
     for i in rows:
@@ -72,7 +72,7 @@ def observe(rows: np.ndarray, engine: Engine, stage: Stage) -> None:
         outline(stage, i)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def begin(stage: Stage, i: int, key: np.uint64, robot: np.ndarray, radius: float) -> None:
     """Choose where the doors and walkers of robot i begin; its boxes are there already.
 
@@ -84,7 +84,7 @@ def begin(stage: Stage, i: int, key: np.uint64, robot: np.ndarray, radius: float
     outline(stage, i)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _take(buffer: np.ndarray, stage: Stage, i: int) -> None:
     """Take places and speeds from what pymunk has read out."""
     own = stage.robots[i]
@@ -102,7 +102,7 @@ def _take(buffer: np.ndarray, stage: Stage, i: int) -> None:
         walker.vx, walker.vy = buffer[place + 3], buffer[place + 4]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def outline(stage: Stage, i: int) -> None:
     """Draw the segments of robot i's things: doors, then boxes, then walkers."""
     own = stage.robots[i]
@@ -130,7 +130,7 @@ def outline(stage: Stage, i: int) -> None:
 # Two sides that meet compute their corner alike, so that no ray slips between them.
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _box_corner(box: Any, k: int) -> tuple[float, float]:
     """One of a box's four corners, counter-clockwise."""
     along = box.half_length if k == 1 or k == 2 else -box.half_length
@@ -139,7 +139,7 @@ def _box_corner(box: Any, k: int) -> tuple[float, float]:
     return box.x + along * cos - aside * sin, box.y + along * sin + aside * cos
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _walker_corner(walker: Any, k: int) -> tuple[float, float]:
     angle = 2 * math.pi * k / SIDES
     return walker.x + walker.radius * math.cos(angle), walker.y + walker.radius * math.sin(angle)

@@ -15,8 +15,8 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.parcel import Parcel, opened
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ _MARGIN = 1e-6
 """How deep (m) in the shadow an end must lie: more than rounding can move it."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def list_here(
     rows: np.ndarray,
     done: int,
@@ -83,7 +83,7 @@ def list_here(
     return int(rows.shape[0])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _list_cell(
     index: Walls,
     first: int,
@@ -114,7 +114,7 @@ def _list_cell(
             in_use += 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _distance(wall: np.ndarray, x: float, y: float) -> float:
     """Distance from (x, y) to a wall."""
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
@@ -123,7 +123,7 @@ def _distance(wall: np.ndarray, x: float, y: float) -> float:
     return math.hypot(wall[0] + along * ex - x, wall[1] + along * ey - y)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _sort(keys: np.ndarray, order: np.ndarray) -> None:
     """Fill `order` with the places of the keys, ascending (Shell's method).
 
@@ -142,7 +142,7 @@ def _sort(keys: np.ndarray, order: np.ndarray) -> None:
         gap //= 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _hidden(wall: np.ndarray, screens: np.ndarray, count: int) -> bool:
     """Whether all of the wall lies in the shadow of one of the first screens."""
     for s in range(count):
@@ -157,7 +157,7 @@ def _hidden(wall: np.ndarray, screens: np.ndarray, count: int) -> bool:
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _shadow(
     walls: np.ndarray,
     neighbours: np.ndarray,
@@ -191,7 +191,7 @@ def _shadow(
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _follow(
     walls: np.ndarray,
     neighbours: np.ndarray,
@@ -228,7 +228,7 @@ def _follow(
     return px, py
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _tangent(
     px: float, py: float, side: float, x: float, y: float, half: float, plane: np.ndarray
 ) -> None:
@@ -241,13 +241,13 @@ def _tangent(
     _half_plane(-side * dx, -side * dy, px, py, plane)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _corner(x: float, y: float, half: float, k: int) -> tuple[float, float]:
     """Corner k of a cell about (x, y)."""
     return x + half * (2 * (k % 2) - 1), y + half * (2 * (k // 2) - 1)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _half_plane(dx: float, dy: float, x: float, y: float, plane: np.ndarray) -> None:
     """What lies left of the line through (x, y) in direction (dx, dy), as n · p > offset."""
     length = math.hypot(dx, dy)
@@ -255,7 +255,7 @@ def _half_plane(dx: float, dy: float, x: float, y: float, plane: np.ndarray) -> 
     plane[2] = plane[0] * x + plane[1] * y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _left_of(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
     """Positive where p is left of the way from a to b."""
     return (bx - ax) * (py - ay) - (by - ay) * (px - ax)

@@ -15,8 +15,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_env.sim.door_kernels import gap_to_sweeps
 from albot_env.sim.noise_kernels import draw, draw_share
 from albot_env.sim.plane_kernels import nearest_on
@@ -55,7 +55,7 @@ _BERTH = 0.5
 """How far (m) from the robot it begins, where there is a choice."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def walk(stage: Stage, i: int, robot: np.ndarray, radius: float, duration: float) -> None:
     """Decide the velocities that the walkers of robot i try to reach in the next while (s).
 
@@ -89,13 +89,13 @@ def walk(stage: Stage, i: int, robot: np.ndarray, radius: float, duration: float
         walker.wanted_x, walker.wanted_y = _clipped(vx, vy, _EXCESS * speed)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _clipped(x: float, y: float, most: float) -> tuple[float, float]:
     length = math.hypot(x, y)
     return (x, y) if length <= most else (x * most / length, y * most / length)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _away_from(
     x: float, y: float, vx: float, vy: float, sizes: float, ex: float, ey: float
 ) -> tuple[float, float]:
@@ -123,7 +123,7 @@ def _away_from(
     return gx, gy
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _away_from_walls(stage: Stage, i: int, x: float, y: float, size: float) -> tuple[float, float]:
     """The repulsion, eq. (5), from the nearest of walls, doors and boxes."""
     own = stage.robots[i]
@@ -138,7 +138,7 @@ def _away_from_walls(stage: Stage, i: int, x: float, y: float, size: float) -> t
     return push * (x - near_x) / gap, push * (y - near_y) / gap
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _nearest(
     segments: np.ndarray, first: int, last: int, x: float, y: float
 ) -> tuple[float, float, float]:
@@ -153,7 +153,7 @@ def _nearest(
     return math.sqrt(least), near_x, near_y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _direction(walker: Any, waypoints: np.ndarray) -> tuple[float, float]:
     """Where a walker wants to go: to the point of its leg a little ahead of it."""
     along, length, x1, y1, x2, y2 = _progress(walker, waypoints)
@@ -166,7 +166,7 @@ def _direction(walker: Any, waypoints: np.ndarray) -> tuple[float, float]:
     return to_x / far, to_y / far
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _progress(
     walker: Any, waypoints: np.ndarray
 ) -> tuple[float, float, float, float, float, float]:
@@ -183,7 +183,7 @@ def _progress(
     return along, length, x1, y1, x2, y2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _take_next_leg(walker: Any) -> None:
     """Make for the waypoint after the next; at the end of an open route turn round."""
     after = walker.next + walker.sense
@@ -196,7 +196,7 @@ def _take_next_leg(walker: Any) -> None:
     walker.next = after
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _lose_patience(walker: Any, duration: float) -> None:
     """Turn round one who has got nowhere for a while."""
     slow = math.hypot(walker.vx, walker.vy) < _SLOW * walker.speed
@@ -209,7 +209,7 @@ def _lose_patience(walker: Any, duration: float) -> None:
         walker.sense = -walker.sense
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def begin_walkers(
     stage: Stage, i: int, key: np.uint64, place: int, robot: np.ndarray, radius: float
 ) -> None:
@@ -242,7 +242,7 @@ def begin_walkers(
         _stand(walker, waypoints, best_leg, best_share)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _stand(walker: Any, waypoints: np.ndarray, leg: int, share: float) -> None:
     """Put a walker on a leg, to walk on the way round that it has."""
     walker.last, walker.next = leg, (leg + 1) % walker.count
@@ -252,7 +252,7 @@ def _stand(walker: Any, waypoints: np.ndarray, leg: int, share: float) -> None:
         walker.last, walker.next = (leg + 1) % walker.count, leg
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _room(stage: Stage, i: int, w: int, robot: np.ndarray, radius: float) -> float:
     """How much more than needed a walker has to all sides (m); far below 0 on the robot."""
     walker = stage.walkers[w]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from albot_core.compiled import kernel
 
 SETTLED = 1.0
 """So far a robot drives in a place until that is taken to be in the room where it is (m): about
@@ -43,7 +44,7 @@ NOTHING, RIGHT, AGAIN, FALSE = 0, 1, 2, 3
 """What a step's claim was: none to be judged; right; right once more in the same room; false."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def forget_claims(i: int, c: Claims) -> None:
     """Let robot i begin anew."""
     c.met_in[i] = -1
@@ -54,7 +55,7 @@ def forget_claims(i: int, c: Claims) -> None:
     c.returned[i] = c.judged[i] = False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def judge_claim(i: int, room: int, is_new: bool, driven: float, c: Claims) -> int:
     """Follow robot i into the `room` of its world (-1 between rooms), and judge its claim.
 

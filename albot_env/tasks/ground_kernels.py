@@ -11,8 +11,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.geometry.directions import turned
 
 _ONE = 2.0**32
@@ -53,7 +53,7 @@ class Sight(NamedTuple):
     """No beam points to where the cosine of the bearing from the robot's heading is less."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def is_time_to_look(motion: np.ndarray, spacing: float, turn: float, moved: np.ndarray) -> bool:
     """Add a motion to what was `moved` (m, rad) since the last look; whether one is due."""
     moved[0] += math.hypot(motion[0], motion[1])
@@ -64,7 +64,7 @@ def is_time_to_look(motion: np.ndarray, spacing: float, turn: float, moved: np.n
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def cover(ground: Ground, i: int, pose: np.ndarray, sight: Sight, ranges: np.ndarray) -> int:
     """Mark the cells of robot i whose middles a scan taken at `pose` shows.
 
@@ -105,7 +105,7 @@ def cover(ground: Ground, i: int, pose: np.ndarray, sight: Sight, ranges: np.nda
     return new
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def cut_patch(
     ground: Ground, i: int, pose: np.ndarray, patch_cell: float, width: int, patch: np.ndarray
 ) -> None:
@@ -137,7 +137,7 @@ def cut_patch(
             y += step_y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def find_frontier(
     ground: Ground,
     i: int,
@@ -174,7 +174,7 @@ def find_frontier(
                 break
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def is_covered(ground: Ground, i: int, x: float, y: float) -> bool:
     """Whether a point (m) is on ground that robot i has covered."""
     side, half = ground.sides[i], ground.sides[i] / 2
@@ -182,7 +182,7 @@ def is_covered(ground: Ground, i: int, x: float, y: float) -> bool:
     return _is_covered(ground.grids[i], side, x + half, y + half)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _is_covered(grid: np.ndarray, side: int, x: float, y: float) -> bool:
     """Whether a point (cells from the corner of the square) is on covered ground."""
     if not (0.0 <= x < side and 0.0 <= y < side):

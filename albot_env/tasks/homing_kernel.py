@@ -6,8 +6,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.parcel import Parcel, opened
 from albot_env.tasks.standing import follow
 from albot_maps.geodesic_kernel import FAR, first_anchor
@@ -54,7 +54,7 @@ class Homecoming(NamedTuple):
     """(n,) float64: the same with the share of the way covered in place of success."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def find_way(i: int, x: float, y: float, fields: Fields, homecoming: Any) -> None:
     """Note how far it is home from x, y for robot i, and where the way turns.
 
@@ -75,7 +75,7 @@ def find_way(i: int, x: float, y: float, fields: Fields, homecoming: Any) -> Non
     homecoming.turns[i, 1] = ahead[1] * cell + corner[1]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def success_weighted(success: float, geodesic: float, driven: float) -> float:
     """Success weighted by path length: success × shortest way / the longer of it and that driven.
 
@@ -86,7 +86,7 @@ def success_weighted(success: float, geodesic: float, driven: float) -> float:
     return success if longest <= 0.0 else success * (geodesic / longest)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _aversion(pose: np.ndarray, turn: np.ndarray) -> float:
     """How far a robot looks away from a point, (1 - cos) / 2: 0 ahead, 1 right behind."""
     east, north = turn[0] - pose[0], turn[1] - pose[1]
@@ -96,7 +96,7 @@ def _aversion(pose: np.ndarray, turn: np.ndarray) -> float:
     return float(0.5 - 0.5 * (math.cos(pose[2]) * east + math.sin(pose[2]) * north) / away)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def appraise_homing(rows: np.ndarray, parcel: Parcel, elapsed: float) -> None:
     """Bring the standing of robots up to date after a survey, at the end of a step (s).
 

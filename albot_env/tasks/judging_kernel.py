@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.parcel import Parcel, opened
 from albot_env.tasks.kernels import find_home
 from albot_env.tasks.standing import Standing
@@ -75,7 +75,7 @@ class Judgement(NamedTuple):
     """(n,) float64: simulated time since it set out (s)."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(arrays=True, nogil=True)
 def judge(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
     """Judge the answers of robots `rows`, and show them where they have arrived next.
 
@@ -105,7 +105,7 @@ def judge(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
         observations[i] = nothing if j.ended[i] else sheets.questions[i, here]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _kind(same: np.ndarray, here: int, answer: int, right: int) -> int:
     """What kind of answer it is, as `TERMS` go."""
     if answer == 0:
@@ -113,7 +113,7 @@ def _kind(same: np.ndarray, here: int, answer: int, right: int) -> int:
     return 0 if answer <= here and same[here, answer - 1] else 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _latest(same: np.ndarray, here: int) -> int:
     """The latest earlier arrival at the place of the arrival `here`, from 1; 0 for none."""
     for k in range(here - 1, -1, -1):
@@ -122,7 +122,7 @@ def _latest(same: np.ndarray, here: int) -> int:
     return 0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _weigh(i: int, wanted: float, j: Judgement) -> None:
     """Bring robot i's precision, recall and success up to date."""
     right, false = j.tallies[i, 0], j.tallies[i, 2]
@@ -131,7 +131,7 @@ def _weigh(i: int, wanted: float, j: Judgement) -> None:
     j.success[i] = j.ended[i] and false == 0 and j.recall[i] >= wanted
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _show(
     i: int, here: int, sheets: Sheets, senses: Senses, standing: Standing, j: Judgement
 ) -> None:

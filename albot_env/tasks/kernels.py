@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from albot_core.compiled import kernel
 
 TIME_KNEE = 0.05
 """Share of the longest time up to which the scale of times is nearly linear."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def find_room(
     x: float, y: float, corners: np.ndarray, spans: np.ndarray, first: int, last: int
 ) -> int:
@@ -34,14 +35,32 @@ def find_room(
     return -1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def log_scale(length: float, knee: float, longest: float) -> float:
     """A length as a number from -1 at 0 to 1 at `longest` and more, finest where short."""
     share = math.log1p(min(length, longest) / knee) / math.log1p(longest / knee)
     return min(2.0 * share - 1.0, 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
+def inverse_log_scale(scaled: float, knee: float, longest: float) -> float:
+    """The length that `log_scale` made this number of."""
+    return knee * math.expm1(0.5 * (scaled + 1) * math.log1p(longest / knee))
+
+
+@kernel(arrays=True)
+def unscale_ranges(scaled: np.ndarray, knee: float, longest: float) -> np.ndarray:
+    """The ranges (m) that `scale_ranges` made these numbers of.
+
+    One at a time: numpy's expm1 over arrays rounds otherwise where the processor has AVX-512.
+    """
+    ranges = np.empty(scaled.shape[0])
+    for k in range(scaled.shape[0]):
+        ranges[k] = inverse_log_scale(-np.float64(scaled[k]), knee, longest)
+    return ranges
+
+
+@kernel(arrays=True)
 def scale_ranges(ranges: np.ndarray, knee: float, longest: float, scaled: np.ndarray) -> None:
     """Fill the first of `scaled` with ranges (m): 1 at 0, -1 at `longest` and beyond.
 
@@ -69,7 +88,7 @@ def scale_ranges(ranges: np.ndarray, knee: float, longest: float, scaled: np.nda
         scaled[k] = min(max(one - share * log, -one), one)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def observe_motion(motion: np.ndarray, length: float, turn: float, row: np.ndarray) -> None:
     """Fill `row` (3,) with the part motion: in shares of a step's length (m) and turn (rad)."""
     for i in range(3):
@@ -77,7 +96,7 @@ def observe_motion(motion: np.ndarray, length: float, turn: float, row: np.ndarr
         row[i] = min(max(share, -1.0), 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def observe_home(home: np.ndarray, knee: float, longest: float, row: np.ndarray) -> None:
     """Fill `row` (3,) with the part home: direction and distance of home (robot frame)."""
     distance = math.hypot(home[0], home[1])
@@ -88,7 +107,7 @@ def observe_home(home: np.ndarray, knee: float, longest: float, row: np.ndarray)
     row[2] = log_scale(distance, knee, longest)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray, travels: np.ndarray) -> None:
     """Add the motions measured to beliefs x, y, heading (n, 3), their lengths to travels (n,)."""
     for i in rows:
@@ -99,7 +118,7 @@ def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray, travels: 
         beliefs[i, 2] = (beliefs[i, 2] + motions[i, 2] + math.pi) % (2 * math.pi) - math.pi
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def observe_exit(
     belief: np.ndarray, line: np.ndarray, knee: float, longest: float, row: np.ndarray
 ) -> None:
@@ -122,7 +141,7 @@ def observe_exit(
     row[5] = 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def observe_way(
     belief: np.ndarray, point: np.ndarray, knee: float, longest: float, row: np.ndarray
 ) -> None:
@@ -142,7 +161,7 @@ def observe_way(
     row[3] = 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def observe_confidence(travel: float, drift: float, near: float) -> float:
     """The part confidence of an observation: from 1 where home is certain to -1.
 
@@ -154,7 +173,7 @@ def observe_confidence(travel: float, drift: float, near: float) -> float:
     return 1.0 - 2.0 * math.exp(-0.5 * (near / max(deviation, 1e-9)) ** 2)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def find_nearest(ranges: np.ndarray, nearest: np.ndarray) -> None:
     """Fill `nearest` with the shortest of the ranges in each of as many equal sectors."""
     beams, sectors = ranges.shape[0], nearest.shape[0]
@@ -166,7 +185,7 @@ def find_nearest(ranges: np.ndarray, nearest: np.ndarray) -> None:
         nearest[k] = shortest
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _direct(east: float, north: float, cos: float, sin: float, row: np.ndarray) -> None:
     """Write the direction of a vector of the map as seen with a heading."""
     length = max(math.hypot(east, north), 1e-9)
@@ -174,7 +193,7 @@ def _direct(east: float, north: float, cos: float, sin: float, row: np.ndarray) 
     row[1] = min(max((cos * north - sin * east) / length, -1.0), 1.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def find_home(belief: np.ndarray, where: np.ndarray, home: np.ndarray) -> None:
     """Write where home is, seen from a belief, as x, y, heading (3,); `where` it is in the map."""
     cos, sin = math.cos(belief[2]), math.sin(belief[2])
@@ -184,7 +203,7 @@ def find_home(belief: np.ndarray, where: np.ndarray, home: np.ndarray) -> None:
     home[2] = (where[2] - belief[2] + math.pi) % (2 * math.pi) - math.pi
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def observe_time(left: float, longest: float) -> float:
     """Time left (s) as a number from -1 at none to 1 at `longest` and more, finest where short."""
     return log_scale(max(left, 0.0), TIME_KNEE * longest, longest)

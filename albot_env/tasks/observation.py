@@ -20,7 +20,7 @@ from albot_core.errors import InputError
 from albot_core.perception.reading import LaserGeometry, SonarGeometry
 from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.coverage import CoverageConfig
-from albot_env.tasks.kernels import TIME_KNEE
+from albot_env.tasks.kernels import TIME_KNEE, inverse_log_scale, unscale_ranges
 from albot_env.tasks.survey_kernel import Layout, Scales
 from albot_env.tasks.wayfinding import WayfindingConfig
 
@@ -218,7 +218,7 @@ class ObservationConfig:
 
     def ranges(self, laser: Float[np.ndarray, "beams"]) -> Float64[np.ndarray, "beams"]:
         """The ranges (m) that the `laser` part stands for, `laser_range` where nothing was."""
-        return _inverse_log_scale(-laser, self.laser_knee, self.laser_range)
+        return np.asarray(unscale_ranges(laser, self.laser_knee, self.laser_range))
 
     def travel_home(self, scaled: float | np.floating) -> float:
         """The travel (m) that the `confidence` part stands for; infinite at -1."""
@@ -227,18 +227,9 @@ class ObservationConfig:
 
     def time_left(self, scaled: float | np.floating) -> float:
         """The time (s) that the `time_left` part stands for, `time_range` at the most."""
-        times = np.array((float(scaled),))
-        return float(_inverse_log_scale(times, TIME_KNEE * self.time_range, self.time_range)[0])
+        longest = self.time_range
+        return float(inverse_log_scale(float(scaled), TIME_KNEE * longest, longest))
 
     def home_distance(self, scaled: float | np.floating) -> float:
         """The distance (m) that the last number of the `home` part stands for."""
-        distances = np.array((float(scaled),))
-        return float(_inverse_log_scale(distances, self.home_knee, self.home_range)[0])
-
-
-def _inverse_log_scale(
-    scaled: Float[np.ndarray, "n"], knee: float, longest: float
-) -> Float64[np.ndarray, "n"]:
-    """The lengths that `log_scale` made these numbers of."""
-    share = (np.asarray(scaled, np.float64) + 1) / 2
-    return np.asarray(knee * np.expm1(share * np.log1p(longest / knee)))
+        return float(inverse_log_scale(float(scaled), self.home_knee, self.home_range))

@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.parcel import Parcel, opened
 from albot_env.tasks.homing_kernel import find_way, success_weighted
 from albot_env.tasks.kernels import observe_time
@@ -63,7 +63,7 @@ class Rules(NamedTuple):
     """…and where in observations it stands; -1 where it is not shown."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def appraise_round_trip(
     rows: np.ndarray, parcel: Parcel, elapsed: float, observations: np.ndarray
 ) -> None:
@@ -117,7 +117,7 @@ def appraise_round_trip(
             observations[i, rules.time_at] = observe_time(r.time_left[i], rules.time_range)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _weigh(i: int, r: RoundTrips) -> None:
     """Weigh success, and the share of the way back that robot i has come, by their length."""
     farthest = r.farthest[i]

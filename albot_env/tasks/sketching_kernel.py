@@ -9,8 +9,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.exploration.sketch_kernels import draw_scan
 from albot_env.tasks.ground_kernels import Sight, is_time_to_look
 
@@ -57,7 +57,7 @@ class Sketches(NamedTuple):
     is not covered."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def begin_sketch(sketches: Sketches, i: int) -> None:
     """Let robot i know nothing of the ground."""
     side = sketches.sides[i]
@@ -68,7 +68,7 @@ def begin_sketch(sketches: Sketches, i: int) -> None:
     forget_way(sketches.onwards[i])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def follow_sketch(
     sketches: Sketches,
     i: int,
@@ -92,21 +92,21 @@ def follow_sketch(
     return bool(is_time)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def forget_way(way: np.ndarray) -> None:
     """There is no such way."""
     way[POINT] = math.nan
     way[LENGTH] = math.inf
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def grid_of(sketches: Sketches, i: int) -> np.ndarray:
     """Robot i's cells (side, side), to be read and written."""
     side = sketches.sides[i]
     return sketches.grids[i, : side * side].reshape((side, side))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _has_jumped(before: np.ndarray, motion: np.ndarray, now: np.ndarray, jump: float) -> bool:
     """Whether a belief is elsewhere than the odometer's motion leads to."""
     cos, sin = math.cos(before[2]), math.sin(before[2])
@@ -115,7 +115,7 @@ def _has_jumped(before: np.ndarray, motion: np.ndarray, now: np.ndarray, jump: f
     return math.hypot(now[0] - x, now[1] - y) > jump
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _draw(
     grid: np.ndarray, pencil: Pencil, sight: Sight, belief: np.ndarray, ranges: np.ndarray
 ) -> None:

@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_env.tasks.survey_kernel import Findings, Senses
 
 
@@ -50,7 +50,7 @@ def new_standing(robots: int, terms: int) -> Standing:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def follow(
     i: int, cell_area: float, senses: Senses, findings: Findings, standing: Standing
 ) -> float:
@@ -74,7 +74,7 @@ def follow(
     return driven
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(nogil=True)
 def trail(
     rows: np.ndarray, cell_area: float, senses: Senses, findings: Findings, standing: Standing
 ) -> None:

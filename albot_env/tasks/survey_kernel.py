@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.mapper import EXIT, POINT, TRAVEL
 from albot_core.parcel import Parcel, opened
 from albot_env.tasks.ground_kernels import (
@@ -130,7 +130,7 @@ class Findings(NamedTuple):
     """(n, 2) float64: way and turning since each last looked at the ground (m, rad)."""
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(arrays=True, nogil=True)
 def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
     """Survey the robots `rows`; each's observation goes into its row of `observations`.
 
@@ -182,7 +182,7 @@ def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
             _tell_ways(i, s, layout, senses, search, sketches, row)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _find_ways(
     i: int,
     sight: Sight,
@@ -202,7 +202,7 @@ def _find_ways(
             find_onwards(sketches, i, search, believed)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _tell_motion(i: int, s: Scales, layout: Layout, senses: Senses, row: np.ndarray) -> None:
     """Fill in the parts motion, heading and home of robot i, as far as they are shown."""
     home = senses.homes[i]
@@ -214,7 +214,7 @@ def _tell_motion(i: int, s: Scales, layout: Layout, senses: Senses, row: np.ndar
         observe_home(home, s.home_knee, s.home_range, row[layout.home :])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _tell_beliefs(i: int, s: Scales, layout: Layout, senses: Senses, row: np.ndarray) -> None:
     """Fill in what robot i makes of its map, as far as it is shown."""
     belief, way = senses.beliefs[i], senses.ways_home[i]
@@ -229,7 +229,7 @@ def _tell_beliefs(i: int, s: Scales, layout: Layout, senses: Senses, row: np.nda
         observe_way(belief, way[POINT], s.home_knee, s.home_range, row[layout.way :])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _tell_ways(
     i: int,
     s: Scales,

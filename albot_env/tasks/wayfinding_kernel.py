@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.exploration.sketch_kernels import (
     FREE,
     STEP,
@@ -41,7 +41,7 @@ class Search(NamedTuple):
     worth: float
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def find_homewards(sketches: Sketches, i: int, search: Search, home: np.ndarray) -> None:
     """Find robot i's shortest way home (map frame, m); ground not seen yet counts as free."""
     way, belief, grid = sketches.homewards[i], sketches.beliefs[i], grid_of(sketches, i)
@@ -65,7 +65,7 @@ def find_homewards(sketches: Sketches, i: int, search: Search, home: np.ndarray)
         way[POINT] = home[:2]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def find_onwards(sketches: Sketches, i: int, search: Search, covered: Ground) -> None:
     """Find robot i's shortest way, over ground seen to be free, to ground not covered.
 
@@ -93,7 +93,7 @@ def find_onwards(sketches: Sketches, i: int, search: Search, covered: Ground) ->
         around = min(2 * around, search.last)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def pick_shortcut(sketches: Sketches, i: int, search: Search, known: float) -> np.ndarray:
     """The point ahead (map frame, m) on a way home that is worth leaving the known one for.
 
@@ -103,13 +103,13 @@ def pick_shortcut(sketches: Sketches, i: int, search: Search, known: float) -> n
     return way[POINT] if search.worth * way[LENGTH] < known else np.full(2, np.nan)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def pick_onward(sketches: Sketches, i: int) -> np.ndarray:
     """The point ahead (map frame, m) on the way to ground not covered; NaN for none."""
     return sketches.onwards[i, POINT]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _mark_uncovered(
     part: np.ndarray, low: tuple[int, int], half: int, cell: float, covered: Ground, i: int
 ) -> None:
@@ -127,7 +127,7 @@ def _mark_uncovered(
                 part[row, column] = WANTED
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _comes_to_the_edge(ways: np.ndarray, border: int) -> bool:
     """Whether a flood came to the edge of where it may: there may be more beyond."""
     first, last = border, ways.shape[0] - 1 - border
@@ -137,7 +137,7 @@ def _comes_to_the_edge(ways: np.ndarray, border: int) -> bool:
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _tell_way(
     part: np.ndarray,
     low: tuple[int, int],
@@ -159,7 +159,7 @@ def _tell_way(
     return bool(chosen == cells.shape[0] - 1)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _cell(grid: np.ndarray, place: np.ndarray, cell: float) -> tuple[int, int]:
     """Row and column of a place (map frame, m)."""
     half = grid.shape[0] // 2
@@ -168,7 +168,7 @@ def _cell(grid: np.ndarray, place: np.ndarray, cell: float) -> tuple[int, int]:
     return row + half, column + half
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _box(
     grid: np.ndarray, one: tuple[int, int], other: tuple[int, int], margin: int
 ) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -180,7 +180,7 @@ def _box(
     return low, (high_row, high_column)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _is_inside(
     place: tuple[int, int], low: tuple[int, int], high: tuple[int, int], search: Search
 ) -> bool:

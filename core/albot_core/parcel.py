@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, typeof, types
+from numba import typeof, types
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.registry import cpu_target
 from numba.extending import (
@@ -25,6 +25,8 @@ from numba.extending import (
     typeof_impl,
     unbox,
 )
+
+from albot_core.compiled import kernel
 
 _LINE = 64
 """Contents begin at a multiple of so many bytes."""
@@ -103,7 +105,7 @@ class _ParcelModel(models.PrimitiveModel):
         super().__init__(manager, kind, ir.IntType(64))  # type: ignore[no-untyped-call]
 
 
-@unbox(ParcelType)  # type: ignore[no-untyped-call]
+@unbox(ParcelType)  # type: ignore[no-untyped-call, untyped-decorator]
 def _take(_: ParcelType, parcel: Any, context: Any) -> NativeValue:
     address = context.pyapi.object_getattr_string(parcel, "address")
     number = context.pyapi.long_as_longlong(address)
@@ -154,6 +156,6 @@ opened: Any = intrinsic(_opened)
 _stored: Any = intrinsic(_store)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _pack(contents: Any, address: int) -> None:
     _stored(contents, address)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from albot_core.compiled import kernel
 
 BLOCKED = 1
 """A lattice point too near a wall."""
@@ -11,7 +12,7 @@ REACHED = 2
 """A lattice point that the disc gets to."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def block(
     state: np.ndarray,
     rows: int,
@@ -53,7 +54,7 @@ def block(
                     state[column * rows + row] = BLOCKED
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def fill(state: np.ndarray, rows: int, waiting: np.ndarray) -> None:
     """Mark the points joined to the first by steps to one of the four neighbours.
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_maps.flood_kernel import BLOCKED
 
 FAR = -1
@@ -15,7 +15,7 @@ SEARCHED = 3
 """How many cells around a place an open point is looked for."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def sees(
     state: np.ndarray, columns: int, rows: int, x: float, y: float, to_x: float, to_y: float
 ) -> bool:
@@ -35,7 +35,7 @@ def sees(
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _push(heap: np.ndarray, keys: np.ndarray, size: int, item: int, key: float) -> None:
     """Put an item on a binary heap that holds `size`."""
     k = size
@@ -48,7 +48,7 @@ def _push(heap: np.ndarray, keys: np.ndarray, size: int, item: int, key: float) 
     heap[k], keys[k] = item, key
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _pop(heap: np.ndarray, keys: np.ndarray, size: int) -> None:
     """Take the first item off a binary heap that holds `size`."""
     last = size - 1
@@ -67,7 +67,7 @@ def _pop(heap: np.ndarray, keys: np.ndarray, size: int) -> None:
     heap[k], keys[k] = item, key
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def spread(
     state: np.ndarray,
     columns: int,
@@ -135,7 +135,7 @@ def spread(
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _begin(
     state: np.ndarray,
     columns: int,
@@ -159,7 +159,7 @@ def _begin(
     return size
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def first_anchor(
     x: float, y: float, columns: int, rows: int, anchors: np.ndarray, anchor_of: np.ndarray
 ) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ SENSED = ("laser", "motion", "heading", "home")
 def make_sense(observation: Any, config: ObservationConfig) -> Senses:
     """Undo the scaling of an observation, flat or by part."""
     parts = observation if isinstance(observation, dict) else config.split(observation)
-    heading = float(np.arctan2(parts["heading"][1], parts["heading"][0]))
+    heading = math.atan2(parts["heading"][1], parts["heading"][0])
     cos, sin = np.cos(heading), np.sin(heading)
     distance = config.home_distance(parts["home"][2])
     home_x, home_y = distance * parts["home"][0], distance * parts["home"][1]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.exits import EXPECTED, GATE, NO_GATE, Exits, nearest_exit
 from albot_core.albot1.gaps import beyond, crosses
+from albot_core.compiled import kernel
 
 THROUGH = 0.3
 """A robot has crossed an exit once it is this far beyond its line (m)."""
@@ -19,14 +19,14 @@ ASIDE = 1.2
 """An exit expected so near to one that is seen (m) is that one: the map may have drifted."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _is_seen(exits: Exits, line: np.ndarray) -> bool:
     """Whether an exit is remembered about where one is expected."""
     _, away = nearest_exit(exits, 0.5 * (line[0] + line[2]), 0.5 * (line[1] + line[3]))
     return bool(away < ASIDE)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _is_gate(exits: Exits, line: np.ndarray) -> bool:
     """Whether the robot stands in this exit."""
     same = exits.counts[1] != NO_GATE
@@ -35,7 +35,7 @@ def _is_gate(exits: Exits, line: np.ndarray) -> bool:
     return bool(same)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _is_aside(gate: np.ndarray, x: float, y: float) -> bool:
     """Whether a point is WIDE aside of an exit's middle."""
     dx, dy = gate[2] - gate[0], gate[3] - gate[1]
@@ -43,7 +43,7 @@ def _is_aside(gate: np.ndarray, x: float, y: float) -> bool:
     return bool(abs(along) > WIDE * np.sqrt(dx * dx + dy * dy))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _pass(exits: Exits, ax: float, ay: float, x: float, y: float, what: int) -> None:
     """Note as the gate the exit nearest to (x, y), if any, that was passed on the way there.
 
@@ -68,7 +68,7 @@ def _pass(exits: Exits, ax: float, ay: float, x: float, y: float, what: int) -> 
                 exits.counts[1] = what
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def cross_exit(exits: Exits, ax: float, ay: float, pose: np.ndarray) -> bool:
     """Whether on the way from (ax, ay) to `pose` the robot got through an exit.
 

@@ -9,11 +9,11 @@ between views from two places half of them are.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.recognition import length_of, seen_along, wrap
 from albot_core.albot1.sight import Sight
+from albot_core.compiled import kernel
 
 SPACING = 0.25
 """Walls are looked at in points so far apart (m)."""
@@ -23,7 +23,7 @@ FEWEST_POINTS = 12
 """With fewer points to go by nothing is said."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _range_along(view: Sight, x: float, y: float) -> float:
     """How many vectors (x, y) away the first surface along them is; NaN where none is seen."""
     nearest = np.inf
@@ -40,7 +40,7 @@ def _range_along(view: Sight, x: float, y: float) -> float:
     return nearest if nearest < np.inf else np.nan
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _look_past(
     view: Sight, walls: Sight, pose: np.ndarray, limits: Limits, counts: np.ndarray
 ) -> None:
@@ -67,7 +67,7 @@ def _look_past(
                 counts[0] += 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def contradiction(one: Sight, other: Sight, limits: Limits) -> float:
     """The share of the walls of two views, of those in view from both, that contradict."""
     counts = np.zeros(2, np.int64)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.memory import (
@@ -16,9 +15,10 @@ from albot_core.albot1.search import surfaces_ending_in
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.albot1.updating import box_around, counterpart, placed, update_map
 from albot_core.albot1.visits import meet_again
+from albot_core.compiled import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def enter(memory: Memory, sight: Sight, limits: Limits) -> None:
     """The forced update: mark the surfaces in view as those of the visit that begins.
 

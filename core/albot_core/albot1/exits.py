@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.gaps import REACH, crosses, find_exits
 from albot_core.albot1.sight import Sight
+from albot_core.compiled import kernel
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 
@@ -54,7 +54,7 @@ def expect_exits(exits: Exits, lines: Segments) -> None:
     exits.counts[2] = len(lines)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _forget(exits: Exits, k: int) -> None:
     last = exits.counts[0] - 1
     for i in range(4):
@@ -62,7 +62,7 @@ def _forget(exits: Exits, k: int) -> None:
     exits.counts[0] = last
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def nearest_exit(exits: Exits, x: float, y: float) -> tuple[int, float]:
     """The remembered exit with its middle nearest to a point, and how near (m)."""
     best, which = np.inf, -1
@@ -75,7 +75,7 @@ def nearest_exit(exits: Exits, x: float, y: float) -> tuple[int, float]:
     return which, np.sqrt(best)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _farthest(exits: Exits, x: float, y: float) -> int:
     best, which = -1.0, 0
     for k in range(exits.counts[0]):
@@ -85,7 +85,7 @@ def _farthest(exits: Exits, x: float, y: float) -> int:
     return which
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _is_shut(line: np.ndarray, sight: Sight, cos: float, sin: float) -> bool:
     """Whether a surface of the view stands in the middle of a remembered exit.
 
@@ -108,7 +108,7 @@ def _is_shut(line: np.ndarray, sight: Sight, cos: float, sin: float) -> bool:
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def remember_exits(exits: Exits, sight: Sight, limits: Limits) -> None:
     """Remember the exits in view where they are seen now, and forget those seen to be shut."""
     pose = sight.pose

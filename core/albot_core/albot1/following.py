@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.crossing import cross_exit
@@ -17,6 +16,7 @@ from albot_core.albot1.sight import Sight, copy_sight
 from albot_core.albot1.storage import ROOM, exits_at, graph_at, memory_at, sight_at, steps_at
 from albot_core.albot1.trail import LOOK_ROUND, STRIDE
 from albot_core.albot1.trail_kernels import has_room, tread_on
+from albot_core.compiled import kernel
 from albot_core.parcel import Parcel, opened
 from albot_core.perception.surfaces import NO_EDGE, extract_surfaces
 
@@ -69,7 +69,7 @@ class Robots(NamedTuple):
     """(n,) bool: whether it has lost its way."""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _desk(room: int) -> Sight:
     """A view to work on, which every robot of a call uses in turn."""
     return Sight(
@@ -82,7 +82,7 @@ def _desk(room: int) -> Sight:
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def find_landmarks(current: Sight, limits: Limits) -> None:
     """Section 3.1.4: long surfaces with an occluding or corner point are landmarks."""
     for k in range(current.size[0]):
@@ -91,7 +91,7 @@ def find_landmarks(current: Sight, limits: Limits) -> None:
         )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _look(ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight) -> None:
     """Construct the view from a scan (algorithm 4, lines 3 and 4)."""
     current.size[0] = extract_surfaces(
@@ -108,14 +108,14 @@ def _look(ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight) -> Non
     find_landmarks(current, limits)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _is_near(motion: np.ndarray, limits: Limits) -> bool:
     """Whether the last view was taken so near that the robot does not look again."""
     square = motion[0] * motion[0] + motion[1] * motion[1]
     return bool(square < limits.view_spacing**2 and abs(motion[2]) < limits.view_turn)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _has_gone_on(pose: np.ndarray, trod: np.ndarray) -> bool:
     """Whether it is time to tread on the trail; then it does so here."""
     square = (pose[0] - trod[0]) ** 2 + (pose[1] - trod[1]) ** 2
@@ -126,7 +126,7 @@ def _has_gone_on(pose: np.ndarray, trod: np.ndarray) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _has_room(memory: Memory, previous: Sight, current: Sight) -> bool:
     """Whether the map has room for all that may come of a view.
 
@@ -138,7 +138,7 @@ def _has_room(memory: Memory, previous: Sight, current: Sight) -> bool:
     return bool(room_left(memory) >= surfaces and visits < memory.met.shape[0])
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _tread(robots: Robots, row: int, view: Sight) -> None:
     """Let a robot to which nothing else has happened tread on its trail."""
     here = np.empty(3)
@@ -147,7 +147,7 @@ def _tread(robots: Robots, row: int, view: Sight) -> None:
     tread_on(steps, graph, robots.current[row], here, view.surfaces[: view.size[0]])
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _view(
     robots: Robots,
     row: int,
@@ -181,7 +181,7 @@ def _view(
     return True
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _follow(
     robots: Robots,
     row: int,
@@ -213,7 +213,7 @@ def _follow(
     return True
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@kernel(arrays=True, nogil=True)
 def follow(
     rows: np.ndarray, first: int, parcel: Parcel, ranges: np.ndarray, motions: np.ndarray
 ) -> int:

@@ -8,11 +8,11 @@ seen between the two is farther than the straight line from the one to the other
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.recognition import length_of
 from albot_core.albot1.sight import Sight
+from albot_core.compiled import kernel
 from albot_core.perception.surfaces import CORNER, OCCLUDING
 
 REACH = 6.0
@@ -25,14 +25,14 @@ ASLANT = np.radians(30.0)
 """…and turned no more than this from the line across the gap (rad)."""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def beyond(px: float, py: float, qx: float, qy: float, x: float, y: float) -> float:
     """How far a point is to the left of the line from p to q (m)."""
     dx, dy = qx - px, qy - py
     return float((dx * (y - py) - dy * (x - px)) / np.sqrt(dx * dx + dy * dy))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def crosses(line: np.ndarray, ax: float, ay: float, bx: float, by: float) -> bool:
     """Whether the way from a to b passes a line between its ends."""
     dx, dy = line[2] - line[0], line[3] - line[1]
@@ -46,7 +46,7 @@ def crosses(line: np.ndarray, ax: float, ay: float, bx: float, by: float) -> boo
     return bool((first > 0.0) != (second > 0.0))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _runs_along(surface: np.ndarray, dx: float, dy: float) -> bool:
     """Whether a surface is a wall that runs along the direction (dx, dy)."""
     ux, uy = surface[2] - surface[0], surface[3] - surface[1]
@@ -55,7 +55,7 @@ def _runs_along(surface: np.ndarray, dx: float, dy: float) -> bool:
     return bool(length >= WALL and along >= np.cos(ASLANT))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _wall_at(sight: Sight, k: int, side: int) -> int:
     """The wall whose end a gap begins at, past the face that the wall has in the gap."""
     beside = k - 1 if side == 0 else k + 1
@@ -63,14 +63,14 @@ def _wall_at(sight: Sight, k: int, side: int) -> int:
     return beside if is_corner and length_of(sight.surfaces[k]) < JAMB else k
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _opens(sight: Sight, i: int, j: int) -> bool:
     """Whether there may be a gap between the surfaces i and j: the one hides what is behind."""
     right, left = sight.edges[i, 1] == OCCLUDING, sight.edges[j, 0] == OCCLUDING
     return bool(right or left if j == i + 1 else right and left)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _is_exit(sight: Sight, i: int, j: int, line: np.ndarray, limits: Limits) -> bool:
     """Whether the gap between the surfaces i and j is an exit; `line` (4,) then runs across."""
     right, left = _wall_at(sight, i, 0), _wall_at(sight, j, 1)
@@ -92,7 +92,7 @@ def _is_exit(sight: Sight, i: int, j: int, line: np.ndarray, limits: Limits) -> 
     return bool(_runs_along(walls[right], dx, dy) and _runs_along(walls[left], dx, dy))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def find_exits(sight: Sight, limits: Limits, lines: np.ndarray) -> int:
     """Write the exits in view into `lines` (n, 4), in the robot's frame; return how many.
 

@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
-from numba import njit
+
+from albot_core.compiled import kernel
 
 HOME = 0
 """The point where all ways end: the first."""
@@ -123,7 +124,7 @@ def _copied(graph: Graph, points: int, links: int) -> Graph:
     return larger
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def add_point(graph: Graph) -> None:
     """One point more, to which no way leads yet. There must be room."""
     point = graph.counts[0]
@@ -132,14 +133,14 @@ def add_point(graph: Graph) -> None:
     graph.counts[0] += 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def add_points(graph: Graph, count: int) -> None:
     """So many points more. There must be room."""
     for _ in range(count):
         add_point(graph)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def link_all(graph: Graph, point: int, others: np.ndarray, spans: np.ndarray) -> None:
     """Join a point with the `others` (points,) that are not joined with it yet."""
     joined = np.zeros(others.shape[0], np.bool_)
@@ -153,14 +154,14 @@ def link_all(graph: Graph, point: int, others: np.ndarray, spans: np.ndarray) ->
             _join(graph, point, other, max(spans[other], SHORTEST))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def join_pairs(graph: Graph, pairs: np.ndarray, spans: np.ndarray) -> None:
     """Join pairs of points (links, 2) that are not joined yet."""
     for k in range(pairs.shape[0]):
         _join(graph, pairs[k, 0], pairs[k, 1], spans[k])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _join(graph: Graph, one: int, other: int, span: float) -> None:
     """Join two points, and shorten the ways home that lead over the link."""
     link = graph.counts[1]
@@ -175,7 +176,7 @@ def _join(graph: Graph, one: int, other: int, span: float) -> None:
         _spread(graph, one)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _file(graph: Graph, link: int) -> None:
     """Put a link before the others of its two ends."""
     for side in range(2):
@@ -184,7 +185,7 @@ def _file(graph: Graph, link: int) -> None:
         graph.heads[here] = 2 * link + side
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _relax(graph: Graph, here: int, there: int, span: float) -> bool:
     """Let the way home from a point lead over another if that is shorter; whether it is.
 
@@ -200,7 +201,7 @@ def _relax(graph: Graph, here: int, there: int, span: float) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _spread(graph: Graph, source: int) -> None:
     """Shorten the ways home that are shorter by way of a point, and those by way of these."""
     waiting = np.empty(graph.counts[0], np.int64)
@@ -221,7 +222,7 @@ def _spread(graph: Graph, source: int) -> None:
                 count += 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def keep_points(graph: Graph, places: np.ndarray) -> None:
     """Forget points: `places` (points,) are the numbers of those that stay, -1 for others.
 

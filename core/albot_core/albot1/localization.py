@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.memory import Memory
 from albot_core.albot1.recognition import (
@@ -16,12 +15,13 @@ from albot_core.albot1.recognition import (
     wrap,
 )
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
+from albot_core.compiled import kernel
 
 TINY = 1e-6
 """Gaps and angles below this (m, rad) do not make a landmark any better."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _pose_by(remembered: np.ndarray, seen: np.ndarray, end: int, pose: np.ndarray) -> None:
     """Write the pose from which the remembered surface looks as the seen one does.
 
@@ -35,7 +35,7 @@ def _pose_by(remembered: np.ndarray, seen: np.ndarray, end: int, pose: np.ndarra
     pose[1] = remembered[2 * end + 1] - (sin * x + cos * y)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def localize(memory: Memory, current: Sight, pairs: np.ndarray) -> None:
     """Algorithm 2: set `current.pose` by the best of the recognised landmarks.
 

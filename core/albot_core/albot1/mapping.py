@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.doubt import contradiction
@@ -13,6 +12,7 @@ from albot_core.albot1.recognition import moved, recognize_landmarks
 from albot_core.albot1.sight import Sight
 from albot_core.albot1.triangulation import triangulate
 from albot_core.albot1.updating import update_map
+from albot_core.compiled import kernel
 
 STEP, UPDATED_AT, UPDATES, LOST, STRANGE = 0, 1, 2, 3, 4
 """Places in `progress`: views taken in, the view last laid into the map (the thesis's
@@ -23,7 +23,7 @@ CONTRADICTED = 0.45
 """A view is strange where more of its walls and the last view's contradict each other."""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _recognize_and_localize(
     memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
 ) -> int:
@@ -39,7 +39,7 @@ def _recognize_and_localize(
     return int(recognized)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def _strangeness(
     before: int, recognized: int, previous: Sight, current: Sight, limits: Limits
 ) -> int:
@@ -55,7 +55,7 @@ def _strangeness(
     return 0 if contradiction(previous, current, limits) > CONTRADICTED else before + 1
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def map_step(
     memory: Memory,
     previous: Sight,

@@ -13,7 +13,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from albot_core.compiled import kernel
 
 CELL = 2.0
 """Side of a grid cell (m)."""
@@ -94,19 +95,19 @@ def living(memory: Memory) -> np.ndarray:
     return np.asarray(memory.ids[: memory.counts[USED]] >= 0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def cell_of(coordinate: float) -> int:
     """Index of the grid cell that holds a coordinate."""
     return int(np.floor(coordinate / CELL))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def bucket_of(column: int, row: int, buckets: int) -> int:
     """The bucket in which the ends of a cell are filed; other cells may share it."""
     return int(((column * 73856093) ^ (row * 19349663)) & (buckets - 1))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _bucket_of_end(memory: Memory, end: int) -> int:
     slot, side = end >> 1, end & 1
     column = cell_of(memory.surfaces[slot, 2 * side])
@@ -114,7 +115,7 @@ def _bucket_of_end(memory: Memory, end: int) -> int:
     return bucket_of(column, row, memory.heads.shape[0])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _file_end(memory: Memory, end: int) -> None:
     bucket = _bucket_of_end(memory, end)
     head = memory.heads[bucket]
@@ -124,7 +125,7 @@ def _file_end(memory: Memory, end: int) -> None:
     memory.heads[bucket] = end
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _unfile_end(memory: Memory, end: int) -> None:
     after, before = memory.links[end, NEXT], memory.links[end, BEFORE]
     if before >= 0:
@@ -135,7 +136,7 @@ def _unfile_end(memory: Memory, end: int) -> None:
         memory.links[after, BEFORE] = before
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _write(memory: Memory, slot: int, surface: np.ndarray, edges: np.ndarray) -> None:
     # Element by element: assigning rows takes numba seconds to compile.
     for i in range(4):
@@ -145,7 +146,7 @@ def _write(memory: Memory, slot: int, surface: np.ndarray, edges: np.ndarray) ->
         _file_end(memory, 2 * slot + end)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def add_surface(memory: Memory, surface: np.ndarray, edges: np.ndarray) -> int:
     """Remember a surface under a new id; return its slot. There must be room."""
     if memory.counts[FREE] > 0:
@@ -163,7 +164,7 @@ def add_surface(memory: Memory, surface: np.ndarray, edges: np.ndarray) -> int:
     return slot
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def remove_surface(memory: Memory, slot: int) -> None:
     """Forget the surface in a slot."""
     _unfile_end(memory, 2 * slot)
@@ -176,7 +177,7 @@ def remove_surface(memory: Memory, slot: int) -> None:
     memory.counts[ALIVE] -= 1
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def move_surface(memory: Memory, slot: int, surface: np.ndarray, edges: np.ndarray) -> None:
     """Give the surface in a slot new ends; it keeps its id."""
     _unfile_end(memory, 2 * slot)
@@ -184,14 +185,14 @@ def move_surface(memory: Memory, slot: int, surface: np.ndarray, edges: np.ndarr
     _write(memory, slot, surface, edges)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def room_left(memory: Memory) -> int:
     """How many more surfaces there is room for."""
     counts = memory.counts
     return int(memory.ids.shape[0] - counts[USED] + counts[FREE])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def file_all(memory: Memory) -> None:
     """File the ends of all surfaces; none must be filed yet."""
     for slot in range(memory.counts[USED]):

@@ -8,16 +8,16 @@ how far away the two ends are (m).
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.memory import Memory
 from albot_core.albot1.recognition import heading_of, length_of, seen_along
 from albot_core.albot1.search import surfaces_ending_in
 from albot_core.albot1.sight import Sight
+from albot_core.compiled import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def describe(surface: np.ndarray, row: np.ndarray) -> None:
     """Fill a row: x1, y1, x2, y2, length, heading, and the unit vector along the surface."""
     for i in range(4):
@@ -29,7 +29,7 @@ def describe(surface: np.ndarray, row: np.ndarray) -> None:
     row[7] = (surface[3] - surface[1]) / length
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The surfaces of the view long enough to be recognised: places in it, ends and rows."""
     which = np.empty(current.size[0], np.int64)
@@ -47,7 +47,7 @@ def seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray, np
     return which[:kept], edges[:kept], rows[:kept]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def seen_before(
     previous: Sight, motion: np.ndarray, limits: Limits
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -66,7 +66,7 @@ def seen_before(
     return edges[:kept], rows[:kept]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def remembered_nearby(
     memory: Memory, pose: np.ndarray, seen: np.ndarray, limits: Limits
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -99,7 +99,7 @@ def remembered_nearby(
     return slots[:kept], edges[:kept], rows[:kept]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def beside(
     wall: np.ndarray, seen: np.ndarray, correction: np.ndarray, cos: float, sin: float
 ) -> float:

@@ -104,7 +104,7 @@ def middle(line: Line) -> Points:
 
 def direction(line: Line) -> float:
     """Its direction from the first end to the second (rad)."""
-    return float(np.arctan2(line[3] - line[1], line[2] - line[0]))
+    return math.atan2(line[3] - line[1], line[2] - line[0])
 
 
 def turned_round(line: Line) -> Line:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
+from albot_core.compiled import kernel
 from albot_core.perception.surfaces import NO_EDGE
 
 END, GAP, ANGLE, DISTANCE = 0, 1, 2, 3
@@ -15,20 +15,20 @@ END, GAP, ANGLE, DISTANCE = 0, 1, 2, 3
 from the robot in the last view (m)."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def heading_of(surface: np.ndarray) -> float:
     """Direction of a surface from its first end to its second (rad)."""
     return float(np.arctan2(surface[3] - surface[1], surface[2] - surface[0]))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def length_of(surface: np.ndarray) -> float:
     """Length of a surface (m)."""
     x, y = surface[2] - surface[0], surface[3] - surface[1]
     return float(np.sqrt(x * x + y * y))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def wrap(angle: float) -> float:
     """The same angle in [-pi, pi), for angles in [-3 pi, 3 pi): all sums of two headings."""
     if angle >= np.pi:
@@ -38,7 +38,7 @@ def wrap(angle: float) -> float:
     return angle
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def moved(pose: np.ndarray, motion: np.ndarray, out: np.ndarray) -> None:
     """Write into `out`, which may be `motion`, where a motion leads from a pose."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
@@ -48,7 +48,7 @@ def moved(pose: np.ndarray, motion: np.ndarray, out: np.ndarray) -> None:
     out[2] = wrap(pose[2] + motion[2])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def pose_in(frame: np.ndarray, pose: np.ndarray, out: np.ndarray) -> None:
     """Write into `out` a pose as it is in a frame that is given beside it."""
     cos, sin = np.cos(frame[2]), np.sin(frame[2])
@@ -57,7 +57,7 @@ def pose_in(frame: np.ndarray, pose: np.ndarray, out: np.ndarray) -> None:
     out[2] = wrap(pose[2] - frame[2])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def seen_from(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
     """Write into `out` the surface as seen from a pose (equations 3.1 to 3.4).
 
@@ -67,7 +67,7 @@ def seen_from(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
     seen_along(pose, np.cos(pose[2]), np.sin(pose[2]), surface, out)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def seen_along(
     pose: np.ndarray, cos: float, sin: float, surface: np.ndarray, out: np.ndarray
 ) -> None:
@@ -78,7 +78,7 @@ def seen_along(
         out[2 * end + 1] = cos * y - sin * x
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _nearest_end(
     expected: np.ndarray, ends: np.ndarray, seen: np.ndarray, seen_ends: np.ndarray
 ) -> tuple[int, float]:
@@ -93,7 +93,7 @@ def _nearest_end(
     return which, nearest
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def recognize_landmarks(
     previous: Sight, current: Sight, motion: np.ndarray, limits: Limits, pairs: np.ndarray
 ) -> int:

@@ -5,15 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.memory import ALIVE, CELL, NEXT, USED, Memory, bucket_of, cell_of
+from albot_core.compiled import kernel
 
 _ZERO: Any = np.int64(0)
 """A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def sort(values: np.ndarray, count: int) -> None:
     """Sort the first `count` values in place (Shell's method).
 
@@ -30,12 +30,12 @@ def sort(values: np.ndarray, count: int) -> None:
         gap //= 2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _is_in(box: np.ndarray, x: float, y: float) -> bool:
     return bool(box[0] <= x and x <= box[2] and box[1] <= y and y <= box[3])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _search_all(memory: Memory, box: np.ndarray) -> np.ndarray:
     """Slots of the surfaces with an end in the box, by a look at every surface."""
     surfaces = memory.surfaces
@@ -51,7 +51,7 @@ def _search_all(memory: Memory, box: np.ndarray) -> np.ndarray:
     return found[:count]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _search_cells(memory: Memory, box: np.ndarray) -> np.ndarray:
     """Slots of the surfaces with an end in the box, by a look into its cells."""
     surfaces, heads, links = memory.surfaces, memory.heads, memory.links
@@ -80,7 +80,7 @@ def _search_cells(memory: Memory, box: np.ndarray) -> np.ndarray:
     return found[:distinct]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def surfaces_ending_in(memory: Memory, box: np.ndarray) -> np.ndarray:
     """Slots of the surfaces with an end in the box (x_min, y_min, x_max, y_max), ascending."""
     cells = (box[2] - box[0]) * (box[3] - box[1]) / CELL**2

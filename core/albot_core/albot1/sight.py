@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.errors import InputError
 
 NOT_RECOGNIZED = -1
@@ -47,7 +47,7 @@ def empty_sight(room: int = ROOM) -> Sight:
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def copy_sight(source: Sight, target: Sight) -> None:
     """Make `target`, which has room for it, the same view."""
     target.size[0] = source.size[0]

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Int64
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 from numba.np.numpy_support import carray
 
@@ -21,6 +21,7 @@ from albot_core.albot1.homewards import Graph
 from albot_core.albot1.memory import Memory
 from albot_core.albot1.sight import Sight
 from albot_core.albot1.trail_kernels import Steps
+from albot_core.compiled import kernel
 
 CAPACITY, ROOM, POINTS, LINKS = 0, 1, 2, 3
 """Places in a robot's row of the table: surfaces its map has room for, surfaces its view has
@@ -70,22 +71,22 @@ def _pointer(typing: Any, address: Any) -> Any:
 pointer: Any = intrinsic(_pointer)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _numbers(address: int, count: int, columns: int) -> np.ndarray:
     return carray(pointer(address), (count, columns), np.float64)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _edges(address: int, count: int) -> np.ndarray:
     return carray(pointer(address), (count, 2), np.int8)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _integers(address: int, count: int) -> np.ndarray:
     return carray(pointer(address), (count,), np.int64)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def memory_at(table: np.ndarray) -> Memory:
     """The memory whose arrays' addresses stand in a row of the table."""
     capacity, at = table[CAPACITY], _MEMORY
@@ -103,7 +104,7 @@ def memory_at(table: np.ndarray) -> Memory:
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def sight_at(table: np.ndarray) -> Sight:
     """The view whose arrays' addresses stand in a row of the table."""
     room, at = table[ROOM], _SIGHT
@@ -117,7 +118,7 @@ def sight_at(table: np.ndarray) -> Sight:
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def exits_at(table: np.ndarray) -> Exits:
     """The exits whose arrays' addresses stand in a row of the table."""
     return Exits(
@@ -128,7 +129,7 @@ def exits_at(table: np.ndarray) -> Exits:
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def steps_at(table: np.ndarray) -> Steps:
     """The trail's points whose arrays' addresses stand in a row of the table."""
     room, at = table[POINTS], _STEPS
@@ -140,7 +141,7 @@ def steps_at(table: np.ndarray) -> Steps:
     )
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def graph_at(table: np.ndarray) -> Graph:
     """The trail's links whose arrays' addresses stand in a row of the table."""
     points, links, at = table[POINTS], table[LINKS], _GRAPH

@@ -10,12 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
-from numba import njit
 
 from albot_core.albot1.config import Alike
 from albot_core.albot1.outlook import beside, describe
 from albot_core.albot1.recognition import length_of, wrap
 from albot_core.albot1.triangulation import pull_line, solve
+from albot_core.compiled import kernel
 from albot_core.geometry.types import Pose, Segments
 
 MOST_COMPARED = 48
@@ -71,7 +71,7 @@ def described(surfaces: Segments, alike: Alike) -> Float64[np.ndarray, "n 8"]:
     return rows
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _describe_all(surfaces: np.ndarray, shortest: float, rows: np.ndarray) -> int:
     kept = 0
     for k in range(surfaces.shape[0]):
@@ -81,7 +81,7 @@ def _describe_all(surfaces: np.ndarray, shortest: float, rows: np.ndarray) -> in
     return kept
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _pair(
     mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray, alike: Alike, pairs: np.ndarray
 ) -> int:
@@ -108,7 +108,7 @@ def _pair(
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def suppose(one: np.ndarray, other: np.ndarray, anchor: int, pose: np.ndarray) -> None:
     """The pose under which `other` lies on `one`: by first ends, last ends, or middles."""
     pose[2] = wrap(one[5] - other[5])
@@ -119,7 +119,7 @@ def suppose(one: np.ndarray, other: np.ndarray, anchor: int, pose: np.ndarray) -
     pose[1] = first * one[1] + last * one[3] - (sin * x + cos * y)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, alike: Alike) -> bool:
     """Whether a place at `pose` is about where it is looked for, seen from the robot."""
     turn = wrap(pose[2] - guess[2])
@@ -133,7 +133,7 @@ def is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, alike: Alike
     return bool(dx * dx + dy * dy <= alike.shift * alike.shift)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _draw_nearer(mine: np.ndarray, theirs: np.ndarray, pairs: np.ndarray, pose: np.ndarray) -> None:
     """A Gauss-Newton step on the pose that lays the paired surfaces on each other."""
     normal, slope, step = np.zeros((3, 3)), np.zeros(3), np.empty(3)
@@ -150,7 +150,7 @@ def _draw_nearer(mine: np.ndarray, theirs: np.ndarray, pairs: np.ndarray, pose: 
     pose[2] = wrap(pose[2] + step[2])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _likeliest(
     mine: np.ndarray,
     theirs: np.ndarray,
@@ -177,7 +177,7 @@ def _likeliest(
     return most
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _compare(
     mine: np.ndarray,
     theirs: np.ndarray,
@@ -198,7 +198,7 @@ def _compare(
     return _count_sides(mine, theirs, pairs, robot, counts)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _count_sides(
     mine: np.ndarray,
     theirs: np.ndarray,
@@ -237,7 +237,7 @@ def _all_rows(surfaces: Segments) -> Float64[np.ndarray, "n 8"]:
     return rows
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _join(
     old: np.ndarray, new: np.ndarray, alike: Alike, keep_old: np.ndarray, keep_new: np.ndarray
 ) -> None:

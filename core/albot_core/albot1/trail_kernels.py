@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.homewards import HOME, Graph, add_point, keep_points, link_all
 from albot_core.albot1.search import sort
+from albot_core.compiled import kernel
 
 SAME = 0.35
 """A point of the same place no farther away than this is trodden on again (m)."""
@@ -41,14 +41,14 @@ class Steps(NamedTuple):
     the next stride."""
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def has_room(graph: Graph) -> bool:
     """Whether there is room for a stride: a point, and links to all others."""
     points, links = graph.counts[0], graph.counts[1]
     return bool(points < graph.lengths.shape[0] and links + points < graph.spans.shape[0])
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def tread_on(steps: Steps, graph: Graph, place: int, pose: np.ndarray, view: np.ndarray) -> None:
     """`Trail.tread`, where there is room for a stride."""
     count = graph.counts[0]
@@ -75,7 +75,7 @@ def tread_on(steps: Steps, graph: Graph, place: int, pose: np.ndarray, view: np.
         _look_after(steps, graph)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _look_after(steps: Steps, graph: Graph) -> None:
     """Where the trail is too long, forget the points on which it has not trodden for longest."""
     count = graph.counts[0]
@@ -105,7 +105,7 @@ def _look_after(steps: Steps, graph: Graph) -> None:
     steps.last[0] = places[steps.last[0]]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def look_about(
     points: np.ndarray,
     places: np.ndarray,
@@ -136,7 +136,7 @@ def look_about(
     return nearest
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _is_in_sight(view: np.ndarray, ux: float, uy: float, length: float) -> bool:
     """Whether a robot at the origin can see that it can go so far along (ux, uy).
 
@@ -152,7 +152,7 @@ def _is_in_sight(view: np.ndarray, ux: float, uy: float, length: float) -> bool:
     return seen
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _span(wall: np.ndarray, ux: float, uy: float) -> tuple[float, float]:
     """From where to where (m) a wall is beside a way from the origin along (ux, uy).
 

@@ -11,7 +11,6 @@ corrected by it.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.memory import NEVER, VISIT, Memory
@@ -20,6 +19,7 @@ from albot_core.albot1.recognition import wrap
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.albot1.turning import LINE_GAP, likeliest_turn
 from albot_core.albot1.visits import meet_again
+from albot_core.compiled import kernel
 from albot_core.perception.surfaces import NO_EDGE
 
 POINT_NOISE, POINT_NOISE_GROWTH = 0.05, 0.02
@@ -40,7 +40,7 @@ POINT, SIDE, LINE = 0, 1, 2
 recognised by its line; -1 where none."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _match(
     seen: np.ndarray,
     seen_edges: np.ndarray,
@@ -78,7 +78,7 @@ def _match(
     return points
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _pull(
     normal: np.ndarray,
     slope: np.ndarray,
@@ -102,7 +102,7 @@ def _pull(
     slope[2] += weight * residual * turn
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _pull_point(
     side: int,
     seen: np.ndarray,
@@ -124,7 +124,7 @@ def _pull_point(
     _pull(normal, slope, x, y, 0.0, 1.0, ey, weight)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def pull_line(
     seen: np.ndarray,
     wall: np.ndarray,
@@ -152,7 +152,7 @@ def pull_line(
         _pull(normal, slope, x, y, -uy, ux, -off, weight)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def solve(normal: np.ndarray, slope: np.ndarray, step: np.ndarray) -> None:
     """Solve the symmetric 3 x 3 system (upper triangle given) by Cholesky's method."""
     a = np.sqrt(normal[0, 0])
@@ -168,7 +168,7 @@ def solve(normal: np.ndarray, slope: np.ndarray, step: np.ndarray) -> None:
     step[0] = (u - b * step[1] - c * step[2]) / a
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _adjust(
     seen: np.ndarray,
     expected: np.ndarray,
@@ -199,7 +199,7 @@ def _adjust(
             correction[i] += step[i]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _meet_earlier(
     memory: Memory,
     slots: np.ndarray,
@@ -221,7 +221,7 @@ def _meet_earlier(
                 break
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def triangulate(
     memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
 ) -> int:

@@ -7,11 +7,11 @@ real logs it often is not.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.config import TURN_STEP, Limits
 from albot_core.albot1.outlook import beside
 from albot_core.albot1.recognition import wrap
+from albot_core.compiled import kernel
 from albot_core.perception.surfaces import NO_EDGE
 
 LINE_GAP = 0.30
@@ -20,7 +20,7 @@ LINE_VOTE = 0.5
 """How much a wall that lies where it is remembered counts beside a landmark."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _vote_by_points(
     seen: np.ndarray,
     seen_edges: np.ndarray,
@@ -44,7 +44,7 @@ def _vote_by_points(
             own[b] = max(own[b], 1.0 - (dx * dx + dy * dy) / gap**2)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _vote_by_line(
     seen: np.ndarray,
     wall: np.ndarray,
@@ -69,7 +69,7 @@ def _vote_by_line(
         own[b] = max(own[b], vote * (1.0 - turned * turned))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def likeliest_turn(
     seen: np.ndarray,
     seen_edges: np.ndarray,

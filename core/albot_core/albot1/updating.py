@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.memory import (
@@ -17,13 +16,14 @@ from albot_core.albot1.recognition import length_of
 from albot_core.albot1.search import surfaces_ending_in
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.albot1.visits import meet_again
+from albot_core.compiled import kernel
 from albot_core.perception.surfaces import NO_EDGE
 
 SHORTEST = 0.10
 """What is left of a surface after a cut is forgotten below this length (m)."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def placed(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
     """Write into `out` the surface seen from `pose`, in the map's frame."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
@@ -33,7 +33,7 @@ def placed(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
         out[2 * end + 1] = pose[1] + sin * x + cos * y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def view_polygon(laid: np.ndarray, pose: np.ndarray, eye: bool) -> np.ndarray:
     """The view's boundary (corners, 2): the surfaces' ends in the order seen (Alg. 3, line 7).
 
@@ -49,7 +49,7 @@ def view_polygon(laid: np.ndarray, pose: np.ndarray, eye: bool) -> np.ndarray:
     return polygon if eye or count == 0 else polygon[: 2 * count]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@kernel(inline=True)
 def box_around(polygon: np.ndarray, margin: float) -> np.ndarray:
     """The box (x_min, y_min, x_max, y_max) that leaves `margin` around the polygon."""
     box = np.array((np.inf, np.inf, -np.inf, -np.inf))
@@ -60,7 +60,7 @@ def box_around(polygon: np.ndarray, margin: float) -> np.ndarray:
     return box
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def is_inside(polygon: np.ndarray, x: float, y: float) -> bool:
     """Whether a point is inside the polygon (even-odd rule)."""
     inside = False
@@ -75,7 +75,7 @@ def is_inside(polygon: np.ndarray, x: float, y: float) -> bool:
     return inside
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def is_at_boundary(polygon: np.ndarray, margin: float, x: float, y: float) -> bool:
     """Whether a point is within `margin` of the polygon's boundary (m)."""
     corners = polygon.shape[0]
@@ -92,7 +92,7 @@ def is_at_boundary(polygon: np.ndarray, margin: float, x: float, y: float) -> bo
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _comes_near(polygon: np.ndarray, corner: int, margin: float, x: float, y: float) -> bool:
     """Whether the polygon's edge that ends at a corner comes within `margin` of a point (m)."""
     before = corner - 1 if corner > 0 else polygon.shape[0] - 1
@@ -106,7 +106,7 @@ def _comes_near(polygon: np.ndarray, corner: int, margin: float, x: float, y: fl
     return bool(dx * dx + dy * dy <= margin * margin)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def is_covered(polygon: np.ndarray, box: np.ndarray, margin: float, x: float, y: float) -> bool:
     """Whether a point is inside the polygon or within `margin` of its boundary.
 
@@ -117,7 +117,7 @@ def is_covered(polygon: np.ndarray, box: np.ndarray, margin: float, x: float, y:
     return is_inside(polygon, x, y) or is_at_boundary(polygon, margin, x, y)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def counterpart(old: np.ndarray, laid: np.ndarray, taken: np.ndarray, limits: Limits) -> int:
     """The surface of the view that shows the same wall as the old one, or -1.
 
@@ -145,7 +145,7 @@ def counterpart(old: np.ndarray, laid: np.ndarray, taken: np.ndarray, limits: Li
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def extended(new: np.ndarray, old: np.ndarray, outer: int, out: np.ndarray) -> bool:
     """Write the new surface drawn out to the old one's outer end; false where it reaches it."""
     length = length_of(new)
@@ -160,7 +160,7 @@ def extended(new: np.ndarray, old: np.ndarray, outer: int, out: np.ndarray) -> b
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _cut(
     old: np.ndarray,
     outer: int,
@@ -185,7 +185,7 @@ def _cut(
     out[2 * inner], out[2 * inner + 1] = ix + kept * run_x, iy + kept * run_y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _look_whose(
     memory: Memory,
     slot: int,
@@ -207,7 +207,7 @@ def _look_whose(
         meet_again(memory, slot)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
     """Algorithm 3: lay the view, seen from `sight.pose`, over the map.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.memory import SUSPECT, USED, VISIT, Memory, living, move_surface
+from albot_core.compiled import kernel
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def meet_again(memory: Memory, slot: int) -> None:
     """Note that a surface is in view; one of an earlier visit may arouse a suspicion."""
     visit, now = memory.marks[slot], memory.counts[VISIT]
@@ -21,7 +21,7 @@ def meet_again(memory: Memory, slot: int) -> None:
         memory.counts[SUSPECT] = visit
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def move_visits(memory: Memory, first: int, pose: np.ndarray) -> None:
     """Move all that was seen in the visits from `first` on: what was at the origin is at `pose`."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])

@@ -7,6 +7,7 @@ the search over it is ours (Dijkstra), with the straight ways between a place's 
 from __future__ import annotations
 
 import heapq
+import math
 
 import numpy as np
 from jaxtyping import Float64
@@ -101,7 +102,7 @@ def pointing(network: PlaceNetwork, pose: Pose, place: int) -> Float64[np.ndarra
     """
     frame = network.sites[_known(network, place)].frame
     x, y = relative(pose, compose(network.displacement, frame))[:2]
-    return np.array((np.arctan2(y, x), np.hypot(x, y)))
+    return np.array((math.atan2(y, x), math.hypot(x, y)))
 
 
 def _known(network: PlaceNetwork, place: int) -> int:

@@ -8,10 +8,10 @@ it, and points that fall where the other saw through speak against it. Compiled.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from albot_core.albot1.config import Alike
 from albot_core.albot1.structure import is_near, suppose
+from albot_core.compiled import kernel
 
 CELL = 0.15
 """Side of a cell of the ground (m)."""
@@ -36,7 +36,7 @@ UNSURE = 0.5
 """…and so much of what it agrees there is not counted: along a bare corridor it tells nothing."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def look_through(ground: np.ndarray, eye: np.ndarray, points: np.ndarray) -> None:
     """Mark the cells between the eye (2,) and what it sees (n, 2), in the robot's frame (m)."""
     for k in range(points.shape[0]):
@@ -50,7 +50,7 @@ def look_through(ground: np.ndarray, eye: np.ndarray, points: np.ndarray) -> Non
                 ground[i, j] = SEEN_THROUGH
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def put_walls(ground: np.ndarray, points: np.ndarray) -> None:
     """Mark the cells of points (n, 2) in the robot's frame (m), and those beside them."""
     for k in range(points.shape[0]):
@@ -61,7 +61,7 @@ def put_walls(ground: np.ndarray, points: np.ndarray) -> None:
                 ground[a, b] = WALL
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _agreed(points: np.ndarray, ground: np.ndarray, pose: np.ndarray, every: int) -> float:
     """Points on walls of the ground in which they lie at `pose`, less those seen through."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
@@ -79,7 +79,7 @@ def _agreed(points: np.ndarray, ground: np.ndarray, pose: np.ndarray, every: int
     return sum_of
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _propose(
     mine: np.ndarray,
     theirs: np.ndarray,
@@ -105,7 +105,7 @@ def _propose(
     return bool(most > -np.inf)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _draw_nearer(points: np.ndarray, ground: np.ndarray, best: np.ndarray) -> None:
     """Move `best` by ever smaller steps as long as more agrees."""
     pose = np.empty(3)
@@ -127,7 +127,7 @@ def _draw_nearer(points: np.ndarray, ground: np.ndarray, best: np.ndarray) -> No
                 break
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def agreement(
     mine: np.ndarray,
     my_points: np.ndarray,

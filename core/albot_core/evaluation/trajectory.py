@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,7 +85,7 @@ def align(
     """
     centre, aim = points.mean(axis=0), targets.mean(axis=0)
     (x, y), (u, v) = (points - centre).T, (targets - aim).T
-    turn = np.arctan2((x * v - y * u).sum(), (x * u + y * v).sum())
+    turn = math.atan2((x * v - y * u).sum(), (x * u + y * v).sum())
     moved = transform_points(np.array((0.0, 0.0, turn)), centre)
     return np.array((*(aim - moved), turn))
 

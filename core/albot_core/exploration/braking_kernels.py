@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from albot_core.compiled import kernel
 
 _PIECES = 4
 """Pieces of a control step in which the robot is taken to drive evenly."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _ramp(left: float, right: float, goal: tuple[float, float], most: float) -> tuple[float, float]:
     """Wheel speeds changed towards others, in proportion, by at most `most` (m/s)."""
     change = max(abs(goal[0] - left), abs(goal[1] - right))
@@ -19,7 +20,7 @@ def _ramp(left: float, right: float, goal: tuple[float, float], most: float) -> 
     return left + share * (goal[0] - left), right + share * (goal[1] - right)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def least_distance(
     points: np.ndarray,
     motion: tuple[float, float],

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from albot_core.compiled import kernel
 
 UNKNOWN, FREE, BLOCKED, WANTED = 0, 1, 2, 3
 """What cells are; wanted are those free ones of which any will do as the end of a way."""
@@ -13,7 +14,7 @@ _LISTS = 32
 """More than a step adds at most to the length of a way with the least that is left of it."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def draw_scan(
     grid: np.ndarray,
     cell: float,
@@ -41,7 +42,7 @@ def draw_scan(
             grid[int(y + length * np.sin(angle)), int(x + length * np.cos(angle))] = BLOCKED
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def cover_scan(
     covered: np.ndarray,
     cell: float,
@@ -60,7 +61,7 @@ def cover_scan(
             covered[int(y + j * dy), int(x + j * dx)] = True
 
 
-@njit(cache=True)
+@kernel()
 def _passable(grid: np.ndarray, row: int, column: int, radius: float, hopeful: bool) -> bool:
     """Whether a disc about a free cell holds the middle of no blocked one.
 
@@ -76,7 +77,7 @@ def _passable(grid: np.ndarray, row: int, column: int, radius: float, hopeful: b
     return True
 
 
-@njit(cache=True)
+@kernel(arrays=True)
 def _weigh(grid: np.ndarray, radii: tuple[float, float], hopeful: bool) -> np.ndarray:
     """What entering each cell costs: 0 where it is not `_passable`, 1 far from blocked cells.
 
@@ -105,7 +106,7 @@ def _weigh(grid: np.ndarray, radii: tuple[float, float], hopeful: bool) -> np.nd
     return cost
 
 
-@njit(cache=True)
+@kernel(arrays=True)
 def flood(
     grid: np.ndarray,
     start: tuple[int, int],
@@ -177,7 +178,7 @@ def flood(
     return ways, (-1, -1)
 
 
-@njit(cache=True)
+@kernel()
 def _left(row: int, column: int, goal: tuple[int, int]) -> int:
     """How long the way from a cell to the goal is at least; 0 where there is no goal."""
     if goal[0] < 0:
@@ -186,7 +187,7 @@ def _left(row: int, column: int, goal: tuple[int, int]) -> int:
     return STEP * max(down, across) + (ACROSS - STEP) * min(down, across)
 
 
-@njit(cache=True)
+@kernel()
 def nearest_reached(ways: np.ndarray, row: int, column: int, around: int) -> tuple[int, int]:
     """The cell of a square about one to which the way is shortest; (-1, -1) for none."""
     best, least = (-1, -1), np.iinfo(np.int32).max
@@ -197,7 +198,7 @@ def nearest_reached(ways: np.ndarray, row: int, column: int, around: int) -> tup
     return best
 
 
-@njit(cache=True)
+@kernel(arrays=True)
 def trace(ways: np.ndarray, before: np.ndarray, end: tuple[int, int]) -> np.ndarray:
     """The cells (n, 2) of the way on which a flood came to the cell `end`, that one last."""
     columns = ways.shape[1]
@@ -213,7 +214,7 @@ def trace(ways: np.ndarray, before: np.ndarray, end: tuple[int, int]) -> np.ndar
     return cells
 
 
-@njit(cache=True)
+@kernel()
 def straight_is_free(
     grid: np.ndarray, start: tuple[int, int], end: tuple[int, int], radius: float, hopeful: bool
 ) -> bool:
@@ -232,7 +233,7 @@ def straight_is_free(
     return True
 
 
-@njit(cache=True)
+@kernel(arrays=True)
 def farthest_straight(
     grid: np.ndarray,
     place: tuple[float, float],
@@ -263,7 +264,7 @@ def farthest_straight(
     return int(min(here + 2, count - 1))
 
 
-@njit(cache=True)
+@kernel(arrays=True)
 def blocked_around(grid: np.ndarray, row: int, column: int, around: int) -> np.ndarray:
     """Rows and columns (n, 2) of the blocked cells of a square about a cell."""
     found = np.empty(((2 * around + 1) ** 2, 2), np.int64)
@@ -276,7 +277,7 @@ def blocked_around(grid: np.ndarray, row: int, column: int, around: int) -> np.n
     return found[:count]
 
 
-@njit(cache=True)
+@kernel(arrays=True)
 def uncovered_shares(
     grid: np.ndarray, covered: np.ndarray, cells: np.ndarray, around: int
 ) -> np.ndarray:

@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from albot_core.compiled import kernel
 from albot_core.exploration.braking_kernels import least_distance
 
 COUNT = 180
@@ -43,7 +43,7 @@ class Limits(NamedTuple):
     step: float
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def find_free_way(points: np.ndarray, radius: float, farthest: float, way: np.ndarray) -> None:
     """How far (m) a disc can go in each of `COUNT` directions from -pi on, into `way`.
 
@@ -69,7 +69,7 @@ def find_free_way(points: np.ndarray, radius: float, farthest: float, way: np.nd
             way[k % COUNT] = max(0.0, min(way[k % COUNT], free))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def steer_towards(points: np.ndarray, x: float, y: float, s: Limits) -> tuple[float, float]:
     """The command of `steer` towards the target x, y (m, robot's frame)."""
     distance, bearing = math.hypot(x, y), math.atan2(y, x)
@@ -102,7 +102,7 @@ def steer_towards(points: np.ndarray, x: float, y: float, s: Limits) -> tuple[fl
     return speed * math.cos(direction) ** 2, turn_rate
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def brake_in_time(
     points: np.ndarray, motion: tuple[float, float], command: tuple[float, float], s: Limits
 ) -> tuple[float, float]:

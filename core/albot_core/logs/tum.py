@@ -6,6 +6,7 @@ comments. https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +49,7 @@ def read_tum(text: LogText) -> Trajectory:
         stamp, x, y, _, qx, qy, qz, qw = text.numbers(words, "a field")
         if not np.isclose(np.hypot(np.hypot(qx, qy), np.hypot(qz, qw)), 1.0, atol=0.01):
             raise text.error("a quaternion of length 1", " ".join(words[4:]))
-        turn = np.arctan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
+        turn = math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
         rows.append((stamp, x, y, turn))
     if not rows:
         raise InputError(text.source, "at least one line, stamp x y z qx qy qz qw", "none")

@@ -6,7 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from albot_core.compiled import kernel
 
 TOLERANCE = 0.15
 """Distances that differ by this (m)…"""
@@ -36,7 +37,7 @@ class Agreed(NamedTuple):
     sight: float
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _direction(x: float, y: float, count: int) -> int:
     """The direction in which a point lies."""
     angle = math.atan2(y, x)
@@ -44,7 +45,7 @@ def _direction(x: float, y: float, count: int) -> int:
     return int((share - math.floor(share)) * count) % count
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def draw(points: np.ndarray, ranges: np.ndarray) -> None:
     """Set the ranges (directions,) to those of the nearest points (n, 2); zeros stay without."""
     for k in range(points.shape[0]):
@@ -55,7 +56,7 @@ def draw(points: np.ndarray, ranges: np.ndarray) -> None:
             ranges[direction] = distance
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _spread(ranges: np.ndarray, spans: np.ndarray) -> None:
     """Fill `spans` (directions, 2) with least and greatest range of each direction and the next.
 
@@ -71,7 +72,7 @@ def _spread(ranges: np.ndarray, spans: np.ndarray) -> None:
         spans[k, 0], spans[k, 1] = (least, most) if ranges[k] > 0.0 else (0.0, 0.0)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _tally(
     spans: np.ndarray,
     points: np.ndarray,
@@ -105,7 +106,7 @@ def _tally(
             counts[2] += min(1.0, off / slack)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _score(
     spans: tuple[np.ndarray, np.ndarray],
     points: tuple[np.ndarray, np.ndarray],
@@ -123,7 +124,7 @@ def _score(
     return (counts[0] - counts[1]) / total if total > 0.0 else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def _points(ranges: np.ndarray) -> np.ndarray:
     """Where the ranges end (n, 2)."""
     points = np.empty((ranges.shape[0], 2))
@@ -137,7 +138,7 @@ def _points(ranges: np.ndarray) -> np.ndarray:
     return points[:seen]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def agree_best(mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray) -> Agreed:
     """Find how `theirs` lies best on `mine` (directions,), near to `pose`, which is set to it."""
     spans = np.empty((mine.shape[0], 2)), np.empty((theirs.shape[0], 2))
@@ -160,7 +161,7 @@ def agree_best(mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray) -> Agreed
     return Agreed(best, counts[0] / total, counts[1] / total, _sight(spans, pose))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _draw_nearer(
     spans: tuple[np.ndarray, np.ndarray],
     points: tuple[np.ndarray, np.ndarray],
@@ -186,7 +187,7 @@ def _draw_nearer(
     return _score(spans, points, pose, 1, counts)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _sight(spans: tuple[np.ndarray, np.ndarray], pose: np.ndarray) -> float:
     """How far each panorama looks past the other's origin, the less of the two (m)."""
     apart = math.hypot(pose[0], pose[1])

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from albot_core.compiled import kernel
 
 NO_EDGE, OCCLUDING, CORNER = 0, 1, 2
 """What an end of a surface is: nothing stable, an occluding point, or a corner point."""
@@ -14,7 +15,7 @@ _ZERO: Any = np.int64(0)
 """A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def scan_points(
     ranges: np.ndarray,
     directions: np.ndarray,
@@ -37,7 +38,7 @@ def scan_points(
     return int(count)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _farthest_from_chord(points: np.ndarray, first: int, last: int) -> tuple[int, float]:
     """The point between `first` and `last` farthest from their chord, and its distance."""
     x0, y0 = points[first, 0], points[first, 1]
@@ -52,7 +53,7 @@ def _farthest_from_chord(points: np.ndarray, first: int, last: int) -> tuple[int
     return best, height / np.sqrt(square) if square > 0.0 else np.sqrt(height)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def segment_points(
     points: np.ndarray,
     count: int,
@@ -94,7 +95,7 @@ def segment_points(
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def fit_line(points: np.ndarray, first: int, last: int, line: np.ndarray) -> None:
     """Fit a line to points first..last by total least squares: line = x, y, dx, dy.
 
@@ -122,14 +123,14 @@ def fit_line(points: np.ndarray, first: int, last: int, line: np.ndarray) -> Non
     line[0], line[1], line[2], line[3] = mx, my, dx, dy
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _foot(line: np.ndarray, x: float, y: float) -> tuple[float, float]:
     """The point of the line nearest to (x, y)."""
     along = (x - line[0]) * line[2] + (y - line[1]) * line[3]
     return line[0] + along * line[2], line[1] + along * line[3]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def _crossing(a: np.ndarray, b: np.ndarray, x: float, y: float) -> tuple[float, float]:
     """Where two lines cross; (x, y) itself where they are nearly parallel."""
     cross = a[2] * b[3] - a[3] * b[2]
@@ -139,7 +140,7 @@ def _crossing(a: np.ndarray, b: np.ndarray, x: float, y: float) -> tuple[float, 
     return a[0] + along * a[2], a[1] + along * a[3]
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def form_surfaces(
     points: np.ndarray,
     spans: np.ndarray,
@@ -179,7 +180,7 @@ def form_surfaces(
             surfaces[k, 0], surfaces[k, 1] = x, y
 
 
-@njit(cache=True, error_model="numpy")
+@kernel()
 def mark_edges(
     surfaces: np.ndarray,
     clusters: np.ndarray,
@@ -210,7 +211,7 @@ def mark_edges(
             edges[k, 0] = OCCLUDING
 
 
-@njit(cache=True, error_model="numpy")
+@kernel(arrays=True)
 def extract_surfaces(
     ranges: np.ndarray,
     directions: np.ndarray,

@@ -18,6 +18,7 @@ from albot_env.sim.fleet import Fleet
 from albot_env.sim.sensing_kernels import SONAR_PLACES
 from albot_env.sim.sonar import SONARS, SonarConfig
 from albot_env.sim.sonar_kernels import listen
+from albot_env.sim.surface_kernels import make_cone
 from albot_maps import load_world
 
 CONE = math.pi / 6
@@ -41,7 +42,8 @@ def heard(
     echoes = np.empty(len(config.geometry.bearings))
     everything = np.arange(len(walls), dtype=np.int32)
     where = np.array(pose, np.float64)
-    listen(walls, everything, things, where, config.constants, np.uint64(key), place, echoes)
+    cone, key = make_cone(len(walls) + len(things)), np.uint64(key)
+    listen(walls, everything, things, where, config.constants, key, place, cone, echoes)
     return echoes
 
 

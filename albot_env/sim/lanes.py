@@ -1,0 +1,189 @@
+"""Vectors in compiled code: columns of a table, eight of them at a time.
+
+The compiler makes vector instructions of a loop only where it has made sure, each time the loop
+is entered, that what is written does not overlap what is read, which costs more than such
+short loops. So a function of vectors is written with Python's operators on `Lanes`, and
+`question` makes of it what compiled code can call.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from albot_core.compiled import kernel
+
+LANES = 8
+"""Columns that are looked at together."""
+
+Question = Callable[[np.ndarray, int, tuple[float, ...]], int]
+"""What compiled code calls: see `question`."""
+
+_NUMBERS = ir.VectorType(ir.DoubleType(), LANES)
+_WORD = ir.IntType(64)
+
+
+class Lanes:
+    """Eight numbers or eight truths, known when the code runs; operators act on all of them."""
+
+    def __init__(self, builder: Any, value: Any) -> None:
+        self._builder, self.value = builder, value
+
+    def __add__(self, other: Lanes | float) -> Lanes:
+        return self._lanes(self._builder.fadd(self.value, self._like(other)))
+
+    def __sub__(self, other: Lanes | float) -> Lanes:
+        return self._lanes(self._builder.fsub(self.value, self._like(other)))
+
+    def __truediv__(self, other: Lanes) -> Lanes:
+        return self._lanes(self._builder.fdiv(self.value, other.value))
+
+    def __mul__(self, other: Lanes | float) -> Lanes:
+        return self._lanes(self._builder.fmul(self.value, self._like(other)))
+
+    def __lt__(self, other: Lanes | float) -> Lanes:
+        return self._compared("<", other)
+
+    def __le__(self, other: Lanes | float) -> Lanes:
+        return self._compared("<=", other)
+
+    def __gt__(self, other: Lanes | float) -> Lanes:
+        return self._compared(">", other)
+
+    def __ge__(self, other: Lanes | float) -> Lanes:
+        return self._compared(">=", other)
+
+    def __and__(self, other: Lanes) -> Lanes:
+        return self._lanes(self._builder.and_(self.value, other.value))
+
+    def __or__(self, other: Lanes) -> Lanes:
+        return self._lanes(self._builder.or_(self.value, other.value))
+
+    def _compared(self, how: str, other: Lanes | float) -> Lanes:
+        """NaN compares as false."""
+        return self._lanes(self._builder.fcmp_ordered(how, self.value, self._like(other)))
+
+    def _like(self, other: Lanes | float) -> Any:
+        if isinstance(other, Lanes):
+            return other.value
+        return ir.Constant(_NUMBERS, [float(other)] * LANES)
+
+    def _lanes(self, value: Any) -> Lanes:
+        return Lanes(self._builder, value)
+
+    def where(self, other: Lanes, truths: Lanes) -> Lanes:
+        """These numbers where something is true, others elsewhere."""
+        return self._lanes(self._builder.select(truths.value, self.value, other.value))
+
+    def size(self) -> Lanes:
+        """Without their signs."""
+        return self._lanes(_built_in(self._builder, "llvm.fabs", self.value))
+
+    def root(self) -> Lanes:
+        """Their square roots."""
+        return self._lanes(_built_in(self._builder, "llvm.sqrt", self.value))
+
+    def least(self, other: Lanes) -> Lanes:
+        """The lesser of both in each lane."""
+        return self._lanes(self._builder.select((self < other).value, self.value, other.value))
+
+    def most(self, other: Lanes) -> Lanes:
+        """The greater of both in each lane."""
+        return self._lanes(self._builder.select((self > other).value, self.value, other.value))
+
+
+def _built_in(builder: Any, name: str, value: Any) -> Any:
+    """What one of the compiler's own functions makes of a vector."""
+    kind = ir.FunctionType(_NUMBERS, [_NUMBERS])
+    tools: Any = cgutils
+    called = tools.get_or_insert_function(builder.module, kind, f"{name}.v{LANES}f64")
+    return builder.call(called, [value])
+
+
+class Table:
+    """Eight columns of a table whose rows are numbers: `table[row]` are their lanes."""
+
+    def __init__(self, builder: Any, data: Any, length: Any, first: Any) -> None:
+        self._builder, self._data, self._length, self._first = builder, data, length, first
+
+    def __getitem__(self, row: int) -> Lanes:
+        return Lanes(self._builder, self._builder.load(self._place(row), align=8))
+
+    def __setitem__(self, row: int, lanes: Lanes) -> None:
+        self._builder.store(lanes.value, self._place(row), align=8)
+
+    def _place(self, row: int) -> Any:
+        builder = self._builder
+        offset = builder.add(builder.mul(self._length, self._length.type(row)), self._first)
+        place = builder.gep(self._data, [offset], inbounds=True)
+        return builder.bitcast(place, _NUMBERS.as_pointer())
+
+
+def question(ask: Callable[..., Lanes]) -> Question:
+    """What compiled code calls to ask something of eight columns at once.
+
+    Args:
+        ask: Answers it: `ask(table, *numbers)`, the numbers being the same in all lanes. It
+            may write rows of the table, too.
+
+    Returns:
+        A function for compiled code of an array (rows, whole lanes), contiguous float64; of the
+        first of the columns; and of a tuple of float64, the numbers. Its answer is an int64 with
+        a bit for each column, the first's the lowest.
+    """
+
+    def _asked(typing: Any, array: Any, first: Any, numbers: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            kind, width, _ = signature.args
+            rows = context.make_array(kind)(context, builder, values[0])
+            begin = context.cast(builder, values[1], width, types.int64)
+            table = Table(builder, rows.data, builder.extract_value(rows.shape, 1), begin)
+            count = len(signature.args[2])
+            numbers = (builder.extract_value(values[2], k) for k in range(count))
+            answer = ask(table, *(_everywhere(builder, number) for number in numbers)).value
+            return builder.zext(builder.bitcast(answer, ir.IntType(LANES)), _WORD)
+
+        fits = array.layout == "C" and array.dtype == types.float64
+        if not fits or any(kind != types.float64 for kind in numbers):
+            return None  # Numba then says that there is no such function for these arguments.
+        return types.int64(array, first, numbers), generate
+
+    _asked.__name__ = ask.__name__
+    return cast(Question, intrinsic(_asked))
+
+
+def _everywhere(builder: Any, number: Any) -> Lanes:
+    """A number in all lanes."""
+    one = builder.insert_element(_NUMBERS(ir.Undefined), number, ir.Constant(ir.IntType(32), 0))
+    nowhere = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
+    return Lanes(builder, builder.shuffle_vector(one, _NUMBERS(ir.Undefined), nowhere))
+
+
+@kernel()
+def whole_lanes(count: int) -> int:
+    """The length of rows that hold so many columns, for questions."""
+    return (count + LANES - 1) // LANES * LANES
+
+
+@kernel()
+def first_of(count: int) -> int:
+    """Ones in the bits of the first `count` columns, up to LANES of them."""
+    return (1 << min(count, LANES)) - 1
+
+
+def _lowest(typing: Any, bits: Any) -> Any:
+    """The number of the lowest bit that is set, from 0."""
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return builder.cttz(values[0], ir.Constant(ir.IntType(1), 1))
+
+    return types.int64(bits), generate
+
+
+lowest = cast(Callable[[int], int], intrinsic(_lowest))
