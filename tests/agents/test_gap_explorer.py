@@ -30,12 +30,10 @@ def _explore(world: str | World, steps: int, seed: int, **options: Any) -> dict[
     return {**info, "contacts": contacts}
 
 
-def test_it_covers_a_third_of_the_office_in_two_minutes() -> None:
-    """About: rounding differs between processors, and a journey with it as with its seed."""
+def test_it_covers_a_quarter_of_the_office_in_two_minutes() -> None:
     journeys = [_explore("office-ring", 1200, seed) for seed in (1, 2, 3, 4, 5, 6)]
-    coverages = [info["coverage"] for info in journeys]
-    assert np.median(coverages) > 0.3
-    assert min(coverages) > 0.2
+    assert all(info["coverage"] > 0.25 for info in journeys)
+    assert np.median([info["coverage"] for info in journeys]) > 0.3
     assert all(info["rooms_entered"] >= 2 for info in journeys)
     assert not any(info["contacts"] for info in journeys)
 

@@ -12,7 +12,7 @@ from albot_env.tasks.observation import ObservationConfig
 
 
 class GapExplorerAgent(DrivingAgent[GapExplorer]):
-    """Goes from gap to gap, the nearest first, and back to those passed by. It declares nothing.
+    """Goes from gap to gap, near ones with much new ground first. It declares nothing.
 
     Args:
         observing: How the environment makes observations.
@@ -20,8 +20,12 @@ class GapExplorerAgent(DrivingAgent[GapExplorer]):
 
     name: ClassVar[str] = "gap-explorer"
 
+    _GAIN: ClassVar[float] = 4.0
+    """Way (m) that ground all new is worth (see `GapExplorerConfig.gain`)."""
+
     def __init__(self, observing: ObservationConfig) -> None:
-        super().__init__(observing, GapExplorer(GapExplorerConfig(near=observing.coverage.radius)))
+        config = GapExplorerConfig(near=observing.coverage.radius, gain=self._GAIN)
+        super().__init__(observing, GapExplorer(config))
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The next action."""

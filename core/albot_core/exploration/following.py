@@ -7,6 +7,7 @@ from jaxtyping import Float64
 
 from albot_core.exploration.senses import Senses
 from albot_core.exploration.sketch import Sketch
+from albot_core.geometry.directions import bearings_of
 from albot_core.geometry.types import Points
 
 SIGHT = 3.0
@@ -27,7 +28,7 @@ def waypoint(
 def things_around(sketch: Sketch, senses: Senses) -> Float64[np.ndarray, "points 2"]:
     """What is in view, and what was seen near by but lies behind now (m, robot's frame)."""
     known = senses.to_robot(sketch.obstacles(senses.pose, BEHIND))
-    bearings = np.arctan2(known[:, 1], known[:, 0])
+    bearings = bearings_of(known)
     first, last = senses.laser.bearings[[0, -1]] + senses.laser.mount[2]
     behind = (bearings < first) | (bearings > last)
     return np.concatenate((senses.points, known[behind]))

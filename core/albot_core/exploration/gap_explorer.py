@@ -18,8 +18,9 @@ from albot_core.exploration.prospects import Prospects
 from albot_core.exploration.senses import Senses
 from albot_core.exploration.sketch import Ways
 from albot_core.exploration.steering import SteeringConfig
+from albot_core.geometry.directions import bearings_of
 from albot_core.geometry.types import Points
-from albot_core.ranges import POSITIVE, check_fields
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +35,9 @@ class GapExplorerConfig:
     """Ground nearer than this to anything is not gone for (m)."""
     turn_cost: float = 0.7
     """Way (m) that a turn of one radian counts as."""
+    gain: float = 0.0
+    """Way (m) that ground all new about a place is worth: with more, the nearest pocket waits
+    where a whole room lies open."""
     chance: float = 0.5
     """Way (m) up to which chance outweighs nearness: no two tours are the same."""
     steering: SteeringConfig = field(default_factory=SteeringConfig)
@@ -46,6 +50,7 @@ class GapExplorerConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "gap_width", "reach", "clearance", "near", "worth")
+        check_fields(self, NOT_NEGATIVE, "turn_cost", "gain", "chance")
 
 
 class GapExplorer(Explorer):
@@ -57,6 +62,8 @@ class GapExplorer(Explorer):
 
     _LOOK_EVERY = 3
     """Steps between two looks for prospects: the robot moves two hand's breadths meanwhile."""
+    _SURROUNDINGS = 1.5
+    """Half the side of the square (m) about a place whose new ground is gained there."""
     _FAN = np.radians(6.0)
     """Angle between the beams along which it looks for open ground (rad)."""
 
@@ -138,7 +145,10 @@ class GapExplorer(Explorer):
             self._route = sketch.route(ways, self._goal)
 
     def _choose(self, senses: Senses, ways: Ways) -> Float64[np.ndarray, "2"] | None:
-        """The prospect with the shortest way, turns and chance counted in; None if none is left."""
+        """The prospect with the shortest way, all else counted in; None if none is left.
+
+        Yeap et al. go to the nearest gap; that the ground behind it can count, too, is ours.
+        """
         config, goals = self._config, self._prospects.goals
         lengths = np.array([self._sketch.length(ways, goal) for goal in goals])
         if not np.isfinite(lengths).any():
@@ -146,9 +156,9 @@ class GapExplorer(Explorer):
             self._least = 0.0
             self._look_round.begin()
             return None
-        seen = senses.to_robot(goals)
-        turns = np.abs(np.arctan2(seen[:, 1], seen[:, 0]))
+        turns = np.abs(bearings_of(senses.to_robot(goals)))
         chances = config.chance * self._rng.random(len(goals))
-        chosen = int((lengths + config.turn_cost * turns + chances).argmin())
+        gains = config.gain * self._sketch.uncovered(self._prospects.ground, self._SURROUNDINGS)
+        chosen = int((lengths + config.turn_cost * turns + chances - gains).argmin())
         self._patience.begin(float(lengths[chosen]))
         return np.array(goals[chosen])

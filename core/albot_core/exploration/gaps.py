@@ -83,6 +83,6 @@ def _between(edge: Float64[np.ndarray, "2"], other: Float64[np.ndarray, "2"], wi
     centre = (edge + other) / 2
     across = (other - edge) / max(width, 1e-9)
     outward = np.array((-across[1], across[0]))
-    if outward @ centre < 0:
+    if (outward * centre).sum() < 0:
         outward = -outward
     return Gap(centre=centre, outward=outward, width=width)

@@ -79,7 +79,7 @@ class Sketch:
     """
 
     _ABOUT = 0.4
-    """Half the side of the square (m) about a point that is the ground there."""
+    """Half the side of the square (m) about a point that is the ground there, unless said."""
     _HOPE = 5.0
     """How far (m) beyond what it has seen who is hopeful looks for ways."""
 
@@ -111,13 +111,17 @@ class Sketch:
         """Whether the ground at points (m, map frame) is covered, or nothing to stand on."""
         return np.asarray(self.uncovered(points) == 0)
 
-    def uncovered(self, points: Points) -> Float64[np.ndarray, "points"]:
+    def uncovered(self, points: Points, about: float = _ABOUT) -> Float64[np.ndarray, "points"]:
         """The share of the ground about points (m, map frame) that is left to be covered.
 
         None is where the points themselves are covered, or nothing to stand on.
+
+        Args:
+            points: The points.
+            about: Half the side of the square (m) about each that is the ground there.
         """
         cells = np.floor(points[:, ::-1] / self._config.cell).astype(np.int64)
-        around = int(self._ABOUT / self._config.cell)
+        around = int(about / self._config.cell)
         return uncovered_shares(self._grid, self._covered, cells + len(self._grid) // 2, around)
 
     def obstacles(self, pose: Pose, reach: float) -> Float64[np.ndarray, "cells 2"]:
