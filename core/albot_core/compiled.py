@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
-from numba import njit
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
 
+_WORD = ir.IntType(64)
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
@@ -28,3 +35,62 @@ def kernel(
     compiled: Callable[[Function], Function]
     compiled = njit(cache=True, error_model="numpy", nogil=nogil, **options)
     return compiled
+
+
+def scratch(*shape: int, kind: Any = types.float64) -> Callable[[], np.ndarray]:
+    """What compiled code calls for a few numbers to work with, without asking for memory.
+
+    They stand on the stack and are gone when the function ends that asked for them, which must
+    not hand them back; they are nothing yet. The same ones each time it is called there.
+
+    Args:
+        shape: How many they are along each axis.
+        kind: What they are, as numba names it.
+    """
+
+    def _scratch(typing: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            tools: Any = cgutils
+            room = ir.ArrayType(context.get_data_type(kind), math.prod(shape))
+            lengths = [ir.Constant(_WORD, length) for length in shape]
+            return _array(context, builder, signature, tools.alloca_once(builder, room), lengths)
+
+        return types.Array(kind, len(shape), "C")(), generate
+
+    return cast(Callable[[], np.ndarray], intrinsic(_scratch))
+
+
+def array_at(*columns: int, kind: Any = types.float64) -> Callable[[int, int], np.ndarray]:
+    """What compiled code calls with an address and a length for the array that is there.
+
+    Nobody counts who holds it: who calls must know that it lives.
+
+    Args:
+        columns: How many elements it has along the axes after the first.
+        kind: What they are, as numba names it.
+    """
+
+    def _array_at(typing: Any, address: Any, rows: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            where = builder.inttoptr(values[0], context.get_data_type(kind).as_pointer())
+            lengths = [values[1], *(ir.Constant(_WORD, length) for length in columns)]
+            return _array(context, builder, signature, where, lengths)
+
+        return types.Array(kind, 1 + len(columns), "C")(types.int64, types.int64), generate
+
+    return cast(Callable[[int, int], np.ndarray], intrinsic(_array_at))
+
+
+def _array(context: Any, builder: Any, signature: Any, where: Any, lengths: list[Any]) -> Any:
+    """The array of the signature's kind at a pointer, that nobody counts the holders of."""
+    kind = signature.return_type
+    element = context.get_data_type(kind.dtype)
+    size = ir.Constant(_WORD, context.get_abi_sizeof(element))
+    strides = [size]
+    for length in reversed(lengths[1:]):
+        strides.insert(0, builder.mul(strides[0], length))
+    array = context.make_array(kind)(context, builder)
+    data = builder.bitcast(where, element.as_pointer())
+    populate: Any = populate_array
+    populate(array, data=data, shape=lengths, strides=strides, itemsize=size, meminfo=None)
+    return array._getvalue()

@@ -13,7 +13,7 @@ import numpy as np
 from albot_core.albot1.config import Limits
 from albot_core.albot1.recognition import length_of, seen_along, wrap
 from albot_core.albot1.sight import Sight
-from albot_core.compiled import kernel
+from albot_core.compiled import kernel, scratch
 
 SPACING = 0.25
 """Walls are looked at in points so far apart (m)."""
@@ -40,16 +40,17 @@ def _range_along(view: Sight, x: float, y: float) -> float:
     return nearest if nearest < np.inf else np.nan
 
 
-@kernel(arrays=True)
-def _look_past(
-    view: Sight, walls: Sight, pose: np.ndarray, limits: Limits, counts: np.ndarray
-) -> None:
-    """Count in how many points the view sees the walls, and in how many it sees past them.
+_wall, _pose = scratch(4), scratch(3)
+
+
+@kernel()
+def _look_past(view: Sight, walls: Sight, pose: np.ndarray, limits: Limits) -> tuple[int, int]:
+    """In how many points the view sees the walls, and in how many it sees past them.
 
     `pose` is that of the view in the other's frame.
     """
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    wall = np.empty(4)
+    wall, met, passed = _wall(), 0, 0
     for k in range(walls.size[0]):
         length = length_of(walls.surfaces[k])
         if length < limits.landmark_length:
@@ -62,22 +63,23 @@ def _look_past(
             y = wall[1] + share * (wall[3] - wall[1])
             past = (_range_along(view, x, y) - 1.0) * np.sqrt(x * x + y * y)
             if past > TOLERANCE:
-                counts[1] += 1
+                passed += 1
             elif past >= -TOLERANCE:
-                counts[0] += 1
+                met += 1
+    return met, passed
 
 
-@kernel(arrays=True)
+@kernel()
 def contradiction(one: Sight, other: Sight, limits: Limits) -> float:
     """The share of the walls of two views, of those in view from both, that contradict."""
-    counts = np.zeros(2, np.int64)
+    total = against = 0
     for turn in range(2):
         view, walls = (one, other) if turn == 0 else (other, one)
-        pose = np.empty(3)
+        pose = _pose()
         cos, sin = np.cos(walls.pose[2]), np.sin(walls.pose[2])
         dx, dy = view.pose[0] - walls.pose[0], view.pose[1] - walls.pose[1]
         pose[0], pose[1] = cos * dx + sin * dy, cos * dy - sin * dx
         pose[2] = wrap(view.pose[2] - walls.pose[2])
-        _look_past(view, walls, pose, limits, counts)
-    total = counts[0] + counts[1]
-    return counts[1] / total if total >= FEWEST_POINTS else 0.0
+        met, passed = _look_past(view, walls, pose, limits)
+        total, against = total + met + passed, against + passed
+    return against / total if total >= FEWEST_POINTS else 0.0

@@ -14,7 +14,7 @@ import numpy as np
 from albot_core.albot1.config import Limits
 from albot_core.albot1.gaps import REACH, crosses, find_exits
 from albot_core.albot1.sight import Sight
-from albot_core.compiled import kernel
+from albot_core.compiled import kernel, scratch
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 
@@ -85,7 +85,10 @@ def _farthest(exits: Exits, x: float, y: float) -> int:
     return which
 
 
-@kernel(arrays=True)
+_along, _across, _seen, _placed = scratch(4), scratch(4), scratch(16, 4), scratch(4)
+
+
+@kernel()
 def _is_shut(line: np.ndarray, sight: Sight, cos: float, sin: float) -> bool:
     """Whether a surface of the view stands in the middle of a remembered exit.
 
@@ -96,7 +99,7 @@ def _is_shut(line: np.ndarray, sight: Sight, cos: float, sin: float) -> bool:
     east, north = cos * x + sin * y, cos * y - sin * x
     dx, dy = line[2] - line[0], line[3] - line[1]
     ux, uy = 0.25 * (cos * dx + sin * dy), 0.25 * (cos * dy - sin * dx)
-    along, across = np.empty(4), np.empty(4)
+    along, across = _along(), _across()
     along[0], along[1], along[2], along[3] = east - ux, north - uy, east + ux, north + uy
     across[0], across[1], across[2], across[3] = east + uy, north - ux, east - uy, north + ux
     for k in range(sight.size[0]):
@@ -108,7 +111,7 @@ def _is_shut(line: np.ndarray, sight: Sight, cos: float, sin: float) -> bool:
     return False
 
 
-@kernel(arrays=True)
+@kernel()
 def remember_exits(exits: Exits, sight: Sight, limits: Limits) -> None:
     """Remember the exits in view where they are seen now, and forget those seen to be shut."""
     pose = sight.pose
@@ -121,8 +124,7 @@ def remember_exits(exits: Exits, sight: Sight, limits: Limits) -> None:
             _forget(exits, k)
         else:
             k += 1
-    seen = np.empty((16, 4))
-    placed = np.empty(4)
+    seen, placed = _seen(), _placed()
     for k in range(find_exits(sight, limits, seen)):
         for end in range(2):
             x, y = seen[k, 2 * end], seen[k, 2 * end + 1]

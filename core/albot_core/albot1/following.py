@@ -16,7 +16,7 @@ from albot_core.albot1.sight import Sight, copy_sight
 from albot_core.albot1.storage import ROOM, exits_at, graph_at, memory_at, sight_at, steps_at
 from albot_core.albot1.trail import LOOK_ROUND, STRIDE
 from albot_core.albot1.trail_kernels import has_room, tread_on
-from albot_core.compiled import kernel
+from albot_core.compiled import kernel, scratch
 from albot_core.parcel import Parcel, opened
 from albot_core.perception.surfaces import NO_EDGE, extract_surfaces
 
@@ -67,6 +67,9 @@ class Robots(NamedTuple):
     """(n, 3) float64: where the enduring frame of its places lies (m, rad; the map's frame)."""
     is_lost: np.ndarray
     """(n,) bool: whether it has lost its way."""
+
+
+_since, _here = scratch(3), scratch(3)
 
 
 @kernel(inline=True)
@@ -141,7 +144,7 @@ def _has_room(memory: Memory, previous: Sight, current: Sight) -> bool:
 @kernel(inline=True)
 def _tread(robots: Robots, row: int, view: Sight) -> None:
     """Let a robot to which nothing else has happened tread on its trail."""
-    here = np.empty(3)
+    here = _here()
     pose_in(robots.displacements[row], robots.poses[row], here)
     steps, graph = steps_at(robots.table[row]), graph_at(robots.table[row])
     tread_on(steps, graph, robots.current[row], here, view.surfaces[: view.size[0]])
@@ -194,7 +197,8 @@ def _follow(
     """Let a robot take in its reading; false, with nothing done, where its room is too small."""
     if not has_room(graph_at(robots.table[row])):
         return False
-    is_first, since = robots.progress[row, STEP] == 0, np.zeros(3)
+    is_first, since = robots.progress[row, STEP] == 0, _since()
+    since[0] = since[1] = since[2] = 0.0
     previous = sight_at(robots.table[row])
     robots.events[row] = 0
     if not is_first:
@@ -223,8 +227,20 @@ def follow(
     taken in nothing yet. `ranges` (n, beams) and `motions` (n, 3) are the readings of all robots;
     the parcel holds `Robots`, `Lens` and `Limits`.
     """
+    return _follow_all(rows, first, parcel, ranges, motions, _desk(ranges.shape[1]))
+
+
+@kernel()
+def _follow_all(
+    rows: np.ndarray,
+    first: int,
+    parcel: Parcel,
+    ranges: np.ndarray,
+    motions: np.ndarray,
+    current: Sight,
+) -> int:
+    """`follow`, with a view to work on."""
     robots, lens, limits = opened(parcel)
-    current = _desk(ranges.shape[1])
     for k in range(first, rows.shape[0]):
         row = rows[k]
         if not _follow(robots, row, ranges[row], motions[row], lens, limits, current):

@@ -31,9 +31,16 @@ def _recognize_and_localize(
     moved(previous.pose, motion, current.pose)
     if limits.remembered:
         return int(triangulate(memory, previous, current, motion, limits))
+    return _localize_by_one(memory, previous, current, motion, limits)
+
+
+@kernel(arrays=True)
+def _localize_by_one(
+    memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
+) -> int:
+    """Algorithms 1 and 2; with no landmark in view path integration stands in (section 3.2.1)."""
     pairs = np.empty((current.size[0], 4))
     recognized = recognize_landmarks(previous, current, motion, limits, pairs)
-    # With no landmark in view path integration stands in (section 3.2.1).
     if recognized > 0:
         localize(memory, current, pairs)
     return int(recognized)

@@ -14,7 +14,7 @@ from albot_core.albot1.memory import Memory
 from albot_core.albot1.recognition import heading_of, length_of, seen_along
 from albot_core.albot1.search import surfaces_ending_in
 from albot_core.albot1.sight import Sight
-from albot_core.compiled import kernel
+from albot_core.compiled import kernel, scratch
 
 
 @kernel()
@@ -35,6 +35,15 @@ def seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray, np
     which = np.empty(current.size[0], np.int64)
     edges = np.empty((current.size[0], 2), np.int8)
     rows = np.empty((current.size[0], 10))
+    kept = _describe_seen(current, limits, which, edges, rows)
+    return which[:kept], edges[:kept], rows[:kept]
+
+
+@kernel()
+def _describe_seen(
+    current: Sight, limits: Limits, which: np.ndarray, edges: np.ndarray, rows: np.ndarray
+) -> int:
+    """Fill in `seen_now`; how many surfaces are long enough."""
     kept = 0
     for k in range(current.size[0]):
         if length_of(current.surfaces[k]) >= limits.landmark_length:
@@ -44,7 +53,7 @@ def seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray, np
             edges[kept, 0], edges[kept, 1] = current.edges[k, 0], current.edges[k, 1]
             which[kept] = k
             kept += 1
-    return which[:kept], edges[:kept], rows[:kept]
+    return kept
 
 
 @kernel(inline=True)
@@ -54,7 +63,19 @@ def seen_before(
     """The last view's surfaces as the odometer expects them in this one: ends and rows."""
     edges = np.empty((previous.size[0], 2), np.int8)
     rows = np.empty((previous.size[0], 8))
-    expected = np.empty(4)
+    kept = _describe_expected(previous, motion, limits, edges, rows)
+    return edges[:kept], rows[:kept]
+
+
+_from_here = scratch(4)
+
+
+@kernel()
+def _describe_expected(
+    previous: Sight, motion: np.ndarray, limits: Limits, edges: np.ndarray, rows: np.ndarray
+) -> int:
+    """Fill in `seen_before`; how many surfaces are long enough."""
+    expected = _from_here()
     cos, sin = np.cos(motion[2]), np.sin(motion[2])
     kept = 0
     for i in range(previous.size[0]):
@@ -63,7 +84,7 @@ def seen_before(
             describe(expected, rows[kept])
             edges[kept, 0], edges[kept, 1] = previous.edges[i, 0], previous.edges[i, 1]
             kept += 1
-    return edges[:kept], rows[:kept]
+    return kept
 
 
 @kernel(arrays=True)
@@ -71,8 +92,20 @@ def remembered_nearby(
     memory: Memory, pose: np.ndarray, seen: np.ndarray, limits: Limits
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What the map holds where the view is expected to lie: slots, ends and rows."""
+    box = np.empty(4)
+    _bound(pose, seen, limits, box)
+    slots = surfaces_ending_in(memory, box)
+    edges = np.empty((slots.shape[0], 2), np.int8)
+    rows = np.empty((slots.shape[0], 8))
+    kept = _describe_remembered(memory, pose, limits, slots, edges, rows)
+    return slots[:kept], edges[:kept], rows[:kept]
+
+
+@kernel()
+def _bound(pose: np.ndarray, seen: np.ndarray, limits: Limits, box: np.ndarray) -> None:
+    """Write the box in which what is seen from a pose may be remembered."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    box = np.array((pose[0], pose[1], pose[0], pose[1]))
+    box[0], box[1], box[2], box[3] = pose[0], pose[1], pose[0], pose[1]
     for k in range(seen.shape[0]):
         for end in range(2):
             x, y = seen[k, 2 * end], seen[k, 2 * end + 1]
@@ -84,10 +117,20 @@ def remembered_nearby(
     for axis in range(2):
         box[axis] -= limits.landmark_gap
         box[2 + axis] += limits.landmark_gap
-    slots = surfaces_ending_in(memory, box)
-    edges = np.empty((slots.shape[0], 2), np.int8)
-    rows = np.empty((slots.shape[0], 8))
-    expected = np.empty(4)
+
+
+@kernel()
+def _describe_remembered(
+    memory: Memory,
+    pose: np.ndarray,
+    limits: Limits,
+    slots: np.ndarray,
+    edges: np.ndarray,
+    rows: np.ndarray,
+) -> int:
+    """Fill in `remembered_nearby`, of `slots` those long enough to the front; how many."""
+    expected = _from_here()
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
     kept = 0
     for slot in slots:
         seen_along(pose, cos, sin, memory.surfaces[slot], expected)
@@ -96,7 +139,7 @@ def remembered_nearby(
             edges[kept, 0], edges[kept, 1] = memory.edges[slot, 0], memory.edges[slot, 1]
             slots[kept] = slot
             kept += 1
-    return slots[:kept], edges[:kept], rows[:kept]
+    return kept
 
 
 @kernel()

@@ -7,13 +7,11 @@ robots takes a table with the addresses of them all.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Int64
 from numba import types
-from numba.extending import intrinsic
-from numba.np.numpy_support import carray
 
 from albot_core.albot1.exits import ROOM as EXITS
 from albot_core.albot1.exits import Exits
@@ -21,7 +19,7 @@ from albot_core.albot1.homewards import Graph
 from albot_core.albot1.memory import Memory
 from albot_core.albot1.sight import Sight
 from albot_core.albot1.trail_kernels import Steps
-from albot_core.compiled import kernel
+from albot_core.compiled import array_at, kernel
 
 CAPACITY, ROOM, POINTS, LINKS = 0, 1, 2, 3
 """Places in a robot's row of the table: surfaces its map has room for, surfaces its view has
@@ -59,31 +57,10 @@ def addresses_of(arrays: Arrays) -> Int64[np.ndarray, "columns"]:
     return np.array([*rooms, *addresses], np.int64)
 
 
-def _pointer(typing: Any, address: Any) -> Any:
-    """A pointer out of an address."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return builder.inttoptr(values[0], context.get_value_type(types.voidptr))
-
-    return types.voidptr(types.int64), generate
-
-
-pointer: Any = intrinsic(_pointer)
-
-
-@kernel(arrays=True)
-def _numbers(address: int, count: int, columns: int) -> np.ndarray:
-    return carray(pointer(address), (count, columns), np.float64)
-
-
-@kernel(arrays=True)
-def _edges(address: int, count: int) -> np.ndarray:
-    return carray(pointer(address), (count, 2), np.int8)
-
-
-@kernel(arrays=True)
-def _integers(address: int, count: int) -> np.ndarray:
-    return carray(pointer(address), (count,), np.int64)
+_numbers, _pairs, _lines = array_at(), array_at(2), array_at(4)
+_integers, _integer_pairs = array_at(kind=types.int64), array_at(2, kind=types.int64)
+_shorts, _short_pairs = array_at(kind=types.int32), array_at(2, kind=types.int32)
+_edges, _truths = array_at(2, kind=types.int8), array_at(kind=types.boolean)
 
 
 @kernel(inline=True)
@@ -91,15 +68,15 @@ def memory_at(table: np.ndarray) -> Memory:
     """The memory whose arrays' addresses stand in a row of the table."""
     capacity, at = table[CAPACITY], _MEMORY
     return Memory(
-        _numbers(table[at], capacity, 4),
+        _lines(table[at], capacity),
         _edges(table[at + 1], capacity),
         _integers(table[at + 2], capacity),
-        carray(pointer(table[at + 3]), (capacity,), np.int32),
-        carray(pointer(table[at + 4]), (capacity,), np.int32),
-        carray(pointer(table[at + 5]), (capacity, 2), np.int32),
-        carray(pointer(table[at + 6]), (capacity,), np.int32),
-        carray(pointer(table[at + 7]), (2 * capacity,), np.int32),
-        carray(pointer(table[at + 8]), (2 * capacity, 2), np.int32),
+        _shorts(table[at + 3], capacity),
+        _shorts(table[at + 4], capacity),
+        _short_pairs(table[at + 5], capacity),
+        _shorts(table[at + 6], capacity),
+        _shorts(table[at + 7], 2 * capacity),
+        _short_pairs(table[at + 8], 2 * capacity),
         _integers(table[at + 9], 6),
     )
 
@@ -109,12 +86,12 @@ def sight_at(table: np.ndarray) -> Sight:
     """The view whose arrays' addresses stand in a row of the table."""
     room, at = table[ROOM], _SIGHT
     return Sight(
-        _numbers(table[at], room, 4),
+        _lines(table[at], room),
         _edges(table[at + 1], room),
-        carray(pointer(table[at + 2]), (room,), np.bool_),
+        _truths(table[at + 2], room),
         _integers(table[at + 3], room),
         _integers(table[at + 4], 1),
-        carray(pointer(table[at + 5]), (3,), np.float64),
+        _numbers(table[at + 5], 3),
     )
 
 
@@ -122,10 +99,10 @@ def sight_at(table: np.ndarray) -> Sight:
 def exits_at(table: np.ndarray) -> Exits:
     """The exits whose arrays' addresses stand in a row of the table."""
     return Exits(
-        _numbers(table[_EXITS], EXITS, 4),
-        carray(pointer(table[_EXITS + 1]), (5,), np.float64),
+        _lines(table[_EXITS], EXITS),
+        _numbers(table[_EXITS + 1], 5),
         _integers(table[_EXITS + 2], 3),
-        _numbers(table[_EXITS + 3], EXITS, 4),
+        _lines(table[_EXITS + 3], EXITS),
     )
 
 
@@ -134,7 +111,7 @@ def steps_at(table: np.ndarray) -> Steps:
     """The trail's points whose arrays' addresses stand in a row of the table."""
     room, at = table[POINTS], _STEPS
     return Steps(
-        _numbers(table[at], room, 2),
+        _pairs(table[at], room),
         _integers(table[at + 1], room),
         _integers(table[at + 2], room),
         _integers(table[at + 3], 2),
@@ -147,10 +124,10 @@ def graph_at(table: np.ndarray) -> Graph:
     points, links, at = table[POINTS], table[LINKS], _GRAPH
     return Graph(
         _integers(table[at], 2),
-        carray(pointer(table[at + 1]), (points,), np.float64),
+        _numbers(table[at + 1], points),
         _integers(table[at + 2], points),
         _integers(table[at + 3], points),
-        carray(pointer(table[at + 4]), (links, 2), np.int64),
-        carray(pointer(table[at + 5]), (links,), np.float64),
-        carray(pointer(table[at + 6]), (links, 2), np.int64),
+        _integer_pairs(table[at + 4], links),
+        _numbers(table[at + 5], links),
+        _integer_pairs(table[at + 6], links),
     )

@@ -19,7 +19,7 @@ from albot_core.albot1.recognition import wrap
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.albot1.turning import LINE_GAP, likeliest_turn
 from albot_core.albot1.visits import meet_again
-from albot_core.compiled import kernel
+from albot_core.compiled import kernel, scratch
 from albot_core.perception.surfaces import NO_EDGE
 
 POINT_NOISE, POINT_NOISE_GROWTH = 0.05, 0.02
@@ -168,7 +168,10 @@ def solve(normal: np.ndarray, slope: np.ndarray, step: np.ndarray) -> None:
     step[0] = (u - b * step[1] - c * step[2]) / a
 
 
-@kernel(arrays=True)
+_matrix, _vector, _step = scratch(3, 3), scratch(3), scratch(3)
+
+
+@kernel()
 def _adjust(
     seen: np.ndarray,
     expected: np.ndarray,
@@ -177,7 +180,7 @@ def _adjust(
     correction: np.ndarray,
 ) -> None:
     """Gauss-Newton on the correction, held by the odometer's motion and the likeliest turn."""
-    normal, slope, step = np.empty((3, 3)), np.empty(3), np.empty(3)
+    normal, slope, step = _matrix(), _vector(), _step()
     for _ in range(ITERATIONS):
         cos, sin = np.cos(correction[2]), np.sin(correction[2])
         for i in range(3):

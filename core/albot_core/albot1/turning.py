@@ -11,13 +11,16 @@ import numpy as np
 from albot_core.albot1.config import TURN_STEP, Limits
 from albot_core.albot1.outlook import beside
 from albot_core.albot1.recognition import wrap
-from albot_core.compiled import kernel
+from albot_core.compiled import kernel, scratch
 from albot_core.perception.surfaces import NO_EDGE
 
 LINE_GAP = 0.30
 """A wall is taken for the remembered one when it runs no farther than this beside it (m)."""
 LINE_VOTE = 0.5
 """How much a wall that lies where it is remembered counts beside a landmark."""
+
+
+_unmoved = scratch(3)
 
 
 @kernel()
@@ -44,7 +47,7 @@ def _vote_by_points(
             own[b] = max(own[b], 1.0 - (dx * dx + dy * dy) / gap**2)
 
 
-@kernel(arrays=True)
+@kernel()
 def _vote_by_line(
     seen: np.ndarray,
     wall: np.ndarray,
@@ -60,7 +63,9 @@ def _vote_by_line(
     How far it runs beside is measured at the turn that aligns the two, `aligned` steps.
     """
     middle = min(max(int(aligned + 0.5), 0), turns.shape[0] - 1)
-    aside = beside(wall, seen, np.zeros(3), turns[middle, 0], turns[middle, 1])
+    unmoved = _unmoved()
+    unmoved[0] = unmoved[1] = unmoved[2] = 0.0
+    aside = beside(wall, seen, unmoved, turns[middle, 0], turns[middle, 1])
     if aside >= LINE_GAP:
         return
     vote = LINE_VOTE * (1.0 - (aside / LINE_GAP) ** 2)
@@ -82,28 +87,40 @@ def likeliest_turn(
     Every surface seen votes for the turns that bring it onto an expected one, a landmark
     by its points and a wall by its line, each the more the better it fits.
     """
-    turns = limits.turns
-    bins = turns.shape[0]
-    steps = bins // 2
+    bins = limits.turns.shape[0]
     votes, own = np.empty(bins), np.empty(bins)
     for b in range(bins):
-        votes[b] = -turns[b, 2]
-    angle, gap = limits.landmark_angle, limits.landmark_gap
+        votes[b] = -limits.turns[b, 2]
     for k in range(seen.shape[0]):
-        for b in range(bins):
-            own[b] = 0.0
-        for q in range(expected.shape[0]):
-            aligned = wrap(expected[q, 5] - seen[k, 5]) / TURN_STEP + steps
-            low = max(int(np.ceil(aligned - angle / TURN_STEP)), 0)
-            high = min(int(np.floor(aligned + angle / TURN_STEP)), bins - 1)
-            if low <= high:
-                wall, ends = expected[q], edges[q]
-                _vote_by_points(seen[k], seen_edges[k], wall, ends, turns, low, high, gap, own)
-                _vote_by_line(seen[k], wall, turns, aligned, low, high, angle, own)
+        _vote(seen[k], seen_edges[k], expected, edges, limits, own)
         for b in range(bins):
             votes[b] += own[b]
     best = 0
     for b in range(bins):
         if votes[b] > votes[best]:
             best = b
-    return float((best - steps) * TURN_STEP)
+    return float((best - bins // 2) * TURN_STEP)
+
+
+@kernel()
+def _vote(
+    seen: np.ndarray,
+    ends: np.ndarray,
+    expected: np.ndarray,
+    edges: np.ndarray,
+    limits: Limits,
+    own: np.ndarray,
+) -> None:
+    """Let a surface seen vote for the turns that bring it onto an expected one."""
+    turns, angle, gap = limits.turns, limits.landmark_angle, limits.landmark_gap
+    bins = turns.shape[0]
+    for b in range(bins):
+        own[b] = 0.0
+    for q in range(expected.shape[0]):
+        aligned = wrap(expected[q, 5] - seen[5]) / TURN_STEP + bins // 2
+        low = max(int(np.ceil(aligned - angle / TURN_STEP)), 0)
+        high = min(int(np.floor(aligned + angle / TURN_STEP)), bins - 1)
+        if low <= high:
+            wall = expected[q]
+            _vote_by_points(seen, ends, wall, edges[q], turns, low, high, gap, own)
+            _vote_by_line(seen, wall, turns, aligned, low, high, angle, own)

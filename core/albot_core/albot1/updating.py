@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import types
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.memory import (
@@ -16,7 +17,7 @@ from albot_core.albot1.recognition import length_of
 from albot_core.albot1.search import surfaces_ending_in
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.albot1.visits import meet_again
-from albot_core.compiled import kernel
+from albot_core.compiled import kernel, scratch
 from albot_core.perception.surfaces import NO_EDGE
 
 SHORTEST = 0.10
@@ -218,15 +219,45 @@ def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
     """
     count = sight.size[0]
     laid = np.empty((count, 4))
-    for k in range(count):
-        placed(sight.pose, sight.surfaces[k], laid[k])
+    _place_all(sight, laid)
     polygon = view_polygon(laid, sight.pose, limits.eye_in_boundary)
     box = box_around(polygon, limits.margin)
+    nearby = surfaces_ending_in(memory, box)
     slots = np.empty(count, np.int64)
-    taken = np.zeros(count, np.bool_)
-    nothing = np.zeros(count, np.bool_)
-    changed, edges = np.empty(4), np.empty(2, np.int8)
-    for slot in surfaces_ending_in(memory, box):
+    taken, nothing = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+    _lay(memory, sight, limits, laid, polygon, box, nearby, slots, taken, nothing)
+
+
+@kernel()
+def _place_all(sight: Sight, laid: np.ndarray) -> None:
+    """Write a view's surfaces, in the map's frame, into `laid`."""
+    for k in range(sight.size[0]):
+        placed(sight.pose, sight.surfaces[k], laid[k])
+
+
+_changed, _edges = scratch(4), scratch(2, kind=types.int8)
+
+
+@kernel()
+def _lay(
+    memory: Memory,
+    sight: Sight,
+    limits: Limits,
+    laid: np.ndarray,
+    polygon: np.ndarray,
+    box: np.ndarray,
+    nearby: np.ndarray,
+    slots: np.ndarray,
+    taken: np.ndarray,
+    nothing: np.ndarray,
+) -> None:
+    """Lay a view, whose surfaces are `laid` within a boundary, over what is nearby.
+
+    `slots` and `taken`, which is all false as `nothing` is, have an element for each of them.
+    """
+    count = sight.size[0]
+    changed, edges = _changed(), _edges()
+    for slot in nearby:
         old = memory.surfaces[slot]
         first = is_covered(polygon, box, limits.margin, old[0], old[1])
         second = is_covered(polygon, box, limits.margin, old[2], old[3])

@@ -53,21 +53,22 @@ def _farthest_from_chord(points: np.ndarray, first: int, last: int) -> tuple[int
     return best, height / np.sqrt(square) if square > 0.0 else np.sqrt(height)
 
 
-@kernel(arrays=True)
+@kernel()
 def segment_points(
     points: np.ndarray,
     count: int,
     cluster_gap: float,
     cluster_size: float,
     break_height: float,
+    stack: np.ndarray,
     spans: np.ndarray,
 ) -> int:
     """Cluster the points and break the clusters (steps 2 and 3); return how many spans.
 
     Row k of `spans` is the first point, the last point and the cluster of span k, in the
     order of the scan. Spans broken from one cluster share the point they were broken at.
+    `stack` (count + 1, 2) int64 is room to work in.
     """
-    stack = np.empty((count + 1, 2), np.int64)
     found, cluster, start = 0, 0, 0
     for i in range(1, count + 1):
         if i < count:
@@ -140,16 +141,17 @@ def _crossing(a: np.ndarray, b: np.ndarray, x: float, y: float) -> tuple[float, 
     return a[0] + along * a[2], a[1] + along * a[3]
 
 
-@kernel(arrays=True)
+@kernel()
 def form_surfaces(
     points: np.ndarray,
     spans: np.ndarray,
     count: int,
     fit: bool,
     break_height: float,
+    lines: np.ndarray,
     surfaces: np.ndarray,
 ) -> None:
-    """Form one surface a span (step 4).
+    """Form one surface a span (step 4); the lines fitted are left in `lines` (count, 4).
 
     Without `fit` a surface runs from the span's first point to its last. With it, the
     surface lies on the line fitted to all the span's points, and two surfaces that share
@@ -161,7 +163,6 @@ def form_surfaces(
         surfaces[k, 2], surfaces[k, 3] = points[last, 0], points[last, 1]
     if not fit:
         return
-    lines = np.empty((count, 4))
     for k in range(count):
         first, last = spans[k, 0], spans[k, 1]
         # The shared break point may belong to the neighbour alone: leave it out of longer fits.
@@ -232,9 +233,10 @@ def extract_surfaces(
     points = np.empty((ranges.shape[0], 2))
     seen = scan_points(ranges, directions, mount_x, mount_y, max_range, points)
     spans = np.empty((2 * seen + 2, 3), np.int64)
-    formed = segment_points(points, seen, gap, size, height, spans)
-    raw = np.empty((formed, 4))
-    form_surfaces(points, spans, formed, fit, height, raw)
+    stack = np.empty((seen + 1, 2), np.int64)
+    formed = segment_points(points, seen, gap, size, height, stack, spans)
+    raw, lines = np.empty((formed, 4)), np.empty((formed, 4))
+    form_surfaces(points, spans, formed, fit, height, lines, raw)
     clusters = np.empty(formed, np.int64)
     count = _ZERO
     for k in range(formed):
