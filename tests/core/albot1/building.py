@@ -7,6 +7,7 @@ import numpy as np
 from albot_core.albot1.config import PlacesConfig
 from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import middle
+from albot_core.albot1.record import Happening
 from albot_core.albot1.revisiting import recognize_place
 from albot_core.albot1.suspicion import suspicions
 from albot_core.geometry.poses import compose, transform_segments
@@ -15,6 +16,9 @@ SIDE = 8.0
 """Side of a square room (m); its middle is at SIDE times its column and row."""
 
 Room = tuple[int, int]
+
+RING: list[Room] = [(1, 0), (1, 1), (0, 1), (0, 0)]
+"""A way round four rooms, back to where it sets out."""
 
 
 def door_between(room: Room, other: Room) -> np.ndarray:
@@ -77,6 +81,11 @@ class Walker:
         """So many walls of each earlier visit are met."""
         counts = np.stack((met, suspicions(self.network, self.pose())), -1)
         return recognize_place(self.network, self.step, counts, self.seen(), self.pose())
+
+
+def happened(walker: Walker) -> list[tuple[Happening, int, int]]:
+    """What the robot's network recorded, each with its places."""
+    return [(event.what, event.place, event.other) for event in walker.network.record.events]
 
 
 def check_links(network: PlaceNetwork) -> None:

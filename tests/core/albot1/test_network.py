@@ -7,23 +7,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from albot_core.albot1.config import PlacesConfig
-from albot_core.albot1.memory import NEVER
 from albot_core.albot1.network_state import rebuilt_network, stored_network
-from albot_core.albot1.places import Passage, Site, middle
-from albot_core.albot1.record import AROUND, Happening
+from albot_core.albot1.places import Passage, Site
+from albot_core.albot1.record import Happening
 from albot_core.albot1.revisiting import find
-from albot_core.albot1.suspicion import suspicions
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.topology.network import Network
-from tests.core.albot1.building import SIDE, Room, Walker, check_links, door_between
-
-RING: list[Room] = [(1, 0), (1, 1), (0, 1), (0, 0)]
-
-
-def happened(walker: Walker) -> list[tuple[Happening, int, int]]:
-    return [(event.what, event.place, event.other) for event in walker.network.record.events]
+from tests.core.albot1.building import RING, SIDE, Room, Walker, check_links, door_between, happened
 
 
 def test_the_first_place_is_where_the_robot_sets_out():
@@ -129,149 +120,6 @@ def test_one_door_learned_twice_becomes_one_exit():
     assert walker.recognize()
     check_links(walker.network)
     assert len(walker.network.sites) == 2
-
-
-def test_places_that_an_exit_joins_are_not_one():
-    walker = Walker()
-    for room in ((1, 0), (1, 1)):
-        walker.go(room)
-    network = walker.network
-    needed = suspicions(network, walker.pose())
-    config = network.config
-    assert needed[0] == NEVER  # there is no visit 0
-    assert needed[2] == NEVER  # next door
-    assert needed[3] == NEVER  # here
-    assert config.fewest_met <= needed[1] <= config.most_met
-
-
-@pytest.mark.parametrize(("size", "expected"), [(0, 2), (20, 2), (50, 5), (500, 8)])
-def test_larger_places_need_more_surfaces_to_be_suspected(size, expected):
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
-    walker.network.sites[0].surfaces = np.full((size, 4), 100.0)
-    assert suspicions(walker.network, walker.pose())[1] == expected
-
-
-@pytest.mark.parametrize(
-    ("drift", "learned", "known"), [(0.3, 0.0, True), (-1.0, 0.0, False), (-1.5, -1.4, True)]
-)
-def test_where_it_believes_to_stand_within_a_place_it_suspects_that(drift, learned, known):
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
-    walker.drift = np.array([drift, 0.0, 0.0])
-    network = walker.network
-    network.displacement = np.array([learned, 0.0, 0.0])
-    found = walker.looks(np.zeros(len(network.visits), np.int32))
-    event = network.record.events[-1]
-    assert (found, event.other, event.needed) == (known, 0, AROUND)
-    assert event.what == (Happening.RECOGNIZED if known else Happening.REFUSED)
-    # In a place that it knows, and as in the thesis, where it stands arouses no suspicion.
-    if known:
-        assert AROUND not in suspicions(network, walker.pose())
-    letter = Walker(PlacesConfig())
-    for room in RING:
-        letter.go(room)
-    assert AROUND not in suspicions(letter.network, letter.pose())
-
-
-def test_what_is_met_again_speaks_louder_than_where_it_stands():
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
-    walker.network.sites[0].surfaces = walker.network.sites[0].surfaces[:3]
-    assert suspicions(walker.network, walker.pose())[1] == AROUND
-    assert not walker.recognize()
-    event = walker.network.record.events[-1]
-    assert (event.what, event.met, event.needed) == (Happening.REFUSED, 20, 2)
-    walker.go((-1, 0))  # It may have been that place, seen through the door.
-    assert walker.network.record.glimpsed() == {0}
-
-
-def test_who_comes_out_of_a_place_had_left_the_other_unnoticed():
-    walker = Walker()
-    for room in ((1, 0), (0, 0)):
-        walker.go(room)
-    described = walker.network.sites[0].surfaces.copy()
-    walker.room = (1, 0)  # through the door, but the network was not told
-    walker.go((0, 0))
-    assert happened(walker)[-1] == (Happening.RETURNED, 0, 1)
-    check_links(walker.network)
-    assert (walker.network.current, len(walker.network.sites)) == (0, 2)
-    assert walker.network.visits == [-1, 0, 1, 0, 0]
-    np.testing.assert_array_equal(walker.network.sites[0].surfaces, described)
-
-
-@pytest.mark.parametrize(
-    ("shift", "turn", "moved"), [(0.3, 0.0, 0.0), (0.6, 0.0, 0.6), (0.6, 0.5, 0.0)]
-)
-def test_an_exit_lays_the_next_place_at_it_only_where_it_is_seen_well(shift, turn, moved):
-    walker = Walker()
-    for room in ((1, 0), (0, 0)):
-        walker.go(room)
-    door = door_between((0, 0), (1, 0))
-    at = middle(door)
-    pose = np.array([at[0], at[1] + shift, turn])
-    line = transform_segments(pose, door[None] - [*at, *at])[0]
-    walker.network.remember_place(9, line, walker.seen(), np.array([4.3, shift, 0.0]))
-    assert walker.network.current == 1
-    np.testing.assert_allclose(walker.network.displacement, [0, moved, 0], atol=1e-9)
-
-
-@pytest.mark.parametrize(("learned", "seen", "laid"), [(-0.39, -0.41, -0.39), (-0.39, 0.39, 0.39)])
-def test_what_is_remembered_and_what_is_seen_of_an_exit_do_not_add_up(learned, seen, laid):
-    walker = Walker()
-    for room in ((1, 0), (0, 0)):
-        walker.go(room)
-    network, door = walker.network, door_between((0, 0), (1, 0))
-    network.sites[1].frame = network.sites[1].frame + np.array([0.0, learned, 0.0])
-    line = door + np.array([0.0, seen, 0.0, seen])
-    network.remember_place(9, line, walker.seen(), np.array([4.3, seen, 0.0]))
-    there = transform_segments(network.frame, network.here.passages[0].line[None])[0]
-    np.testing.assert_allclose(middle(there)[1], laid, atol=1e-9)
-
-
-def test_places_are_laid_together_at_the_exit_that_both_remember():
-    """A map that has drifted between them holds two places apart in the enduring frame."""
-    walker = Walker()
-    for room in ((1, 0), (0, 0)):
-        walker.go(room)
-    network = walker.network
-    network.sites[1].frame = network.sites[1].frame + np.array([0.0, 1.0, 0.0])
-    walker.go((1, 0))
-    exits = [
-        transform_segments(compose(network.displacement, site.frame), site.passages[0].line[None])
-        for site in network.sites.values()
-    ]
-    np.testing.assert_allclose(middle(exits[1][0]), middle(door_between((0, 0), (1, 0))), atol=1e-9)
-    # And back again, to where it was.
-    walker.go((0, 0))
-    np.testing.assert_allclose(network.displacement, np.zeros(3), atol=1e-9)
-
-
-def test_the_robot_looks_again_only_once_it_has_moved():
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
-    walker.network.sites[0].surfaces = np.empty((0, 4))
-    assert not walker.recognize()
-    refusals = len(walker.network.record.events)
-    assert not walker.recognize()
-    assert len(walker.network.record.events) == refusals
-
-
-def test_in_a_new_visit_it_looks_at_once_and_where_it_looked_is_remembered():
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
-    walker.network.sites[0].surfaces = np.empty((0, 4))
-    assert not walker.recognize()
-    again = rebuilt_network(stored_network(walker.network), walker.network.config)
-    assert again.looked_from is not None
-    np.testing.assert_array_equal(again.looked_from, walker.pose())
-    walker.go((0, 1))
-    assert walker.network.looked_from is None
 
 
 @st.composite
