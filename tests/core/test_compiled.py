@@ -1,0 +1,71 @@
+"""Arrays of compiled code that nobody counts the holders of."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numba import types
+from numba.core.errors import TypingError
+
+from albot_core.compiled import array_at, kernel, scratch
+
+_grid, _few = scratch(2, 3), scratch(4, kind=types.int8)
+_table, _truths = array_at(3), array_at(kind=types.boolean)
+
+
+@kernel()
+def _fill(rounds: int, sums: np.ndarray) -> None:
+    for k in range(rounds):
+        grid, few = _grid(), _few()
+        for row in range(grid.shape[0]):
+            for column in range(grid.shape[1]):
+                grid[row, column] = 10.0 * row + column + k
+        for place in range(few.shape[0]):
+            few[place] = place - 2
+        sums[0] += grid.sum()
+        sums[1] += few.sum()
+
+
+@kernel()
+def _inner(rounds: int) -> float:
+    mine = _grid()
+    mine[0, 0] = rounds
+    return _inner(rounds - 1) + mine[0, 0] if rounds > 0 else 0.0
+
+
+@kernel()
+def _double(address: int, rows: int, truths: int) -> int:
+    table, flags = _table(address, rows), _truths(truths, rows)
+    count = 0
+    for row in range(table.shape[0]):
+        for column in range(table.shape[1]):
+            table[row, column] *= 2.0
+        count += flags[row]
+    return count
+
+
+@kernel()
+def _allocate(count: int) -> int:
+    return np.zeros(count).shape[0]
+
+
+def test_scratch_numbers_have_their_shape_and_kind() -> None:
+    sums = np.zeros(2)
+    _fill(3, sums)
+    assert sums.tolist() == [3 * (0 + 1 + 2 + 10 + 11 + 12) + 6 * (0 + 1 + 2), 3 * (-2 - 1 + 0 + 1)]
+
+
+def test_each_call_has_scratch_numbers_of_its_own() -> None:
+    assert _inner(5) == 1 + 2 + 3 + 4 + 5
+
+
+def test_an_array_is_found_at_its_address() -> None:
+    table, flags = np.arange(12.0).reshape(4, 3), np.array([True, False, True, True])
+    doubled = 2 * table
+    assert _double(table.ctypes.data, 4, flags.ctypes.data) == 3
+    np.testing.assert_array_equal(table, doubled)
+
+
+def test_a_kernel_that_makes_arrays_must_say_so() -> None:
+    with pytest.raises(TypingError, match="Only accept returning of array"):
+        _allocate(3)

@@ -1,0 +1,86 @@
+"""Vectors in compiled code against the same arithmetic in numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numba.core.errors import TypingError
+
+from albot_core.compiled import kernel
+from albot_env.sim.lanes import LANES, Lanes, Table, first_of, lowest, question, whole_lanes
+
+NUMBERS = st.floats(-1e6, 1e6) | st.just(np.nan)
+TABLES = arrays(np.float64, (4, 2 * LANES), elements=NUMBERS)
+
+
+@question
+def _compared(table: Table, limit: Lanes) -> Lanes:
+    a, b = table[0], table[1]
+    return (a < b) & (a <= limit) | (b > a * 2.0) & (b >= limit)
+
+
+@question
+def _reckoned(table: Table, x: Lanes, y: Lanes) -> Lanes:
+    a, b = table[0], table[1]
+    table[2] = (a * x + b - y).size().root() / (b.size() + 1.0)
+    table[3] = a.least(b) - a.most(b).where(x, a > 0.0)
+    return a > b
+
+
+@kernel()
+def _ask(table: np.ndarray, first: int, limit: float) -> int:
+    return _compared(table, first, (limit,))
+
+
+@kernel()
+def _work(table: np.ndarray, first: int, x: float, y: float) -> int:
+    return _reckoned(table, first, (x, y))
+
+
+def _bits(truths: np.ndarray) -> int:
+    return int(sum(1 << k for k in np.flatnonzero(truths).tolist()))
+
+
+@given(TABLES, st.integers(0, LANES), st.floats(-1e3, 1e3))
+def test_questions_are_answered_lane_by_lane(table: np.ndarray, first: int, limit: float) -> None:
+    a, b = table[:2, first : first + LANES]
+    expected = (a < b) & (a <= limit) | (b > a * 2.0) & (b >= limit)
+    assert _ask(table, first, limit) == _bits(expected)
+
+
+@given(TABLES, st.floats(-1e3, 1e3), st.floats(-1e3, 1e3))
+def test_what_is_reckoned_is_to_the_bit_what_numpy_reckons(
+    table: np.ndarray, x: float, y: float
+) -> None:
+    before = table.copy()
+    a, b = before[:2, LANES:]
+    bits = _work(table, LANES, x, y)
+    assert bits == _bits(a > b)
+    np.testing.assert_array_equal(
+        table[2, LANES:], np.sqrt(np.abs(a * x + b - y)) / (np.abs(b) + 1.0)
+    )
+    # Of a NaN and a number the second is neither less nor greater: it is taken.
+    least, most = np.where(a < b, a, b), np.where(a > b, a, b)
+    np.testing.assert_array_equal(table[3, LANES:], least - np.where(a > 0.0, most, x))
+    np.testing.assert_array_equal(table[:, :LANES], before[:, :LANES])
+
+
+def test_rows_are_long_enough_and_bits_are_those_of_the_first_columns() -> None:
+    assert [whole_lanes(count) for count in (0, 1, 8, 9)] == [0, 8, 8, 16]
+    assert [first_of(count) for count in (1, 7, 8, 20)] == [1, 127, 255, 255]
+    assert _lowest_of(0b101000) == 3
+
+
+@kernel()
+def _lowest_of(bits: int) -> int:
+    return lowest(bits)
+
+
+def test_other_tables_are_refused() -> None:
+    with pytest.raises(TypingError):
+        _ask(np.zeros((4, 8), np.float32), 0, 1.0)
+    with pytest.raises(TypingError):
+        _ask(np.zeros((8, 4)).T, 0, 1.0)
