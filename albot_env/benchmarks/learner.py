@@ -12,6 +12,7 @@ from typing import Any
 from gymnasium import spaces
 
 from albot_env.benchmarks.environment import ENVIRONMENT, WORLD
+from albot_env.vector.spinning import spin_briefly
 
 BATCH, EPOCHS = 4096, 4
 """Samples in a gradient step, and how often each is used."""
@@ -40,6 +41,7 @@ def measure_learner(num_envs: int = 1024, steps: int = 16, rollouts: int = 3) ->
     ]
     if missing:
         return {"missing": f"{' and '.join(missing)}: pip install 'albot-env[train]'"}
+    spin_briefly()
     from albot_env.benchmarks.timed_batch import FreeBatch, TimedBatch
     from albot_env.vector.sb3 import make_sb3
     from albot_maps import load_world

@@ -14,6 +14,7 @@ import click
 from albot_cli.outputs import check_folder
 from albot_cli.progress import progress
 from albot_core.errors import InputError
+from albot_env.vector.spinning import spin_briefly
 
 if TYPE_CHECKING:
     from albot_agents.training.folder import RunFolder
@@ -55,6 +56,7 @@ def command(
     `albot evaluate --agent FILE`.
     """
     _check_installed()
+    spin_briefly()
     folder, plan = _begin(task, config, out, resume, seed, steps)
     result = _train(folder, plan)
     click.echo(json.dumps(result) if as_json else _as_text(result))
