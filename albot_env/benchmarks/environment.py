@@ -23,6 +23,8 @@ WORLD = "random:office:3?rooms=10"
 
 _ENDLESS = 10**9
 _HOLD = 10
+_RUN_IN = 100
+"""Steps of each environment before the first that is timed: 10 s."""
 
 Row = dict[str, float | int | str | None]
 
@@ -123,12 +125,16 @@ def _rivals(world: World) -> dict[str, Lap]:
 
 
 def make_lap(case: Case, world: World) -> Lap:
-    """A turn of a case: random actions, from where the turn before has led."""
+    """A turn of a case: random actions, from where the turn before has led.
+
+    What comes before the first has led away from the start: maps are not empty any more.
+    """
     count = case.num_envs
     env = make_single(case, world) if case.mode == "single" else make_batch(case, world)
-    shape = (case.steps, 2) if case.mode == "single" else (max(1, case.steps // count), count, 2)
+    robots = () if case.mode == "single" else (count,)
     env.reset(seed=0)
-    return _lap(env.step, _actions(*shape), count)
+    _lap(env.step, _actions(_RUN_IN, *robots, 2), count)()
+    return _lap(env.step, _actions(max(1, case.steps // count), *robots, 2), count)
 
 
 def make_single(case: Case, world: World) -> Any:
