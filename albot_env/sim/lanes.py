@@ -1,9 +1,9 @@
-"""Vectors in compiled code: columns of a table, eight of them at a time.
+"""Vectors in compiled code: columns of a table, eight or sixteen of them at a time.
 
 The compiler makes vector instructions of a loop only where it has made sure, each time the loop
 is entered, that what is written does not overlap what is read, which costs more than such
 short loops. So a function of vectors is written with Python's operators on `Lanes`, and
-`question` makes of it what compiled code can call.
+`question` makes of it what compiled code can call, `question32` where less exact will do.
 """
 
 from __future__ import annotations
@@ -19,18 +19,17 @@ from numba.extending import intrinsic
 
 from albot_core.compiled import kernel
 
-LANES = 8
-"""Columns that are looked at together."""
+LANES, LANES32 = 8, 16
+"""Columns that are looked at together, of float64 and of float32."""
 
 Question = Callable[[np.ndarray, int, tuple[float, ...]], int]
 """What compiled code calls: see `question`."""
 
-_NUMBERS = ir.VectorType(ir.DoubleType(), LANES)
 _WORD = ir.IntType(64)
 
 
 class Lanes:
-    """Eight numbers or eight truths, known when the code runs; operators act on all of them."""
+    """Numbers or truths, one for each column, known when the code runs; operators act on all."""
 
     def __init__(self, builder: Any, value: Any) -> None:
         self._builder, self.value = builder, value
@@ -72,7 +71,7 @@ class Lanes:
     def _like(self, other: Lanes | float) -> Any:
         if isinstance(other, Lanes):
             return other.value
-        return ir.Constant(_NUMBERS, [float(other)] * LANES)
+        return ir.Constant(self.value.type, [float(other)] * self.value.type.count)
 
     def _lanes(self, value: Any) -> Lanes:
         return Lanes(self._builder, value)
@@ -100,29 +99,32 @@ class Lanes:
 
 def _built_in(builder: Any, name: str, value: Any) -> Any:
     """What one of the compiler's own functions makes of a vector."""
-    kind = ir.FunctionType(_NUMBERS, [_NUMBERS])
+    kind = ir.FunctionType(value.type, [value.type])
+    width = "f32" if value.type.element == ir.FloatType() else "f64"
     tools: Any = cgutils
-    called = tools.get_or_insert_function(builder.module, kind, f"{name}.v{LANES}f64")
+    named = f"{name}.v{value.type.count}{width}"
+    called = tools.get_or_insert_function(builder.module, kind, named)
     return builder.call(called, [value])
 
 
 class Table:
-    """Eight columns of a table whose rows are numbers: `table[row]` are their lanes."""
+    """Some columns of a table whose rows are numbers: `table[row]` are their lanes."""
 
-    def __init__(self, builder: Any, data: Any, length: Any, first: Any) -> None:
-        self._builder, self._data, self._length, self._first = builder, data, length, first
+    def __init__(self, builder: Any, kind: Any, data: Any, length: Any, first: Any) -> None:
+        self._builder, self._kind, self._data = builder, kind, data
+        self._length, self._first = length, first
 
     def __getitem__(self, row: int) -> Lanes:
-        return Lanes(self._builder, self._builder.load(self._place(row), align=8))
+        return Lanes(self._builder, self._builder.load(self._place(row), align=4))
 
     def __setitem__(self, row: int, lanes: Lanes) -> None:
-        self._builder.store(lanes.value, self._place(row), align=8)
+        self._builder.store(lanes.value, self._place(row), align=4)
 
     def _place(self, row: int) -> Any:
         builder = self._builder
         offset = builder.add(builder.mul(self._length, self._length.type(row)), self._first)
         place = builder.gep(self._data, [offset], inbounds=True)
-        return builder.bitcast(place, _NUMBERS.as_pointer())
+        return builder.bitcast(place, self._kind.as_pointer())
 
 
 def question(ask: Callable[..., Lanes]) -> Question:
@@ -137,20 +139,28 @@ def question(ask: Callable[..., Lanes]) -> Question:
         first of the columns; and of a tuple of float64, the numbers. Its answer is an int64 with
         a bit for each column, the first's the lowest.
     """
+    return _question(ask, types.float64, ir.VectorType(ir.DoubleType(), LANES))
 
+
+def question32(ask: Callable[..., Lanes]) -> Question:
+    """`question` of sixteen columns of float32, by numbers that are float32, too."""
+    return _question(ask, types.float32, ir.VectorType(ir.FloatType(), LANES32))
+
+
+def _question(ask: Callable[..., Lanes], element: Any, kind: Any) -> Question:
     def _asked(typing: Any, array: Any, first: Any, numbers: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            kind, width, _ = signature.args
-            rows = context.make_array(kind)(context, builder, values[0])
-            begin = context.cast(builder, values[1], width, types.int64)
-            table = Table(builder, rows.data, builder.extract_value(rows.shape, 1), begin)
+            rows = context.make_array(signature.args[0])(context, builder, values[0])
+            begin = context.cast(builder, values[1], signature.args[1], types.int64)
+            length = builder.extract_value(rows.shape, 1)
+            table = Table(builder, kind, rows.data, length, begin)
             count = len(signature.args[2])
             numbers = (builder.extract_value(values[2], k) for k in range(count))
-            answer = ask(table, *(_everywhere(builder, number) for number in numbers)).value
-            return builder.zext(builder.bitcast(answer, ir.IntType(LANES)), _WORD)
+            answer = ask(table, *(_everywhere(builder, kind, number) for number in numbers)).value
+            return builder.zext(builder.bitcast(answer, ir.IntType(kind.count)), _WORD)
 
-        fits = array.layout == "C" and array.dtype == types.float64
-        if not fits or any(kind != types.float64 for kind in numbers):
+        fits = array.layout == "C" and array.dtype == element
+        if not fits or any(number != element for number in numbers):
             return None  # Numba then says that there is no such function for these arguments.
         return types.int64(array, first, numbers), generate
 
@@ -158,11 +168,12 @@ def question(ask: Callable[..., Lanes]) -> Question:
     return cast(Question, intrinsic(_asked))
 
 
-def _everywhere(builder: Any, number: Any) -> Lanes:
+def _everywhere(builder: Any, kind: Any, number: Any) -> Lanes:
     """A number in all lanes."""
-    one = builder.insert_element(_NUMBERS(ir.Undefined), number, ir.Constant(ir.IntType(32), 0))
-    nowhere = ir.Constant(ir.VectorType(ir.IntType(32), LANES), [0] * LANES)
-    return Lanes(builder, builder.shuffle_vector(one, _NUMBERS(ir.Undefined), nowhere))
+    nothing, place = kind(ir.Undefined), ir.IntType(32)
+    one = builder.insert_element(nothing, number, place(0))
+    nowhere = ir.Constant(ir.VectorType(place, kind.count), [0] * kind.count)
+    return Lanes(builder, builder.shuffle_vector(one, nothing, nowhere))
 
 
 @kernel()

@@ -18,7 +18,7 @@ import numpy as np
 
 from albot_core.compiled import kernel
 from albot_core.geometry.directions import turned
-from albot_env.sim.beam_calls import BLOCK, raise_block
+from albot_env.sim.lanes import LANES32, Lanes, Table, question32
 from albot_env.sim.wall_index import Walls
 
 GRAZING: Any = np.int64(-1)
@@ -37,11 +37,8 @@ class Fan(NamedTuple):
     beams: int
     directions: np.ndarray
     """(2, beams) float64: cosine and sine of the beams' bearings from the middle."""
-    cosines: np.ndarray
-    """(blocks, BLOCK) float32: the same, padded; a count that the compiler knows in the inner
-    loops makes them whole vector instructions."""
-    sines: np.ndarray
-    """(blocks, BLOCK) float32: the same."""
+    padded: np.ndarray
+    """(2, blocks × LANES32) float32: the same, and zeros, to whole blocks."""
     reach: float
     """Distance at and beyond which a range is infinite (m)."""
     x: float
@@ -57,13 +54,15 @@ class Fan(NamedTuple):
     of it and the one behind the block of the last not counter-clockwise (see `turned`)."""
 
 
+NEAREST, U, V = range(3)
+"""Rows of `Desk.beams`."""
+
+
 class Desk(NamedTuple):
     """Room to work in while scanning."""
 
-    nearest: np.ndarray
-    """(blocks, BLOCK) float32: inverse ranges along the beams."""
-    flat: np.ndarray
-    """(blocks * BLOCK,) float32: the same."""
+    beams: np.ndarray
+    """(3, blocks × LANES32) float32: inverse ranges along the beams, and their directions."""
     ends: np.ndarray
     """(room, 4) float64: ends x1, y1, x2, y2 of the walls in question, frame of the laser."""
     lines: np.ndarray
@@ -76,11 +75,11 @@ class Desk(NamedTuple):
 @kernel(arrays=True)
 def make_desk(fan: Fan, room: int) -> Desk:
     """A desk for so many walls."""
-    blocks = fan.cosines.shape[0]
-    nearest = np.empty((blocks, BLOCK), np.float32)
+    beams = np.empty((3, fan.padded.shape[1]), np.float32)
+    for k in range(fan.padded.shape[1]):
+        beams[U, k], beams[V, k] = fan.padded[0, k], fan.padded[1, k]
     return Desk(
-        nearest,
-        nearest.reshape(blocks * BLOCK),
+        beams,
         np.empty((room, 4)),
         np.empty((room, 6), np.float32),
         np.empty((room, 2), np.int64),
@@ -130,11 +129,11 @@ def scan(
         count += _take(things, j, eye, fan.behind, desk.ends, count)
     _line_up(fan, count, desk)
     horizon = np.float32(1.0 / fan.reach)
-    for k in range(desk.flat.shape[0]):
-        desk.flat[k] = horizon
+    for k in range(desk.beams.shape[1]):
+        desk.beams[NEAREST, k] = horizon
     _raise_all(fan, count, desk)
     for k in range(fan.beams):
-        inverse = desk.flat[k]
+        inverse = desk.beams[NEAREST, k]
         ranges[k] = np.float32(1.0) / inverse if inverse > horizon else np.inf
 
 
@@ -161,7 +160,7 @@ def _take(
 def _line_up(fan: Fan, count: int, desk: Desk) -> None:
     """Find, of the first walls of the desk, the lines and the blocks that they reach into."""
     ends, lines, spans, blocks = desk.ends, desk.lines, desk.spans, fan.blocks
-    parts, all_blocks = blocks.shape[1], desk.nearest.shape[0]
+    parts, all_blocks = blocks.shape[1], desk.beams.shape[1] // LANES32
     reach2 = fan.reach * fan.reach
     for j in range(count):
         sx, sy, ex, ey = ends[j, 0], ends[j, 1], ends[j, 2], ends[j, 3]
@@ -191,13 +190,23 @@ def _raise_all(fan: Fan, count: int, desk: Desk) -> None:
         begin, end = desk.spans[j]
         ax, ay, bx, by, p, q = desk.lines[j]
         for block in range(begin, end):
-            raise_block(desk.nearest, fan.cosines, fan.sines, block, ax, ay, bx, by, p, q)
+            _raise(desk.beams, block * LANES32, (ax, ay, bx, by, p, q))
         if end == GRAZING:
-            _raise_grazing(desk.flat, fan.directions, desk.ends[j])
+            _raise_grazing(desk.beams, fan.directions, desk.ends[j])
+
+
+@question32
+def _raise(beams: Table, *line: Lanes) -> Lanes:
+    """Raise the inverse ranges along a block of beams to those of a wall, where they meet it."""
+    ax, ay, bx, by, p, q = line
+    u, v, before = beams[U], beams[V], beams[NEAREST]
+    met = (ax * v - ay * u >= 0.0) & (bx * v - by * u <= 0.0)
+    beams[NEAREST] = (p * u + q * v).where(before, met).most(before)
+    return met
 
 
 @kernel()
-def _raise_grazing(flat: np.ndarray, directions: np.ndarray, ends: np.ndarray) -> None:
+def _raise_grazing(beams: np.ndarray, directions: np.ndarray, ends: np.ndarray) -> None:
     """Take in, with float64, a wall seen so edge-on that float32 is too coarse."""
     sx, sy, ex, ey = ends
     area = sx * ey - sy * ex
@@ -206,4 +215,4 @@ def _raise_grazing(flat: np.ndarray, directions: np.ndarray, ends: np.ndarray) -
     for k in range(directions.shape[1]):
         u, v = directions[0, k], directions[1, k]
         if side * (sx * v - sy * u) >= 0.0 and side * (ex * v - ey * u) <= 0.0:
-            flat[k] = max(flat[k], np.float32(p * u + q * v))
+            beams[NEAREST, k] = max(beams[NEAREST, k], np.float32(p * u + q * v))

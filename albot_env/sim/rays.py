@@ -10,7 +10,7 @@ from jaxtyping import Float64, Int64
 from albot_core.geometry.directions import turned
 from albot_core.geometry.types import Pose, Ranges, Segments
 from albot_core.perception.reading import LaserGeometry
-from albot_env.sim.beam_calls import BLOCK
+from albot_env.sim.lanes import LANES32
 from albot_env.sim.ray_kernels import Fan, scan_poses
 from albot_env.sim.wall_index import WallIndex
 
@@ -23,15 +23,14 @@ def make_fan(geometry: LaserGeometry) -> Fan:
     middle = float(geometry.bearings.mean())
     angles = geometry.bearings - middle
     directions = np.stack((np.cos(angles), np.sin(angles)))
-    padded = np.zeros((2, math.ceil(geometry.beams / BLOCK) * BLOCK), np.float32)
+    padded = np.zeros((2, math.ceil(geometry.beams / LANES32) * LANES32), np.float32)
     padded[:, : geometry.beams] = directions
     # A fan of at most a half turn sees nothing behind the laser (a micrometre for rounding).
     half_turn = directions[0].min() > -1e-9
     return Fan(
         beams=geometry.beams,
         directions=directions,
-        cosines=padded[0].reshape(-1, BLOCK),
-        sines=padded[1].reshape(-1, BLOCK),
+        padded=padded,
         reach=float(geometry.max_range),
         x=float(geometry.mount[0]),
         y=float(geometry.mount[1]),
@@ -51,7 +50,7 @@ def _blocks(directions: Float64[np.ndarray, "2 beams"]) -> Int64[np.ndarray, "2 
     last = len(beams) - 1
     first = np.clip(np.searchsorted(beams, edges[:-1]) - 1, 0, last)
     final = np.clip(np.searchsorted(beams, edges[1:], side="right"), 0, last)
-    return np.stack((first // BLOCK, final // BLOCK + 1))
+    return np.stack((first // LANES32, final // LANES32 + 1))
 
 
 def index_for(geometry: LaserGeometry, *, indexed: bool = True) -> WallIndex:

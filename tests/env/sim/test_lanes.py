@@ -10,7 +10,17 @@ from hypothesis.extra.numpy import arrays
 from numba.core.errors import TypingError
 
 from albot_core.compiled import kernel
-from albot_env.sim.lanes import LANES, Lanes, Table, first_of, lowest, question, whole_lanes
+from albot_env.sim.lanes import (
+    LANES,
+    LANES32,
+    Lanes,
+    Table,
+    first_of,
+    lowest,
+    question,
+    question32,
+    whole_lanes,
+)
 
 NUMBERS = st.floats(-1e6, 1e6) | st.just(np.nan)
 TABLES = arrays(np.float64, (4, 2 * LANES), elements=NUMBERS)
@@ -66,6 +76,26 @@ def test_what_is_reckoned_is_to_the_bit_what_numpy_reckons(
     least, most = np.where(a < b, a, b), np.where(a > b, a, b)
     np.testing.assert_array_equal(table[3, LANES:], least - np.where(a > 0.0, most, x))
     np.testing.assert_array_equal(table[:, :LANES], before[:, :LANES])
+
+
+@question32
+def _raised(table: Table, slope: Lanes, offset: Lanes) -> Lanes:
+    table[1] = (table[0] * slope + offset).most(table[1])
+    return table[0] >= 0.0
+
+
+@kernel()
+def _raise(table: np.ndarray, slope: np.float32, offset: np.float32) -> int:
+    return _raised(table, LANES32, (slope, offset))
+
+
+@given(arrays(np.float32, (2, 2 * LANES32), elements=st.floats(-100, 100, width=32)))
+def test_sixteen_columns_of_less_exact_numbers_are_asked_alike(table: np.ndarray) -> None:
+    before, slope, offset = table.copy(), np.float32(1.7), np.float32(-0.3)
+    assert _raise(table, slope, offset) == _bits(before[0, LANES32:] >= 0.0)
+    line = before[0, LANES32:] * slope + offset
+    np.testing.assert_array_equal(table[1, LANES32:], np.maximum(line, before[1, LANES32:]))
+    np.testing.assert_array_equal(table[:, :LANES32], before[:, :LANES32])
 
 
 def test_rows_are_long_enough_and_bits_are_those_of_the_first_columns() -> None:
