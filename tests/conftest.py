@@ -50,21 +50,6 @@ def _compiles(path: Path) -> bool:
     return "numba" in text or "albot_core.compiled" in text
 
 
-def _drop_stale_kernels() -> None:
-    """Delete compiled code older than any kernel's source.
-
-    numba looks only at the file that a compiled function stands in; one that it calls may
-    have changed in another file.
-    """
-    for folder in {root / package for package, root in SOURCES.items()}:
-        sources = [path for path in folder.rglob("*.py") if _compiles(path)]
-        newest = max((p.stat().st_mtime for p in sources), default=0.0)
-        for compiled in folder.rglob("*.nbi"):
-            if compiled.stat().st_mtime < newest:
-                compiled.unlink(missing_ok=True)
-
-
-_drop_stale_kernels()
 jaxtyping.jaxtyped = checked  # What the hook puts before every function and class.
 _HOOK = jaxtyping.install_import_hook(_checked_modules(), "beartype.beartype")
 

@@ -10,8 +10,11 @@ import numpy as np
 from llvmlite import ir
 from numba import njit, types
 from numba.core import cgutils
+from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
+
+from albot_core.kernel_sources import kernel_stamp
 
 _WORD = ir.IntType(64)
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -20,7 +23,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def kernel(
     *, arrays: bool = False, inline: bool = False, nogil: bool = False
 ) -> Callable[[Function], Function]:
-    """A decorator: compiles a function, once for all runs, to divide as numpy does.
+    """A decorator: compiles a function to divide as numpy does, once until a kernel changes.
 
     numba counts who holds an array, with instructions that lock the bus, each time one is handed
     on, and in short functions that costs more than their work. Only functions that make or return
@@ -32,9 +35,19 @@ def kernel(
         nogil: Whether Python's other threads may run meanwhile.
     """
     options: dict[str, Any] = {"inline": "always"} if inline else {"_nrt": arrays}
-    compiled: Callable[[Function], Function]
-    compiled = njit(cache=True, error_model="numpy", nogil=nogil, **options)
-    return compiled
+
+    def compiling(function: Function) -> Function:
+        compiled: Any = njit(cache=True, error_model="numpy", nogil=nogil, **options)(function)
+        if isinstance(compiled, Dispatcher):  # Not where numba is told to compile nothing.
+            _tie_to_all_kernels(compiled)
+        return cast(Function, compiled)
+
+    return compiling
+
+
+def _tie_to_all_kernels(dispatcher: Any) -> None:
+    kept = dispatcher._cache._cache_file
+    kept._source_stamp = kept._source_stamp, kernel_stamp()
 
 
 def scratch(*shape: int, kind: Any = types.float64) -> Callable[[], np.ndarray]:

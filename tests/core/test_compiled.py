@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 from numba import types
 from numba.core.errors import TypingError
 
 from albot_core.compiled import array_at, kernel, scratch
+from albot_core.kernel_sources import digest, kernel_stamp
 
 _grid, _few = scratch(2, 3), scratch(4, kind=types.int8)
 _table, _truths = array_at(3), array_at(kind=types.boolean)
@@ -64,6 +68,24 @@ def test_an_array_is_found_at_its_address() -> None:
     doubled = 2 * table
     assert _double(table.ctypes.data, 4, flags.ctypes.data) == 3
     np.testing.assert_array_equal(table, doubled)
+
+
+def test_compiled_code_is_kept_until_any_kernel_changes(tmp_path: Path) -> None:
+    stamped: Any = _fill
+    assert stamped._cache._cache_file._source_stamp[1] == kernel_stamp()
+    (tmp_path / "parts").mkdir()
+    caller, called = tmp_path / "caller.py", tmp_path / "parts" / "called.py"
+    plain = tmp_path / "plain.py"
+    for path in (caller, called):
+        path.write_text("from albot_core.compiled import kernel\n", encoding="utf-8")
+    plain.write_text("ONE = 1\n", encoding="utf-8")
+    before = digest([tmp_path])
+    plain.write_text("ONE = 2\n", encoding="utf-8")
+    assert digest([tmp_path]) == before
+    called.write_text("from albot_core.compiled import kernel, scratch\n", encoding="utf-8")
+    changed = digest([tmp_path])
+    called.unlink()
+    assert len({before, changed, digest([tmp_path])}) == 3
 
 
 def test_a_kernel_that_makes_arrays_must_say_so() -> None:
