@@ -200,6 +200,7 @@ def _as_text(facts: dict[str, Any]) -> str:
             f"  covered   {facts['mean_coverage']:.0%} of the ground; "
             f"{facts['collisions_per_m'] or 0:.3f} collisions a metre"
         )
+    if facts["coverage_auc"] is not None:
         low, high = facts["coverage_auc_ci95"]
         lines.append(
             f"  exploring {facts['coverage_auc']:.3f} covered on average over the first 200 m  "

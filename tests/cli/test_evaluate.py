@@ -82,6 +82,26 @@ def test_ctrl_c_tells_what_there_is(run: Albot, monkeypatch: pytest.MonkeyPatch)
     assert (found["stopped"], found["episodes"]) == (True, 1)
 
 
+@pytest.mark.parametrize(
+    ("task", "agent", "told"),
+    [
+        ("Homing", "path-integration", ("success", "SPL", "from home", "covered")),
+        ("ExploreAndHome", "round-trip", ("success", "SPL", "from home", "covered")),
+        ("Explore", "random", ("covered", "exploring", "rooms")),
+        ("PlaceRecognition", "random", ("success", "places")),
+    ],
+)
+def test_every_task_has_its_figures_in_words(
+    run: Albot, monkeypatch: pytest.MonkeyPatch, task: str, agent: str, told: tuple[str, ...]
+) -> None:
+    monkeypatch.setattr(workers, "run_parallel", _inline)
+    words = ("--worlds", "square-loop", "--seeds", "3..3", "--steps", "15", "--jobs", "1")
+    status, out, err = run("evaluate", f"Albot/{task}-v0", "--agent", agent, *words)
+    assert (status, err) == (0, "")
+    for word in told:
+        assert word in out
+
+
 def test_exploring_has_no_success(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "run_parallel", _inline)
     words = ("evaluate", "Albot/Explore-v0", "--agent", "gap-explorer", "--seeds", "1")
