@@ -73,19 +73,26 @@ def test_an_array_is_found_at_its_address() -> None:
 def test_compiled_code_is_kept_until_any_kernel_changes(tmp_path: Path) -> None:
     stamped: Any = _fill
     assert stamped._cache._cache_file._source_stamp[1] == kernel_stamp()
-    (tmp_path / "parts").mkdir()
-    caller, called = tmp_path / "caller.py", tmp_path / "parts" / "called.py"
-    plain = tmp_path / "plain.py"
-    for path in (caller, called):
-        path.write_text("from albot_core.compiled import kernel\n", encoding="utf-8")
-    plain.write_text("ONE = 1\n", encoding="utf-8")
-    before = digest([tmp_path])
+    package = tmp_path / "package"
+    (package / "parts").mkdir(parents=True)
+    caller, called, constant, plain = (
+        package / name for name in ("caller.py", "parts/called.py", "constant.py", "plain.py")
+    )
+    marked = "from albot_core.compiled import kernel\n"
+    caller.write_text(marked + "from package.constant import ONE\n", encoding="utf-8")
+    called.write_text(marked, encoding="utf-8")
+    for path in (constant, plain):
+        path.write_text("ONE = 1\n", encoding="utf-8")
+    digests = [digest([package])]
     plain.write_text("ONE = 2\n", encoding="utf-8")
-    assert digest([tmp_path]) == before
-    called.write_text("from albot_core.compiled import kernel, scratch\n", encoding="utf-8")
-    changed = digest([tmp_path])
+    assert digest([package]) == digests[0]
+    constant.write_text("ONE = 2\n", encoding="utf-8")  # Compiled into its user's code.
+    digests.append(digest([package]))
+    called.write_text(marked + "TWO = 2\n", encoding="utf-8")
+    digests.append(digest([package]))
     called.unlink()
-    assert len({before, changed, digest([tmp_path])}) == 3
+    digests.append(digest([package]))
+    assert len(set(digests)) == len(digests)
 
 
 def test_a_kernel_that_makes_arrays_must_say_so() -> None:

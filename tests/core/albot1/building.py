@@ -83,6 +83,14 @@ class Walker:
         return recognize_place(self.network, self.step, counts, self.seen(), self.pose())
 
 
+def led(rooms: list[Room], config: PlacesConfig | None = None) -> Walker:
+    """A robot that has gone from room to room."""
+    walker = Walker(config)
+    for room in rooms:
+        walker.go(room)
+    return walker
+
+
 def happened(walker: Walker) -> list[tuple[Happening, int, int]]:
     """What the robot's network recorded, each with its places."""
     return [(event.what, event.place, event.other) for event in walker.network.record.events]

@@ -8,13 +8,11 @@ import pytest
 from albot_core.albot1.places import middle
 from albot_core.albot1.record import Happening
 from albot_core.geometry.poses import compose, transform_segments
-from tests.core.albot1.building import Walker, check_links, door_between, happened
+from tests.core.albot1.building import check_links, door_between, happened, led
 
 
 def test_who_comes_out_of_a_place_had_left_the_other_unnoticed():
-    walker = Walker()
-    for room in ((1, 0), (0, 0)):
-        walker.go(room)
+    walker = led([(1, 0), (0, 0)])
     described = walker.network.sites[0].surfaces.copy()
     walker.room = (1, 0)  # through the door, but the network was not told
     walker.go((0, 0))
@@ -29,9 +27,7 @@ def test_who_comes_out_of_a_place_had_left_the_other_unnoticed():
     ("shift", "turn", "moved"), [(0.3, 0.0, 0.0), (0.6, 0.0, 0.6), (0.6, 0.5, 0.0)]
 )
 def test_an_exit_lays_the_next_place_at_it_only_where_it_is_seen_well(shift, turn, moved):
-    walker = Walker()
-    for room in ((1, 0), (0, 0)):
-        walker.go(room)
+    walker = led([(1, 0), (0, 0)])
     door = door_between((0, 0), (1, 0))
     at = middle(door)
     pose = np.array([at[0], at[1] + shift, turn])
@@ -43,9 +39,7 @@ def test_an_exit_lays_the_next_place_at_it_only_where_it_is_seen_well(shift, tur
 
 @pytest.mark.parametrize(("learned", "seen", "laid"), [(-0.39, -0.41, -0.39), (-0.39, 0.39, 0.39)])
 def test_what_is_remembered_and_what_is_seen_of_an_exit_do_not_add_up(learned, seen, laid):
-    walker = Walker()
-    for room in ((1, 0), (0, 0)):
-        walker.go(room)
+    walker = led([(1, 0), (0, 0)])
     network, door = walker.network, door_between((0, 0), (1, 0))
     network.sites[1].frame = network.sites[1].frame + np.array([0.0, learned, 0.0])
     line = door + np.array([0.0, seen, 0.0, seen])
@@ -56,9 +50,7 @@ def test_what_is_remembered_and_what_is_seen_of_an_exit_do_not_add_up(learned, s
 
 def test_places_are_laid_together_at_the_exit_that_both_remember():
     """A map that has drifted between them holds two places apart in the enduring frame."""
-    walker = Walker()
-    for room in ((1, 0), (0, 0)):
-        walker.go(room)
+    walker = led([(1, 0), (0, 0)])
     network = walker.network
     network.sites[1].frame = network.sites[1].frame + np.array([0.0, 1.0, 0.0])
     walker.go((1, 0))

@@ -14,7 +14,16 @@ from albot_core.albot1.revisiting import find
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.topology.network import Network
-from tests.core.albot1.building import RING, SIDE, Room, Walker, check_links, door_between, happened
+from tests.core.albot1.building import (
+    RING,
+    SIDE,
+    Room,
+    Walker,
+    check_links,
+    door_between,
+    happened,
+    led,
+)
 
 
 def test_the_first_place_is_where_the_robot_sets_out():
@@ -50,9 +59,7 @@ def test_an_exit_leads_there_and_back():
 
 
 def test_a_ring_is_closed_when_structure_says_so():
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
+    walker = led(RING)
     assert walker.network.current == 4
     assert walker.recognize()
     check_links(walker.network)
@@ -70,9 +77,7 @@ def test_a_ring_is_closed_when_structure_says_so():
 
 
 def test_a_room_of_other_structure_is_refused():
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
+    walker = led(RING)
     before = walker.network.snapshot()
     walker.room = (9, 9)
     walker.rooms[1] = (9, 9)  # its walls are met again, but not those of where it set out
@@ -93,9 +98,7 @@ def test_drift_is_taken_out_where_a_place_is_recognised():
 
 
 def test_an_exit_that_two_places_share_makes_one_of_what_it_leads_to():
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
+    walker = led(RING)
     # Not recognised on coming home, the robot goes on round the ring: P5 is home, P6 is P2, …
     for room in RING[:2]:
         walker.go(room)
@@ -178,17 +181,8 @@ def test_links_are_symmetrical_whatever_the_map_does(walk, seed, noise):
         np.testing.assert_array_equal(again[name], array)
 
 
-def led_round() -> Walker:
-    walker = Walker()
-    for room in [*RING, *RING[:2]]:
-        walker.go(room)
-    return walker
-
-
 def test_a_lost_robot_finds_itself_and_what_it_saw_meanwhile_stays_known():
-    walker = Walker()
-    for room in RING[:3]:
-        walker.go(room)
+    walker = led(RING[:3])
     network = walker.network
     before = len(network.sites)
     # It is carried to (2, 1), which it has never seen, and believes to be where it was.
@@ -243,7 +237,7 @@ def test_a_lost_robot_finds_itself_and_what_it_saw_meanwhile_stays_known():
     ],
 )
 def test_damaged_arrays_are_refused(name, damage):
-    walker = led_round()
+    walker = led([*RING, *RING[:2]])
     stored = stored_network(walker.network)
     with np.errstate(invalid="ignore"):
         stored[name] = np.asarray(damage(stored[name]), stored[name].dtype)
@@ -252,7 +246,7 @@ def test_damaged_arrays_are_refused(name, damage):
 
 
 def test_one_way_links_are_refused():
-    walker = led_round()
+    walker = led([*RING, *RING[:2]])
     stored = stored_network(walker.network)
     stored["links"][[0, -1]] = stored["links"][[-1, 0]]
     with pytest.raises(InputError, match="links"):

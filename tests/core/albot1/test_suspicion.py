@@ -10,13 +10,11 @@ from albot_core.albot1.memory import NEVER
 from albot_core.albot1.network_state import rebuilt_network, stored_network
 from albot_core.albot1.record import AROUND, Happening
 from albot_core.albot1.suspicion import suspicions
-from tests.core.albot1.building import RING, Walker
+from tests.core.albot1.building import RING, led
 
 
 def test_places_that_an_exit_joins_are_not_one():
-    walker = Walker()
-    for room in ((1, 0), (1, 1)):
-        walker.go(room)
+    walker = led([(1, 0), (1, 1)])
     network = walker.network
     needed = suspicions(network, walker.pose())
     config = network.config
@@ -28,9 +26,7 @@ def test_places_that_an_exit_joins_are_not_one():
 
 @pytest.mark.parametrize(("size", "expected"), [(0, 2), (20, 2), (50, 5), (500, 8)])
 def test_larger_places_need_more_surfaces_to_be_suspected(size, expected):
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
+    walker = led(RING)
     walker.network.sites[0].surfaces = np.full((size, 4), 100.0)
     assert suspicions(walker.network, walker.pose())[1] == expected
 
@@ -39,9 +35,7 @@ def test_larger_places_need_more_surfaces_to_be_suspected(size, expected):
     ("drift", "learned", "known"), [(0.3, 0.0, True), (-1.0, 0.0, False), (-1.5, -1.4, True)]
 )
 def test_where_it_believes_to_stand_within_a_place_it_suspects_that(drift, learned, known):
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
+    walker = led(RING)
     walker.drift = np.array([drift, 0.0, 0.0])
     network = walker.network
     network.displacement = np.array([learned, 0.0, 0.0])
@@ -52,16 +46,12 @@ def test_where_it_believes_to_stand_within_a_place_it_suspects_that(drift, learn
     # In a place that it knows, and as in the thesis, where it stands arouses no suspicion.
     if known:
         assert AROUND not in suspicions(network, walker.pose())
-    letter = Walker(PlacesConfig())
-    for room in RING:
-        letter.go(room)
+    letter = led(RING, PlacesConfig())
     assert AROUND not in suspicions(letter.network, letter.pose())
 
 
 def test_what_is_met_again_speaks_louder_than_where_it_stands():
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
+    walker = led(RING)
     walker.network.sites[0].surfaces = walker.network.sites[0].surfaces[:3]
     assert suspicions(walker.network, walker.pose())[1] == AROUND
     assert not walker.recognize()
@@ -72,9 +62,7 @@ def test_what_is_met_again_speaks_louder_than_where_it_stands():
 
 
 def test_the_robot_looks_again_only_once_it_has_moved():
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
+    walker = led(RING)
     walker.network.sites[0].surfaces = np.empty((0, 4))
     assert not walker.recognize()
     refusals = len(walker.network.record.events)
@@ -83,9 +71,7 @@ def test_the_robot_looks_again_only_once_it_has_moved():
 
 
 def test_in_a_new_visit_it_looks_at_once_and_where_it_looked_is_remembered():
-    walker = Walker()
-    for room in RING:
-        walker.go(room)
+    walker = led(RING)
     walker.network.sites[0].surfaces = np.empty((0, 4))
     assert not walker.recognize()
     again = rebuilt_network(stored_network(walker.network), walker.network.config)
