@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.compiled import kernel
-from albot_core.parcel import Parcel, opened
+from albot_core.parcel import Entry, Parcel, opened
 from albot_env.sim.chipmunk_calls import load, take_step, visit
 from albot_env.sim.drive_kernels import chord, ramped
 from albot_env.sim.odometer_kernels import roll
@@ -73,6 +73,7 @@ class Floors(NamedTuple):
     """(n,) int64: for each robot, which of its floor's wheels are its own."""
 
 
+@Entry
 @kernel(nogil=True)
 def advance(
     chosen: np.ndarray, parcel: Parcel, acceleration: float, duration: float, steps: int

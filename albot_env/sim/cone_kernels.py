@@ -20,9 +20,10 @@ import math
 
 import numpy as np
 
+from albot_core.bits import lowest
 from albot_core.compiled import kernel
 from albot_env.sim.corner_kernels import corner_echo
-from albot_env.sim.lanes import LANES, Lanes, Table, lowest, question
+from albot_env.sim.lanes import LANES, Lanes, Table, question
 from albot_env.sim.sonar_arrays import Sonars
 from albot_env.sim.surface_kernels import (
     AREA,
@@ -30,46 +31,39 @@ from albot_env.sim.surface_kernels import (
     AY,
     BX,
     BY,
-    FIRST,
     HAIR,
-    INSIDE,
+    HIGH,
+    LOW,
     NEARER,
+    RANGE,
+    TANGENT,
     Cone,
-    bounded,
 )
 
 
 @kernel()
 def find_echo(cone: Cone, sonars: Sonars) -> tuple[float, float]:
     """Range (m) of the nearest echo, infinite where there is none, and tangent of its bearing."""
-    table, blocks = cone.table, cone.blocks
+    table, count = cone.table, cone.inside[0]
+    for first in range(0, count, LANES):
+        _find_nearest_points(table, first, (sonars.slope, sonars.cos_limit, sonars.sin_limit))
     best, best_tangent = sonars.max_range, 0.0
-    beam = sonars.slope, sonars.cos_limit, sonars.sin_limit
-    tried, last = -1.0, -1
     while True:
         # The nearest of the walls that were not tried yet, if it is nearer than the best.
-        reach, tangent, nearest = best, 0.0, -1
-        for block in range(cone.noted[0]):
-            first = blocks[FIRST, block]
-            likely = _likely(table, first, (reach * reach, *sonars.lean)) & blocks[INSIDE, block]
-            while likely:
-                j = first + lowest(likely)
-                likely &= likely - 1
-                ax, ay, bx, by, area = _wall(table, j)
-                nx, ny = by - ay, ax - bx
-                if area * area >= reach * reach * (nx * nx + ny * ny):
-                    continue
-                found, slant = _nearest_point(ax, ay, bx, by, area, beam)
-                if found < reach and (found > tried or (found == tried and j > last)):
-                    reach, tangent, nearest = found, slant, j
+        reach, nearest = best, -1
+        for first in range(0, count, LANES):
+            nearer = _nearest(table, first, (reach,))
+            if nearer:
+                nearest = first + lowest(nearer)
+                reach = table[RANGE, nearest]
         if nearest < 0:
             break
-        shown, slant = _shown_point(cone, nearest, beam, tangent)
+        shown, slant = _shown_point(cone, nearest)
         if shown < best:
             best, best_tangent = shown, slant
         if shown <= reach:
             break
-        tried, last = reach, nearest
+        table[RANGE, nearest] = np.inf
     if max(sonars.corner_reach, sonars.edge_reach) > 0.0:
         specular = sonars.cos_limit, sonars.sin_limit
         reaches = sonars.corner_reach, sonars.edge_reach
@@ -84,72 +78,66 @@ def _wall(table: np.ndarray, j: int) -> tuple[float, float, float, float, float]
 
 
 @question
-def _likely(table: Table, reach2: Lanes, cos: Lanes, sin: Lanes) -> Lanes:
-    """Which walls may be heard within a reach, whose square is given.
+def _find_nearest_points(table: Table, *beam: Lanes) -> Lanes:
+    """Find of each wall where it echoes nearest if nothing hides it; which do so at all.
 
-    Most are too far by their perpendicular, or it points too far away from the sonar's axis:
-    nothing need be divided to tell.
+    Written are the tangents between which it could be heard (low >= high where it could not), and
+    the nearest point's tangent and range, infinite where there is none. `beam` is the tangent of
+    half the cone, and the cosine and sine of the specular limit.
     """
-    nx, ny, area = table[BY] - table[AY], table[AX] - table[BX], table[AREA]
-    facing = (ny * cos <= nx * sin) & (ny * cos >= nx * sin * -1.0)
-    return facing & (area * area < reach2 * (nx * nx + ny * ny))
-
-
-@kernel()
-def _span(
-    ax: float, ay: float, bx: float, by: float, beam: tuple[float, float, float]
-) -> tuple[float, float]:
-    """Between which tangents a wall could be heard if nothing hid it; empty where low >= high."""
     slope, cos, sin = beam
-    low, high = -slope, slope
-    low, high = bounded(low, high, ax, -ay)
-    low, high = bounded(low, high, -bx, by)
-    # u from the perpendicular turned clockwise by the limit to it turned the other way.
+    ax, ay, bx, by, area = (table[row] for row in (AX, AY, BX, BY, AREA))
     nx, ny = by - ay, ax - bx
-    low, high = bounded(low, high, nx * cos + ny * sin, nx * sin - ny * cos)
-    return bounded(low, high, ny * sin - nx * cos, ny * cos + nx * sin)
-
-
-@kernel()
-def _nearest_point(
-    ax: float, ay: float, bx: float, by: float, area: float, beam: tuple[float, float, float]
-) -> tuple[float, float]:
-    """Range and tangent of the nearest point of a wall that echoes, if nothing hides it.
-
-    Infinite where there is none. `beam` is the tangent of half the cone, and the cosine and
-    sine of the specular limit.
-    """
-    low, high = _span(ax, ay, bx, by, beam)
-    if area == 0.0 or not high - low > HAIR:
-        return np.inf, 0.0
-    nx, ny = by - ay, ax - bx
+    low, high = slope * -1.0, slope
+    # Both ends; and u from the perpendicular turned clockwise by the limit to it turned the
+    # other way.
+    low, high = _bounded(low, high, ax, ay * -1.0)
+    low, high = _bounded(low, high, bx * -1.0, by)
+    low, high = _bounded(low, high, nx * cos + ny * sin, nx * sin - ny * cos)
+    low, high = _bounded(low, high, ny * sin - nx * cos, ny * cos + nx * sin)
     # With the perpendicular's foot behind the sonar, the nearer end of the span.
-    foot = ny / nx if nx > 0.0 else math.copysign(np.inf, ny)
-    tangent = min(max(foot, low), high)
-    return area * math.sqrt(1.0 + tangent * tangent) / (nx + ny * tangent), tangent
+    behind = low.where(high, ny < 0.0)
+    foot = (ny / nx).where(behind, nx > 0.0)
+    tangent = foot.most(low).least(high)
+    heard = ((high - low) > HAIR) & (area > 0.0)
+    reach = area * (tangent * tangent + 1.0).root() / (nx + ny * tangent)
+    table[LOW], table[HIGH], table[TANGENT] = low, high, tangent
+    table[RANGE] = reach.where(area * 0.0 + np.inf, heard)
+    return heard
+
+
+@question
+def _nearest(table: Table, reach: Lanes) -> Lanes:
+    """Which walls echo nearest, if nearer than a reach."""
+    ranges = table[RANGE]
+    return (ranges < reach) & (ranges <= ranges.minimum())
+
+
+def _bounded(low: Lanes, high: Lanes, slope: Lanes, offset: Lanes) -> tuple[Lanes, Lanes]:
+    """The part of intervals of t in which slope t + offset >= 0."""
+    bound = offset * -1.0 / slope
+    never = (slope >= 0.0) & (slope <= 0.0) & (offset < 0.0)
+    low = low.most(bound).where(low, slope > 0.0)
+    high = high.least(bound).where(high, slope < 0.0)
+    return low, (high * 0.0 - np.inf).where(high, never)
 
 
 @kernel()
-def _shown_point(
-    cone: Cone, j: int, beam: tuple[float, float, float], tangent: float
-) -> tuple[float, float]:
-    """Range and tangent of a wall's nearest point that echoes and is not hidden.
-
-    `tangent` is that of the nearest point if nothing hid it; infinite where all is hidden.
-    """
+def _shown_point(cone: Cone, j: int) -> tuple[float, float]:
+    """Range and tangent of a wall's nearest point that echoes and is not hidden; or infinite."""
     ax, ay, bx, by, area = _wall(cone.table, j)
-    low, high = _span(ax, ay, bx, by, beam)
+    low, high, tangent = cone.table[LOW, j], cone.table[HIGH, j], cone.table[TANGENT, j]
     nx, ny = by - ay, ax - bx
     best, best_tangent = np.inf, 0.0
     for side in (1.0, -1.0):
         end = high if side > 0.0 else low
         shown = _emerge(cone, j, tangent, side, end)
+        if shown == tangent and side * (end - shown) > HAIR:
+            return cone.table[RANGE, j], tangent  # Nothing hides it.
         if side * (end - shown) > HAIR:
             reach = area * math.sqrt(1.0 + shown * shown) / (nx + ny * shown)
             if reach < best:
                 best, best_tangent = reach, shown
-            if shown == tangent:
-                break  # nothing hides it, and nothing on the other side is nearer
     return best, best_tangent
 
 
@@ -177,9 +165,8 @@ def _emerge(cone: Cone, wall: int, tangent: float, side: float, end: float) -> f
 @kernel()
 def _nearer(cone: Cone, wall: int, probe: tuple[float, float, float, float]) -> int:
     """The first wall that hides another at a tangent, or -1; `probe` is what `_hiding` takes."""
-    for block in range(cone.noted[0]):
-        first = int(cone.blocks[FIRST, block])
-        hiding = _hiding(cone.table, first, probe) & cone.blocks[INSIDE, block]
+    for first in range(0, cone.inside[0], LANES):
+        hiding = _hiding(cone.table, first, probe)
         if first <= wall < first + LANES:
             hiding &= ~(1 << (wall - first))
         if hiding:

@@ -16,10 +16,11 @@ import math
 
 import numpy as np
 
+from albot_core.bits import lowest
 from albot_core.compiled import kernel
 from albot_core.geometry.directions import turned
-from albot_env.sim.lanes import LANES, Lanes, Table, lowest, question
-from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY, FIRST, INSIDE, Cone
+from albot_env.sim.lanes import LANES, Lanes, Table, first_of, question
+from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY, Cone
 
 _BEYOND = 1.0 + 1e-9
 """A wall is between when the point is this much farther, so not one that touches it."""
@@ -47,22 +48,23 @@ def corner_echo(
         best_tangent: Tangent of its bearing.
     """
     farthest = max(reaches[0], reaches[1])
-    table = cone.table
-    for block in range(cone.noted[0]):
-        first, bound = cone.blocks[FIRST, block], min(best, farthest)
+    table, count = cone.table, cone.inside[0]
+    for first in range(0, count, LANES):
+        bound = min(best, farthest)
         within = slope, bound * bound
         points = _first_ends_in(table, first, within)
         points |= _second_ends_in(table, first, within) << LANES
-        points &= cone.blocks[INSIDE, block] * (1 << LANES | 1)
+        points &= first_of(count - first) * (1 << LANES | 1)
         while points:
             lane = lowest(points)
-            points &= points - 1
             j, end = first + lane % LANES, lane // LANES
             x, y = table[AX + 2 * end, j], table[AY + 2 * end, j]
+            here = _first_ends_at(table, first, (x, y))
+            points &= ~(here | _second_ends_at(table, first, (x, y)) << LANES)
             distance = math.sqrt(x * x + y * y)
             if distance >= best or _is_hidden(cone, x, y):
                 continue
-            across, along = _opening(cone, j, x, y)
+            across, along = _opening(cone, first, x, y)
             if distance < _reach_of(across, along, specular, reaches):
                 best, best_tangent = distance, y / x
     return best, best_tangent
@@ -85,6 +87,22 @@ def _is_in(x: Lanes, y: Lanes, slope: Lanes, bound: Lanes) -> Lanes:
     return (x > 0.0) & (y <= rim) & (y >= rim * -1.0) & (x * x + y * y < bound)
 
 
+@question
+def _first_ends_at(table: Table, x: Lanes, y: Lanes) -> Lanes:
+    """Which surfaces have their end a at the point (x, y)."""
+    return _is_at(table[AX], table[AY], x, y)
+
+
+@question
+def _second_ends_at(table: Table, x: Lanes, y: Lanes) -> Lanes:
+    """The same of end b."""
+    return _is_at(table[BX], table[BY], x, y)
+
+
+def _is_at(x: Lanes, y: Lanes, px: Lanes, py: Lanes) -> Lanes:
+    return (x <= px) & (x >= px) & (y <= py) & (y >= py)
+
+
 @kernel()
 def _reach_of(
     across: float, along: float, specular: tuple[float, float], reaches: tuple[float, float]
@@ -98,7 +116,7 @@ def _reach_of(
 
 
 @kernel()
-def _opening(cone: Cone, wall: int, x: float, y: float) -> tuple[float, float]:
+def _opening(cone: Cone, block: int, x: float, y: float) -> tuple[float, float]:
     """The angle, on the sonar's side, between the walls that touch a wall's end (x, y).
 
     Told by its sine and cosine, times the lengths of both (m²). A full turn at the end of a
@@ -107,16 +125,15 @@ def _opening(cone: Cone, wall: int, x: float, y: float) -> tuple[float, float]:
     # The next walls counter-clockwise and clockwise of the line to the sonar.
     left, left_x, left_y = np.inf, 0.0, 0.0
     right, right_x, right_y = -np.inf, 0.0, 0.0
-    table = cone.table
-    for block in range(cone.noted[0]):
-        first = cone.blocks[FIRST, block]
-        touching = _touching(table, first, (x, y)) & cone.blocks[INSIDE, block]
+    table, count = cone.table, cone.inside[0]
+    for first in range(0, count, LANES):
+        touching = _touching(table, first, (x, y)) & first_of(count - first)
         while touching:
             j = first + lowest(touching)
             touching &= touching - 1
             for end in range(2):
                 px, py = table[AX + 2 * end, j] - x, table[AY + 2 * end, j] - y
-                if j < wall and px == 0.0 and py == 0.0:
+                if j < block and px == 0.0 and py == 0.0:
                     return 0.0, 0.0
                 if px * px + py * py > _TOUCH * _TOUCH:
                     # From 0 to 4, counter-clockwise from the direction to the sonar, (-x, -y).
@@ -141,11 +158,10 @@ def _touching(table: Table, x: Lanes, y: Lanes) -> Lanes:
 @kernel()
 def _is_hidden(cone: Cone, x: float, y: float) -> bool:
     """Whether a wall stands between the sonar and the point (x, y)."""
-    for block in range(cone.noted[0]):
-        first = cone.blocks[FIRST, block]
-        if _hiding(cone.table, first, (x, y)) & cone.blocks[INSIDE, block]:
-            return True
-    return False
+    hiding = 0
+    for first in range(0, cone.inside[0], LANES):
+        hiding |= _hiding(cone.table, first, (x, y))
+    return hiding != 0
 
 
 @question

@@ -20,7 +20,7 @@ from albot_env.sim.sensing_kernels import Devices, Sensed, Surroundings, sense
 from albot_env.sim.sensors import Sensors
 from albot_env.sim.sonar import NO_SONARS, SonarConfig
 from albot_env.sim.thing_arrays import Stage
-from albot_env.sim.wall_index import WallIndex, Walls
+from albot_env.sim.wall_index import Locator, WallIndex, Walls
 from albot_maps.world import World
 
 
@@ -59,6 +59,7 @@ class Instruments:
         """What the robots sensed last."""
         self._opaque = index_for(laser.geometry)
         self._solid = _audible(sonar)
+        self._locator = Locator(self._opaque, self._solid)
         self._buildings = Register(count, self._take_in, self._forget)
         self._sensing = Packer(self._surroundings)
 
@@ -90,9 +91,7 @@ class Instruments:
     def locate(self, rows: Int64[np.ndarray, "some"]) -> None:
         """Find out where in their buildings some robots are: before `sense`."""
         sensed, poses = self.sensed, self._robots.poses
-        self._opaque.locate(rows, sensed.buildings, poses, sensed.seeing)
-        if len(self._devices.sonars.mounts):
-            self._solid.locate(rows, sensed.buildings, poses, sensed.hearing)
+        self._locator.locate(rows, sensed.buildings, poses, sensed.seeing, sensed.hearing)
 
     def sense(self, rows: Int64[np.ndarray, "some"], stage: Stage) -> None:
         """Take the readings of some robots, among the things on the stage."""

@@ -22,7 +22,7 @@ from albot_core.compiled import kernel
 LANES, LANES32 = 8, 16
 """Columns that are looked at together, of float64 and of float32."""
 
-Question = Callable[[np.ndarray, int, tuple[float, ...]], int]
+Question = Callable[[np.ndarray, int | tuple[int, ...], tuple[Any, ...]], int]
 """What compiled code calls: see `question`."""
 
 _WORD = ir.IntType(64)
@@ -80,6 +80,23 @@ class Lanes:
         """These numbers where something is true, others elsewhere."""
         return self._lanes(self._builder.select(truths.value, self.value, other.value))
 
+    def together(self, truths: Lanes) -> Lanes:
+        """Those where something is true, in their order, in the first lanes; any in the rest."""
+        anything = self.value.type(ir.Undefined)
+        name = "llvm.experimental.vector.compress"
+        return self._lanes(_built_in(self._builder, name, self.value, truths.value, anything))
+
+    def minimum(self) -> Lanes:
+        """The least of them all, in every lane."""
+        least, count = self, self.value.type.count
+        order = ir.VectorType(ir.IntType(32), count)
+        apart = count // 2
+        while apart:
+            partners = ir.Constant(order, [lane ^ apart for lane in range(count)])
+            value = self._builder.shuffle_vector(least.value, least.value, partners)
+            least, apart = least.least(self._lanes(value)), apart // 2
+        return least
+
     def size(self) -> Lanes:
         """Without their signs."""
         return self._lanes(_built_in(self._builder, "llvm.fabs", self.value))
@@ -97,14 +114,15 @@ class Lanes:
         return self._lanes(self._builder.select((self > other).value, self.value, other.value))
 
 
-def _built_in(builder: Any, name: str, value: Any) -> Any:
-    """What one of the compiler's own functions makes of a vector."""
-    kind = ir.FunctionType(value.type, [value.type])
-    width = "f32" if value.type.element == ir.FloatType() else "f64"
+def _built_in(builder: Any, name: str, *values: Any) -> Any:
+    """What one of the compiler's own functions makes of vectors."""
+    first = values[0].type
+    kind = ir.FunctionType(first, [value.type for value in values])
+    width = "f32" if first.element == ir.FloatType() else "f64"
     tools: Any = cgutils
-    named = f"{name}.v{value.type.count}{width}"
+    named = f"{name}.v{first.count}{width}"
     called = tools.get_or_insert_function(builder.module, kind, named)
-    return builder.call(called, [value])
+    return builder.call(called, values)
 
 
 class Table:
@@ -136,8 +154,9 @@ def question(ask: Callable[..., Lanes]) -> Question:
 
     Returns:
         A function for compiled code of an array (rows, whole lanes), contiguous float64; of the
-        first of the columns; and of a tuple of float64, the numbers. Its answer is an int64 with
-        a bit for each column, the first's the lowest.
+        first of the columns, or a tuple of them, for each of which `ask` is given a table; and of
+        a tuple of float64, the numbers. Its answer is an int64 with a bit for each column, the
+        first's the lowest.
     """
     return _question(ask, types.float64, ir.VectorType(ir.DoubleType(), LANES))
 
@@ -151,12 +170,13 @@ def _question(ask: Callable[..., Lanes], element: Any, kind: Any) -> Question:
     def _asked(typing: Any, array: Any, first: Any, numbers: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             rows = context.make_array(signature.args[0])(context, builder, values[0])
-            begin = context.cast(builder, values[1], signature.args[1], types.int64)
             length = builder.extract_value(rows.shape, 1)
-            table = Table(builder, kind, rows.data, length, begin)
-            count = len(signature.args[2])
-            numbers = (builder.extract_value(values[2], k) for k in range(count))
-            answer = ask(table, *(_everywhere(builder, kind, number) for number in numbers)).value
+            tables = []
+            for begin, given in _parts(builder, values[1], signature.args[1]):
+                column = context.cast(builder, begin, given, types.int64)
+                tables.append(Table(builder, kind, rows.data, length, column))
+            parts = _parts(builder, values[2], signature.args[2])
+            answer = ask(*tables, *(_everywhere(builder, kind, part) for part, _ in parts)).value
             return builder.zext(builder.bitcast(answer, ir.IntType(kind.count)), _WORD)
 
         fits = array.layout == "C" and array.dtype == element
@@ -166,6 +186,14 @@ def _question(ask: Callable[..., Lanes], element: Any, kind: Any) -> Question:
 
     _asked.__name__ = ask.__name__
     return cast(Question, intrinsic(_asked))
+
+
+def _parts(builder: Any, value: Any, kind: Any) -> list[tuple[Any, Any]]:
+    """The parts of a tuple with their types; of anything else itself."""
+    if not isinstance(kind, types.BaseTuple):
+        return [(value, kind)]
+    elements: Any = kind
+    return [(builder.extract_value(value, place), part) for place, part in enumerate(elements)]
 
 
 def _everywhere(builder: Any, kind: Any, number: Any) -> Lanes:
@@ -186,15 +214,3 @@ def whole_lanes(count: int) -> int:
 def first_of(count: int) -> int:
     """Ones in the bits of the first `count` columns, up to LANES of them."""
     return (1 << min(count, LANES)) - 1
-
-
-def _lowest(typing: Any, bits: Any) -> Any:
-    """The number of the lowest bit that is set, from 0."""
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return builder.cttz(values[0], ir.Constant(ir.IntType(1), 1))
-
-    return types.int64(bits), generate
-
-
-lowest = cast(Callable[[int], int], intrinsic(_lowest))

@@ -17,8 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from albot_core.compiled import kernel
-from albot_core.geometry.directions import turned
-from albot_env.sim.lanes import LANES32, Lanes, Table, question32
+from albot_env.sim.lanes import LANES, LANES32, Lanes, Table, question, question32, whole_lanes
 from albot_env.sim.wall_index import Walls
 
 GRAZING: Any = np.int64(-1)
@@ -63,13 +62,19 @@ class Desk(NamedTuple):
 
     beams: np.ndarray
     """(3, blocks × LANES32) float32: inverse ranges along the beams, and their directions."""
-    ends: np.ndarray
-    """(room, 4) float64: ends x1, y1, x2, y2 of the walls in question, frame of the laser."""
-    lines: np.ndarray
-    """(room, 6) float32: of each, ends a and b, and 1/r along the laser's axes."""
+    walls: np.ndarray
+    """(WALL_ROWS, room) float64: the walls in question, a column each (see AX and so on)."""
     spans: np.ndarray
     """(room, 2) int64: the first of the blocks that each may reach into, and the one behind
     the last, which is GRAZING where float32 is too coarse; none where it is seen edge-on."""
+
+
+AX, AY, BX, BY, P, Q, AREA, FROM, TO, GRAZE = range(10)
+"""Rows of `Desk.walls`, in the frame of the laser: ends a and b (m), and 1/r along its axes; twice
+the area between a wall and the laser (m²); the directions of its ends, in parts of the full turn;
+and the square of the length (m) that `_GRAZING` is compared with."""
+WALL_ROWS = 10
+"""How many they are."""
 
 
 @kernel(arrays=True)
@@ -78,12 +83,8 @@ def make_desk(fan: Fan, room: int) -> Desk:
     beams = np.empty((3, fan.padded.shape[1]), np.float32)
     for k in range(fan.padded.shape[1]):
         beams[U, k], beams[V, k] = fan.padded[0, k], fan.padded[1, k]
-    return Desk(
-        beams,
-        np.empty((room, 4)),
-        np.empty((room, 6), np.float32),
-        np.empty((room, 2), np.int64),
-    )
+    columns = whole_lanes(room)
+    return Desk(beams, np.empty((WALL_ROWS, columns)), np.empty((columns, 2), np.int64))
 
 
 @kernel(arrays=True, nogil=True)
@@ -124,9 +125,9 @@ def scan(
     eye = x, y, math.cos(heading), math.sin(heading)
     count = _ZERO
     for m in index.members[index.spans[cell, 0] : index.spans[cell, 1]]:
-        count += _take(index.walls, m, eye, fan.behind, desk.ends, count)
+        count += _take(index.walls, m, eye, fan.behind, desk.walls, count)
     for j in range(first, last):
-        count += _take(things, j, eye, fan.behind, desk.ends, count)
+        count += _take(things, j, eye, fan.behind, desk.walls, count)
     _line_up(fan, count, desk)
     horizon = np.float32(1.0 / fan.reach)
     for k in range(desk.beams.shape[1]):
@@ -143,56 +144,79 @@ def _take(
     k: int,
     eye: tuple[float, float, float, float],
     behind: float,
-    ends: np.ndarray,
+    walls: np.ndarray,
     count: int,
 ) -> int:
-    """Write a segment's ends, seen from x, y, cosine and sine, into row `count`; 0 if behind."""
+    """Write a segment's ends, seen from x, y, cosine, sine, into column `count`; 0 if behind."""
     x, y, cos, sin = eye
     sx, sy = segments[k, 0] - x, segments[k, 1] - y
     ex, ey = segments[k, 2] - x, segments[k, 3] - y
     sx, sy = cos * sx + sin * sy, cos * sy - sin * sx
     ex, ey = cos * ex + sin * ey, cos * ey - sin * ex
-    ends[count, 0], ends[count, 1], ends[count, 2], ends[count, 3] = sx, sy, ex, ey
+    walls[AX, count], walls[AY, count], walls[BX, count], walls[BY, count] = sx, sy, ex, ey
     return 1 if max(sx, ex) >= behind else 0
 
 
 @kernel()
 def _line_up(fan: Fan, count: int, desk: Desk) -> None:
     """Find, of the first walls of the desk, the lines and the blocks that they reach into."""
-    ends, lines, spans, blocks = desk.ends, desk.lines, desk.spans, fan.blocks
+    walls, spans, blocks = desk.walls, desk.spans, fan.blocks
     parts, all_blocks = blocks.shape[1], desk.beams.shape[1] // LANES32
-    reach2 = fan.reach * fan.reach
+    for first in range(0, count, LANES):
+        _draw_lines(walls, first, (1.0, 2.0, 1e-300, fan.reach * fan.reach, 0.25 * parts))
     for j in range(count):
-        sx, sy, ex, ey = ends[j, 0], ends[j, 1], ends[j, 2], ends[j, 3]
-        area = sx * ey - sy * ex
-        flip = area < 0.0
-        ax, ay = (ex if flip else sx), (ey if flip else sy)
-        bx, by = (sx if flip else ex), (sy if flip else ey)
-        per_area = 1.0 / abs(area)
-        p, q = (by - ay) * per_area, (ax - bx) * per_area
-        lines[j, 0], lines[j, 1], lines[j, 2], lines[j, 3] = ax, ay, bx, by
-        lines[j, 4], lines[j, 5] = p, q
-        first, last = turned(ax, ay), turned(bx, by)
-        begin = blocks[0, min(int((first + 2.0) * 0.25 * parts), parts - 1)]
-        end = blocks[1, min(int((last + 2.0) * 0.25 * parts), parts - 1)]
+        first, last = walls[FROM, j], walls[TO, j]
+        begin = blocks[0, min(int(first), parts - 1)]
+        end = blocks[1, min(int(last), parts - 1)]
         if first > last:  # The wall passes behind the laser.
             begin, end = 0, all_blocks
-        far = min(max(ax * ax + ay * ay, bx * bx + by * by), reach2)
-        if far * far * (p * p + q * q) > _GRAZING * _GRAZING:
+        if walls[GRAZE, j] > _GRAZING * _GRAZING:
             begin, end = 0, GRAZING
-        spans[j, 0], spans[j, 1] = begin, (end if area != 0.0 else _ZERO)
+        spans[j, 0], spans[j, 1] = begin, (end if walls[AREA, j] != 0.0 else _ZERO)
+
+
+@question
+def _draw_lines(walls: Table, *numbers: Lanes) -> Lanes:
+    """Order the ends of walls, and find their lines; which are seen edge-on.
+
+    The numbers are one, two, next to nothing, the square of the laser's reach (m²), and a quarter
+    of the parts of a full turn.
+    """
+    one, two, least, reach2, quarter = numbers
+    sx, sy, ex, ey = (walls[row] for row in (AX, AY, BX, BY))
+    area = sx * ey - sy * ex
+    flip = area < 0.0
+    ax, ay, bx, by = ex.where(sx, flip), ey.where(sy, flip), sx.where(ex, flip), sy.where(ey, flip)
+    per_area = one / area.size()
+    p, q = (by - ay) * per_area, (ax - bx) * per_area
+    far = (ax * ax + ay * ay).most(bx * bx + by * by).least(reach2)
+    walls[AX], walls[AY], walls[BX], walls[BY], walls[P], walls[Q] = ax, ay, bx, by, p, q
+    walls[AREA], walls[GRAZE] = area.size(), far * far * (p * p + q * q)
+    walls[FROM] = (_turned(ax, ay, two, least) + 2.0) * quarter
+    walls[TO] = (_turned(bx, by, two, least) + 2.0) * quarter
+    return area.size() <= 0.0
+
+
+def _turned(u: Lanes, v: Lanes, two: Lanes, least: Lanes) -> Lanes:
+    """What `turned` makes of directions."""
+    part = v / (u.size() + v.size()).most(least)
+    behind = (two - part).where(two * -1.0 - part, v >= 0.0)
+    return part.where(behind, u >= 0.0)
 
 
 @kernel()
 def _raise_all(fan: Fan, count: int, desk: Desk) -> None:
     """Raise the inverse ranges to those of the first walls of the desk."""
+    walls = desk.walls
     for j in range(count):
         begin, end = desk.spans[j]
-        ax, ay, bx, by, p, q = desk.lines[j]
+        ax, ay = np.float32(walls[AX, j]), np.float32(walls[AY, j])
+        bx, by = np.float32(walls[BX, j]), np.float32(walls[BY, j])
+        p, q = np.float32(walls[P, j]), np.float32(walls[Q, j])
         for block in range(begin, end):
             _raise(desk.beams, block * LANES32, (ax, ay, bx, by, p, q))
         if end == GRAZING:
-            _raise_grazing(desk.beams, fan.directions, desk.ends[j])
+            _raise_grazing(desk.beams, fan.directions, walls, j)
 
 
 @question32
@@ -206,13 +230,12 @@ def _raise(beams: Table, *line: Lanes) -> Lanes:
 
 
 @kernel()
-def _raise_grazing(beams: np.ndarray, directions: np.ndarray, ends: np.ndarray) -> None:
+def _raise_grazing(beams: np.ndarray, directions: np.ndarray, walls: np.ndarray, j: int) -> None:
     """Take in, with float64, a wall seen so edge-on that float32 is too coarse."""
-    sx, sy, ex, ey = ends
-    area = sx * ey - sy * ex
-    side = math.copysign(1.0, area)
-    p, q = (ey - sy) / area, (sx - ex) / area
+    ax, ay, bx, by = walls[AX, j], walls[AY, j], walls[BX, j], walls[BY, j]
+    area = ax * by - ay * bx
+    p, q = (by - ay) / area, (ax - bx) / area
     for k in range(directions.shape[1]):
         u, v = directions[0, k], directions[1, k]
-        if side * (sx * v - sy * u) >= 0.0 and side * (ex * v - ey * u) <= 0.0:
+        if ax * v - ay * u >= 0.0 and bx * v - by * u <= 0.0:
             beams[NEAREST, k] = max(beams[NEAREST, k], np.float32(p * u + q * v))

@@ -12,7 +12,7 @@ from albot_core.geometry.types import Pose, Ranges, Segments
 from albot_core.perception.reading import LaserGeometry
 from albot_env.sim.lanes import LANES32
 from albot_env.sim.ray_kernels import Fan, scan_poses
-from albot_env.sim.wall_index import WallIndex
+from albot_env.sim.wall_index import Locator, WallIndex
 
 _PARTS = 1024
 """How finely the full turn is divided to look up which beams may meet a wall."""
@@ -75,6 +75,7 @@ class RayCaster:
         self._fan = make_fan(geometry)
         self._index = index_for(geometry, indexed=indexed)
         self._index.add(walls)
+        self._locator = Locator(self._index, WallIndex(0.0, (0.0, 0.0)))
 
     def scan(self, pose: Pose) -> Ranges:
         """The true ranges (m) of a robot at `pose`; infinite where no wall is in reach."""
@@ -84,8 +85,10 @@ class RayCaster:
     def scan_batch(self, poses: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n beams"]:
         """The true ranges (m) of robots at `poses`; infinite where no wall is in reach."""
         count = len(poses)
+        poses = np.ascontiguousarray(poses, np.float64)  # Entries take nothing else.
         cells = np.empty(count, np.int64)
-        self._index.locate(np.arange(count), np.zeros(count, np.int64), poses, cells)
+        buildings = np.zeros(count, np.int64)
+        self._locator.locate(np.arange(count), buildings, poses, cells, cells)
         ranges = np.empty((count, self.geometry.beams))
         scan_poses(self._fan, self._index.tables, cells, poses, ranges)
         return ranges

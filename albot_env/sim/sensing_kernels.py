@@ -12,14 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.compiled import kernel
-from albot_core.parcel import Parcel, opened
+from albot_core.parcel import Entry, Parcel, opened
 from albot_env.sim.noise_kernels import draw
 from albot_env.sim.odometer_kernels import ODOMETER_DRAWS, read
-from albot_env.sim.ray_kernels import Fan, make_desk, scan
+from albot_env.sim.ray_kernels import Desk, Fan, make_desk, scan
 from albot_env.sim.scene_kernels import SCENE_DRAWS, Scenes, look
 from albot_env.sim.sonar_arrays import Sonars
 from albot_env.sim.sonar_kernels import SONAR_DRAWS, listen
-from albot_env.sim.surface_kernels import make_cone
+from albot_env.sim.surface_kernels import Cone, make_cone
 from albot_env.sim.wall_index import Walls
 
 NORMALS = 4096
@@ -103,6 +103,7 @@ def disturb(
         ranges[k] = np.inf if lost or reach >= max_range else reach
 
 
+@Entry
 @kernel(arrays=True, nogil=True)
 def sense(rows: np.ndarray, parcel: Parcel) -> None:
     """Read the sensors of the robots `rows`, whose cells are known.
@@ -110,16 +111,21 @@ def sense(rows: np.ndarray, parcel: Parcel) -> None:
     The parcel holds `poses` (n, 3), where they are; `counts` (n, …), what their odometers have
     counted; `Surroundings`; `Devices`; and `Sensed`.
     """
+    around, devices = opened(parcel)[2:4]
+    most = 0
+    for i in rows:
+        most = max(most, around.last[i] - around.first[i])
+    desk = make_desk(devices.fan, around.most_walls + most)
+    _sense_all(rows, parcel, desk, make_cone(around.most_walls + most))
+
+
+@kernel()
+def _sense_all(rows: np.ndarray, parcel: Parcel, desk: Desk, cone: Cone) -> None:
+    """`sense`, with room to work in."""
     poses, counts, around, devices, sensed = opened(parcel)
     fan, sonars, solid = devices.fan, devices.sonars, around.solid
-    draws = ODOMETER_DRAWS + fan.beams
-    most = 0
-    for k in range(rows.shape[0]):
-        most = max(most, around.last[rows[k]] - around.first[rows[k]])
-    desk = make_desk(fan, around.most_walls + most)
-    cone = make_cone(around.most_walls + most)
-    for k in range(rows.shape[0]):
-        i = rows[k]
+    draws, count = ODOMETER_DRAWS + fan.beams, sonars.mounts.shape[0]
+    for i in rows:
         key, reading = sensed.keys[i], sensed.readings[i]
         sensed.readings[i] += 1
         place = reading * draws
@@ -128,7 +134,6 @@ def sense(rows: np.ndarray, parcel: Parcel) -> None:
         cell = sensed.seeing[i]
         scan(fan, around.opaque, cell, around.things, first, last, poses[i], desk, ranges)
         disturb(ranges, key, place + ODOMETER_DRAWS, devices.normals, devices.dropout, fan.reach)
-        count = sonars.mounts.shape[0]
         if count > 0:
             start, end = solid.spans[sensed.hearing[i]]
             nearby = solid.members[start:end]
@@ -144,7 +149,7 @@ def sense(rows: np.ndarray, parcel: Parcel) -> None:
             sensed.scenes[i] = look(x, y, heading, scenes, key, place)
 
 
-@kernel(arrays=True)
+@kernel()
 def _scenes_of(fields: np.ndarray) -> Scenes:
     """The scenes of one building."""
     left, bottom, cell, columns, rows, sectors, scenes, stride, position, heading, missed, false = (

@@ -73,7 +73,6 @@ class SonarConfig:
             max_range=float(geometry.max_range),
             cos_limit=math.cos(self.specular_limit),
             sin_limit=math.sin(self.specular_limit),
-            lean=_lean(self.specular_limit + geometry.cone / 2),
             corner_reach=float(self.corner_reach),
             edge_reach=float(self.edge_reach),
             noise=float(self.range_noise),
@@ -82,12 +81,6 @@ class SonarConfig:
             dropout=round(self.dropout * 2**26),
             normals=normal_table(1.0),
         )
-
-
-def _lean(farthest: float) -> tuple[float, float]:
-    """`Sonars.lean` for an angle (rad)."""
-    farthest += 1e-6
-    return (math.cos(farthest), math.sin(farthest)) if farthest < math.pi / 2 else (0.0, 0.0)
 
 
 NO_SONARS = SonarConfig().constants._replace(mounts=np.empty((0, 4)))

@@ -23,9 +23,6 @@ class Sonars(NamedTuple):
     cos_limit: float
     """Cosine and sine of the specular limit."""
     sin_limit: float
-    lean: tuple[float, float]
-    """Cosine and sine of how far from the axis the perpendicular of a wall that echoes can
-    point, a little more; both 0 where that can be anywhere."""
     corner_reach: float
     """Distance (m) up to which concave corners echo."""
     edge_reach: float

@@ -2,8 +2,8 @@
 
 Surfaces are gathered once for a robot, in a table with a column for each, relative to the robot
 (m) and turned as the world is. A look into a sonar's cone turns those that matter into its frame,
-x along its axis: end a clockwise of end b, and area = a × b. They stay where they are in the
-table; which blocks of columns have any, and which, is noted beside it.
+x along its axis: end a clockwise of end b, and area = a × b. In other rows of the table it puts
+them together: mostly they fit into one block of columns then.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from albot_core.bits import lowest, ones
 from albot_core.compiled import kernel
-from albot_env.sim.lanes import LANES, Lanes, Table, first_of, lowest, question, whole_lanes
+from albot_env.sim.lanes import LANES, Lanes, Table, question, whole_lanes
 from albot_env.sim.sonar_arrays import Sonars
 
 Ear = tuple[float, float, float, float]
@@ -26,21 +27,22 @@ class Cone(NamedTuple):
     """The surfaces in a sonar's cone, and room for them."""
 
     table: np.ndarray
-    """(ROWS, whole lanes) float64: all surfaces around the robot."""
-    blocks: np.ndarray
-    """(2, blocks) int64: of each block that has any in the cone, its first column, and a bit
-    for each of its columns that is."""
-    noted: np.ndarray
-    """(1,) int64: how many such blocks there are."""
+    """(ROWS, whole lanes) float64: all surfaces around the robot, and those in the cone."""
+    inside: np.ndarray
+    """(1,) int64: how many are in the cone."""
 
 
-X1, Y1, X2, Y2, DISTANCE, AX, AY, BX, BY, AREA, DEPTH = range(11)
-"""Rows of the table: both ends of a surface and its distance from the robot's middle; its ends
-and area seen from the sonar, and how far one sees into the cone past it."""
-ROWS = 11
+X1, Y1, X2, Y2, DISTANCE, NEAREST, INSIDE, DEPTH = range(8)
+"""Rows of the table, of all surfaces around the robot: both ends, relative to its middle, and the
+distance from there (m); that of the nearest from the block on; and as a sonar sees them, whether
+they are in its cone, and how far it sees into the cone past those that fill it (m)."""
+AX, AY, BX, BY, AREA, LOW, HIGH, TANGENT, RANGE = range(8, 17)
+"""Rows of the table, of the surfaces in a sonar's cone: ends and area as it sees them; and
+between which tangents they would echo, and where they would do so nearest (see `cone_kernels`)."""
+ROWS = 17
 """How many they are."""
-FIRST, INSIDE = 0, 1
-"""Rows of `Cone.blocks`."""
+_FAR = 1e9
+"""Where surfaces are put that are none (m)."""
 HAIR = 1e-7
 """A gap narrower than this, as a difference of tangents, lets no sound through."""
 NEARER = 1.0 + 1e-12
@@ -50,9 +52,8 @@ NEARER = 1.0 + 1e-12
 @kernel(arrays=True)
 def make_cone(most: int) -> Cone:
     """Room for so many surfaces around a robot."""
-    columns = whole_lanes(most)
-    blocks = np.empty((2, columns // LANES), np.int64)
-    return Cone(np.empty((ROWS, columns)), blocks, np.zeros(1, np.int64))
+    # What is put together in the last columns spills over.
+    return Cone(np.empty((ROWS, whole_lanes(most) + LANES)), np.zeros(1, np.int64))
 
 
 @kernel()
@@ -66,8 +67,14 @@ def gather(
         _take(walls, nearby[k], pose, table, k)
     for k in range(near, count):
         _take(things, k - near, pose, table, k)
+    for k in range(count, whole_lanes(count)):
+        table[X1, k] = table[Y1, k] = table[X2, k] = table[Y2, k] = _FAR
     for first in range(0, count, LANES):
         _measure(table, first, ())
+    nearest = np.inf
+    for block in range((count - 1) // LANES, -1, -1):
+        nearest = min(nearest, table[NEAREST, block * LANES])
+        table[NEAREST, block * LANES] = nearest
     return count
 
 
@@ -89,18 +96,19 @@ def _measure(table: Table) -> Lanes:
     along = along.where(zero, along > 0.0)  # Where both ends are one point it is NaN.
     along = along.where(zero + 1.0, along < 1.0)
     x, y = x1 + along * dx, y1 + along * dy
-    table[DISTANCE] = (x * x + y * y).root()
+    distance = (x * x + y * y).root()
+    table[DISTANCE], table[NEAREST] = distance, distance.minimum()
     return along <= 1.0
 
 
 @kernel()
 def look(cone: Cone, count: int, ear: Ear, sonars: Sonars) -> None:
-    """Turn the surfaces that matter in a sonar's cone, and note them.
+    """Turn the surfaces that matter in a sonar's cone, and put them together.
 
     What lies behind a surface that fills all of the cone does not matter, so that it goes
     fastest with the near ones first.
     """
-    table, blocks = cone.table, cone.blocks
+    table = cone.table
     slope, reach = sonars.slope, sonars.max_range
     x, y, cos, sin = ear
     # Normals of the cone's two sides, pointing out of it.
@@ -109,18 +117,20 @@ def look(cone: Cone, count: int, ear: Ear, sonars: Sonars) -> None:
     sides = lx, ly, lx * x + ly * y, rx, ry, rx * x + ry * y
     back = -cos, -sin, -(cos * x + sin * y)
     rim, secant = math.sqrt(x * x + y * y), math.sqrt(1.0 + slope * slope)
-    noted = 0
+    seen = 0
     for first in range(0, count, LANES):
-        inside = _in_cone(table, first, (reach + rim, *sides, *back)) & first_of(count - first)
+        if table[NEAREST, first] > reach + rim:
+            break  # Nor is anything after it in reach.
+        inside = _in_cone(table, first, (reach + rim, *sides, *back))
         if not inside:
             continue
-        closing = _turn(table, first, (x, y, cos, sin, slope, NEARER * secant)) & inside
-        blocks[FIRST, noted], blocks[INSIDE, noted] = first, inside
-        noted += 1
+        closing = _turn(table, (first, seen), (x, y, cos, sin, slope, NEARER * secant))
+        seen += ones(inside)
         while closing:
             reach = min(reach, table[DEPTH, first + lowest(closing)])
             closing &= closing - 1
-    cone.noted[0] = noted
+    _end(table, seen, (0.0,))
+    cone.inside[0] = seen
 
 
 @question
@@ -133,11 +143,19 @@ def _in_cone(table: Table, reach: Lanes, *planes: Lanes) -> Lanes:
     inside = table[DISTANCE] <= reach
     for x, y, limit in (planes[:3], planes[3:6], planes[6:]):
         inside &= (x * x1 + y * y1).least(x * x2 + y * y2) <= limit
+    table[INSIDE] = (x1 * 0.0 + 1.0).where(x1 * 0.0, inside)
     return inside
 
 
 @question
-def _turn(table: Table, *view: Lanes) -> Lanes:
+def _end(table: Table, area: Lanes) -> Lanes:
+    """Give an area to the next columns; those without are no surfaces."""
+    table[AREA] = area
+    return area > 0.0
+
+
+@question
+def _turn(table: Table, together: Table, *view: Lanes) -> Lanes:
     """Turn surfaces into a sonar's frame; which of them fill its cone."""
     x, y, cos, sin, slope, secant = view
     x1, y1, x2, y2 = table[X1] - x, table[Y1] - y, table[X2] - x, table[Y2] - y
@@ -147,20 +165,10 @@ def _turn(table: Table, *view: Lanes) -> Lanes:
     in_order = area >= 0.0
     ax, bx = ax.where(bx, in_order), bx.where(ax, in_order)
     ay, by = ay.where(by, in_order), by.where(ay, in_order)
-    table[AX], table[AY], table[BX], table[BY], table[AREA] = ax, ay, bx, by, area.size()
+    inside = table[INSIDE] > 0.5
+    for row, lanes in ((AX, ax), (AY, ay), (BX, bx), (BY, by), (AREA, area.size())):
+        together[row] = lanes.together(inside)
     nx, ny = by - ay, ax - bx
     least = nx - slope * ny.size()
     table[DEPTH] = secant * area.size() / least
-    return (ax * slope + ay <= 0.0) & (by >= bx * slope) & (least > 0.0)
-
-
-@kernel()
-def bounded(low: float, high: float, slope: float, offset: float) -> tuple[float, float]:
-    """The part of an interval of t in which slope t + offset >= 0.
-
-    Nothing branches here: which way it goes cannot be foreseen.
-    """
-    bound = -offset / slope
-    low = max(low, bound if slope > 0.0 else -np.inf)
-    high = min(high, bound if slope < 0.0 else np.inf)
-    return low, (-np.inf if slope == 0.0 and offset < 0.0 else high)
+    return (ax * slope + ay <= 0.0) & (by >= bx * slope) & (least > 0.0) & inside

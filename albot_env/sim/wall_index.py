@@ -11,7 +11,7 @@ from jaxtyping import Float64, Int64
 
 from albot_core.geometry.types import Segments
 from albot_core.parcel import Packer
-from albot_env.sim.visibility import list_here
+from albot_env.sim.visibility import Listing, list_here
 
 CELL = 0.5
 """Side of the cells for which walls are listed (m)."""
@@ -63,9 +63,8 @@ class WallIndex:
     ) -> None:
         self._reach = reach
         self._grid = grid
-        x, y = mount
-        mount = float(x), float(y)
-        self._listing = Packer(lambda tables: (tables, (float(reach), float(spread)), mount))
+        self._spread = spread
+        self._mount = float(mount[0]), float(mount[1])
         self.clear()
 
     def clear(self) -> None:
@@ -109,25 +108,47 @@ class WallIndex:
         cell = max(CELL, math.sqrt(width * height / MOST_CELLS))
         return left, bottom, cell, math.ceil(width / cell), math.ceil(height / cell)
 
+    def listing(self, walls: Walls) -> Listing:
+        """What lists are made with; `walls` are its own `tables`."""
+        return Listing(walls, float(self._reach), float(self._spread), self._mount)
+
+    def make_room(self) -> None:
+        """Let there be room for the list of one more cell, whatever the building."""
+        members = self.tables.members
+        if len(members) - self.tables.used[0] < self.most:
+            larger = np.empty(2 * len(members) + self.most, np.int32)
+            larger[: len(members)] = members
+            self.tables = self.tables._replace(members=larger)
+
+
+class Locator:
+    """Finds out where robots are in their buildings, in two indexes at once.
+
+    Args:
+        seen: The index of what is seen.
+        heard: The index of what is heard.
+    """
+
+    def __init__(self, seen: WallIndex, heard: WallIndex) -> None:
+        self._seen, self._heard = seen, heard
+        self._listing = Packer(lambda a, b: (seen.listing(a), heard.listing(b)))
+
     def locate(
         self,
         rows: Int64[np.ndarray, "some"],
         buildings: Int64[np.ndarray, "robots"],
         poses: Float64[np.ndarray, "robots 3"],
-        cells: Int64[np.ndarray, "robots"],
+        seeing: Int64[np.ndarray, "robots"],
+        hearing: Int64[np.ndarray, "robots"],
     ) -> None:
-        """Fill `cells` for `rows` with where robots are in their buildings; lists are made."""
+        """Fill `seeing` and `hearing` for `rows` with the cells of robots; lists are made."""
         done = 0
-        while True:
-            parcel = self._listing.parcel(self.tables)
-            done = list_here(rows, done, parcel, buildings, poses, cells)
-            if done == len(rows):
-                return
-            members = self.tables.members
-            most = int(np.diff(self.tables.frames[:, 6:]).max())
-            larger = np.empty(2 * len(members) + most, np.int32)
-            larger[: len(members)] = members
-            self.tables = self.tables._replace(members=larger)
+        while done < len(rows):
+            parcel = self._listing.parcel(self._seen.tables, self._heard.tables)
+            done = list_here(rows, parcel, done, buildings, poses, seeing, hearing)
+            if done < len(rows):
+                self._seen.make_room()
+                self._heard.make_room()
 
 
 def _neighbours(walls: Segments) -> Int64[np.ndarray, "walls 2"]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.compiled import kernel
-from albot_core.parcel import Parcel, opened
+from albot_core.parcel import Entry, Parcel, opened
 from albot_env.tasks.claims_kernel import FALSE, RIGHT, forget_claims, judge_claim
 from albot_env.tasks.standing import follow
 
@@ -13,6 +13,7 @@ TERMS = ("coverage", "room", "place_recognized", "place_mistaken", "collision", 
 """The reward's terms, in the order of the columns of `Standing.terms`."""
 
 
+@Entry
 @kernel(nogil=True)
 def appraise(rows: np.ndarray, parcel: Parcel, elapsed: float) -> None:
     """Bring the standing of robots up to date after a survey, at the end of a step (s).

@@ -12,12 +12,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from albot_core.bits import lowest
 from albot_core.compiled import kernel
 from albot_core.geometry.directions import turned
 
 _ONE = 2.0**32
 """A cell in fixed-point numbers, in which loops over cells need no conversions: a negative
 cell, taken as unsigned, is beyond every grid."""
+_WHOLE, _BLOCK = np.uint64(32), np.uint64(35)
+"""By how many bits such a number is shifted to get the whole cell, and the block of eight."""
+_SIGNS = np.array((-1.0, 1.0), np.float32)
+"""What is shown of cells that are not covered, and that are."""
 
 
 class Ground(NamedTuple):
@@ -71,37 +76,66 @@ def cover(ground: Ground, i: int, pose: np.ndarray, sight: Sight, ranges: np.nda
     A middle is seen where it is no farther than the radius, and than the range of the beam
     that points its way. Cells outside the grid are left out. Returns how many were new.
     """
-    grid, side, cell, centre = ground.grids[i], ground.sides[i], ground.cell, ground.centres[i]
+    side, cell, centre = ground.sides[i], ground.cell, ground.centres[i]
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     # The laser's place, in cells from the middle of cell (0, 0).
     eye_x = (pose[0] + cos * sight.x - sin * sight.y - centre[0]) / cell + side / 2 - 0.5
     eye_y = (pose[1] + sin * sight.x + cos * sight.y - centre[1]) / cell + side / 2 - 0.5
-    radius, beams = sight.radius / cell, sight.beams
-    parts, words = beams.shape[0], side // 8
+    eye = eye_x, eye_y, cos, sin
+    radius, per_cos = sight.radius / cell, 1.0 / cos
     least = radius * min(sight.ahead, 0.0)
     new = 0
     for row in range(max(0, math.ceil(eye_y - radius)), min(side, math.floor(eye_y + radius) + 1)):
         dy = row - eye_y
         half = math.sqrt(max(0.0, radius * radius - dy * dy))
         # Where on the row something is at least so far ahead.
-        bound = (least - sin * dy) / cos
+        bound = (least - sin * dy) * per_cos
         left = max(-half, bound) if cos > 0.0 else -half
         right = min(half, bound) if cos < 0.0 else half
-        first, last = math.ceil(eye_x + left), math.floor(eye_x + right)
-        for column in range(max(0, first), min(side, last + 1)):
-            word = (row >> 3) * words + (column >> 3)
-            bit = np.uint64(1) << np.uint64(((row & 7) << 3) | (column & 7))
-            if grid[word] & bit:
-                continue
-            dx = column - eye_x
+        first = max(0, math.ceil(eye_x + left))
+        last = min(side - 1, math.floor(eye_x + right))
+        new += _cover_row(ground, i, row, (first, last), eye, sight, ranges)
+    return new
+
+
+@kernel()
+def _cover_row(
+    ground: Ground,
+    i: int,
+    row: int,
+    columns: tuple[int, int],
+    eye: tuple[float, float, float, float],
+    sight: Sight,
+    ranges: np.ndarray,
+) -> int:
+    """Mark those cells of a row from the first to the last column that are seen.
+
+    `eye` is the laser's place (cells), and the cosine and sine of the robot's heading. Only cells
+    that are not covered yet are looked at: by now most are.
+    """
+    grid, words, beams = ground.grids[i], ground.sides[i] // 8, sight.beams
+    x, y, cos, sin = eye
+    parts, per_cell, dy = beams.shape[0], 1.0 / ground.cell, row - y
+    first, last = columns
+    line, new = (row & 7) << 3, 0
+    while first <= last:
+        word = (row >> 3) * words + (first >> 3)
+        count = min(8 - (first & 7), last - first + 1)
+        rest = ~np.int64(grid[word]) >> (line | (first & 7))
+        open_ground = int(rest & ((1 << count) - 1))
+        while open_ground:
+            column = first + lowest(open_ground)
+            open_ground &= open_ground - 1
+            dx = column - x
             u, v = cos * dx + sin * dy, cos * dy - sin * dx
             beam = beams[min(int((turned(u, v) + 2.0) * 0.25 * parts), parts - 1)]
             if beam < 0:
                 continue
-            reach = ranges[beam] / cell
+            reach = ranges[beam] * per_cell
             if dx * dx + dy * dy <= reach * reach:
-                grid[word] |= bit
+                grid[word] |= np.uint64(1) << np.uint64(line | (column & 7))
                 new += 1
+        first += count
     return new
 
 
@@ -115,26 +149,55 @@ def cut_patch(
     farthest to its left.
     """
     grid, side, cell, centre = ground.grids[i], ground.sides[i], ground.cell, ground.centres[i]
-    size, words = np.uint64(side), np.uint64(side // 8)
-    three, seven, whole = np.uint64(3), np.uint64(7), np.uint64(32)
     cos, sin = math.cos(pose[2]) * patch_cell / cell, math.sin(pose[2]) * patch_cell / cell
     middle_x = (pose[0] - centre[0]) / cell + side / 2
     middle_y = (pose[1] - centre[1]) / cell + side / 2
     left = (width - 1) / 2
-    step_x, step_y = np.uint64(np.int64(sin * _ONE)), np.uint64(np.int64(-cos * _ONE))
+    step = np.uint64(np.int64(sin * _ONE)), np.uint64(np.int64(-cos * _ONE))
     for row in range(width):
         forward = (width - 1) / 2 - row
         x = np.uint64(np.int64((middle_x + cos * forward - sin * left) * _ONE))
         y = np.uint64(np.int64((middle_y + sin * forward + cos * left) * _ONE))
-        for column in range(width):
-            cell_x, cell_y = x >> whole, y >> whole
-            covered = np.uint64(0)
-            if cell_x < size and cell_y < size:
-                word = grid[(cell_y >> three) * words + (cell_x >> three)]
-                covered = word >> (((cell_y & seven) << three) | (cell_x & seven))
-            patch[row * width + column] = 1.0 if covered & np.uint64(1) else -1.0
+        _cut_row(grid, side, (x, y), step, patch[row * width : (row + 1) * width])
+
+
+@kernel()
+def _cut_row(
+    grid: np.ndarray,
+    side: int,
+    place: tuple[np.uint64, np.uint64],
+    step: tuple[np.uint64, np.uint64],
+    patch: np.ndarray,
+) -> None:
+    """Fill a row of a patch: places x, y in the grid are in fixed-point cells.
+
+    Nothing branches by what is covered, which cannot be foreseen; nor by what is on the grid,
+    where both ends of the row are.
+    """
+    size, words = np.uint64(side), np.uint64(side // 8)
+    x, y = place
+    step_x, step_y = step
+    steps = np.uint64(patch.shape[0] - 1)
+    farthest = max(max(x, x + steps * step_x), max(y, y + steps * step_y))
+    if farthest >> _WHOLE < size:
+        for column in range(patch.shape[0]):
+            patch[column] = _SIGNS[_bit_at(grid, words, x, y)]
             x += step_x
             y += step_y
+    else:
+        for column in range(patch.shape[0]):
+            on_grid = x >> _WHOLE < size and y >> _WHOLE < size
+            patch[column] = _SIGNS[_bit_at(grid, words, x, y) if on_grid else np.uint64(0)]
+            x += step_x
+            y += step_y
+
+
+@kernel()
+def _bit_at(grid: np.ndarray, words: np.uint64, x: np.uint64, y: np.uint64) -> np.uint64:
+    """Whether the cell at a fixed-point place on the grid, with so many words a row, is covered."""
+    word = grid[(y >> _BLOCK) * words + (x >> _BLOCK)]
+    bit = ((y >> np.uint64(29)) & np.uint64(56)) | ((x >> _WHOLE) & np.uint64(7))
+    return np.uint64((word >> bit) & np.uint64(1))
 
 
 @kernel()

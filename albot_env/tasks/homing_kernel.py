@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from albot_core.compiled import kernel
-from albot_core.parcel import Parcel, opened
+from albot_core.parcel import Entry, Parcel, opened
 from albot_env.tasks.standing import follow
 from albot_maps.geodesic_kernel import FAR, first_anchor
 
@@ -96,6 +96,7 @@ def _aversion(pose: np.ndarray, turn: np.ndarray) -> float:
     return float(0.5 - 0.5 * (math.cos(pose[2]) * east + math.sin(pose[2]) * north) / away)
 
 
+@Entry
 @kernel(nogil=True)
 def appraise_homing(rows: np.ndarray, parcel: Parcel, elapsed: float) -> None:
     """Bring the standing of robots up to date after a survey, at the end of a step (s).

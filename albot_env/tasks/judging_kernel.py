@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.compiled import kernel
-from albot_core.parcel import Parcel, opened
+from albot_core.parcel import Entry, Parcel, opened
 from albot_env.tasks.kernels import find_home
 from albot_env.tasks.standing import Standing
 from albot_env.tasks.survey_kernel import Senses
@@ -75,6 +75,7 @@ class Judgement(NamedTuple):
     """(n,) float64: simulated time since it set out (s)."""
 
 
+@Entry
 @kernel(arrays=True, nogil=True)
 def judge(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
     """Judge the answers of robots `rows`, and show them where they have arrived next.

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from albot_core.bits import bits_of, number_of
 from albot_core.compiled import kernel
 
 TIME_KNEE = 0.05
@@ -60,29 +61,24 @@ def unscale_ranges(scaled: np.ndarray, knee: float, longest: float) -> np.ndarra
     return ranges
 
 
-@kernel(arrays=True)
+@kernel()
 def scale_ranges(ranges: np.ndarray, knee: float, longest: float, scaled: np.ndarray) -> None:
     """Fill the first of `scaled` with ranges (m): 1 at 0, -1 at `longest` and beyond.
 
     What `log_scale` does, negated, for many lengths at once: a number is 2^e m with m in
     [1, 2), and log m = log √2 + 2 artanh t with t = (m - √2) / (m + √2), whose series
-    is cut where it is below 1e-7. The loops hold nothing but arithmetic in float32, for the
+    is cut where it is below 1e-7. The loop holds nothing but arithmetic in float32, for the
     compiler to make vector instructions of.
     """
-    beams = ranges.shape[0]
-    numbers = np.empty(beams, np.float32)
-    bits = numbers.view(np.int32)
     one, half, root = np.float32(1.0), np.float32(0.5), np.float32(math.sqrt(2.0))
     two, log_2 = np.float32(2.0), np.float32(math.log(2.0))
     third, fifth, seventh = np.float32(1 / 3), np.float32(1 / 5), np.float32(1 / 7)
     share = np.float32(2.0 / math.log1p(longest / knee))
-    for k in range(beams):
-        numbers[k] = np.float32(1.0 + min(ranges[k], longest) / knee)
-    for k in range(beams):
-        number = bits[k]
-        exponent = np.float32((number >> np.int32(23)) - np.int32(127))
-        bits[k] = (number & np.int32(0x7FFFFF)) | np.int32(127 << 23)
-        t = (numbers[k] - root) / (numbers[k] + root)
+    for k in range(ranges.shape[0]):
+        bits = bits_of(np.float32(1.0 + min(ranges[k], longest) / knee))
+        exponent = np.float32((bits >> np.int32(23)) - np.int32(127))
+        number = number_of((bits & np.int32(0x7FFFFF)) | np.int32(127 << 23))
+        t = (number - root) / (number + root)
         s = t * t
         log = (exponent + half) * log_2 + two * t * (one + s * (third + s * (fifth + s * seventh)))
         scaled[k] = min(max(one - share * log, -one), one)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.compiled import kernel
-from albot_core.parcel import Parcel, opened
+from albot_core.parcel import Entry, Parcel, opened
 from albot_env.tasks.homing_kernel import find_way, success_weighted
 from albot_env.tasks.kernels import observe_time
 from albot_env.tasks.standing import follow
@@ -63,6 +63,7 @@ class Rules(NamedTuple):
     """…and where in observations it stands; -1 where it is not shown."""
 
 
+@Entry
 @kernel(nogil=True)
 def appraise_round_trip(
     rows: np.ndarray, parcel: Parcel, elapsed: float, observations: np.ndarray

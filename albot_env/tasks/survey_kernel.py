@@ -9,7 +9,7 @@ import numpy as np
 
 from albot_core.compiled import kernel
 from albot_core.mapper import EXIT, POINT, TRAVEL
-from albot_core.parcel import Parcel, opened
+from albot_core.parcel import Entry, Parcel, opened
 from albot_env.tasks.ground_kernels import (
     Ground,
     Sight,
@@ -130,6 +130,7 @@ class Findings(NamedTuple):
     """(n, 2) float64: way and turning since each last looked at the ground (m, rad)."""
 
 
+@Entry
 @kernel(arrays=True, nogil=True)
 def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
     """Survey the robots `rows`; each's observation goes into its row of `observations`.
@@ -138,12 +139,25 @@ def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
     `Layout`, `Senses`, `Findings`, `Pencil`, `Search` and `Sketches`.
     """
     contents = opened(parcel)
-    sight, covered, believed, rooms, s, layout, senses, findings = contents[:8]
-    pencil, search, sketches = contents[8:]
+    s, senses = contents[4], contents[6]
     nearest = np.empty(s.sectors)
     frontier = np.empty(s.sectors if s.sectors else senses.ranges.shape[1])
-    for k in range(rows.shape[0]):
-        i = rows[k]
+    _survey_all(rows, parcel, observations, nearest, frontier)
+
+
+@kernel()
+def _survey_all(
+    rows: np.ndarray,
+    parcel: Parcel,
+    observations: np.ndarray,
+    nearest: np.ndarray,
+    frontier: np.ndarray,
+) -> None:
+    """`survey`, with room for the nearest ranges and the frontiers by sector (m)."""
+    contents = opened(parcel)
+    sight, covered, believed, rooms, s, layout, senses, findings = contents[:8]
+    pencil, search, sketches = contents[8:]
+    for i in rows:
         pose, belief, ranges = senses.poses[i], senses.beliefs[i], senses.ranges[i]
         new = 0
         if is_time_to_look(senses.motions[i], s.spacing, s.turn, findings.moved[i]):

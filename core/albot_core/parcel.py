@@ -8,7 +8,7 @@ take.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, update_wrapper
 from operator import is_not
 from typing import Any
 
@@ -74,6 +74,39 @@ class Packer:
             # In one assignment, for threads that ask at the same time.
             self._packed = packed = parts, Parcel(self._arrange(*parts))
         return packed[1]
+
+
+class Entry:
+    """A way into compiled code that takes a parcel, for Python: a decorator over `kernel`.
+
+    numba asks what all arguments are each time, and to find out of a parcel takes longer than many
+    a call's work. Here it asks only when the parcel's contents are of another type than the time
+    before; so all other arguments must be of the same types each time, arrays contiguous.
+
+    Args:
+        compiled: The compiled code; compiled code itself must call this.
+    """
+
+    def __init__(self, compiled: Callable[..., Any]) -> None:
+        self.compiled: Any = compiled
+        """The compiled code."""
+        self._known: tuple[ParcelType | None, Callable[..., Any]] = None, compiled
+        update_wrapper(self, compiled)
+
+    def __call__(self, rows: np.ndarray, parcel: Parcel, *others: Any) -> Any:
+        """Run it for some rows."""
+        kind, run = self._known
+        if kind is not parcel.kind:
+            run = self._find(rows, parcel, *others)
+        return run(rows, parcel, *others)
+
+    def _find(self, *arguments: Any) -> Callable[..., Any]:
+        """What runs with such arguments, compiled if need be."""
+        signature = tuple(map(typeof, arguments))
+        self.compiled.compile(signature)
+        found: Callable[..., Any] = self.compiled.overloads[signature].entry_point
+        self._known = arguments[1].kind, found  # In one assignment, for threads.
+        return found
 
 
 class ParcelType(types.Type):

@@ -21,7 +21,7 @@ def warm_up(mapper: str) -> None:
     from albot_env.tasks.expedition import NO_MAPPER
     from albot_env.tasks.explore import ENVIRONMENT
 
-    if _is_compiled(sense):
+    if _is_compiled(sense.compiled):
         return
     click.echo("albot: compiling, for the first time only", err=True)
     command = [sys.executable, "-m", "albot_core.precompile", mapper]

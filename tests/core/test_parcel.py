@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import gc
+from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from albot_core.parcel import Packer, Parcel, opened
+from albot_core.compiled import kernel
+from albot_core.parcel import Entry, Packer, Parcel, opened
 
 
 class Pair(NamedTuple):
@@ -56,3 +58,37 @@ def test_a_packer_packs_anew_only_for_other_parts() -> None:
     assert added_up(packer.parcel(first)) == 1.0
     assert added_up(packer.parcel(second)) == 2.0
     assert len(packed) == 2
+
+
+@Entry
+@kernel(nogil=True)
+def add_to(rows: np.ndarray, parcel: Parcel, more: float) -> float:
+    """Add to some of the numbers; what they are together then."""
+    pair = opened(parcel)[0]
+    total = 0.0
+    for i in rows:
+        pair.numbers[i] += more
+        total += pair.numbers[i]
+    return total
+
+
+class Bare(NamedTuple):
+    numbers: np.ndarray
+
+
+def test_an_entry_runs_what_parcels_of_each_type_need() -> None:
+    """It is compiled for both, and looks again when another comes."""
+    rows = np.array([0, 2])
+    pairs = [Parcel((Pair(np.zeros(3), 1.0),)), Parcel((Bare(np.zeros(3, np.float32)),))]
+    for round_ in range(1, 4):
+        for parcel in pairs:
+            assert add_to(rows, parcel, 1.5) == 3.0 * round_
+    assert add_to(rows, Parcel((Pair(np.ones(3), 1.0),)), 0.0) == 2.0
+
+
+def test_an_entry_lets_threads_in_at_once() -> None:
+    kinds = [Parcel((Pair(np.zeros(4), 1.0),)), Parcel((Bare(np.zeros(4)),))] * 4
+    rows = np.arange(4)
+    with ThreadPoolExecutor(8) as pool:
+        totals = pool.map(lambda parcel: [add_to(rows, parcel, 0.0) for _ in range(500)], kinds)
+    assert all(total == 0.0 for many in totals for total in many)

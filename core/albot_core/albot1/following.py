@@ -18,7 +18,7 @@ from albot_core.albot1.trail import LOOK_ROUND, STRIDE
 from albot_core.albot1.trail_kernels import has_room, tread_on
 from albot_core.compiled import kernel, scratch
 from albot_core.parcel import Parcel, opened
-from albot_core.perception.surfaces import NO_EDGE, extract_surfaces
+from albot_core.perception.surfaces import NO_EDGE, Bench, extract_surfaces, make_bench
 
 
 class Lens(NamedTuple):
@@ -95,7 +95,7 @@ def find_landmarks(current: Sight, limits: Limits) -> None:
 
 
 @kernel(inline=True)
-def _look(ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight) -> None:
+def _look(ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight, bench: Bench) -> None:
     """Construct the view from a scan (algorithm 4, lines 3 and 4)."""
     current.size[0] = extract_surfaces(
         ranges,
@@ -105,6 +105,7 @@ def _look(ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight) -> Non
         lens.max_range,
         lens.thresholds,
         lens.fit_lines,
+        bench,
         current.surfaces,
         current.edges,
     )
@@ -160,9 +161,10 @@ def _view(
     since: np.ndarray,
     lens: Lens,
     limits: Limits,
+    bench: Bench,
 ) -> bool:
     """Let a robot take in its reading as a view; false as `_follow`."""
-    _look(ranges, lens, limits, current)
+    _look(ranges, lens, limits, current, bench)
     memory, progress = memory_at(robots.table[row]), robots.progress[row]
     if not _has_room(memory, previous, current) or current.size[0] > robots.table[row, ROOM]:
         return False
@@ -193,6 +195,7 @@ def _follow(
     lens: Lens,
     limits: Limits,
     current: Sight,
+    bench: Bench,
 ) -> bool:
     """Let a robot take in its reading; false, with nothing done, where its room is too small."""
     if not has_room(graph_at(robots.table[row])):
@@ -204,7 +207,7 @@ def _follow(
     if not is_first:
         moved(robots.since[row], motion, since)
     is_view = is_first or not _is_near(since, limits)
-    if is_view and not _view(robots, row, previous, current, ranges, since, lens, limits):
+    if is_view and not _view(robots, row, previous, current, ranges, since, lens, limits, bench):
         return False
     for i in range(3):
         robots.since[row, i] = since[i]
@@ -227,7 +230,8 @@ def follow(
     taken in nothing yet. `ranges` (n, beams) and `motions` (n, 3) are the readings of all robots;
     the parcel holds `Robots`, `Lens` and `Limits`.
     """
-    return _follow_all(rows, first, parcel, ranges, motions, _desk(ranges.shape[1]))
+    beams = ranges.shape[1]
+    return _follow_all(rows, first, parcel, ranges, motions, _desk(beams), make_bench(beams))
 
 
 @kernel()
@@ -238,11 +242,12 @@ def _follow_all(
     ranges: np.ndarray,
     motions: np.ndarray,
     current: Sight,
+    bench: Bench,
 ) -> int:
-    """`follow`, with a view to work on."""
+    """`follow`, with a view and a bench to work on."""
     robots, lens, limits = opened(parcel)
     for k in range(first, rows.shape[0]):
         row = rows[k]
-        if not _follow(robots, row, ranges[row], motions[row], lens, limits, current):
+        if not _follow(robots, row, ranges[row], motions[row], lens, limits, current, bench):
             return k
     return int(rows.shape[0])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -176,7 +176,7 @@ def form_surfaces(
             continue
         px, py = points[shared, 0], points[shared, 1]
         x, y = _crossing(lines[k - 1], lines[k], px, py)
-        if np.hypot(x - px, y - py) < break_height:
+        if (x - px) ** 2 + (y - py) ** 2 < break_height**2:
             surfaces[k - 1, 2], surfaces[k - 1, 3] = x, y
             surfaces[k, 0], surfaces[k, 1] = x, y
 
@@ -204,15 +204,46 @@ def mark_edges(
             edges[k - 1, 1] = CORNER
             edges[k, 0] = CORNER
             continue
-        before = np.hypot(surfaces[k - 1, 2] - eye_x, surfaces[k - 1, 3] - eye_y)
-        after = np.hypot(surfaces[k, 0] - eye_x, surfaces[k, 1] - eye_y)
+        before = (surfaces[k - 1, 2] - eye_x) ** 2 + (surfaces[k - 1, 3] - eye_y) ** 2
+        after = (surfaces[k, 0] - eye_x) ** 2 + (surfaces[k, 1] - eye_y) ** 2
         if before <= after:
             edges[k - 1, 1] = OCCLUDING
         else:
             edges[k, 0] = OCCLUDING
 
 
+class Bench(NamedTuple):
+    """Room to work in while surfaces are extracted, which any number of scans may share."""
+
+    points: np.ndarray
+    """(beams, 2) float64: what the laser saw (m)."""
+    stack: np.ndarray
+    """(beams + 1, 2) int64: what is to be broken still."""
+    spans: np.ndarray
+    """(2 beams + 2, 3) int64: see `segment_points`."""
+    lines: np.ndarray
+    """(2 beams + 2, 4) float64: see `form_surfaces`."""
+    raw: np.ndarray
+    """(2 beams + 2, 4) float64: the surfaces, those too short among them."""
+    clusters: np.ndarray
+    """(2 beams + 2,) int64: the clusters of those that are long enough."""
+
+
 @kernel(arrays=True)
+def make_bench(beams: int) -> Bench:
+    """A bench for scans of so many beams."""
+    spans = 2 * beams + 2
+    return Bench(
+        np.empty((beams, 2)),
+        np.empty((beams + 1, 2), np.int64),
+        np.empty((spans, 3), np.int64),
+        np.empty((spans, 4)),
+        np.empty((spans, 4)),
+        np.empty(spans, np.int64),
+    )
+
+
+@kernel()
 def extract_surfaces(
     ranges: np.ndarray,
     directions: np.ndarray,
@@ -221,6 +252,7 @@ def extract_surfaces(
     max_range: float,
     thresholds: np.ndarray,
     fit: bool,
+    bench: Bench,
     surfaces: np.ndarray,
     edges: np.ndarray,
 ) -> int:
@@ -230,19 +262,16 @@ def extract_surfaces(
     (m). Surfaces come out in the robot's frame, in the order of the beams.
     """
     gap, size, height, shortest = thresholds
-    points = np.empty((ranges.shape[0], 2))
+    points, stack, spans, lines, raw, clusters = bench
     seen = scan_points(ranges, directions, mount_x, mount_y, max_range, points)
-    spans = np.empty((2 * seen + 2, 3), np.int64)
-    stack = np.empty((seen + 1, 2), np.int64)
     formed = segment_points(points, seen, gap, size, height, stack, spans)
-    raw, lines = np.empty((formed, 4)), np.empty((formed, 4))
     form_surfaces(points, spans, formed, fit, height, lines, raw)
-    clusters = np.empty(formed, np.int64)
     count = _ZERO
     for k in range(formed):
         if count == surfaces.shape[0]:
             break
-        if np.hypot(raw[k, 2] - raw[k, 0], raw[k, 3] - raw[k, 1]) >= shortest:
+        dx, dy = raw[k, 2] - raw[k, 0], raw[k, 3] - raw[k, 1]
+        if dx * dx + dy * dy >= shortest * shortest:
             for i in range(4):
                 surfaces[count, i] = raw[k, i]
             clusters[count] = spans[k, 2]

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float64, Int8
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 from albot_core.perception.reading import LaserScan
-from albot_core.perception.surfaces import NO_EDGE, extract_surfaces
+from albot_core.perception.surfaces import NO_EDGE, extract_surfaces, make_bench
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +74,7 @@ def construct_view(scan: LaserScan, config: ViewConfig = ViewConfig()) -> View:
         min(config.max_range, geometry.max_range),
         config.thresholds,
         config.fit_lines,
+        make_bench(geometry.beams),
         surfaces,
         edges,
     )

@@ -16,7 +16,6 @@ from albot_env.sim.lanes import (
     Lanes,
     Table,
     first_of,
-    lowest,
     question,
     question32,
     whole_lanes,
@@ -98,15 +97,41 @@ def test_sixteen_columns_of_less_exact_numbers_are_asked_alike(table: np.ndarray
     np.testing.assert_array_equal(table[:, :LANES32], before[:, :LANES32])
 
 
-def test_rows_are_long_enough_and_bits_are_those_of_the_first_columns() -> None:
+def test_rows_are_long_enough_and_bits_those_of_the_first_columns() -> None:
     assert [whole_lanes(count) for count in (0, 1, 8, 9)] == [0, 8, 8, 16]
     assert [first_of(count) for count in (1, 7, 8, 20)] == [1, 127, 255, 255]
-    assert _lowest_of(0b101000) == 3
+
+
+@question
+def _packed(table: Table, packed: Table, limit: Lanes) -> Lanes:
+    numbers = table[0]
+    packed[1] = numbers.together(numbers > limit)
+    packed[2] = numbers.minimum()
+    return numbers > limit
 
 
 @kernel()
-def _lowest_of(bits: int) -> int:
-    return lowest(bits)
+def _pack(table: np.ndarray, first: int, to: int, limit: float) -> int:
+    return _packed(table, (first, to), (limit,))
+
+
+@given(
+    arrays(np.float64, (3, 3 * LANES), elements=st.floats(-10, 10)),
+    st.integers(0, 2 * LANES),
+    st.integers(0, 2 * LANES),
+)
+def test_lanes_are_put_together_elsewhere_in_their_order(
+    table: np.ndarray, first: int, to: int
+) -> None:
+    before = table.copy()
+    numbers = before[0, first : first + LANES]
+    chosen = numbers[numbers > 0.0]
+    assert _pack(table, first, to, 0.0) == _bits(numbers > 0.0)
+    np.testing.assert_array_equal(table[1, to : to + len(chosen)], chosen)
+    assert (table[2, to : to + LANES] == numbers.min()).all()
+    elsewhere = np.ones(3 * LANES, np.bool_)
+    elsewhere[to : to + LANES] = False
+    np.testing.assert_array_equal(table[1:, elsewhere], before[1:, elsewhere])
 
 
 def test_other_tables_are_refused() -> None:
