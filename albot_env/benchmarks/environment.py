@@ -51,7 +51,7 @@ class Case:
         return f"{self.mode} {self.num_envs} {self.mapper}"
 
 
-HEAVIEST = Case(mapper="albot1", num_envs=256, steps=8192)
+HEAVIEST = Case(mapper="albot1", num_envs=256, steps=32768)
 """The case whose memory is measured."""
 
 CASES = (
@@ -61,7 +61,7 @@ CASES = (
     Case(mapper="albot1"),
     Case(mapper="none", num_envs=256, steps=32768),
     Case(mapper="none", num_envs=1024, steps=32768),
-    Case(mapper="albot1", num_envs=1024, steps=8192),
+    Case(mapper="albot1", num_envs=1024, steps=32768),
 )
 
 
