@@ -44,11 +44,12 @@ def progress(description: str, total: int, unit: str = "", *, start: int = 0) ->
     )
 
     columns = (
-        TextColumn("{task.description}"),
+        # Without markup, in which `:office:` of a world's name would be a picture.
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]}"),
-        TextColumn("{task.fields[note]}"),
+        TextColumn("{task.fields[note]}", markup=False),
         TimeRemainingColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:

@@ -22,6 +22,7 @@ class Stage:
     Args:
         viewer: Where frames are shown.
         progress: The progress line.
+        title: What stands in it.
         total: Steps of the episode, if known.
         speed: How many times faster than the simulated time it is shown.
         frame_rate: Frames shown in a second, at most.
@@ -31,6 +32,7 @@ class Stage:
         self,
         viewer: Viewer,
         progress: Progress,
+        title: str,
         total: int | None,
         speed: float,
         frame_rate: float = 20.0,
@@ -38,7 +40,7 @@ class Stage:
         self._viewer = viewer
         self._watched = not isinstance(viewer, NullViewer)
         self._progress = progress
-        self._task = progress.add_task("", total=total, rate="")
+        self._task = progress.add_task(title, total=total, rate="")
         self._speed = speed
         self._between = 1 / frame_rate
         self._began = self._shown = time.monotonic()
@@ -82,7 +84,8 @@ def open_stage(title: str, *, total: int | None, speed: float, headless: bool) -
     terminal = not headless and sys.stdout.isatty()
     console = Console(stderr=not terminal)
     progress = Progress(
-        TextColumn(title),
+        # Without markup, in which `:office:` of a world's name would be a picture.
+        TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=None),
         MofNCompleteColumn(),
         TextColumn("{task.fields[rate]}"),
@@ -97,7 +100,7 @@ def open_stage(title: str, *, total: int | None, speed: float, headless: bool) -
         viewer = window or NullViewer()
         progress.start()
     try:
-        yield Stage(viewer, progress, total, speed)
+        yield Stage(viewer, progress, title, total, speed)
     finally:
         viewer.close()
         progress.stop()

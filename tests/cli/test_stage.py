@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from typing import cast
 
 import pytest
 from rich.progress import Progress, TextColumn
 
 from albot_cli import stage
+from albot_cli.progress import progress
 from albot_env.rendering.frame import Frame
 
 STEP = 0.002
@@ -49,7 +51,7 @@ def _watch(monkeypatch: pytest.MonkeyPatch, cost: float, speed: float) -> tuple[
     clock = Clock()
     monkeypatch.setattr(stage, "time", clock)
     viewer = SlowViewer(clock, cost)
-    watched = stage.Stage(viewer, Progress(TextColumn("")), 500, speed, frame_rate=20.0)
+    watched = stage.Stage(viewer, Progress(TextColumn("")), "", 500, speed, frame_rate=20.0)
     for step in range(1, 501):
         clock.now += STEP
         assert watched.step(0.1 * step, lambda: cast("Frame", None))
@@ -67,3 +69,24 @@ def test_an_episode_is_shown_at_the_speed_asked_for(monkeypatch: pytest.MonkeyPa
     clock, viewer = _watch(monkeypatch, cost=0.0, speed=10.0)
     assert clock.now == pytest.approx(50.0 / 10.0, rel=0.01)
     assert 80 <= viewer.shown <= 100
+
+
+@pytest.mark.parametrize("title", ["albot1 in random:office:42", "run{1}.mcap", "[bold]a[/b]"])
+def test_titles_stand_below_the_stage_as_they_are(
+    title: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with stage.open_stage(title, total=3, speed=1.0, headless=True) as watched:
+        assert watched.step(0.1, lambda: cast("Frame", None))
+    assert title in capsys.readouterr().err
+
+
+def test_so_do_descriptions_before_a_progress_bar(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    with progress("random:office:0..9 [/b]", 3) as tell:
+        tell(1, "random:ring:1")
+    shown = capsys.readouterr().err
+    assert "random:office:0..9 [/b]" in shown
+    assert "random:ring:1" in shown
