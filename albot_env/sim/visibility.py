@@ -12,12 +12,11 @@ the line meets the chain before.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from albot_core.compiled import kernel
-from albot_core.parcel import Entry, Parcel, opened
 
 if TYPE_CHECKING:
     from albot_env.sim.wall_index import Walls
@@ -28,90 +27,8 @@ _MARGIN = 1e-6
 """How deep (m) in the shadow an end must lie: more than rounding can move it."""
 
 
-class Listing(NamedTuple):
-    """What the lists of an index are made with."""
-
-    walls: Walls
-    """The buildings' walls and their lists."""
-    reach: float
-    """Walls farther away than this are not listed (m)."""
-    spread: float
-    """How far from the mount, in any direction, a sensor may be (m)."""
-    mount: tuple[float, float]
-    """Where on the robot the mount is (m)."""
-
-
-@Entry
-@kernel()
-def list_here(
-    rows: np.ndarray,
-    parcel: Parcel,
-    done: int,
-    buildings: np.ndarray,
-    poses: np.ndarray,
-    seeing: np.ndarray,
-    hearing: np.ndarray,
-) -> int:
-    """Find the cells of robots, and list the walls of cells that have no list yet.
-
-    Args:
-        rows: The robots.
-        parcel: A `Listing` of what is seen, and one of what is heard; either may be of no
-            building at all, and is left alone then.
-        done: How many of the robots are done.
-        buildings: The building of each robot (n,).
-        poses: Where each is (n, 3), in the building's frame (m, rad).
-        seeing: Filled with the cell of each (n,) by the first listing…
-        hearing: …and by the second.
-
-    Returns:
-        How many of the rows are done: fewer than all when `members` is full.
-    """
-    seen, heard = opened(parcel)
-    for k in range(done, rows.shape[0]):
-        i = rows[k]
-        if seen.walls.frames.shape[0]:
-            seeing[i] = _list_about(seen, buildings[i], poses[i])
-            if seeing[i] < 0:
-                return k
-        if heard.walls.frames.shape[0]:
-            hearing[i] = _list_about(heard, buildings[i], poses[i])
-            if hearing[i] < 0:
-                return k
-    return int(rows.shape[0])
-
-
-@kernel()
-def _list_about(listing: Listing, building: int, pose: np.ndarray) -> int:
-    """The cell of a pose in a building, whose walls are listed now; -1 without room for them."""
-    index, (x, y) = listing.walls, listing.mount
-    frame = index.frames[building]
-    columns, lines = int(frame[3]), int(frame[4])
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    column = math.floor((pose[0] + cos * x - sin * y - frame[0]) / frame[2])
-    line = math.floor((pose[1] + sin * x + cos * y - frame[1]) / frame[2])
-    inside = 0 <= column < columns and 0 <= line < lines
-    cell = int(frame[5]) + int(line * columns + column if inside else lines * columns)
-    if index.spans[cell, 0] >= 0:
-        return cell
-    first, last = int(frame[6]), int(frame[7])
-    if index.members.shape[0] - index.used[0] < last - first:
-        return -1
-    index.spans[cell, 0] = index.used[0]
-    if inside:
-        x = frame[0] + frame[2] * (column + 0.5)
-        y = frame[1] + frame[2] * (line + 0.5)
-        _list_cell(index, first, last, x, y, frame[2], (listing.reach, listing.spread))
-    else:
-        for j in range(first, last):
-            index.members[index.used[0]] = j
-            index.used[0] += 1
-    index.spans[cell, 1] = index.used[0]
-    return cell
-
-
 @kernel(arrays=True)
-def _list_cell(
+def list_cell(
     index: Walls,
     first: int,
     last: int,

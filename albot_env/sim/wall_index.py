@@ -11,7 +11,7 @@ from jaxtyping import Float64, Int64
 
 from albot_core.geometry.types import Segments
 from albot_core.parcel import Packer
-from albot_env.sim.visibility import Listing, list_here
+from albot_env.sim.listing_kernels import Listing, list_here
 
 CELL = 0.5
 """Side of the cells for which walls are listed (m)."""

@@ -46,8 +46,10 @@ def kernel(
 
 
 def _tie_to_all_kernels(dispatcher: Any) -> None:
+    # As the version, which numba reads first: what was kept of other kernels may name types that
+    # are gone, and could not even be opened to look for a stamp.
     kept = dispatcher._cache._cache_file
-    kept._source_stamp = kept._source_stamp, kernel_stamp()
+    kept._version = f"{kept._version} {kernel_stamp()}"
 
 
 def scratch(*shape: int, kind: Any = types.float64) -> Callable[[], np.ndarray]:

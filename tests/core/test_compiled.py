@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +75,7 @@ def test_an_array_is_found_at_its_address() -> None:
 
 def test_compiled_code_is_kept_until_any_kernel_changes(tmp_path: Path) -> None:
     stamped: Any = _fill
-    assert stamped._cache._cache_file._source_stamp[1] == kernel_stamp()
+    assert kernel_stamp() in stamped._cache._cache_file._version
     package = tmp_path / "package"
     (package / "parts").mkdir(parents=True)
     caller, called, constant, plain = (
@@ -93,6 +96,32 @@ def test_compiled_code_is_kept_until_any_kernel_changes(tmp_path: Path) -> None:
     called.unlink()
     digests.append(digest([package]))
     assert len(set(digests)) == len(digests)
+
+
+def test_what_was_kept_for_other_kernels_is_not_opened(tmp_path: Path) -> None:
+    """It may name types that are gone since, with which it could not be read at all."""
+    (tmp_path / "adding.py").write_text(
+        "from albot_core import compiled\n"
+        "compiled.kernel_stamp = lambda: __import__('sys').argv[1]\n"
+        "@compiled.kernel()\n"
+        "def double(thing):\n"
+        "    return 2.0 * thing.x\n",
+        encoding="utf-8",
+    )
+
+    def doubled(stamp: str, kind: str) -> str:
+        thing = f"from typing import NamedTuple\nclass {kind}(NamedTuple):\n    x: float\n"
+        (tmp_path / "things.py").write_text(thing, encoding="utf-8")
+        code = f"import adding, things; print(adding.double(things.{kind}(1.5)))"
+        command = [sys.executable, "-c", code, stamp]
+        environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+        environment["PYTHONPATH"] = os.pathsep.join((str(tmp_path), *sys.path))
+        run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        return run.stdout.strip() or run.stderr
+
+    assert doubled("first", "Old") == "3.0"
+    assert list((tmp_path / "kept").rglob("*.nbi"))
+    assert doubled("second", "New") == "3.0"
 
 
 def test_a_kernel_that_makes_arrays_must_say_so() -> None:
