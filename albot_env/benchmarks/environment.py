@@ -15,6 +15,7 @@ from albot_core.perception.reading import LaserGeometry
 from albot_env.benchmarks.irsim import irsim_found, irsim_laser
 from albot_env.benchmarks.naive import NaiveEnv
 from albot_env.benchmarks.rates import Lap, Rate, best_rates
+from albot_env.sim.crew import Crew
 from albot_maps import World, load_world
 
 ENVIRONMENT = "Albot/Explore-v0"
@@ -39,6 +40,8 @@ class Case:
     """How many environments step together; 1 is one of `gymnasium.make`."""
     steps: int = 2000
     """Steps in a turn, of all environments together."""
+    threads: int = 1
+    """Threads that share the work of a batch; 0 for as many as there are processors."""
 
     @property
     def mode(self) -> str:
@@ -48,7 +51,7 @@ class Case:
     @property
     def name(self) -> str:
         """A name of its own."""
-        return f"{self.mode} {self.num_envs} {self.mapper}"
+        return f"{self.mode} {self.num_envs} {self.mapper} {self.threads}"
 
 
 HEAVIEST = Case(mapper="albot1", num_envs=256, steps=32768)
@@ -62,18 +65,22 @@ CASES = (
     Case(mapper="none", num_envs=256, steps=32768),
     Case(mapper="none", num_envs=1024, steps=32768),
     Case(mapper="albot1", num_envs=1024, steps=32768),
+    Case(mapper="none", num_envs=1024, steps=32768, threads=0),
+    Case(mapper="albot1", num_envs=1024, steps=32768, threads=0),
 )
 
 
 def measure_environments(cases: Sequence[Case] = CASES, rounds: int = 3) -> list[Row]:
-    """Time robots that wander about in `Albot/Explore-v0`, alone and in batches, on one core.
+    """Time robots that wander about in `Albot/Explore-v0`, alone and in batches.
+
+    On one core, and the largest batches on all cores, too.
 
     In the same rounds: the same robot and laser as a loop over pymunk's queries, and, where
     it is installed, ir-sim's laser alone.
 
     Returns:
-        For each `id`, `mode` (single or vector), `num_envs`, `mapper` (None where there is
-        none to have), `segments` (walls of the world), `steps_per_second` of all
+        For each `id`, `mode` (single or vector), `num_envs`, `threads`, `mapper` (None where
+        there is none to have), `segments` (walls of the world), `steps_per_second` of all
         environments together (the best of `rounds` turns, compiled),
         `steps_per_cpu_second` (the same by the time that a processor really worked: where it
         is greater, the machine was busy), and `ratio`, that over the naive loop's. Of the
@@ -85,11 +92,11 @@ def measure_environments(cases: Sequence[Case] = CASES, rounds: int = 3) -> list
     rivals = _rivals(world)
     rates = best_rates({**laps, **rivals}, rounds)
     rows = [
-        _row(ENVIRONMENT, case.mode, case.num_envs, case.mapper, rates[case.name])
+        _row(ENVIRONMENT, case, rates[case.name])
         | ({"memory_mib": memory[case.name]} if case.name in memory else {})
         for case in cases
     ]
-    rows += [_row(name, "single", 1, None, rates[name]) for name in rivals]
+    rows += [_row(name, Case(mapper=""), rates[name]) for name in rivals]
     for row in rows:
         row["segments"] = len(world.walls)
         row["ratio"] = float(row["steps_per_cpu_second"] or 0) / rates[_NAIVE].by_processor
@@ -143,14 +150,14 @@ def make_single(case: Case, world: World) -> Any:
 
 
 def make_batch(case: Case, world: World) -> Any:
-    """A batch of environments without an end that uses one core."""
+    """A batch of environments without an end."""
     return gymnasium.make_vec(
         ENVIRONMENT,
         num_envs=case.num_envs,
         world=world,
         mapper=case.mapper,
         max_episode_steps=_ENDLESS,
-        threads=1,
+        threads=case.threads,
     )
 
 
@@ -169,12 +176,13 @@ def _actions(steps: int, *shape: int) -> np.ndarray:
     return np.repeat(drawn, _HOLD, axis=0)[:steps].astype(np.float32)
 
 
-def _row(name: str, mode: str, count: int, mapper: str | None, rate: Rate) -> Row:
+def _row(name: str, case: Case, rate: Rate) -> Row:
     return {
         "id": name,
-        "mode": mode,
-        "num_envs": count,
-        "mapper": mapper,
+        "mode": case.mode,
+        "num_envs": case.num_envs,
+        "threads": Crew(case.threads).size,
+        "mapper": case.mapper or None,
         "steps_per_second": rate.by_clock,
         "steps_per_cpu_second": rate.by_processor,
     }

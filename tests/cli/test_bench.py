@@ -67,7 +67,15 @@ def test_environments_processes_and_learner_have_their_keys_and_lines() -> None:
     figures: Any = bench(*words)
     rows = figures["env"]
     assert isinstance(rows, list)
-    keys = {"id", "mode", "num_envs", "mapper", "steps_per_second", "steps_per_cpu_second"}
+    keys = {
+        "id",
+        "mode",
+        "num_envs",
+        "threads",
+        "mapper",
+        "steps_per_second",
+        "steps_per_cpu_second",
+    }
     keys |= {"segments", "ratio"}
     assert all(keys <= row.keys() for row in rows)
     pair = figures["processes"]

@@ -20,6 +20,7 @@ CASES = (
     Case(mapper="albot1", num_envs=2, steps=4),
     Case(mapper="none", steps=3),
     Case(mapper="none", num_envs=3, steps=6),
+    Case(mapper="none", num_envs=3, steps=6, threads=2),
 )
 
 
@@ -27,17 +28,18 @@ def test_a_row_for_every_case_and_every_rival(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(environment, "WORLD", "random:maze:1")
     monkeypatch.setattr(environment, "HEAVIEST", CASES[0])
     rows = measure_environments(CASES, rounds=1)
-    ours = [(row["mode"], row["num_envs"], row["mapper"]) for row in rows[:3]]
-    assert ours == [("vector", 2, "albot1"), ("single", 1, "none"), ("vector", 3, "none")]
+    ours = [(row["mode"], row["num_envs"], row["mapper"], row["threads"]) for row in rows[:4]]
+    one, many = ("single", 1, "none", 1), ("vector", 3, "none")
+    assert ours == [("vector", 2, "albot1", 1), one, (*many, 1), (*many, 2)]
     names = [row["id"] for row in rows]
-    assert names[3] == "pymunk in a Python loop"
-    assert len(names) == 4 + irsim_found()
-    naive = float(rows[3]["steps_per_cpu_second"] or 0)
+    assert names[4] == "pymunk in a Python loop"
+    assert len(names) == 5 + irsim_found()
+    naive = float(rows[4]["steps_per_cpu_second"] or 0)
     for row in rows:
         assert row["segments"] == len(load_world("random:maze:1").walls)
         assert row["ratio"] == pytest.approx(float(row["steps_per_cpu_second"] or 0) / naive)
         assert float(row["steps_per_second"] or 0) > 0
-    assert ["memory_mib" in row for row in rows[:4]] == [True, False, False, False]
+    assert ["memory_mib" in row for row in rows[:5]] == [True, False, False, False, False]
 
 
 def test_the_world_has_about_200_walls() -> None:
