@@ -62,10 +62,10 @@ CASES = (
     Case(mapper="none"),
     Case(mapper="odometry"),
     Case(mapper="albot1"),
-    Case(mapper="none", num_envs=256, steps=32768),
-    Case(mapper="none", num_envs=1024, steps=32768),
+    Case(mapper="none", num_envs=256, steps=131072),
+    Case(mapper="none", num_envs=1024, steps=131072),
     Case(mapper="albot1", num_envs=1024, steps=32768),
-    Case(mapper="none", num_envs=1024, steps=32768, threads=0),
+    Case(mapper="none", num_envs=1024, steps=131072, threads=0),
     Case(mapper="albot1", num_envs=1024, steps=32768, threads=0),
 )
 
