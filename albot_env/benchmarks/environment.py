@@ -34,8 +34,8 @@ Row = dict[str, float | int | str | None]
 class Case:
     """An environment to be timed."""
 
-    mapper: str
-    """Name of the mapper inside, or `none`."""
+    mapper: str | None
+    """Name of the mapper inside, or `none`; None where there is none to have."""
     num_envs: int = 1
     """How many environments step together; 1 is one of `gymnasium.make`."""
     steps: int = 2000
@@ -96,7 +96,7 @@ def measure_environments(cases: Sequence[Case] = CASES, rounds: int = 3) -> list
         | ({"memory_mib": memory[case.name]} if case.name in memory else {})
         for case in cases
     ]
-    rows += [_row(name, Case(mapper=""), rates[name]) for name in rivals]
+    rows += [_row(name, Case(mapper=None), rates[name]) for name in rivals]
     for row in rows:
         row["segments"] = len(world.walls)
         row["ratio"] = float(row["steps_per_cpu_second"] or 0) / rates[_NAIVE].by_processor
@@ -182,7 +182,7 @@ def _row(name: str, case: Case, rate: Rate) -> Row:
         "mode": case.mode,
         "num_envs": case.num_envs,
         "threads": Crew(case.threads).size,
-        "mapper": case.mapper or None,
+        "mapper": case.mapper,
         "steps_per_second": rate.by_clock,
         "steps_per_cpu_second": rate.by_processor,
     }

@@ -6,7 +6,7 @@ import signal
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 
-from albot_env.benchmarks.environment import ENVIRONMENT, WORLD, Case, make_lap
+from albot_env.benchmarks.environment import ENVIRONMENT, WORLD, Case, Row, make_lap
 from albot_env.benchmarks.rates import Rate, rate_of
 from albot_maps import load_world
 
@@ -15,7 +15,7 @@ _CASE = Case(mapper="none", num_envs=256, steps=4096)
 
 def measure_processes(
     case: Case = _CASE, processes: int = 2, seconds: float = 2.0, rounds: int = 3
-) -> dict[str, float | int | str]:
+) -> Row:
     """Time a batch in one process, and in several at once, in turns.
 
     Args:

@@ -88,11 +88,11 @@ def _find_nearest_points(table: Table, *beam: Lanes) -> Lanes:
     slope, cos, sin = beam
     ax, ay, bx, by, area = (table[row] for row in (AX, AY, BX, BY, AREA))
     nx, ny = by - ay, ax - bx
-    low, high = slope * -1.0, slope
+    low, high = -slope, slope
     # Both ends; and u from the perpendicular turned clockwise by the limit to it turned the
     # other way.
-    low, high = _bounded(low, high, ax, ay * -1.0)
-    low, high = _bounded(low, high, bx * -1.0, by)
+    low, high = _bounded(low, high, ax, -ay)
+    low, high = _bounded(low, high, -bx, by)
     low, high = _bounded(low, high, nx * cos + ny * sin, nx * sin - ny * cos)
     low, high = _bounded(low, high, ny * sin - nx * cos, ny * cos + nx * sin)
     # With the perpendicular's foot behind the sonar, the nearer end of the span.
@@ -102,7 +102,7 @@ def _find_nearest_points(table: Table, *beam: Lanes) -> Lanes:
     heard = ((high - low) > HAIR) & (area > 0.0)
     reach = area * (tangent * tangent + 1.0).root() / (nx + ny * tangent)
     table[LOW], table[HIGH], table[TANGENT] = low, high, tangent
-    table[RANGE] = reach.where(area * 0.0 + np.inf, heard)
+    table[RANGE] = reach.where(np.inf, heard)
     return heard
 
 
@@ -115,11 +115,11 @@ def _nearest(table: Table, reach: Lanes) -> Lanes:
 
 def _bounded(low: Lanes, high: Lanes, slope: Lanes, offset: Lanes) -> tuple[Lanes, Lanes]:
     """The part of intervals of t in which slope t + offset >= 0."""
-    bound = offset * -1.0 / slope
-    never = (slope >= 0.0) & (slope <= 0.0) & (offset < 0.0)
+    bound = -offset / slope
+    may = (slope < 0.0) | (slope > 0.0) | (offset >= 0.0)
     low = low.most(bound).where(low, slope > 0.0)
     high = high.least(bound).where(high, slope < 0.0)
-    return low, (high * 0.0 - np.inf).where(high, never)
+    return low, high.where(-np.inf, may)
 
 
 @kernel()

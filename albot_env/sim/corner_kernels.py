@@ -52,15 +52,12 @@ def corner_echo(
     for first in range(0, count, LANES):
         bound = min(best, farthest)
         within = slope, bound * bound
-        points = _first_ends_in(table, first, within)
-        points |= _second_ends_in(table, first, within) << LANES
-        points &= first_of(count - first) * (1 << LANES | 1)
+        points = _ends_in(table, first, within) & first_of(count - first) * (1 << LANES | 1)
         while points:
             lane = lowest(points)
             j, end = first + lane % LANES, lane // LANES
             x, y = table[AX + 2 * end, j], table[AY + 2 * end, j]
-            here = _first_ends_at(table, first, (x, y))
-            points &= ~(here | _second_ends_at(table, first, (x, y)) << LANES)
+            points &= ~_ends_at(table, first, (x, y))
             distance = math.sqrt(x * x + y * y)
             if distance >= best or _is_hidden(cone, x, y):
                 continue
@@ -71,32 +68,20 @@ def corner_echo(
 
 
 @question
-def _first_ends_in(table: Table, slope: Lanes, bound: Lanes) -> Lanes:
-    """Which surfaces have their end a in the cone, nearer than the square root of the bound."""
-    return _is_in(table[AX], table[AY], slope, bound)
-
-
-@question
-def _second_ends_in(table: Table, slope: Lanes, bound: Lanes) -> Lanes:
-    """The same of end b."""
-    return _is_in(table[BX], table[BY], slope, bound)
+def _ends_in(table: Table, slope: Lanes, bound: Lanes) -> tuple[Lanes, Lanes]:
+    """Which surfaces' ends a, and b, are in the cone, nearer than the square root of the bound."""
+    return _is_in(table[AX], table[AY], slope, bound), _is_in(table[BX], table[BY], slope, bound)
 
 
 def _is_in(x: Lanes, y: Lanes, slope: Lanes, bound: Lanes) -> Lanes:
     rim = slope * x
-    return (x > 0.0) & (y <= rim) & (y >= rim * -1.0) & (x * x + y * y < bound)
+    return (x > 0.0) & (y <= rim) & (y >= -rim) & (x * x + y * y < bound)
 
 
 @question
-def _first_ends_at(table: Table, x: Lanes, y: Lanes) -> Lanes:
-    """Which surfaces have their end a at the point (x, y)."""
-    return _is_at(table[AX], table[AY], x, y)
-
-
-@question
-def _second_ends_at(table: Table, x: Lanes, y: Lanes) -> Lanes:
-    """The same of end b."""
-    return _is_at(table[BX], table[BY], x, y)
+def _ends_at(table: Table, x: Lanes, y: Lanes) -> tuple[Lanes, Lanes]:
+    """Which surfaces' ends a, and b, are the point (x, y)."""
+    return _is_at(table[AX], table[AY], x, y), _is_at(table[BX], table[BY], x, y)
 
 
 def _is_at(x: Lanes, y: Lanes, px: Lanes, py: Lanes) -> Lanes:
@@ -120,7 +105,8 @@ def _opening(cone: Cone, block: int, x: float, y: float) -> tuple[float, float]:
     """The angle, on the sonar's side, between the walls that touch a wall's end (x, y).
 
     Told by its sine and cosine, times the lengths of both (m²). A full turn at the end of a
-    single wall; both 0 where a wall before it ends there too, with which the point was looked at.
+    single wall; both 0 where one before those of a block, given by its first, ends there too: with
+    that the point was looked at.
     """
     # The next walls counter-clockwise and clockwise of the line to the sonar.
     left, left_x, left_y = np.inf, 0.0, 0.0

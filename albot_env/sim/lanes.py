@@ -40,8 +40,17 @@ class Lanes:
     def __sub__(self, other: Lanes | float) -> Lanes:
         return self._lanes(self._builder.fsub(self.value, self._like(other)))
 
+    def __rsub__(self, other: float) -> Lanes:
+        return self._lanes(self._builder.fsub(self._like(other), self.value))
+
+    def __neg__(self) -> Lanes:
+        return self._lanes(self._builder.fneg(self.value))
+
     def __truediv__(self, other: Lanes) -> Lanes:
         return self._lanes(self._builder.fdiv(self.value, other.value))
+
+    def __rtruediv__(self, other: float) -> Lanes:
+        return self._lanes(self._builder.fdiv(self._like(other), self.value))
 
     def __mul__(self, other: Lanes | float) -> Lanes:
         return self._lanes(self._builder.fmul(self.value, self._like(other)))
@@ -76,9 +85,14 @@ class Lanes:
     def _lanes(self, value: Any) -> Lanes:
         return Lanes(self._builder, value)
 
-    def where(self, other: Lanes, truths: Lanes) -> Lanes:
+    def where(self, other: Lanes | float, truths: Lanes) -> Lanes:
         """These numbers where something is true, others elsewhere."""
-        return self._lanes(self._builder.select(truths.value, self.value, other.value))
+        return self._lanes(self._builder.select(truths.value, self.value, self._like(other)))
+
+    def counted(self) -> Lanes:
+        """Of truths: 1 where one is true, 0 elsewhere."""
+        kind = ir.VectorType(ir.DoubleType(), self.value.type.count)
+        return self._lanes(self._builder.uitofp(self.value, kind))
 
     def together(self, truths: Lanes) -> Lanes:
         """Those where something is true, in their order, in the first lanes; any in the rest."""
@@ -105,13 +119,13 @@ class Lanes:
         """Their square roots."""
         return self._lanes(_built_in(self._builder, "llvm.sqrt", self.value))
 
-    def least(self, other: Lanes) -> Lanes:
+    def least(self, other: Lanes | float) -> Lanes:
         """The lesser of both in each lane."""
-        return self._lanes(self._builder.select((self < other).value, self.value, other.value))
+        return self.where(other, self < other)
 
-    def most(self, other: Lanes) -> Lanes:
+    def most(self, other: Lanes | float) -> Lanes:
         """The greater of both in each lane."""
-        return self._lanes(self._builder.select((self > other).value, self.value, other.value))
+        return self.where(other, self > other)
 
 
 def _built_in(builder: Any, name: str, *values: Any) -> Any:
@@ -123,6 +137,10 @@ def _built_in(builder: Any, name: str, *values: Any) -> Any:
     named = f"{name}.v{first.count}{width}"
     called = tools.get_or_insert_function(builder.module, kind, named)
     return builder.call(called, values)
+
+
+Answer = Lanes | tuple[Lanes, ...]
+"""Truths that answer a question, or several."""
 
 
 class Table:
@@ -145,28 +163,28 @@ class Table:
         return builder.bitcast(place, self._kind.as_pointer())
 
 
-def question(ask: Callable[..., Lanes]) -> Question:
+def question(ask: Callable[..., Answer]) -> Question:
     """What compiled code calls to ask something of eight columns at once.
 
     Args:
         ask: Answers it: `ask(table, *numbers)`, the numbers being the same in all lanes. It
-            may write rows of the table, too.
+            may write rows of the table, too, and give several answers.
 
     Returns:
         A function for compiled code of an array (rows, whole lanes), contiguous float64; of the
         first of the columns, or a tuple of them, for each of which `ask` is given a table; and of
         a tuple of float64, the numbers. Its answer is an int64 with a bit for each column, the
-        first's the lowest.
+        first's the lowest; those of a second answer follow, and so on.
     """
     return _question(ask, types.float64, ir.VectorType(ir.DoubleType(), LANES))
 
 
-def question32(ask: Callable[..., Lanes]) -> Question:
+def question32(ask: Callable[..., Answer]) -> Question:
     """`question` of sixteen columns of float32, by numbers that are float32, too."""
     return _question(ask, types.float32, ir.VectorType(ir.FloatType(), LANES32))
 
 
-def _question(ask: Callable[..., Lanes], element: Any, kind: Any) -> Question:
+def _question(ask: Callable[..., Answer], element: Any, kind: Any) -> Question:
     def _asked(typing: Any, array: Any, first: Any, numbers: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             rows = context.make_array(signature.args[0])(context, builder, values[0])
@@ -176,8 +194,12 @@ def _question(ask: Callable[..., Lanes], element: Any, kind: Any) -> Question:
                 column = context.cast(builder, begin, given, types.int64)
                 tables.append(Table(builder, kind, rows.data, length, column))
             parts = _parts(builder, values[2], signature.args[2])
-            answer = ask(*tables, *(_everywhere(builder, kind, part) for part, _ in parts)).value
-            return builder.zext(builder.bitcast(answer, ir.IntType(kind.count)), _WORD)
+            answer = ask(*tables, *(_everywhere(builder, kind, part) for part, _ in parts))
+            bits = _WORD(0)
+            for k, truths in enumerate(answer if isinstance(answer, tuple) else (answer,)):
+                own = builder.zext(builder.bitcast(truths.value, ir.IntType(kind.count)), _WORD)
+                bits = builder.or_(bits, builder.shl(own, _WORD(k * kind.count)))
+            return bits
 
         fits = array.layout == "C" and array.dtype == element
         if not fits or any(number != element for number in numbers):

@@ -163,7 +163,7 @@ def _line_up(fan: Fan, count: int, desk: Desk) -> None:
     walls, spans, blocks = desk.walls, desk.spans, fan.blocks
     parts, all_blocks = blocks.shape[1], desk.beams.shape[1] // LANES32
     for first in range(0, count, LANES):
-        _draw_lines(walls, first, (1.0, 2.0, 1e-300, fan.reach * fan.reach, 0.25 * parts))
+        _draw_lines(walls, first, (fan.reach * fan.reach, 0.25 * parts))
     for j in range(count):
         first, last = walls[FROM, j], walls[TO, j]
         begin = blocks[0, min(int(first), parts - 1)]
@@ -176,31 +176,29 @@ def _line_up(fan: Fan, count: int, desk: Desk) -> None:
 
 
 @question
-def _draw_lines(walls: Table, *numbers: Lanes) -> Lanes:
+def _draw_lines(walls: Table, reach2: Lanes, quarter: Lanes) -> Lanes:
     """Order the ends of walls, and find their lines; which are seen edge-on.
 
-    The numbers are one, two, next to nothing, the square of the laser's reach (m²), and a quarter
-    of the parts of a full turn.
+    Given are the square of the laser's reach (m²) and a quarter of the parts of a full turn.
     """
-    one, two, least, reach2, quarter = numbers
     sx, sy, ex, ey = (walls[row] for row in (AX, AY, BX, BY))
     area = sx * ey - sy * ex
     flip = area < 0.0
     ax, ay, bx, by = ex.where(sx, flip), ey.where(sy, flip), sx.where(ex, flip), sy.where(ey, flip)
-    per_area = one / area.size()
+    per_area = 1.0 / area.size()
     p, q = (by - ay) * per_area, (ax - bx) * per_area
     far = (ax * ax + ay * ay).most(bx * bx + by * by).least(reach2)
     walls[AX], walls[AY], walls[BX], walls[BY], walls[P], walls[Q] = ax, ay, bx, by, p, q
     walls[AREA], walls[GRAZE] = area.size(), far * far * (p * p + q * q)
-    walls[FROM] = (_turned(ax, ay, two, least) + 2.0) * quarter
-    walls[TO] = (_turned(bx, by, two, least) + 2.0) * quarter
+    walls[FROM] = (_turned(ax, ay) + 2.0) * quarter
+    walls[TO] = (_turned(bx, by) + 2.0) * quarter
     return area.size() <= 0.0
 
 
-def _turned(u: Lanes, v: Lanes, two: Lanes, least: Lanes) -> Lanes:
+def _turned(u: Lanes, v: Lanes) -> Lanes:
     """What `turned` makes of directions."""
-    part = v / (u.size() + v.size()).most(least)
-    behind = (two - part).where(two * -1.0 - part, v >= 0.0)
+    part = v / (u.size() + v.size()).most(1e-300)
+    behind = (2.0 - part).where(-2.0 - part, v >= 0.0)
     return part.where(behind, u >= 0.0)
 
 

@@ -111,7 +111,7 @@ def sense(rows: np.ndarray, parcel: Parcel) -> None:
     The parcel holds `poses` (n, 3), where they are; `counts` (n, …), what their odometers have
     counted; `Surroundings`; `Devices`; and `Sensed`.
     """
-    around, devices = opened(parcel)[2:4]
+    _, _, around, devices, _ = opened(parcel)
     most = 0
     for i in rows:
         most = max(most, around.last[i] - around.first[i])

@@ -91,10 +91,8 @@ def _measure(table: Table) -> Lanes:
     """Write the distances from the robot's middle."""
     x1, y1, x2, y2 = (table[row] for row in (X1, Y1, X2, Y2))
     dx, dy = x2 - x1, y2 - y1
-    zero = x1 * 0.0
-    along = (zero - (x1 * dx + y1 * dy)) / (dx * dx + dy * dy)
-    along = along.where(zero, along > 0.0)  # Where both ends are one point it is NaN.
-    along = along.where(zero + 1.0, along < 1.0)
+    along = -(x1 * dx + y1 * dy) / (dx * dx + dy * dy)
+    along = along.most(0.0).least(1.0)  # Where both ends are one point it is NaN, and 0 then.
     x, y = x1 + along * dx, y1 + along * dy
     distance = (x * x + y * y).root()
     table[DISTANCE], table[NEAREST] = distance, distance.minimum()
@@ -143,7 +141,7 @@ def _in_cone(table: Table, reach: Lanes, *planes: Lanes) -> Lanes:
     inside = table[DISTANCE] <= reach
     for x, y, limit in (planes[:3], planes[3:6], planes[6:]):
         inside &= (x * x1 + y * y1).least(x * x2 + y * y2) <= limit
-    table[INSIDE] = (x1 * 0.0 + 1.0).where(x1 * 0.0, inside)
+    table[INSIDE] = inside.counted()
     return inside
 
 

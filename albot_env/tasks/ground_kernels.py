@@ -149,45 +149,21 @@ def cut_patch(
     farthest to its left.
     """
     grid, side, cell, centre = ground.grids[i], ground.sides[i], ground.cell, ground.centres[i]
+    size, words = np.uint64(side), np.uint64(side // 8)
     cos, sin = math.cos(pose[2]) * patch_cell / cell, math.sin(pose[2]) * patch_cell / cell
     middle_x = (pose[0] - centre[0]) / cell + side / 2
     middle_y = (pose[1] - centre[1]) / cell + side / 2
     left = (width - 1) / 2
-    step = np.uint64(np.int64(sin * _ONE)), np.uint64(np.int64(-cos * _ONE))
+    step_x, step_y = np.uint64(np.int64(sin * _ONE)), np.uint64(np.int64(-cos * _ONE))
     for row in range(width):
         forward = (width - 1) / 2 - row
         x = np.uint64(np.int64((middle_x + cos * forward - sin * left) * _ONE))
         y = np.uint64(np.int64((middle_y + sin * forward + cos * left) * _ONE))
-        _cut_row(grid, side, (x, y), step, patch[row * width : (row + 1) * width])
-
-
-@kernel()
-def _cut_row(
-    grid: np.ndarray,
-    side: int,
-    place: tuple[np.uint64, np.uint64],
-    step: tuple[np.uint64, np.uint64],
-    patch: np.ndarray,
-) -> None:
-    """Fill a row of a patch: places x, y in the grid are in fixed-point cells.
-
-    Nothing branches by what is covered, which cannot be foreseen; nor by what is on the grid,
-    where both ends of the row are.
-    """
-    size, words = np.uint64(side), np.uint64(side // 8)
-    x, y = place
-    step_x, step_y = step
-    steps = np.uint64(patch.shape[0] - 1)
-    farthest = max(max(x, x + steps * step_x), max(y, y + steps * step_y))
-    if farthest >> _WHOLE < size:
-        for column in range(patch.shape[0]):
-            patch[column] = _SIGNS[_bit_at(grid, words, x, y)]
-            x += step_x
-            y += step_y
-    else:
-        for column in range(patch.shape[0]):
+        for column in range(width):
             on_grid = x >> _WHOLE < size and y >> _WHOLE < size
-            patch[column] = _SIGNS[_bit_at(grid, words, x, y) if on_grid else np.uint64(0)]
+            # Nothing branches by what is covered, which cannot be foreseen.
+            covered = _bit_at(grid, words, x, y) if on_grid else np.uint64(0)
+            patch[row * width + column] = _SIGNS[covered]
             x += step_x
             y += step_y
 
