@@ -9,6 +9,8 @@ short loops. So a function of vectors is written with Python's operators on `Lan
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from itertools import cycle
 from typing import Any, cast
 
 import numpy as np
@@ -22,7 +24,8 @@ from albot_core.compiled import kernel
 LANES, LANES32 = 8, 16
 """Columns that are looked at together, of float64 and of float32."""
 
-Question = Callable[[np.ndarray, int | tuple[int, ...], tuple[Any, ...]], int]
+Arrays = np.ndarray | tuple[np.ndarray, ...]
+Question = Callable[[Arrays, int | tuple[int, ...], tuple[Any, ...]], int]
 """What compiled code calls: see `question`."""
 
 _WORD = ir.IntType(64)
@@ -93,6 +96,11 @@ class Lanes:
         """Of truths: 1 where one is true, 0 elsewhere."""
         kind = ir.VectorType(ir.DoubleType(), self.value.type.count)
         return self._lanes(self._builder.uitofp(self.value, kind))
+
+    def coarse(self) -> Lanes:
+        """The nearest numbers of float32."""
+        kind = ir.VectorType(ir.FloatType(), self.value.type.count)
+        return self._lanes(self._builder.fptrunc(self.value, kind))
 
     def together(self, truths: Lanes) -> Lanes:
         """Those where something is true, in their order, in the first lanes; any in the rest."""
@@ -176,35 +184,61 @@ def question(ask: Callable[..., Answer]) -> Question:
         a tuple of float64, the numbers. Its answer is an int64 with a bit for each column, the
         first's the lowest; those of a second answer follow, and so on.
     """
-    return _question(ask, types.float64, ir.VectorType(ir.DoubleType(), LANES))
+    return make_question(ask, (types.float64,), LANES)
 
 
 def question32(ask: Callable[..., Answer]) -> Question:
     """`question` of sixteen columns of float32, by numbers that are float32, too."""
-    return _question(ask, types.float32, ir.VectorType(ir.FloatType(), LANES32))
+    return make_question(ask, (types.float32,), LANES32)
 
 
-def _question(ask: Callable[..., Answer], element: Any, kind: Any) -> Question:
-    def _asked(typing: Any, array: Any, first: Any, numbers: Any) -> Any:
+def coarse_question(ask: Callable[..., Answer]) -> Question:
+    """`question` of two arrays and the firsts of both; the second's numbers are float32."""
+    return make_question(ask, (types.float64, types.float32), LANES)
+
+
+def make_question(
+    ask: Callable[..., Any],
+    elements: tuple[Any, ...],
+    count: int,
+    lanes: Any = Lanes,
+    table: Any = Table,
+) -> Question:
+    """`question` of columns of another kind.
+
+    Args:
+        ask: Answers it.
+        elements: What the arrays hold, as numba names it; the first holds what the numbers are.
+        count: How many columns it is asked of.
+        lanes: What `ask` is given for numbers.
+        table: What it is given for tables.
+    """
+
+    def _asked(typing: Any, array: Any, first: Any, given: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            rows = context.make_array(signature.args[0])(context, builder, values[0])
-            length = builder.extract_value(rows.shape, 1)
+            arrays, firsts, numbers = map(partial(_parts, builder), values, signature.args)
             tables = []
-            for begin, given in _parts(builder, values[1], signature.args[1]):
-                column = context.cast(builder, begin, given, types.int64)
-                tables.append(Table(builder, kind, rows.data, length, column))
-            parts = _parts(builder, values[2], signature.args[2])
-            answer = ask(*tables, *(_everywhere(builder, kind, part) for part, _ in parts))
+            for (value, of), (begin, its) in zip(cycle(arrays), firsts, strict=False):
+                rows = context.make_array(of)(context, builder, value)
+                kind = ir.VectorType(context.get_data_type(of.dtype), count)
+                length = builder.extract_value(rows.shape, 1)
+                column = context.cast(builder, begin, its, types.int64)
+                tables.append(table(builder, kind, rows.data, length, column))
+            kind = ir.VectorType(context.get_data_type(elements[0]), count)
+            same = [lanes(builder, everywhere(builder, kind, number)) for number, _ in numbers]
+            answer = ask(*tables, *same)
             bits = _WORD(0)
             for k, truths in enumerate(answer if isinstance(answer, tuple) else (answer,)):
-                own = builder.zext(builder.bitcast(truths.value, ir.IntType(kind.count)), _WORD)
-                bits = builder.or_(bits, builder.shl(own, _WORD(k * kind.count)))
+                own = builder.zext(builder.bitcast(truths.value, ir.IntType(count)), _WORD)
+                bits = builder.or_(bits, builder.shl(own, _WORD(k * count)))
             return bits
 
-        fits = array.layout == "C" and array.dtype == element
-        if not fits or any(number != element for number in numbers):
+        arrays: Any = array if isinstance(array, types.BaseTuple) else (array,)
+        fit = all(of.layout == "C" for of in arrays)
+        fit &= tuple(of.dtype for of in arrays) == elements
+        if not fit or any(number != elements[0] for number in given):
             return None  # Numba then says that there is no such function for these arguments.
-        return types.int64(array, first, numbers), generate
+        return types.int64(array, first, given), generate
 
     _asked.__name__ = ask.__name__
     return cast(Question, intrinsic(_asked))
@@ -218,12 +252,12 @@ def _parts(builder: Any, value: Any, kind: Any) -> list[tuple[Any, Any]]:
     return [(builder.extract_value(value, place), part) for place, part in enumerate(elements)]
 
 
-def _everywhere(builder: Any, kind: Any, number: Any) -> Lanes:
-    """A number in all lanes."""
+def everywhere(builder: Any, kind: Any, number: Any) -> Any:
+    """A vector of this kind with a number in all lanes, as the compiler knows them."""
     nothing, place = kind(ir.Undefined), ir.IntType(32)
     one = builder.insert_element(nothing, number, place(0))
     nowhere = ir.Constant(ir.VectorType(place, kind.count), [0] * kind.count)
-    return Lanes(builder, builder.shuffle_vector(one, nothing, nowhere))
+    return builder.shuffle_vector(one, nothing, nowhere)
 
 
 @kernel()

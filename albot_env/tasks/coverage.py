@@ -17,10 +17,10 @@ from albot_env.tasks.ground_kernels import (
     Ground,
     Sight,
     cover,
-    cut_patch,
     find_frontier,
     is_time_to_look,
 )
+from albot_env.tasks.patch_kernels import cut_patch
 
 _PARTS = 2048
 """How finely the full turn is divided to look up the beam that points somewhere."""

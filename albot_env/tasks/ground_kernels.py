@@ -1,4 +1,4 @@
-"""Compiled loops over the ground: covering it, cutting patches, finding its frontier.
+"""Compiled loops over the ground: covering it, finding its frontier.
 
 A grid of ground is a square of cells, a bit each. Eight by eight cells share a word, so that
 what lies around a robot lies together in memory: column x, row y is bit 8 (y % 8) + x % 8 of
@@ -12,17 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.bits import lowest
+from albot_core.bits import lowest, ones
 from albot_core.compiled import kernel
 from albot_core.geometry.directions import turned
+from albot_env.sim.lanes import Lanes, Table, question
 
-_ONE = 2.0**32
-"""A cell in fixed-point numbers, in which loops over cells need no conversions: a negative
-cell, taken as unsigned, is beyond every grid."""
-_WHOLE, _BLOCK = np.uint64(32), np.uint64(35)
-"""By how many bits such a number is shifted to get the whole cell, and the block of eight."""
-_SIGNS = np.array((-1.0, 1.0), np.float32)
-"""What is shown of cells that are not covered, and that are."""
+_COLUMNS = np.arange(8.0).reshape(1, 8)
 
 
 class Ground(NamedTuple):
@@ -81,99 +76,62 @@ def cover(ground: Ground, i: int, pose: np.ndarray, sight: Sight, ranges: np.nda
     # The laser's place, in cells from the middle of cell (0, 0).
     eye_x = (pose[0] + cos * sight.x - sin * sight.y - centre[0]) / cell + side / 2 - 0.5
     eye_y = (pose[1] + sin * sight.x + cos * sight.y - centre[1]) / cell + side / 2 - 0.5
-    eye = eye_x, eye_y, cos, sin
-    radius, per_cos = sight.radius / cell, 1.0 / cos
-    least = radius * min(sight.ahead, 0.0)
-    new = 0
-    for row in range(max(0, math.ceil(eye_y - radius)), min(side, math.floor(eye_y + radius) + 1)):
-        dy = row - eye_y
-        half = math.sqrt(max(0.0, radius * radius - dy * dy))
-        # Where on the row something is at least so far ahead.
-        bound = (least - sin * dy) * per_cos
-        left = max(-half, bound) if cos > 0.0 else -half
-        right = min(half, bound) if cos < 0.0 else half
-        first = max(0, math.ceil(eye_x + left))
-        last = min(side - 1, math.floor(eye_x + right))
-        new += _cover_row(ground, i, row, (first, last), eye, sight, ranges)
+    eye, radius = (eye_x, eye_y, cos, sin), sight.radius / cell
+    first, last = max(0, math.ceil(eye_x - radius)), min(side - 1, math.floor(eye_x + radius))
+    low, high = max(0, math.ceil(eye_y - radius)), min(side - 1, math.floor(eye_y + radius))
+    grid, words, new = ground.grids[i], side // 8, 0
+    limits = radius * radius, radius * min(sight.ahead, 0.0)
+    for y in range(low >> 3, (high >> 3) + 1):
+        for x in range(first >> 3, (last >> 3) + 1):
+            word = y * words + x
+            # By now most cells are covered, and need not be looked at.
+            near = _near(_COLUMNS, 0, (eye_x - 8 * x, eye_y - 8 * y, cos, sin, *limits))
+            hidden = int(~grid[word]) & near
+            if hidden:
+                seen = _seen(hidden, (8 * x, 8 * y), eye, 1.0 / cell, sight, ranges)
+                grid[word] |= np.uint64(seen)
+                new += ones(seen)
     return new
 
 
+@question
+def _near(columns: Table, *eye: Lanes) -> tuple[Lanes, ...]:
+    """Which cells of a block are within the square of a distance of the eye, and not behind it.
+
+    Told row by row. `eye` is the laser's place (cells from the middle of the block's first cell),
+    the cosine and sine of the robot's heading, that square, and how far ahead cells are at least.
+    """
+    x, y, cos, sin, radius2, least = eye
+    dx = columns[0] - x
+    rows = [row - y for row in range(8)]
+    return tuple((dx * dx + dy * dy <= radius2) & (cos * dx + sin * dy >= least) for dy in rows)
+
+
 @kernel()
-def _cover_row(
-    ground: Ground,
-    i: int,
-    row: int,
-    columns: tuple[int, int],
+def _seen(
+    cells: int,
+    corner: tuple[int, int],
     eye: tuple[float, float, float, float],
+    per_cell: float,
     sight: Sight,
     ranges: np.ndarray,
 ) -> int:
-    """Mark those cells of a row from the first to the last column that are seen.
-
-    `eye` is the laser's place (cells), and the cosine and sine of the robot's heading. Only cells
-    that are not covered yet are looked at: by now most are.
-    """
-    grid, words, beams = ground.grids[i], ground.sides[i] // 8, sight.beams
+    """Which of some cells of a block, told by its first column and row, a scan shows."""
+    beams = sight.beams
     x, y, cos, sin = eye
-    parts, per_cell, dy = beams.shape[0], 1.0 / ground.cell, row - y
-    first, last = columns
-    line, new = (row & 7) << 3, 0
-    while first <= last:
-        word = (row >> 3) * words + (first >> 3)
-        count = min(8 - (first & 7), last - first + 1)
-        rest = ~np.int64(grid[word]) >> (line | (first & 7))
-        open_ground = int(rest & ((1 << count) - 1))
-        while open_ground:
-            column = first + lowest(open_ground)
-            open_ground &= open_ground - 1
-            dx = column - x
-            u, v = cos * dx + sin * dy, cos * dy - sin * dx
-            beam = beams[min(int((turned(u, v) + 2.0) * 0.25 * parts), parts - 1)]
-            if beam < 0:
-                continue
-            reach = ranges[beam] * per_cell
-            if dx * dx + dy * dy <= reach * reach:
-                grid[word] |= np.uint64(1) << np.uint64(line | (column & 7))
-                new += 1
-        first += count
-    return new
-
-
-@kernel()
-def cut_patch(
-    ground: Ground, i: int, pose: np.ndarray, patch_cell: float, width: int, patch: np.ndarray
-) -> None:
-    """Fill `patch`, row by row of `width` cells, with robot i's ground: 1 covered, -1 not.
-
-    The cells, of side `patch_cell` (m), lie around `pose`: row 0 farthest ahead of it, column 0
-    farthest to its left.
-    """
-    grid, side, cell, centre = ground.grids[i], ground.sides[i], ground.cell, ground.centres[i]
-    size, words = np.uint64(side), np.uint64(side // 8)
-    cos, sin = math.cos(pose[2]) * patch_cell / cell, math.sin(pose[2]) * patch_cell / cell
-    middle_x = (pose[0] - centre[0]) / cell + side / 2
-    middle_y = (pose[1] - centre[1]) / cell + side / 2
-    left = (width - 1) / 2
-    step_x, step_y = np.uint64(np.int64(sin * _ONE)), np.uint64(np.int64(-cos * _ONE))
-    for row in range(width):
-        forward = (width - 1) / 2 - row
-        x = np.uint64(np.int64((middle_x + cos * forward - sin * left) * _ONE))
-        y = np.uint64(np.int64((middle_y + sin * forward + cos * left) * _ONE))
-        for column in range(width):
-            on_grid = x >> _WHOLE < size and y >> _WHOLE < size
-            # Nothing branches by what is covered, which cannot be foreseen.
-            covered = _bit_at(grid, words, x, y) if on_grid else np.uint64(0)
-            patch[row * width + column] = _SIGNS[covered]
-            x += step_x
-            y += step_y
-
-
-@kernel()
-def _bit_at(grid: np.ndarray, words: np.uint64, x: np.uint64, y: np.uint64) -> np.uint64:
-    """Whether the cell at a fixed-point place on the grid, with so many words a row, is covered."""
-    word = grid[(y >> _BLOCK) * words + (x >> _BLOCK)]
-    bit = ((y >> np.uint64(29)) & np.uint64(56)) | ((x >> _WHOLE) & np.uint64(7))
-    return np.uint64((word >> bit) & np.uint64(1))
+    parts, shown = beams.shape[0], 0
+    while cells:
+        place = lowest(cells)
+        cells &= cells - 1
+        dx, dy = corner[0] + (place & 7) - x, corner[1] + (place >> 3) - y
+        u, v = cos * dx + sin * dy, cos * dy - sin * dx
+        beam = beams[min(int((turned(u, v) + 2.0) * 0.25 * parts), parts - 1)]
+        if beam < 0:
+            continue
+        reach = ranges[beam] * per_cell
+        if dx * dx + dy * dy <= reach * reach:
+            shown |= 1 << place
+    return shown
 
 
 @kernel()

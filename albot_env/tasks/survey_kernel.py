@@ -14,7 +14,6 @@ from albot_env.tasks.ground_kernels import (
     Ground,
     Sight,
     cover,
-    cut_patch,
     find_frontier,
     is_time_to_look,
 )
@@ -29,6 +28,7 @@ from albot_env.tasks.kernels import (
     observe_way,
     scale_ranges,
 )
+from albot_env.tasks.patch_kernels import cut_patch
 from albot_env.tasks.sketching_kernel import Pencil, Sketches, follow_sketch
 from albot_env.tasks.wayfinding_kernel import (
     Search,
