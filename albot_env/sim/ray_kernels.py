@@ -1,12 +1,12 @@
 """Compiled inner loops of the ray caster.
 
 With wall ends a and b in the frame of the laser, a clockwise of b, a beam in direction u
-meets the wall where a × u >= 0 and b × u <= 0, and there the inverse range is linear in
-u: 1/r = (u × (b - a)) / (a × b). The nearest wall along each beam is a running maximum of
-multiply-adds over the beams that may meet it, which the compiler turns into vector
-instructions: nothing is divided, and no angle computed, once a wall's coefficients are
-known. Which beams may meet it a table tells, by the wall's ends. Both tests at an end that
-two walls share are the same arithmetic, so that no beam slips between them.
+meets the wall where u is between a and b, and there the inverse range is linear in u:
+1/r = (u × (b - a)) / (a × b). The nearest wall along each beam is a running maximum of
+multiply-adds over the beams that may meet it: nothing is divided, and no angle computed, once
+a wall's coefficients are known. Directions are compared by numbers that grow with them (see
+`turned`). The number of an end that two walls share is the same for both, so that no beam slips
+between them. Beams are taken in blocks, each with the walls that reach into it.
 """
 
 from __future__ import annotations
@@ -16,18 +16,27 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from albot_core.bits import lowest
 from albot_core.compiled import kernel
-from albot_env.sim.lanes import LANES, LANES32, Lanes, Table, question, question32, whole_lanes
+from albot_core.geometry.directions import turned
+from albot_env.sim.lanes import (
+    LANES,
+    LANES32,
+    Lanes,
+    Table,
+    coarse_question,
+    question32,
+    whole_lanes,
+)
 from albot_env.sim.wall_index import Walls
-
-GRAZING: Any = np.int64(-1)
-"""In place of a wall's last block: float32 is too coarse for it."""
 
 _ZERO: Any = np.int64(0)
 """A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 
 _GRAZING = 1000.0
 """Float32 costs less than 0.2 mm while range² / distance to the wall's line is below (m)."""
+_STRIP: Any = np.int64(64)
+"""Walls that are taken together: a word has a bit for each."""
 
 
 class Fan(NamedTuple):
@@ -37,7 +46,8 @@ class Fan(NamedTuple):
     directions: np.ndarray
     """(2, beams) float64: cosine and sine of the beams' bearings from the middle."""
     padded: np.ndarray
-    """(2, blocks × LANES32) float32: the same, and zeros, to whole blocks."""
+    """(3, blocks × LANES32) float32: the same, and the beams' directions as `turned` tells them,
+    to whole blocks: no range is found along what the last beam is followed by."""
     reach: float
     """Distance at and beyond which a range is infinite (m)."""
     x: float
@@ -48,12 +58,9 @@ class Fan(NamedTuple):
     """…and the middle of the fan from the robot's heading (rad)."""
     behind: float
     """Nothing with both ends at x below this (m) is in any beam's way."""
-    blocks: np.ndarray
-    """(2, n) int64: for directions, finely divided, the block of the first beam not clockwise
-    of it and the one behind the block of the last not counter-clockwise (see `turned`)."""
 
 
-NEAREST, U, V = range(3)
+U, V, W, NEAREST = range(4)
 """Rows of `Desk.beams`."""
 
 
@@ -61,30 +68,28 @@ class Desk(NamedTuple):
     """Room to work in while scanning."""
 
     beams: np.ndarray
-    """(3, blocks × LANES32) float32: inverse ranges along the beams, and their directions."""
+    """(4, blocks × LANES32) float32: the beams' directions, as vectors and as `turned` tells them,
+    and the inverse ranges along them."""
     walls: np.ndarray
-    """(WALL_ROWS, room) float64: the walls in question, a column each (see AX and so on)."""
-    spans: np.ndarray
-    """(room, 2) int64: the first of the blocks that each may reach into, and the one behind
-    the last, which is GRAZING where float32 is too coarse; none where it is seen edge-on."""
+    """(4, room) float64: the ends x, y of the walls in question, a column each (m)."""
+    lines: np.ndarray
+    """(4, room) float32: their lines (see P and so on)."""
 
 
-AX, AY, BX, BY, P, Q, AREA, FROM, TO, GRAZE = range(10)
-"""Rows of `Desk.walls`, in the frame of the laser: ends a and b (m), and 1/r along its axes; twice
-the area between a wall and the laser (m²); the directions of its ends, in parts of the full turn;
-and the square of the length (m) that `_GRAZING` is compared with."""
-WALL_ROWS = 10
-"""How many they are."""
+AX, AY, BX, BY = range(4)
+"""Rows of `Desk.walls`, in the frame of the laser."""
+P, Q, FROM, TO = range(4)
+"""Rows of `Desk.lines`: 1/r along the laser's axes; and between which directions beams meet a wall
+(see `turned`), which are none where float32 is too coarse for it, or it is seen edge-on."""
 
 
 @kernel(arrays=True)
 def make_desk(fan: Fan, room: int) -> Desk:
     """A desk for so many walls."""
-    beams = np.empty((3, fan.padded.shape[1]), np.float32)
-    for k in range(fan.padded.shape[1]):
-        beams[U, k], beams[V, k] = fan.padded[0, k], fan.padded[1, k]
-    columns = whole_lanes(room)
-    return Desk(beams, np.empty((WALL_ROWS, columns)), np.empty((columns, 2), np.int64))
+    beams = np.empty((4, fan.padded.shape[1]), np.float32)
+    beams[:NEAREST] = fan.padded
+    columns = 2 * whole_lanes(room) + _STRIP  # Some are taken twice, and a strip is asked whole.
+    return Desk(beams, np.empty((4, columns)), np.empty((4, columns), np.float32))
 
 
 @kernel(arrays=True, nogil=True)
@@ -128,11 +133,12 @@ def scan(
         count += _take(index.walls, m, eye, fan.behind, desk.walls, count)
     for j in range(first, last):
         count += _take(things, j, eye, fan.behind, desk.walls, count)
-    _line_up(fan, count, desk)
     horizon = np.float32(1.0 / fan.reach)
     for k in range(desk.beams.shape[1]):
         desk.beams[NEAREST, k] = horizon
-    _raise_all(fan, count, desk)
+    count = _line_up(fan, count, desk)
+    for start in range(0, count, _STRIP):
+        _raise_all(start, count - start, desk)
     for k in range(fan.beams):
         inverse = desk.beams[NEAREST, k]
         ranges[k] = np.float32(1.0) / inverse if inverse > horizon else np.inf
@@ -158,28 +164,37 @@ def _take(
 
 
 @kernel()
-def _line_up(fan: Fan, count: int, desk: Desk) -> None:
-    """Find, of the first walls of the desk, the lines and the blocks that they reach into."""
-    walls, spans, blocks = desk.walls, desk.spans, fan.blocks
-    parts, all_blocks = blocks.shape[1], desk.beams.shape[1] // LANES32
+def _line_up(fan: Fan, count: int, desk: Desk) -> int:
+    """Find the lines of the first walls of the desk; how many these are.
+
+    A wall that passes behind the laser has two, one for each side. Beams are held at once against
+    walls for which float32 is too coarse.
+    """
+    walls, lines = desk.walls, desk.lines
+    lined_up = whole_lanes(count)
+    for k in range(count, lined_up):  # Points are seen edge-on.
+        walls[AX, k] = walls[AY, k] = walls[BX, k] = walls[BY, k] = 0.0
     for first in range(0, count, LANES):
-        _draw_lines(walls, first, (fan.reach * fan.reach, 0.25 * parts))
-    for j in range(count):
-        first, last = walls[FROM, j], walls[TO, j]
-        begin = blocks[0, min(int(first), parts - 1)]
-        end = blocks[1, min(int(last), parts - 1)]
-        if first > last:  # The wall passes behind the laser.
-            begin, end = 0, all_blocks
-        if walls[GRAZE, j] > _GRAZING * _GRAZING:
-            begin, end = 0, GRAZING
-        spans[j, 0], spans[j, 1] = begin, (end if walls[AREA, j] != 0.0 else _ZERO)
+        odd = _draw_lines((walls, lines), (first, first), (fan.reach * fan.reach,))
+        while odd:
+            lane = lowest(odd)
+            odd &= odd - 1
+            j = first + lane % LANES
+            if lane < LANES:
+                _raise_grazing(desk.beams, fan.directions, walls, j)
+                continue
+            lines[P, lined_up], lines[Q, lined_up] = lines[P, j], lines[Q, j]
+            lines[FROM, lined_up], lines[TO, lined_up] = -np.inf, turned(walls[BX, j], walls[BY, j])
+            lined_up += 1
+    return lined_up
 
 
-@question
-def _draw_lines(walls: Table, reach2: Lanes, quarter: Lanes) -> Lanes:
-    """Order the ends of walls, and find their lines; which are seen edge-on.
+@coarse_question
+def _draw_lines(walls: Table, lines: Table, reach2: Lanes) -> tuple[Lanes, Lanes]:
+    """Order the ends of walls, and find their lines.
 
-    Given are the square of the laser's reach (m²) and a quarter of the parts of a full turn.
+    Given is the square of the laser's reach (m²). Answered is for which of them float32 is too
+    coarse, and of the others which pass behind the laser: their lines are those to its left.
     """
     sx, sy, ex, ey = (walls[row] for row in (AX, AY, BX, BY))
     area = sx * ey - sy * ex
@@ -187,12 +202,17 @@ def _draw_lines(walls: Table, reach2: Lanes, quarter: Lanes) -> Lanes:
     ax, ay, bx, by = ex.where(sx, flip), ey.where(sy, flip), sx.where(ex, flip), sy.where(ey, flip)
     per_area = 1.0 / area.size()
     p, q = (by - ay) * per_area, (ax - bx) * per_area
+    walls[AX], walls[AY], walls[BX], walls[BY] = ax, ay, bx, by
     far = (ax * ax + ay * ay).most(bx * bx + by * by).least(reach2)
-    walls[AX], walls[AY], walls[BX], walls[BY], walls[P], walls[Q] = ax, ay, bx, by, p, q
-    walls[AREA], walls[GRAZE] = area.size(), far * far * (p * p + q * q)
-    walls[FROM] = (_turned(ax, ay) + 2.0) * quarter
-    walls[TO] = (_turned(bx, by) + 2.0) * quarter
-    return area.size() <= 0.0
+    graze = far * far * (p * p + q * q)
+    seen, coarse = area.size() > 0.0, graze > _GRAZING * _GRAZING
+    plain = seen & (graze <= _GRAZING * _GRAZING)
+    first, last = _turned(ax, ay), _turned(bx, by)
+    behind = first > last
+    lines[P], lines[Q] = p.coarse(), q.coarse()
+    lines[FROM] = first.where(np.inf, plain).coarse()
+    lines[TO] = (last * 0.0 + np.inf).where(last, behind).coarse()
+    return seen & coarse, plain & behind
 
 
 def _turned(u: Lanes, v: Lanes) -> Lanes:
@@ -203,28 +223,56 @@ def _turned(u: Lanes, v: Lanes) -> Lanes:
 
 
 @kernel()
-def _raise_all(fan: Fan, count: int, desk: Desk) -> None:
-    """Raise the inverse ranges to those of the first walls of the desk."""
-    walls = desk.walls
-    for j in range(count):
-        begin, end = desk.spans[j]
-        ax, ay = np.float32(walls[AX, j]), np.float32(walls[AY, j])
-        bx, by = np.float32(walls[BX, j]), np.float32(walls[BY, j])
-        p, q = np.float32(walls[P, j]), np.float32(walls[Q, j])
-        for block in range(begin, end):
-            _raise(desk.beams, block * LANES32, (ax, ay, bx, by, p, q))
-        if end == GRAZING:
-            _raise_grazing(desk.beams, fan.directions, walls, j)
+def _raise_all(start: int, count: int, desk: Desk) -> None:
+    """Raise the inverse ranges to those of the lines of a strip, or of so many if fewer."""
+    beams, lines = desk.beams, desk.lines
+    for first in range(0, beams.shape[1], LANES32):
+        between = beams[W, first], beams[W, first + LANES32 - 1]
+        walls = 0
+        for group in range(0, min(count, _STRIP), LANES32):
+            walls |= _reaching(lines, start + group, between) << group
+        if count < _STRIP:
+            walls &= (1 << count) - 1
+        while walls:
+            i, walls = _take_next(walls, _ZERO)
+            j, walls = _take_next(walls, i)
+            k, walls = _take_next(walls, j)
+            m, walls = _take_next(walls, k)
+            pair = (*_line(lines, start + i), *_line(lines, start + j))
+            other = (*_line(lines, start + k), *_line(lines, start + m))
+            _raise(beams, first, (*pair, *other))
 
 
 @question32
-def _raise(beams: Table, *line: Lanes) -> Lanes:
-    """Raise the inverse ranges along a block of beams to those of a wall, where they meet it."""
-    ax, ay, bx, by, p, q = line
-    u, v, before = beams[U], beams[V], beams[NEAREST]
-    met = (ax * v - ay * u >= 0.0) & (bx * v - by * u <= 0.0)
-    beams[NEAREST] = (p * u + q * v).where(before, met).most(before)
-    return met
+def _reaching(lines: Table, first: Lanes, last: Lanes) -> Lanes:
+    """Which walls do beams meet that lie between two directions."""
+    return (lines[FROM] <= last) & (lines[TO] >= first)
+
+
+@kernel()
+def _take_next(walls: int, before: int) -> tuple[int, int]:
+    """The first of some walls, and the others; the one before where none is left.
+
+    To take one twice changes nothing, and costs less than to ask whether one is left.
+    """
+    return lowest(walls) if walls else before, walls & (walls - 1)
+
+
+@kernel()
+def _line(lines: np.ndarray, k: int) -> tuple[float, float, float, float]:
+    return lines[P, k], lines[Q, k], lines[FROM, k], lines[TO, k]
+
+
+@question32
+def _raise(beams: Table, *lines: Lanes) -> Lanes:
+    """Raise the inverse ranges along a block of beams to those of walls, where they meet them."""
+    u, v, w, nearest = beams[U], beams[V], beams[W], beams[NEAREST]
+    for k in range(0, len(lines), 4):
+        p, q, first, last = lines[k : k + 4]
+        inverse = p * u + q * v
+        nearest = inverse.where(nearest, (w >= first) & (w <= last) & (inverse > nearest))
+    beams[NEAREST] = nearest
+    return nearest > 0.0
 
 
 @kernel()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from albot_core.geometry.directions import turned
 from albot_core.geometry.types import Pose, Ranges, Segments
@@ -14,17 +14,16 @@ from albot_env.sim.lanes import LANES32
 from albot_env.sim.ray_kernels import Fan, scan_poses
 from albot_env.sim.wall_index import Locator, WallIndex
 
-_PARTS = 1024
-"""How finely the full turn is divided to look up which beams may meet a wall."""
-
 
 def make_fan(geometry: LaserGeometry) -> Fan:
     """A laser's beams as the compiled ray caster takes them."""
     middle = float(geometry.bearings.mean())
     angles = geometry.bearings - middle
     directions = np.stack((np.cos(angles), np.sin(angles)))
-    padded = np.zeros((2, math.ceil(geometry.beams / LANES32) * LANES32), np.float32)
-    padded[:, : geometry.beams] = directions
+    padded = np.zeros((3, math.ceil(geometry.beams / LANES32) * LANES32), np.float32)
+    padded[:2, : geometry.beams] = directions
+    turns = [turned(u, v) for u, v in directions.T.tolist()]
+    padded[2] = turns + turns[-1:] * (padded.shape[1] - geometry.beams)
     # A fan of at most a half turn sees nothing behind the laser (a micrometre for rounding).
     half_turn = directions[0].min() > -1e-9
     return Fan(
@@ -36,21 +35,7 @@ def make_fan(geometry: LaserGeometry) -> Fan:
         y=float(geometry.mount[1]),
         heading=float(geometry.mount[2] + middle),
         behind=-1e-6 if half_turn else -np.inf,
-        blocks=_blocks(directions),
     )
-
-
-def _blocks(directions: Float64[np.ndarray, "2 beams"]) -> Int64[np.ndarray, "2 parts"]:
-    """For each part of the full turn, the blocks of beams from its beginning and up to its end.
-
-    Each is a beam wider than it need be, against rounding.
-    """
-    beams = np.array([turned(u, v) for u, v in directions.T.tolist()])
-    edges = np.linspace(-2, 2, _PARTS + 1)
-    last = len(beams) - 1
-    first = np.clip(np.searchsorted(beams, edges[:-1]) - 1, 0, last)
-    final = np.clip(np.searchsorted(beams, edges[1:], side="right"), 0, last)
-    return np.stack((first // LANES32, final // LANES32 + 1))
 
 
 def index_for(geometry: LaserGeometry, *, indexed: bool = True) -> WallIndex:

@@ -15,11 +15,13 @@ from albot_env.sim.lanes import (
     LANES32,
     Lanes,
     Table,
+    coarse_question,
     first_of,
     question,
     question32,
     whole_lanes,
 )
+from albot_env.sim.word_lanes import Words, WordTable, question64
 
 NUMBERS = st.floats(-1e6, 1e6) | st.just(np.nan)
 TABLES = arrays(np.float64, (4, 2 * LANES), elements=NUMBERS)
@@ -139,3 +141,56 @@ def test_other_tables_are_refused() -> None:
         _ask(np.zeros((4, 8), np.float32), 0, 1.0)
     with pytest.raises(TypingError):
         _ask(np.zeros((8, 4)).T, 0, 1.0)
+
+
+@coarse_question
+def _rounded(table: Table, coarse: Table, limit: Lanes) -> Lanes:
+    coarse[1] = (table[0] + table[1]).coarse()
+    return table[0] > limit
+
+
+@kernel()
+def _round(table: np.ndarray, coarse: np.ndarray, first: int, to: int) -> int:
+    return _rounded((table, coarse), (first, to), (0.0,))
+
+
+@given(
+    arrays(np.float64, (2, 2 * LANES), elements=st.floats(-1e6, 1e6)),
+    st.integers(0, LANES),
+    st.integers(0, LANES),
+)
+def test_a_second_table_is_of_less_exact_numbers(table: np.ndarray, first: int, to: int) -> None:
+    coarse = np.zeros((2, 2 * LANES), np.float32)
+    part = table[:, first : first + LANES]
+    assert _round(table, coarse, first, to) == _bits(part[0] > 0.0)
+    np.testing.assert_array_equal(coarse[1, to : to + LANES], part.sum(axis=0).astype(np.float32))
+    assert np.count_nonzero(coarse) == np.count_nonzero(coarse[1, to : to + LANES])
+
+
+@question64
+def _looked_up(table: WordTable, first: Words, step: Words, end: Words) -> Words:
+    places = first.onwards(step)
+    return (table.at(places >> 3, places >> 3 < end) >> (places & 7 | (places & 8) + step)).odd()
+
+
+@kernel()
+def _look_up(table: np.ndarray, column: int, first: int, step: int, end: int) -> int:
+    return _looked_up(table, column, (np.uint64(first), np.uint64(step), np.uint64(end)))
+
+
+@given(
+    arrays(np.uint64, (1, 24), elements=st.integers(0, 2**64 - 1)),
+    st.integers(0, 4),
+    st.integers(-100, 200),
+    st.integers(0, 24),
+    st.integers(0, 20),
+)
+def test_words_are_looked_up_where_they_are_in_bounds(
+    table: np.ndarray, column: int, first: int, step: int, end: int
+) -> None:
+    expected = []
+    for lane in range(LANES):
+        place = (first + lane * step) % 2**64
+        word = int(table[0, column + (place >> 3)]) if place >> 3 < end else 0
+        expected.append(word >> ((place & 7) | ((place & 8) + step)) & 1)
+    assert _look_up(table, column, first, step, end) == _bits(np.array(expected))

@@ -11,7 +11,7 @@ from albot_core.errors import InputError
 from albot_core.perception.reading import LaserGeometry, LaserScan
 from albot_env.tasks.coverage import Coverage, CoverageConfig
 from albot_env.tasks.ground import laid, no_ground
-from albot_env.tasks.ground_kernels import cover
+from albot_env.tasks.ground_kernels import cover, is_covered
 
 CONFIG = CoverageConfig()
 NOWHERE = LaserScan(ranges=np.full(181, np.inf), geometry=LaserGeometry())
@@ -73,6 +73,35 @@ def test_the_patch_shows_the_cells_it_says(
         assert patch[row, column] == 1
     elif far > 1.9 or facing < -0.4:
         assert patch[row, column] == -1
+
+
+@settings(deadline=None)
+@given(
+    st.integers(2, 19),
+    st.floats(0.1, 0.9),
+    st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(-np.pi, np.pi)),
+    st.integers(0, 2**32 - 1),
+)
+def test_a_patch_of_any_size_shows_the_cells_under_its_middles(
+    width: int, patch_cell: float, pose: tuple[float, float, float], seed: int
+) -> None:
+    """The slow way, on ground covered at random; what lies beyond it is not covered."""
+    config = CoverageConfig(patch_cells=width, patch_cell=patch_cell)
+    coverage = Coverage(config, 4.0, (1.0, -2.0))
+    grids = coverage.ground.grids
+    grids[:] = np.random.default_rng(seed).integers(0, 2**64, grids.shape, np.uint64)
+    patch = coverage.patch(np.array(pose))[0]
+    ahead, left = patch_cell * ((width - 1) / 2 - np.mgrid[:width, :width])
+    x = pose[0] + np.cos(pose[2]) * ahead - np.sin(pose[2]) * left
+    y = pose[1] + np.sin(pose[2]) * ahead + np.cos(pose[2]) * left
+    for row, column in np.ndindex(width, width):
+        around = {
+            is_covered(coverage.ground, 0, x[row, column] + dx, y[row, column] + dy)
+            for dx in (-1e-6, 1e-6)
+            for dy in (-1e-6, 1e-6)
+        }
+        if len(around) == 1:
+            assert patch[row, column] == (1 if around.pop() else -1)
 
 
 def test_sizes_that_are_none_are_refused() -> None:
