@@ -9,6 +9,7 @@ import numpy as np
 
 from albot_core.compiled import kernel
 from albot_core.parcel import Entry, Parcel, opened
+from albot_env.sim.plane_kernels import mounted
 from albot_env.sim.visibility import list_cell
 
 if TYPE_CHECKING:
@@ -74,9 +75,8 @@ def _list_about(listing: Listing, building: int, pose: np.ndarray) -> int:
     index, (x, y) = listing.walls, listing.mount
     frame = index.frames[building]
     columns, lines = int(frame[3]), int(frame[4])
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    column = math.floor((pose[0] + cos * x - sin * y - frame[0]) / frame[2])
-    line = math.floor((pose[1] + sin * x + cos * y - frame[1]) / frame[2])
+    x, y = mounted(pose, x, y)
+    column, line = math.floor((x - frame[0]) / frame[2]), math.floor((y - frame[1]) / frame[2])
     inside = 0 <= column < columns and 0 <= line < lines
     cell = int(frame[5]) + int(line * columns + column if inside else lines * columns)
     if index.spans[cell, 0] >= 0:

@@ -22,6 +22,15 @@ def nearest_on(
 
 
 @kernel()
+def mounted(pose: np.ndarray, x: float, y: float) -> tuple[float, float]:
+    """Where a thing is that is mounted at x, y on a robot at a pose."""
+    if x == 0.0 and y == 0.0:  # Sines and cosines cost more than all that is done with the place.
+        return pose[0], pose[1]
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    return pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y
+
+
+@kernel()
 def gap_to_ray(x: float, y: float, angle: float, length: float) -> float:
     """Distance of a point from a segment that leaves the origin at an angle."""
     end_x, end_y = length * math.cos(angle), length * math.sin(angle)

@@ -28,6 +28,7 @@ from albot_env.sim.lanes import (
     question32,
     whole_lanes,
 )
+from albot_env.sim.plane_kernels import mounted
 from albot_env.sim.wall_index import Walls
 
 _ZERO: Any = np.int64(0)
@@ -123,9 +124,7 @@ def scan(
 
     Beside the walls it sees the segments first to last of `things` (n, 4).
     """
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    x = pose[0] + cos * fan.x - sin * fan.y
-    y = pose[1] + sin * fan.x + cos * fan.y
+    x, y = mounted(pose, fan.x, fan.y)
     heading = pose[2] + fan.heading
     eye = x, y, math.cos(heading), math.sin(heading)
     count = _ZERO
