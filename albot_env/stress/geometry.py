@@ -45,7 +45,7 @@ def free_ways(walls: Segments, pose: Pose, bearings: Ranges) -> Ranges:
     with np.errstate(divide="ignore", invalid="ignore"):
         ways = _cross(starts, ends) / (of_end - of_start)
     met = (of_start * of_end <= 0) & (ways >= 0)
-    return np.asarray(np.where(met, ways, np.inf).min(axis=1))
+    return np.asarray(np.where(met, ways, np.inf).min(axis=1, initial=np.inf))
 
 
 def nearest_in_cones(

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64
 
+from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
 from albot_core.mapper import TRAVEL, MapperBatch
 from albot_core.perception.reading import Readings
@@ -44,11 +45,14 @@ class Expedition:
         observations: How they observe.
 
     Raises:
-        InputError: There is no such mapper.
+        InputError: There is no such mapper, or what is left of a time is to be observed where
+            none is given.
     """
 
     task: ClassVar[str] = "Expedition"
     """Id of the environment."""
+    has_budget: ClassVar[bool] = False
+    """Whether robots are given a time, of which what is left can be observed."""
     terms_of_reward: ClassVar[tuple[str, ...]] = ()
     """The names of the reward's terms."""
     journeys: Journeys[Any] | None = None
@@ -62,6 +66,9 @@ class Expedition:
         actions: ActionConfig,
         observations: ObservationConfig,
     ) -> None:
+        if "time_left" in observations.parts and not self.has_budget:
+            expected = f"parts that {self.task} has: no time is given to be back in"
+            raise InputError("ObservationConfig.parts", expected, "time_left")
         mapper, sensors = equipment.mapper, equipment.sensors
         self.actions = actions
         """What actions ask for."""

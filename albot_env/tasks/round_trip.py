@@ -68,6 +68,7 @@ class RoundTrip(Expedition):
 
     task: ClassVar[str] = "Albot/ExploreAndHome-v0"
     terms_of_reward: ClassVar[tuple[str, ...]] = TERMS
+    has_budget: ClassVar[bool] = True
 
     def __init__(self, robots: int, equipment: Equipment, config: RoundTripConfig) -> None:
         super().__init__(

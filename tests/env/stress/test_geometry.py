@@ -30,6 +30,11 @@ def test_a_beam_that_meets_nothing_goes_on_for_ever():
     assert free_ways(BOX[:1], np.array((1.0, 1.0, 0.0)), np.array((np.pi / 2,)))[0] == np.inf
 
 
+def test_a_beam_goes_on_for_ever_where_there_are_no_walls():
+    ways = free_ways(np.empty((0, 4)), np.zeros(3), np.array((0.0, 1.0)))
+    assert ways.tolist() == [np.inf, np.inf]
+
+
 def test_a_corner_lets_no_beam_through():
     pose = np.array((1.0, 1.0, np.arctan2(2, 3)))
     for turn in (-1e-4, 0.0, 1e-4):

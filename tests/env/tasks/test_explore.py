@@ -7,6 +7,7 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_env.tasks.exploration import ExploreConfig
+from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.reward import ExploreWeights
 
 AHEAD = np.array((1.0, 0.0), np.float32)
@@ -96,3 +97,9 @@ def test_position_error_is_that_of_the_odometer(make_env) -> None:
 
 def test_no_configuration_is_the_usual_one(make_env) -> None:
     assert make_env(config=None).observing == make_env().observing
+
+
+def test_time_left_is_not_shown_where_none_is_given(make_env) -> None:
+    config = ExploreConfig(observations=ObservationConfig(parts=("motion", "time_left")))
+    with pytest.raises(InputError, match=r"ObservationConfig\.parts: .*Explore-v0.*time_left"):
+        make_env(config=config)
