@@ -59,7 +59,7 @@ def write_agents_card(
     from albot_agents.trained.card import read_evaluation, write_card
 
     agent = read_agent(file)
-    figures = [read_evaluation(path) for path in evaluations]
+    figures = [read_evaluation(path, agent) for path in evaluations]
     written = write_card(agent, file.stem, out or file.with_suffix(".md"), figures)
     if as_json:
         click.echo(json.dumps({"files": [str(path) for path in written]}))

@@ -101,6 +101,7 @@ def command(
     outcomes, stopped = _run(trials, jobs or os.cpu_count() or 1)
     inside = settings.get("mapper", entry.mapper)
     facts: dict[str, Any] = {"task": task, "agent": agent, "mapper": inside, "odometer": odometer}
+    facts["fingerprint"] = None if entry.file is None else entry.file.fingerprint
     facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes)}
     facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}
     if out is not None:

@@ -72,6 +72,9 @@ def test_train_resume_evaluate_and_tell(
     evaluation = json.loads(out)
     assert (evaluation["mapper"], evaluation["episodes"]) == ("none", 1)
     assert evaluation["world_specs"] == ["square-loop"]
+    (tmp_path / "e.json").write_text(out)
+    words = ("agents", "card", found["files"]["best"], "--evaluation", tmp_path / "e.json")
+    assert run(*words)[0] == 0
 
 
 def test_ctrl_c_says_how_to_go_on(

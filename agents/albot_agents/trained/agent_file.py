@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -77,6 +78,15 @@ class AgentFile:
         if data is None:
             return None
         return read_config(ObservationConfig, data, Where("the agent's observations"))
+
+    @property
+    def fingerprint(self) -> str:
+        """Tells by its weights whether an agent is this one, under whatever name (SHA-256)."""
+        digest = hashlib.sha256(self.task.encode())
+        for name in sorted(self.weights):
+            digest.update(name.encode())
+            digest.update(np.ascontiguousarray(self.weights[name]).tobytes())
+        return digest.hexdigest()
 
     def save(self, path: Path) -> None:
         """Write the file, whole or not at all.

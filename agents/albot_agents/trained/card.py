@@ -62,11 +62,11 @@ def write_card(
     return written
 
 
-def read_evaluation(path: Path) -> dict[str, Any]:
-    """What `albot evaluate` wrote as `evaluation.json`.
+def read_evaluation(path: Path, agent: AgentFile) -> dict[str, Any]:
+    """What `albot evaluate` wrote of an agent as `evaluation.json`.
 
     Raises:
-        InputError: The file is missing or something else.
+        InputError: The file is missing or something else, or tells of another agent.
     """
     try:
         found = json.loads(read_bytes(path))
@@ -74,6 +74,9 @@ def read_evaluation(path: Path) -> dict[str, Any]:
         raise InputError(path, "JSON", str(error)) from None
     if not isinstance(found, dict) or "success_rate" not in found:
         raise InputError(path, "the figures of `albot evaluate`", "something else")
+    if found.get("fingerprint") != agent.fingerprint:
+        expected = "the figures of the card's agent, whose weights they name by a fingerprint"
+        raise InputError(f"{path}, fingerprint", expected, f"those of {found.get('agent')}")
     return found
 
 

@@ -236,11 +236,12 @@ def test_a_card_tells_what_the_file_does(path: Path, tmp_path: Path) -> None:
     figures = {
         "task": TASK, "world_specs": ["random:office"], "seeds": "1000..1099", "episodes": 100,
         "odometer": "poor", "mapper": "odometry", "success_rate": 0.96, "ci95": [0.9, 0.99],
-        "spl": None, "precision": 0.995, "recall": 0.9,
+        "spl": None, "precision": 0.995, "recall": 0.9, "fingerprint": read_agent(path).fingerprint,
     }  # fmt: skip
     (tmp_path / "e.json").write_text(json.dumps(figures))
-    evaluation = read_evaluation(tmp_path / "e.json")
-    card, picture = write_card(read_agent(path), "homer", tmp_path / "homer.md", [evaluation])
+    agent = read_agent(path)
+    evaluation = read_evaluation(tmp_path / "e.json", agent)
+    card, picture = write_card(agent, "homer", tmp_path / "homer.md", [evaluation])
     text = card.read_text()
     assert text.startswith("# homer\n")
     for told in ("1,000 in 7 episodes", "`albot train Albot/Homing-v0`", "numpy 2", "(homer.png)"):
@@ -252,4 +253,13 @@ def test_a_card_tells_what_the_file_does(path: Path, tmp_path: Path) -> None:
     assert picture.read_bytes().startswith(b"\x89PNG")
     (tmp_path / "e.json").write_text("[]")
     with pytest.raises(InputError, match="the figures of `albot evaluate`"):
-        read_evaluation(tmp_path / "e.json")
+        read_evaluation(tmp_path / "e.json", agent)
+
+
+@pytest.mark.parametrize("told", [{"fingerprint": None}, {"fingerprint": "0" * 64}, {}])
+def test_the_figures_of_another_agent_are_none_for_a_card(
+    path: Path, tmp_path: Path, told: dict[str, str | None]
+) -> None:
+    (tmp_path / "e.json").write_text(json.dumps({"success_rate": 1.0, "agent": "random"} | told))
+    with pytest.raises(InputError, match=r"e\.json, fingerprint: .*found those of random"):
+        read_evaluation(tmp_path / "e.json", read_agent(path))
