@@ -76,7 +76,7 @@ class Expedition:
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
         self._never = np.zeros(robots, np.bool_)
         if mapper != NO_MAPPER:
-            self._mappers = make_mappers(mapper, robots)
+            self._mappers = _make_mappers(mapper, robots)
         self._crew = Crew(equipment.threads)
         self.geometry = sensors.laser.geometry
         """Where the lasers' beams point."""
@@ -355,3 +355,10 @@ class Expedition:
     def rooms(self) -> np.ndarray:
         """Names of the rooms that the robots are truly in (robots,); empty between rooms."""
         return self._survey.rooms
+
+
+def _make_mappers(name: str, robots: int) -> MapperBatch:
+    try:
+        return make_mappers(name, robots)
+    except InputError as error:
+        raise InputError("mapper", f"{NO_MAPPER} or {error.expected}", error.found) from None

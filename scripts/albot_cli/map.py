@@ -84,10 +84,11 @@ def command(
 def _check_stamps(
     log: Log, odometry: Score, reference: Path | None, relations: Path | None
 ) -> None:
-    """Raise InputError where what a whole log is to be held against is not of this log."""
-    if log.left_out is not None:
-        return
+    """Raise InputError where what a log is to be held against is not of this log.
+
+    Relations may all be between moments that were left out of it.
+    """
     if reference and odometry.trajectory is None:
         raise InputError(reference, f"moments of {log.name}", "stamps of another log")
-    if relations and odometry.relations is None:
+    if relations and odometry.relations is None and log.left_out is None:
         raise InputError(relations, f"moments of {log.name}", "stamps of another log")

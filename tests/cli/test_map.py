@@ -219,6 +219,11 @@ def test_a_torn_log_and_its_good_beginning(corridor, call, tmp_path):
     assert "line 21" in told["left_out"]["reason"]
     shown = call("map", path, "--keep-going").stdout
     assert "left out: 3 lines, 3 scans" in shown
+    other = tmp_path / "other.tum"
+    truth = corridor[1]
+    write_tum(Trajectory(stamps=truth.stamps + 1e6, poses=truth.poses), other)
+    result = call("map", path, "--keep-going", "--reference", other)
+    expect_error(result, "other.tum", "stamps of another log")
 
 
 def test_the_list_of_mappers(call):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -21,6 +22,8 @@ DEVICES = ("auto", "cpu", "cuda")
 
 _COUNT = Range("a whole number from 1", 1.0, whole=True)
 _FROM_ZERO = Range("a whole number from 0", 0.0, whole=True)
+_FROM_TWO = Range("a whole number from 2, to find a deviation of", 2.0, whole=True)
+_FINITE = Range("a finite number", -math.inf)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +56,10 @@ class PolicyPlan:
 
     def __post_init__(self) -> None:
         check_fields(self, _COUNT, "lstm_size", "lstm_layers")
+        check_fields(self, _FINITE, "log_std_init")
+        if any(number not in _FINITE for number in self.initial_action or ()):
+            found = str(list(self.initial_action or ()))
+            raise InputError("PolicyPlan.initial_action", "finite numbers", found)
         for name in ("net_arch", "value_arch"):
             if any(units not in _COUNT for units in getattr(self, name) or ()):
                 raise InputError(f"PolicyPlan.{name}", "sizes from 1", str(getattr(self, name)))
@@ -156,8 +163,12 @@ class TrainingPlan:
     processors with another process wait for each other, ten times longer than one works."""
 
     def __post_init__(self) -> None:
-        counts = "n_timesteps", "n_envs", "n_steps", "batch_size", "n_epochs", "checkpoint_every"
+        counts = "n_timesteps", "n_envs", "n_steps", "n_epochs", "checkpoint_every"
         check_fields(self, _COUNT, *counts)
+        check_fields(self, _FROM_TWO, "batch_size")
+        check_fields(self, _FINITE, "vf_coef")
+        if self.target_kl is not None:
+            check_fields(self, POSITIVE, "target_kl")
         check_fields(self, _FROM_ZERO, "seed", "torch_threads")
         check_fields(self, SHARE, "gamma", "gae_lambda")
         check_fields(self, POSITIVE, "max_grad_norm")

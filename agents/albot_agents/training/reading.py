@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import gymnasium
 import yaml
 
 from albot_agents.plain import Where, merged, plain, read_config
@@ -112,6 +114,24 @@ def _check_environments(plan: TrainingPlan, where: Where) -> None:
         place = where.at("curriculum", k, "env") if plan.curriculum else where.at("env")
         settings = stage_settings(plan, stage, place)
         _check_discount(plan, settings, place)
+        _try_out(plan, k, settings, where)
+
+
+def _try_out(plan: TrainingPlan, stage: int, settings: Mapping[str, Any], where: Where) -> None:
+    """Make environments of a stage, one in each world, to tell where in the plan they are wrong."""
+    given = dict(settings)
+    if isinstance(given.get("world"), list):
+        given["world"] = list(dict.fromkeys(given["world"]))
+    count = len(given["world"]) if isinstance(given.get("world"), list) else 1
+    try:
+        gymnasium.make_vec(plan.task, num_envs=count, **given).close()
+    except InputError as error:
+        words = re.findall(r"\w+", f"{error.source} {error.place}")
+        named = [name for name in words if name in settings][:1]
+        own = plan.stages[stage].env
+        place = where.at("curriculum", stage, "env") if set(named) & own.keys() else where.at("env")
+        expected = error.expected if [error.place] == named else f"{error.place} {error.expected}"
+        raise place.at(*named).error(expected.strip(), error.found) from None
 
 
 def _check_discount(plan: TrainingPlan, settings: Mapping[str, Any], where: Where) -> None:
