@@ -5,13 +5,19 @@ from __future__ import annotations
 import json
 import os
 import shlex
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from albot_cli.outputs import check_file
 from albot_cli.progress import progress
 from albot_core.errors import InputError
+
+if TYPE_CHECKING:
+    from albot_agents.results.contest import Meeting
+    from albot_agents.results.run import Figures
 
 
 @click.command()
@@ -53,11 +59,14 @@ def command(
     jobs: int | None,
     as_json: bool,
 ) -> int:
-    """Measure all agents in all tasks, and write the page of results."""
+    """Measure all agents in all tasks, and write the page of results.
+
+    It is written anew after each task: Ctrl-C loses no more than those of the present one. The exit
+    status is 130 then.
+    """
     from albot_agents.evaluation.plan import parse_seeds
     from albot_agents.results.contest import CONTESTS, PLANS, RANDOM, plan_meetings
     from albot_agents.results.page import page, read_figures, save_figures
-    from albot_agents.results.run import run_meetings
     from albot_core.files import write_text
 
     known = [contest.task for contest in CONTESTS]
@@ -73,18 +82,34 @@ def command(
     if plans is not None:
         worlds[PLANS] = [str(plans / "*.xml")]
         ranges[PLANS] = parse_seeds(plan_seeds)
-    meetings = plan_meetings(contests, worlds, ranges)
-    with progress("results", len(meetings), "meetings") as tell:
-        found = run_meetings(meetings, jobs or os.cpu_count() or 1, tell)
+    planned = [plan_meetings([contest], worlds, ranges) for contest in contests]
     said = ["albot", "results", *(word for task in tasks for word in ("--task", task))]
     said += ["--seeds", seeds]
     if plans is not None:
         said += ["--plans", "$ALBOT_DATA/plans", "--plan-seeds", plan_seeds]
-    rows = save_figures(found, _line(said), figures)
-    write_text(out, page(rows))
+    rows, measured = [], 0
+    for found in _measure(planned, jobs or os.cpu_count() or 1):
+        rows = save_figures(found, _line(said), figures)
+        write_text(out, page(rows))
+        measured += len(found)
     facts = {"rows": rows, "files": {"page": str(out), "figures": str(figures)}}
-    click.echo(json.dumps(facts) if as_json else f"{len(found)} rows, see {out}")
+    click.echo(json.dumps(facts) if as_json else f"{measured} rows, see {out}")
     return 0
+
+
+def _measure(planned: list[list[Meeting]], jobs: int) -> Iterator[Figures]:
+    """The figures of one task after the other."""
+    from albot_agents.results.run import run_meetings
+
+    before = 0
+    with progress("results", sum(map(len, planned)), "meetings") as tell:
+        for meetings in planned:
+
+            def over(done: int, before: int = before) -> None:
+                tell(before + done)
+
+            yield run_meetings(meetings, jobs, over)
+            before += len(meetings)
 
 
 def _line(words: list[str]) -> str:

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 
 from albot_agents.results import contest as contest_module
-from albot_agents.results.contest import OFFICES, PLANS, Contest, plan_meetings
+from albot_agents.results import run as run_module
+from albot_agents.results.contest import OFFICES, PLANS, Contest, Meeting, plan_meetings
 from albot_agents.results.page import page, read_figures, save_figures
-from albot_agents.results.run import run_meetings
+from albot_agents.results.run import Figures, run_meetings
 from albot_cli.main import main
 from albot_core.errors import InputError
 from tests.env.quick import STROLL
@@ -88,3 +89,25 @@ def test_the_command_refuses_before_it_works(
             main()
         assert stopped.value.code == 2
         assert said in capsys.readouterr().err
+
+
+def test_ctrl_c_keeps_the_tasks_that_are_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured: list[Meeting] = []
+
+    def stop_at_the_second(meetings: list[Meeting], jobs: int, tell: object) -> Figures:
+        if measured:
+            raise KeyboardInterrupt
+        measured.extend(meetings)
+        return {meetings[0].cells[0]: {"episodes": 1, "success_rate": 1.0}}
+
+    monkeypatch.setattr(contest_module, "CONTESTS", (SHORT, SHORT))
+    monkeypatch.setattr(run_module, "run_meetings", stop_at_the_second)
+    out = tmp_path / "page.md"
+    monkeypatch.setattr("sys.argv", ["albot", "results", "--seeds", "1..1", "--out", str(out)])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 130
+    assert "| 100% " in out.read_text()
+    assert len(read_figures(tmp_path / "page.json")) == 1

@@ -61,7 +61,7 @@ def test_a_world_that_is_none_is_told_of_its_environment_when_it_is_drawn() -> N
 
 @pytest.mark.parametrize("wrong", [{"sonar": "sonic"}, {"laser": "lms"}, {"mapper": "non"}])
 def test_sensors_and_mappers_that_are_none_are_refused(wrong: dict[str, Any]) -> None:
-    with pytest.raises(InputError, match="expected (none or )?one of"):
+    with pytest.raises(InputError, match=r"expected (none or )?one of"):
         _batch(**wrong)
 
 
