@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from albot_core.errors import InputError
 from albot_env.sim import Sensors, choose_sensors
 
 
@@ -35,8 +38,10 @@ def equip(
     """The equipment of these names.
 
     Raises:
-        InputError: There is no such sensor.
+        InputError: There is no such sensor, or `movables` is neither true nor false.
     """
+    if not isinstance(movables, bool | np.bool_):
+        raise InputError("movables", "True or False", repr(movables))
     sensors = choose_sensors(
         laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source="sensors"
     )

@@ -45,8 +45,8 @@ class Expedition:
         observations: How they observe.
 
     Raises:
-        InputError: There is no such mapper, or what is left of a time is to be observed where
-            none is given.
+        InputError: There is no such mapper; or what is left of a time is to be observed where none
+            is given, or nothing at all.
     """
 
     task: ClassVar[str] = "Expedition"
@@ -84,6 +84,9 @@ class Expedition:
         """Where the sonars point; None without."""
         self.observing = observations = observations.fitted(self.geometry, self.sonar)
         """How they observe with these sensors."""
+        if not observations.shapes:
+            expected = "a part that robots with these sensors have"
+            raise InputError("ObservationConfig.parts", expected, ", ".join(observations.parts))
         self._fleet = Fleet(
             robots,
             robot=PIONEER_3DX,

@@ -19,6 +19,7 @@ from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.exploration_kernel import TERMS, appraise
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.reward import ExploreWeights
+from albot_env.tasks.settings import chosen_config
 from albot_maps import World
 
 
@@ -46,7 +47,8 @@ class Exploration(Expedition):
     task: ClassVar[str] = "Albot/Explore-v0"
     terms_of_reward: ClassVar[tuple[str, ...]] = TERMS
 
-    def __init__(self, robots: int, equipment: Equipment, config: ExploreConfig) -> None:
+    def __init__(self, robots: int, equipment: Equipment, config: ExploreConfig | None) -> None:
+        config = chosen_config(config, ExploreConfig, self.task)
         super().__init__(
             robots, equipment, actions=config.actions, observations=config.observations
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import Unpack
 
 from albot_env.tasks.exploration import Exploration, ExploreConfig
@@ -63,9 +64,9 @@ class ExploreEnv(SingleEnv[Exploration]):
 
     def __init__(
         self,
-        world: str | World | WorldSet = "office-ring",
+        world: str | Path | World | WorldSet = "office-ring",
         *,
         config: ExploreConfig | None = None,
         **settings: Unpack[SingleSettings],
     ) -> None:
-        super().__init__(partial(Exploration, config=config or ExploreConfig()), world, **settings)
+        super().__init__(partial(Exploration, config=config), world, **settings)

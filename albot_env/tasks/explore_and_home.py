@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import Unpack
 
 from albot_env.tasks.round_trip import RoundTrip, RoundTripConfig
@@ -66,10 +67,10 @@ class ExploreAndHomeEnv(SingleEnv[RoundTrip]):
 
     def __init__(
         self,
-        world: str | World | WorldSet = "office-ring",
+        world: str | Path | World | WorldSet = "office-ring",
         *,
         config: RoundTripConfig | None = None,
         **settings: Unpack[SingleSettings],
     ) -> None:
-        gather = partial(RoundTrip, config=config or RoundTripConfig())
+        gather = partial(RoundTrip, config=config)
         super().__init__(gather, world, **settings)

@@ -20,6 +20,7 @@ from albot_env.tasks.homing_kernel import TERMS, Fields, Homecoming, appraise_ho
 from albot_env.tasks.observation import HOMEWARD, ObservationConfig
 from albot_env.tasks.outing import Outing, OutingConfig, Outings
 from albot_env.tasks.reward import HomingWeights
+from albot_env.tasks.settings import chosen_config
 from albot_env.tasks.ways_home import no_fields, with_field
 from albot_maps import World
 
@@ -63,8 +64,9 @@ class Homing(Expedition):
     terms_of_reward: ClassVar[tuple[str, ...]] = TERMS
 
     def __init__(
-        self, robots: int, equipment: Equipment, config: HomingConfig, journeys: int
+        self, robots: int, equipment: Equipment, config: HomingConfig | None, journeys: int
     ) -> None:
+        config = chosen_config(config, HomingConfig, self.task)
         super().__init__(
             robots, equipment, actions=config.actions, observations=config.observations
         )

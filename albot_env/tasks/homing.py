@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import Unpack
 
 from albot_env.tasks.homecoming import Homing, HomingConfig
@@ -68,11 +69,11 @@ class HomingEnv(SingleEnv[Homing]):
 
     def __init__(
         self,
-        world: str | World | WorldSet = "office-ring",
+        world: str | Path | World | WorldSet = "office-ring",
         *,
         journeys: int = 0,
         config: HomingConfig | None = None,
         **settings: Unpack[SingleSettings],
     ) -> None:
-        gather = partial(Homing, config=config or HomingConfig(), journeys=journeys)
+        gather = partial(Homing, config=config, journeys=journeys)
         super().__init__(gather, world, **settings)

@@ -18,6 +18,7 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
+from albot_core.ranges import COUNT
 from albot_maps import World, WorldSet
 
 KEPT = 1024
@@ -99,8 +100,8 @@ class Journeys(ABC, Generic[Kept]):
     """
 
     def __init__(self, task: str, kind: tuple[Any, ...], count: int) -> None:
-        if count < 0:
-            raise InputError(task, "0 or more", str(count), place="journeys")
+        if count not in COUNT:
+            raise InputError(task, COUNT.expected, str(count), place="journeys")
         self._kind = kind
         self._count = count
 

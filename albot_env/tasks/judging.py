@@ -20,6 +20,7 @@ from albot_env.tasks.features import FEATURES
 from albot_env.tasks.judging_kernel import TERMS, Judgement, Sheets, judge
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.reward import PlaceWeights
+from albot_env.tasks.settings import chosen_config
 from albot_env.tasks.survey_kernel import Layout
 from albot_env.tasks.tour_plan import TourConfig
 from albot_env.tasks.tours import Stop, Tour, Tours
@@ -80,8 +81,9 @@ class Judging(Expedition):
     terms_of_reward: ClassVar[tuple[str, ...]] = TERMS
 
     def __init__(
-        self, robots: int, equipment: Equipment, config: JudgingConfig, journeys: int
+        self, robots: int, equipment: Equipment, config: JudgingConfig | None, journeys: int
     ) -> None:
+        config = chosen_config(config, JudgingConfig, self.task)
         self._tours = Tours(self.task, equipment, config.tour, journeys)
         most = config.tour.most
         super().__init__(

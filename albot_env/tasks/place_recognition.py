@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 from typing import Unpack
 
 from albot_env.tasks.judging import Judging, JudgingConfig
@@ -75,11 +76,11 @@ class PlaceRecognitionEnv(SingleEnv[Judging]):
 
     def __init__(
         self,
-        world: str | World | WorldSet = "office-ring",
+        world: str | Path | World | WorldSet = "office-ring",
         *,
         journeys: int = 0,
         config: JudgingConfig | None = None,
         **settings: Unpack[SingleSettings],
     ) -> None:
-        gather = partial(Judging, config=config or JudgingConfig(), journeys=journeys)
+        gather = partial(Judging, config=config, journeys=journeys)
         super().__init__(gather, world, **settings)

@@ -20,6 +20,7 @@ from albot_env.tasks.homing_kernel import Fields, find_way
 from albot_env.tasks.observation import ROUND_TRIP, ObservationConfig
 from albot_env.tasks.reward import RoundTripWeights
 from albot_env.tasks.round_trip_kernel import TERMS, RoundTrips, Rules, appraise_round_trip
+from albot_env.tasks.settings import chosen_config
 from albot_env.tasks.ways_home import HomeFields, no_fields, with_field
 from albot_maps import World
 
@@ -70,7 +71,8 @@ class RoundTrip(Expedition):
     terms_of_reward: ClassVar[tuple[str, ...]] = TERMS
     has_budget: ClassVar[bool] = True
 
-    def __init__(self, robots: int, equipment: Equipment, config: RoundTripConfig) -> None:
+    def __init__(self, robots: int, equipment: Equipment, config: RoundTripConfig | None) -> None:
+        config = chosen_config(config, RoundTripConfig, self.task)
         super().__init__(
             robots, equipment, actions=config.actions, observations=config.observations
         )

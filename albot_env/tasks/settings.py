@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TypedDict
+from typing import Any, TypedDict, TypeVar
 
 from albot_core.errors import InputError
+
+Config = TypeVar("Config")
 
 
 class Settings(TypedDict, total=False):
@@ -27,6 +29,19 @@ class Settings(TypedDict, total=False):
     """`continuous`, or `discrete`: a number of `ActionConfig.choices`."""
     movables: bool
     """Whether doors, boxes and people move in worlds that have any; if not, they are left out."""
+
+
+def chosen_config(config: Any, kind: type[Config], task: str) -> Config:
+    """The configuration of a task; the usual one where none is given.
+
+    Raises:
+        InputError: It is of another kind.
+    """
+    if config is None:
+        return kind()
+    if not isinstance(config, kind):
+        raise InputError(task, f"{kind.__name__} or None", repr(config)[:80], place="config")
+    return config
 
 
 def wants_flat(observation: str, task: str) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import gymnasium
@@ -55,7 +56,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
     def __init__(
         self,
         gather: Callable[[int, Equipment], Robots],
-        world: str | World | WorldSet,
+        world: str | Path | World | WorldSet,
         *,
         mapper: str = "albot1",
         odometer: str = "pioneer",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Generic
 
 import gymnasium
@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float32, Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
+from albot_core.ranges import Range
 from albot_env.tasks.equipment import Equipment, equip
 from albot_env.tasks.journeys import Journeys, Ticket
 from albot_env.tasks.settings import Settings, wants_discrete, wants_flat
@@ -37,6 +38,7 @@ Steps = tuple[
     Bool[np.ndarray, "environments"],
     dict[str, Any],
 ]
+_STEPS = Range("a whole number from 1", 1.0, whole=True)
 
 
 class BatchSettings(Settings, total=False):
@@ -96,9 +98,9 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
     ) -> None:
         if num_envs < 1:
             raise InputError("make_vec", "at least 1", str(num_envs), place="num_envs")
-        if max_episode_steps is not None and max_episode_steps < 1:
+        if max_episode_steps is not None and max_episode_steps not in _STEPS:
             found = str(max_episode_steps)
-            raise InputError("make_vec", "at least 1", found, place="max_episode_steps")
+            raise InputError("make_vec", _STEPS.expected, found, place="max_episode_steps")
         equipment = equip(
             mapper=mapper,
             odometer=odometer,
@@ -142,6 +144,8 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         Raises:
             InputError: An option is unknown, or a mask, a start or the seeds are none.
         """
+        if not isinstance(options or {}, Mapping):
+            raise InputError(self._task, "a mapping", repr(options), place="options")
         settings = dict(options or {})
         mask = choose_mask(settings.pop("reset_mask", None), self.num_envs, self._task)
         rows = np.flatnonzero(mask)

@@ -33,6 +33,4 @@ class ExploreVectorEnv(BatchEnv[Exploration]):
         config: ExploreConfig | None = None,
         **settings: Unpack[BatchSettings],
     ) -> None:
-        super().__init__(
-            partial(Exploration, config=config or ExploreConfig()), num_envs, world, **settings
-        )
+        super().__init__(partial(Exploration, config=config), num_envs, world, **settings)

@@ -34,6 +34,4 @@ class ExploreAndHomeVectorEnv(BatchEnv[RoundTrip]):
         config: RoundTripConfig | None = None,
         **settings: Unpack[BatchSettings],
     ) -> None:
-        super().__init__(
-            partial(RoundTrip, config=config or RoundTripConfig()), num_envs, world, **settings
-        )
+        super().__init__(partial(RoundTrip, config=config), num_envs, world, **settings)

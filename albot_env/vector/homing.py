@@ -36,5 +36,5 @@ class HomingVectorEnv(BatchEnv[Homing]):
         config: HomingConfig | None = None,
         **settings: Unpack[BatchSettings],
     ) -> None:
-        gather = partial(Homing, config=config or HomingConfig(), journeys=journeys)
+        gather = partial(Homing, config=config, journeys=journeys)
         super().__init__(gather, num_envs, world, **settings)

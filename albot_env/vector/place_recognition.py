@@ -36,5 +36,5 @@ class PlaceRecognitionVectorEnv(BatchEnv[Judging]):
         config: JudgingConfig | None = None,
         **settings: Unpack[BatchSettings],
     ) -> None:
-        gather = partial(Judging, config=config or JudgingConfig(), journeys=journeys)
+        gather = partial(Judging, config=config, journeys=journeys)
         super().__init__(gather, num_envs, world, **settings)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from jaxtyping import Bool, Int64
 from albot_core.errors import InputError
 from albot_maps import World, WorldSet, load_worlds
 
-Worlds = str | World | WorldSet
+Worlds = str | Path | World | WorldSet
 
 
 def choose_mode(mode: str | AutoresetMode, task: str) -> AutoresetMode:
@@ -26,7 +27,10 @@ def choose_mode(mode: str | AutoresetMode, task: str) -> AutoresetMode:
 
 def choose_worlds(world: Worlds | Sequence[Worlds], count: int, task: str) -> list[WorldSet]:
     """The worlds of each environment; those of one spec are the same objects."""
-    specs = [world] * count if isinstance(world, str | World | WorldSet) else list(world)
+    if isinstance(world, Sequence) and not isinstance(world, str):
+        specs = list(world)
+    else:
+        specs = [world] * count
     if len(specs) != count:
         raise InputError(task, f"{count} worlds", str(len(specs)), place="world")
     loaded: dict[Any, WorldSet] = {}

@@ -18,18 +18,19 @@ VERSION = 4
 _FILE = ArchiveFormat(name=FORMAT, version=VERSION, kind="map file", largest=1 << 30)
 
 
-def save_map(mapper: Mapper, path: Path) -> None:
+def save_map(mapper: Mapper, path: str | Path) -> None:
     """Write all that `mapper` remembers to `path`, whole or not at all."""
-    _FILE.write(path, {"mapper": mapper.name}, mapper.state())
+    _FILE.write(Path(path), {"mapper": mapper.name}, mapper.state())
 
 
-def load_map(path: Path) -> Mapper:
+def load_map(path: str | Path) -> Mapper:
     """The mapper that was saved to `path`; its run continues as if never stopped.
 
     Raises:
         InputError: The file is missing or torn, is no map, is of another version, or holds
             what its mapper's memory does not.
     """
+    path = Path(path)
     header, state = _FILE.read(path)
     mapper = make_mapper(_mapper_name(path, header))
     _check_state(path, mapper, state)

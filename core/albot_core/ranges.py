@@ -31,6 +31,7 @@ class Range:
         return self.least < number <= self.most or (number == self.least and not self.beyond)
 
 
+FINITE = Range("a finite number", -math.inf)
 POSITIVE = Range("a positive number", 0.0, beyond=True)
 NOT_NEGATIVE = Range("a number from 0", 0.0)
 COUNT = Range("a whole number from 0", 0.0, whole=True)

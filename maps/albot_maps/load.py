@@ -21,7 +21,7 @@ def catalogue_names() -> tuple[str, ...]:
     return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
 
 
-def load_world(spec: str) -> World:
+def load_world(spec: str | Path) -> World:
     """The world that a spec names: one of the catalogue's, a file's, or a random one.
 
     A random world's spec is `random:KIND:SEED`, followed where wanted by its parameters:
@@ -30,6 +30,7 @@ def load_world(spec: str) -> World:
     Raises:
         InputError: There is no such world, its file is wrong, or no such world can be made.
     """
+    spec = str(spec)
     if spec.startswith(PREFIX):
         return parse_spec(spec).make()
     names = catalogue_names()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from albot_core.errors import InputError
 from albot_maps.generators.spec import PREFIX, parse_spec
@@ -31,7 +32,7 @@ class WorldSet:
         InputError: There is none, or the first one is wrong.
     """
 
-    def __init__(self, worlds: Sequence[str | World]) -> None:
+    def __init__(self, worlds: Sequence[str | Path | World]) -> None:
         if not len(worlds):
             raise InputError("worlds", "at least one world", "none")
         self._worlds = worlds
@@ -57,24 +58,26 @@ class WorldSet:
             raise InputError("worlds", expected, str(number))
         if number not in self._loaded:
             world = self._worlds[number]
-            self._loaded[number] = load_world(world) if isinstance(world, str) else world
+            self._loaded[number] = world if isinstance(world, World) else load_world(world)
             if len(self._loaded) > KEPT:
                 self._loaded.popitem(last=False)
         self._loaded.move_to_end(number)
         return self._loaded[number]
 
 
-def load_worlds(spec: str | World | WorldSet) -> WorldSet:
+def load_worlds(spec: str | Path | World | WorldSet) -> WorldSet:
     """The worlds that a spec names.
 
     A spec with a range of seeds names as many random worlds: `random:office:0..99?rooms=8`
     those of the seeds 0 to 99. Any other names one world (see `load_world`).
 
     Raises:
-        InputError: As `load_world`; or the range holds no seed.
+        InputError: As `load_world`; or the range holds no seed, or the spec is none at all.
     """
     if isinstance(spec, WorldSet):
         return spec
+    if not isinstance(spec, str | Path | World):
+        raise InputError("world", "a world, a set of worlds, or a spec of them", repr(spec))
     found = _RANGE.fullmatch(spec) if isinstance(spec, str) else None
     if found is None:
         return WorldSet((spec,))

@@ -28,7 +28,13 @@ _STOPPED = 130
     metavar="SPEC",
     help="random:KIND or random:KIND?KEY=VALUE&…; random for all kinds in turn; or one world.",
 )
-@click.option("--count", default=100, show_default=True, type=click.IntRange(1), help="Worlds.")
+@click.option(
+    "--count",
+    default=100,
+    show_default=True,
+    type=click.IntRange(1, 1_000_000),
+    help="Worlds.",
+)
 @click.option(
     "--steps",
     default=300,

@@ -58,18 +58,24 @@ def _loaded(spec: str) -> World:
     return load_world(spec)
 
 
+MOST_SEEDS = 1_000_000
+"""Episodes in more would fill the memory before the first begins."""
+
+
 def parse_seeds(text: str) -> range:
     """The seeds of `A..B`, both included, or of one number.
 
     Raises:
-        InputError: The text is neither, or B is below A.
+        InputError: The text is neither, B is below A, or they are more than anyone waits for.
     """
-    found = re.fullmatch(r"(\d+)(?:\.\.(\d+))?", text.strip())
+    found = re.fullmatch(r"(\d{1,18})(?:\.\.(\d{1,18}))?", text.strip())
     if found is None:
         raise InputError("--seeds", "A..B, as 1000..1019, or one seed", text or "nothing")
     first, last = int(found[1]), int(found[2] or found[1])
     if last < first:
         raise InputError("--seeds", "a range A..B with B at least A", text)
+    if last - first >= MOST_SEEDS:
+        raise InputError("--seeds", f"at most {MOST_SEEDS:,} seeds", text)
     return range(first, last + 1)
 
 

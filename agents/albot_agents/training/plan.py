@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -11,7 +10,7 @@ from albot_agents.evaluation.plan import parse_seeds
 from albot_agents.plain import hint
 from albot_agents.training.schedule import Schedule, parse_schedule
 from albot_core.errors import InputError
-from albot_core.ranges import POSITIVE, SHARE, Range, check_fields
+from albot_core.ranges import FINITE, POSITIVE, SHARE, Range, check_fields
 
 ALGORITHMS = ("ppo", "recurrent_ppo")
 """Proximal policy optimisation (Schulman et al., arXiv:1707.06347), without and with an LSTM."""
@@ -23,7 +22,6 @@ DEVICES = ("auto", "cpu", "cuda")
 _COUNT = Range("a whole number from 1", 1.0, whole=True)
 _FROM_ZERO = Range("a whole number from 0", 0.0, whole=True)
 _FROM_TWO = Range("a whole number from 2, to find a deviation of", 2.0, whole=True)
-_FINITE = Range("a finite number", -math.inf)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,8 +54,8 @@ class PolicyPlan:
 
     def __post_init__(self) -> None:
         check_fields(self, _COUNT, "lstm_size", "lstm_layers")
-        check_fields(self, _FINITE, "log_std_init")
-        if any(number not in _FINITE for number in self.initial_action or ()):
+        check_fields(self, FINITE, "log_std_init")
+        if any(number not in FINITE for number in self.initial_action or ()):
             found = str(list(self.initial_action or ()))
             raise InputError("PolicyPlan.initial_action", "finite numbers", found)
         for name in ("net_arch", "value_arch"):
@@ -166,7 +164,7 @@ class TrainingPlan:
         counts = "n_timesteps", "n_envs", "n_steps", "n_epochs", "checkpoint_every"
         check_fields(self, _COUNT, *counts)
         check_fields(self, _FROM_TWO, "batch_size")
-        check_fields(self, _FINITE, "vf_coef")
+        check_fields(self, FINITE, "vf_coef")
         if self.target_kl is not None:
             check_fields(self, POSITIVE, "target_kl")
         check_fields(self, _FROM_ZERO, "seed", "torch_threads")

@@ -32,7 +32,7 @@ FORMATS = (*(known.NAME for known in _LINE_FORMATS), intel_json.NAME)
 """What the known formats are called."""
 
 
-def read_log(path: Path, keep_going: bool = False) -> Log:
+def read_log(path: str | Path, keep_going: bool = False) -> Log:
     """Read a robot's log, in the format that its content shows.
 
     Files that end in `.gz` or `.xz` are unpacked. Scans come in the order of their stamps.
@@ -47,6 +47,7 @@ def read_log(path: Path, keep_going: bool = False) -> Log:
         InputError: The file cannot be read, is in no known format, holds no scan, or is
             damaged and not to be read as far as it is good.
     """
+    path = Path(path)
     content, torn = read_beginning(path)
     if torn is not None and not (keep_going and content):
         raise torn

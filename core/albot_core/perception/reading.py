@@ -10,6 +10,9 @@ from jaxtyping import Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Ranges
+from albot_core.ranges import FINITE, Range, check_fields
+
+_BEAMS = Range("a whole number from 2", 2.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,8 +31,11 @@ class LaserGeometry:
     """Pose of the laser in the robot's frame: x, y (m), heading (rad)."""
 
     def __post_init__(self) -> None:
-        if self.beams < 2:
-            raise InputError("LaserGeometry.beams", "at least 2", str(self.beams))
+        check_fields(self, _BEAMS, "beams")
+        check_fields(self, FINITE, "first_bearing")
+        if len(self.mount) != 3 or any(number not in FINITE for number in self.mount):
+            expected = "three finite numbers x, y (m), heading (rad)"
+            raise InputError("LaserGeometry.mount", expected, str(self.mount))
         if not 0 < self.spacing <= np.pi / 2:
             raise InputError("LaserGeometry.spacing", "within (0, pi/2]", str(self.spacing))
         if (self.beams - 1) * self.spacing > 2 * np.pi + 1e-9:

@@ -20,7 +20,10 @@ def test_both_ends_of_seeds_are_included(text: str, seeds: list[int]) -> None:
     assert list(parse_seeds(text)) == seeds
 
 
-@pytest.mark.parametrize("text", ["", "a..b", "5..3", "1-3", "1..", "-1..3", "1...3", "1.5"])
+NONE = ["", "a..b", "5..3", "1-3", "1..", "-1..3", "1...3", "1.5", "0..1000000", "9" * 5000]
+
+
+@pytest.mark.parametrize("text", NONE)
 def test_seeds_that_are_none_are_refused(text: str) -> None:
     with pytest.raises(InputError, match="--seeds: expected"):
         parse_seeds(text)

@@ -97,7 +97,10 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
         ({"env": {"world": "random:office:1?rooms=1"}}, "env.world: expected random:office, rooms"),
         ({"env": {"mapper": "nope"}}, r"line \d+, env.mapper: expected none or one of albot1"),
         ({"env": {"threads": -3}}, r"line \d+, env.threads: expected a whole number from 0"),
-        ({"env": {"max_episode_steps": 0}}, r"env.max_episode_steps: expected at least 1"),
+        (
+            {"env": {"max_episode_steps": 0}},
+            "env.max_episode_steps: expected a whole",
+        ),
         ({"curriculum": [{"env": {"odometer": "x"}}]}, r"curriculum\[0\].env.odometer: expected"),
         ({"device": "tpu"}, "device: expected one of auto, cpu, cuda"),
     ],

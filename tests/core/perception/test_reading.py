@@ -50,7 +50,13 @@ def test_motion_must_be_finite() -> None:
         Reading(stamp=0.0, motion=np.array([0.0, np.nan, 0.0]), laser=scan_of([1.0, 1.0]))
 
 
-@pytest.mark.parametrize("wrong", [{"beams": 1}, {"spacing": 0.0}, {"max_range": np.inf}])
-def test_impossible_geometry_is_refused(wrong: dict[str, float]) -> None:
+IMPOSSIBLE: list[dict[str, object]] = [
+    {"beams": 1}, {"spacing": 0.0}, {"max_range": np.inf},
+    {"first_bearing": np.nan}, {"mount": (np.nan, 0.0, 0.0)},
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("wrong", IMPOSSIBLE)
+def test_impossible_geometry_is_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(InputError, match=next(iter(wrong))):
         LaserGeometry(**wrong)  # type: ignore[arg-type]

@@ -20,6 +20,7 @@ from albot_maps.world import World
 MILLIMETRE = 1e-3
 FINE = LaserGeometry(beams=361, spacing=math.pi / 360)
 ALL_ROUND = LaserGeometry(beams=360, first_bearing=-math.pi, spacing=math.pi / 180, max_range=8.0)
+FULL_TURN = LaserGeometry(beams=361, first_bearing=-math.pi, spacing=math.pi / 180, max_range=8.0)
 OFF_CENTRE = LaserGeometry(beams=90, first_bearing=0.3, mount=(0.1, -0.05, 0.7))
 
 
@@ -62,7 +63,7 @@ def close(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return (np.abs(a - b) < MILLIMETRE) | (np.isinf(a) & np.isinf(b))
 
 
-@pytest.mark.parametrize("geometry", [LaserGeometry(), FINE, ALL_ROUND, OFF_CENTRE])
+@pytest.mark.parametrize("geometry", [LaserGeometry(), FINE, ALL_ROUND, FULL_TURN, OFF_CENTRE])
 @pytest.mark.parametrize("segments", [60, 200])
 def test_it_agrees_with_pymunk_in_floor_plans(segments: int, geometry: LaserGeometry) -> None:
     rng = np.random.default_rng(segments)

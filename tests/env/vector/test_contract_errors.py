@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 import threading
+from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -11,7 +14,10 @@ import numpy as np
 import pytest
 
 import albot_env
+import albot_maps
 from albot_core.errors import InputError
+from albot_env.tasks.exploration import ExploreConfig
+from albot_env.tasks.observation import ObservationConfig
 from albot_maps import WorldSet
 
 assert albot_env.__doc__  # Importing it registers the environments.
@@ -66,8 +72,72 @@ def test_sensors_and_mappers_that_are_none_are_refused(wrong: dict[str, Any]) ->
 
 
 def test_episodes_without_steps_are_refused() -> None:
-    with pytest.raises(InputError, match="max_episode_steps: expected at least 1"):
+    with pytest.raises(InputError, match="max_episode_steps: expected a whole number from 1"):
         _batch(max_episode_steps=0)
+
+
+def test_what_cannot_be_observed_is_refused() -> None:
+    config = ExploreConfig(observations=ObservationConfig(parts=("sonar",)))
+    with pytest.raises(InputError, match="parts: expected a part that robots with these sensors"):
+        _batch(sonar="none", config=config)
+
+
+OTHER_KINDS = """
+import gymnasium
+from albot_core.errors import InputError
+from albot_core.perception.reading import LaserGeometry
+from albot_env.tasks.homecoming import HomingConfig
+
+def batch(name="Albot/Explore-v0", **settings):
+    return gymnasium.make_vec(name, num_envs=2, **{"world": "square-loop", **settings})
+
+for make in (
+    lambda: batch(world=3),
+    lambda: batch(world=["square-loop", None]),
+    lambda: batch(world=[]),
+    lambda: batch(config=HomingConfig()),
+    lambda: batch(config={}),
+    lambda: batch(movables="yes"),
+    lambda: batch(max_episode_steps=1.5),
+    lambda: batch("Albot/Homing-v0", journeys=1.5),
+    lambda: batch().reset(options=5),
+    lambda: LaserGeometry(beams=2.5),
+    lambda: LaserGeometry(mount=(0.0, 0.0)),
+):
+    try:
+        make()
+    except InputError as error:
+        print(error)
+"""
+REFUSED = (
+    "environment 0, world: expected a world, a set of worlds, or a spec of them, found 3",
+    "environment 1, world: expected a world, a set of worlds, or a spec of them, found None",
+    "world: expected 2 worlds, found 0",
+    "config: expected ExploreConfig or None, found HomingConfig(",
+    "config: expected ExploreConfig or None, found {}",
+    "movables: expected True or False, found 'yes'",
+    "max_episode_steps: expected a whole number from 1, found 1.5",
+    "journeys: expected a whole number from 0, found 1.5",
+    "options: expected a mapping, found 5",
+    "LaserGeometry.beams: expected a whole number from 2, found 2.5",
+    "LaserGeometry.mount: expected three finite numbers",
+)
+
+
+def test_what_is_of_another_kind_is_refused() -> None:
+    """In a process where nobody checks types: here the tests do."""
+    words = [sys.executable, "-c", "import albot_env" + OTHER_KINDS]
+    told = subprocess.run(words, check=True, capture_output=True, text=True).stdout.splitlines()
+    assert len(told) == len(REFUSED)
+    for line, expected in zip(told, REFUSED, strict=True):
+        assert expected in line
+
+
+def test_a_world_may_be_a_path() -> None:
+    path = Path(albot_maps.__file__).parent / "catalogue" / "square-loop.yaml"
+    seen = [_batch(world=world).reset(seed=3)[0] for world in ("square-loop", path, [path, path])]
+    np.testing.assert_array_equal(seen[0], seen[1])
+    np.testing.assert_array_equal(seen[0], seen[2])
 
 
 def test_closing_lets_the_threads_go() -> None:
