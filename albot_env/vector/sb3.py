@@ -63,13 +63,15 @@ class BatchedVecEnv(VecEnv):
         Raises:
             InputError: The options differ between environments.
         """
-        if any(options != self._options[0] for options in self._options):
-            raise InputError(_SOURCE, "the same options for all", str(self._options))
-        observations: VecEnvObs
-        observations, _ = self.batch.reset(seed=list(self._seeds), options=self._options[0])
+        given, seeds = self._options, list(self._seeds)
+        # They are for one reset, also for one that fails.
         self._reset_seeds()
         self._reset_options()
-        self.reset_infos = [{} for _ in range(self.num_envs)]
+        if any(options != given[0] for options in given):
+            raise InputError(_SOURCE, "the same options for all", str(given))
+        observations: VecEnvObs
+        observations, infos = self.batch.reset(seed=seeds, options=given[0])
+        self.reset_infos = [_single(infos, k) for k in range(self.num_envs)]
         return observations
 
     def step_async(self, actions: np.ndarray) -> None:

@@ -21,14 +21,19 @@ class InputError(ValueError):
     """
 
     def __init__(self, source: object, expected: str, found: str = "", *, place: str = "") -> None:
-        self.source = str(source)
-        self.expected = expected
-        self.found = found
-        self.place = place
+        self.source = _one_line(source)
+        self.expected = _one_line(expected)
+        self.found = _one_line(found)
+        self.place = place = _one_line(place)
         where = f"{self.source}, {place}" if place else self.source
-        tail = f", found {found}" if found else ""
-        super().__init__(f"{where}: expected {expected}{tail}")
+        tail = f", found {self.found}" if found else ""
+        super().__init__(f"{where}: expected {self.expected}{tail}")
 
     def __reduce__(self) -> tuple[Callable[..., InputError], tuple[str, ...]]:
         """What worker processes send of it."""
         return partial(InputError, place=self.place), (self.source, self.expected, self.found)
+
+
+def _one_line(told: object) -> str:
+    """As text, in which nothing begins a new line."""
+    return "".join(part if part.isprintable() else repr(part)[1:-1] for part in str(told))

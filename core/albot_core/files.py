@@ -15,6 +15,8 @@ from typing import IO
 
 from albot_core.errors import InputError
 
+_PACKED = {b"\x1f\x8b": ".gz", b"\xfd7zXZ\x00": ".xz"}
+"""How files begin that are packed, and how their names end."""
 _PIECE = 4096
 """How many unpacked bytes are asked for at a time."""
 
@@ -68,6 +70,9 @@ def read_beginning(path: Path) -> tuple[bytes, InputError | None]:
         torn = InputError(path, f"whole {path.suffix[1:]} data", str(error))
     except OSError as error:
         raise InputError(path, "a readable file", error.strerror or str(error)) from None
+    for start, suffix in _PACKED.items():
+        if path.suffix not in _OPENERS and pieces and pieces[0].startswith(start):
+            raise InputError(path, f"a name that ends in {suffix}, as what is in it is packed so")
     return b"".join(pieces), torn
 
 

@@ -44,6 +44,8 @@ def command(parts: tuple[str, ...], log: Path | None, out: Path | None, as_json:
         if part not in PARTS:
             raise InputError("--part", f"one of {', '.join(PARTS)}", repr(part))
     if out is not None:
+        if parts and "journey" not in parts:
+            raise InputError("--out", "--part journey, whose page it is", ", ".join(parts))
         check_file(out)
     measures = _measures(log)
     chosen = parts or PARTS

@@ -20,6 +20,12 @@ def check_file(path: Path) -> None:
     _check(path, path.parent, "a file to write")
 
 
+def check_png(path: Path | None) -> None:
+    """Raise InputError where a picture's file, if one is wanted, is named as another."""
+    if path is not None and path.suffix.lower() != ".png":
+        raise InputError("--png", "a name that ends in .png", str(path))
+
+
 def _check(source: Path, folder: Path, expected: str) -> None:
     existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not existing.is_dir():

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from albot_cli.outputs import check_file
+from albot_cli.outputs import check_file, check_png
 from albot_cli.warm_up import warm_up
 from albot_core.errors import InputError
 from albot_env.rendering.frame import Frame
@@ -32,7 +32,12 @@ RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "record", "no_movables"
 
 @click.command()
 @click.argument("episode", required=False, type=click.Path(path_type=Path))
-@click.option("--world", default="office-ring", show_default=True, help="World: a name or a file.")
+@click.option(
+    "--world",
+    default="office-ring",
+    show_default=True,
+    help="World: a name, a file or random:KIND:SEED.",
+)
 @click.option("--mapper", default="albot1", show_default=True, help="See `albot mappers`.")
 @click.option(
     "--agent",
@@ -126,6 +131,7 @@ def _check_picture(png: Path, episode: Path) -> None:
     """Raise InputError where the picture cannot be written, or would take the episode's place."""
     if png.resolve() == episode.resolve():
         raise InputError("--png", "another file than the episode's", str(png))
+    check_png(png)
     check_file(png)
 
 

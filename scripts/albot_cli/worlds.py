@@ -9,6 +9,7 @@ from typing import Any
 import click
 import numpy as np
 
+from albot_cli.outputs import check_png
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.files import write_text
@@ -50,7 +51,7 @@ def list_worlds(as_json: bool) -> None:
 @_JSON
 def show(spec: str, png: Path | None, as_json: bool) -> None:
     """Say what WORLD holds, and draw it."""
-    _check_png(png)
+    check_png(png)
     world = load_world(spec)
     facts = summary(world)
     if png is not None:
@@ -132,7 +133,7 @@ def make(
 
     The seeds are counted up from --seed.
     """
-    _check_png(png)
+    check_png(png)
     if out is None and png is None:
         raise InputError("albot worlds make", "--out DIR, --png FILE or both", "neither")
     if png is not None and count > _MOST_ON_A_SHEET:
@@ -159,11 +160,6 @@ def make(
         return
     for world in worlds:
         click.echo(f"{world.source}  {one_line(summary(world))}")
-
-
-def _check_png(png: Path | None) -> None:
-    if png is not None and png.suffix.lower() != ".png":
-        raise InputError("--png", "a name that ends in .png", str(png))
 
 
 def summary(world: World) -> dict[str, Any]:

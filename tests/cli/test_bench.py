@@ -134,7 +134,11 @@ def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:
 
 @pytest.mark.parametrize(
     ("args", "message"),
-    [(["--part", "lazer"], "one of laser"), (["--log", "missing.log"], "a file that exists")],
+    [
+        (["--part", "lazer"], "one of laser"),
+        (["--log", "missing.log"], "a file that exists"),
+        (["--part", "startup", "--out", "page.md"], "--part journey, whose page it is"),
+    ],
 )
 def test_bad_input_is_one_line(args: list[str], message: str, tmp_path: Path) -> None:
     outcome = CliRunner().invoke(albot, ["bench", *args])

@@ -136,6 +136,8 @@ def test_a_torn_episode_plays_its_beginning_and_says_so(play: Play, tmp_path: Pa
         (("--speed", "nan"), "speed"),
         ((*SHORT, "--png", "taken/a.png"), "taken"),
         ((*SHORT, "--png", "./episode.mcap"), "another file than the episode's"),
+        ((*SHORT, "--png", "a.jpg"), "a name that ends in .png"),
+        (("--world", "two\nlines"), r"found two\nlines"),
         (("none.mcap",), "none.mcap"),
         ((*SHORT, "--record", "taken/a.mcap"), "taken"),
         (("--jsn",), "--json"),

@@ -13,3 +13,8 @@ def test_a_copy_says_the_same() -> None:
     assert isinstance(twin, InputError)
     assert str(twin) == str(error) == "intel.log, line 37: expected 180 ranges, found 112"
     assert vars(twin) == vars(error)
+
+
+def test_it_is_one_line_whatever_was_found() -> None:
+    error = InputError("a\nb.log", "a name", "x\r\ny\x1b[2J é", place="line\t3")
+    assert str(error) == r"a\nb.log, line\t3: expected a name, found x\r\ny\x1b[2J é"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from multiprocessing.reduction import ForkingPickler
 
 import numpy as np
 import pytest
@@ -125,3 +126,11 @@ def test_the_readings_are_left_as_they_were(name):
         mapper.update(reading)
         np.testing.assert_array_equal(reading.laser.ranges, ranges)
         np.testing.assert_array_equal(reading.motion, motion)
+
+
+@pytest.mark.parametrize("name", mapper_names())
+def test_a_mapper_goes_to_another_process(name: str) -> None:
+    mapper = make_mapper(name)
+    twin = ForkingPickler.loads(ForkingPickler.dumps(mapper))
+    assert type(twin) is type(mapper)
+    np.testing.assert_array_equal(twin.pose, mapper.pose)

@@ -53,7 +53,7 @@ def _draw(axes: Axes, outcome: Outcome) -> None:
     walls = load_world(trial.world).walls
     lines = list(walls.reshape(-1, 2, 2))
     axes.add_collection(LineCollection(lines, colors="#2b2f36", linewidths=1.0))
-    axes.plot(path[:, 0], path[:, 1], color="#2a6fbb", lw=1.0, label="true way")
+    axes.plot(path[:, 0], path[:, 1], color="#2a6fbb", lw=1.0, label="way driven")
     axes.plot(*path[0], "o", color="#2a6fbb", ms=5, label="where the agent began")
     axes.plot(*outcome.start[:2], "o", color="#b5338a", mfc="none", ms=10, label="home")
     axes.plot(*path[-1], "x", color="#c0392b", ms=9, mew=2.0, label="where it ended")

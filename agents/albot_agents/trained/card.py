@@ -70,6 +70,8 @@ def read_evaluation(path: Path, agent: AgentFile) -> dict[str, Any]:
     """
     try:
         found = json.loads(read_bytes(path))
+    except InputError:
+        raise
     except ValueError as error:
         raise InputError(path, "JSON", str(error)) from None
     if not isinstance(found, dict) or "success_rate" not in found:

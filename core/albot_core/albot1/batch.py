@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
@@ -78,7 +79,7 @@ class Albot1Batch:
             self._arrays.append(Arrays(*parts, trail.steps, trail.homewards.graph))
         for row in range(count):
             self._settle(row)
-        self._following = Packer(lambda laser: (self._robots, self._lens(laser), self._limits))
+        self._following = Packer(self._aids)
 
     @classmethod
     def default(cls, count: int) -> Albot1Batch:
@@ -279,6 +280,10 @@ class Albot1Batch:
             arrays = arrays._replace(memory=enlarged(arrays.memory), sight=sight)
         self._arrays[row] = arrays
         self._settle(row)
+
+    def _aids(self, laser: LaserGeometry) -> tuple[Any, ...]:
+        """What is followed with."""
+        return self._robots, self._lens(laser), self._limits
 
     def _lens(self, laser: LaserGeometry) -> Lens:
         """What views are constructed with from this laser's scans."""

@@ -80,8 +80,10 @@ def _parse(path: Path) -> dict[str, Any]:
         house = json.loads(read_bytes(path))
     except json.JSONDecodeError as error:
         raise InputError(path, "whole JSON", error.msg, place=f"line {error.lineno}") from None
-    except (UnicodeDecodeError, RecursionError) as error:
-        raise InputError(path, "JSON text", type(error).__name__) from None
+    except UnicodeDecodeError:
+        raise InputError(path, "JSON text", "bytes that are no text") from None
+    except RecursionError:
+        raise InputError(path, "JSON nested a few levels", "too many") from None
     if not isinstance(house, dict) or "verts" not in house:
         raise InputError(path, "a HouseExpo house with verts", "none")
     return house

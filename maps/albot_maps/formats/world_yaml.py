@@ -91,6 +91,9 @@ class _Walls:
         yield from self._lines("walls", data)
         for index, box in enumerate(data.get("boxes", ())):
             x_min, y_min, x_max, y_max = box
+            if not (x_min < x_max and y_min < y_max):
+                expected = "x_min, y_min, x_max, y_max with x_min < x_max and y_min < y_max"
+                raise self._error(("boxes", index), expected, shown(box))
             corners = [[x_min, y_min], [x_max, y_min], [x_max, y_max], [x_min, y_max]]
             yield self._solid(("boxes", index), _points(corners))
         for index, outline in enumerate(data.get("polygons", ())):
@@ -98,6 +101,9 @@ class _Walls:
 
     def _solid(self, path: tuple[str | int, ...], corners: Points) -> Segments:
         segments = self._joined(path, np.concatenate((corners, corners[:1])))
+        if not shapely.LinearRing(corners).is_simple or shapely.Polygon(corners).area == 0.0:
+            found = "sides that cross or touch each other"
+            raise self._error(path, "an outline around some ground", found)
         self._solids.append((path, corners))
         return segments
 

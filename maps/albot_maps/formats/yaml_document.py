@@ -16,6 +16,9 @@ Steps = tuple[str | int, ...]
 """The way to a value from the top of a document: keys and indices."""
 
 
+_COLLECTIONS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+
+
 class _Loader(yaml.BaseLoader):
     """PyYAML with the scalars of YAML 1.2: 1e-3 is a number, no and 1:30 are text."""
 
@@ -82,6 +85,8 @@ class YamlDocument:
         if path in self._lines:
             raise self._error(line, f"the key {path[-1]!r} once", "it twice")
         self._lines[path] = line
+        if isinstance(node, yaml.CollectionNode) and node.tag not in _COLLECTIONS:
+            raise self._error(line, "plain values", f"the tag {node.tag}")
         if isinstance(node, yaml.MappingNode):
             return {
                 key: self._plain(value, (*path, key), line)

@@ -31,7 +31,8 @@ class MazeParameters(Parameters):
     passage_width: float = metres(1.2, 0.75, 5)
     """Width of a passage (m)."""
     loops: int = count(3, 0, 1000)
-    """How many openings more than are needed to reach every cell."""
+    """How many openings more than are needed to reach every cell; of `columns` by `rows` cells at
+    most (columns - 1) (rows - 1)."""
     symmetry: bool = switch(False)
     """Whether the right half mirrors the left one; `columns` and `loops` are even then."""
 

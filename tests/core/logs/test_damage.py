@@ -220,6 +220,14 @@ def test_keep_going_changes_nothing_of_a_whole_log(kind, write, log_text):
 
 
 @pytest.mark.parametrize("suffix", [".gz", ".xz"])
+def test_what_is_packed_and_not_named_so_is_told(tmp_path, suffix):
+    path = tmp_path / "a.log"
+    path.write_bytes({".gz": gzip.compress, ".xz": lzma.compress}[suffix](b"O 0 0 0 1\n" * 30))
+    with pytest.raises(InputError, match=rf"a\.log: expected a name that ends in \{suffix}"):
+        read_log(path)
+
+
+@pytest.mark.parametrize("suffix", [".gz", ".xz"])
 def test_a_torn_archive(kind, suffix, tmp_path, write, log_text, drive):
     pack = {".gz": gzip.compress, ".xz": lzma.compress}[suffix]
     text = log_text(kind, scans=120)

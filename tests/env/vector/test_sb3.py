@@ -62,3 +62,6 @@ def test_a_batch_that_resets_in_another_way_is_refused() -> None:
     env.set_options([{"start": 0}, {"start": 1}])
     with pytest.raises(InputError, match="the same options for all"):
         env.reset()
+    env.reset()  # Options are for one reset.
+    assert [info["world"] for info in env.reset_infos] == ["square-loop"] * 2
+    assert all(info["coverage"] >= 0.0 for info in env.reset_infos)
