@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
 from albot_env.sim.caster_kernels import swing
 from albot_env.sim.noise_kernels import draw, draw_normals
 
@@ -87,7 +88,7 @@ def read(
     # The heading's error grew on the way: half of it bends the way itself.
     cos, sin = math.cos(error / 2), math.sin(error / 2)
     x, y = count[X], count[Y]
-    reach = math.hypot(x, y)
+    reach = length_of(x, y)
     if reach > 0.0:
         x, y = x + along * x / reach, y + along * y / reach
     motion[0], motion[1] = cos * x - sin * y, sin * x + cos * y

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
 from albot_env.sim.cone_kernels import find_echo
 from albot_env.sim.noise_kernels import draw
 from albot_env.sim.sonar_arrays import Sonars
@@ -82,7 +83,7 @@ def _overheard(ear: Ear, mouth: Ear, out: float, tangent: float) -> float:
     across = along * tangent
     x = mouth[0] + mouth[2] * along - mouth[3] * across
     y = mouth[1] + mouth[3] * along + mouth[2] * across
-    return (out + math.hypot(x - ear[0], y - ear[1])) / 2
+    return (out + length_of(x - ear[0], y - ear[1])) / 2
 
 
 @kernel()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -110,7 +111,7 @@ class Coverage:
         """Cover the ground that a scan taken at `pose` shows; return how much is new (m²)."""
         config = self._config
         sight = config.sight(scan.geometry)
-        new = cover(self._ground, 0, pose, sight, scan.ranges)
+        new = cover(self._ground, 0, pose, _turn(pose), sight, scan.ranges)
         self._cells += new
         return new * config.cell**2
 
@@ -133,7 +134,7 @@ class Coverage:
         """
         config, width = self._config, self._config.patch_cells
         patch = np.empty(width * width, np.float32)
-        cut_patch(self._ground, 0, pose, config.patch_cell, width, patch)
+        cut_patch(self._ground, 0, pose, _turn(pose), config.patch_cell, width, patch)
         return patch.reshape(1, width, width)
 
     def frontier(self, pose: Pose, scan: LaserScan, sectors: int) -> Float64[np.ndarray, "sectors"]:
@@ -146,3 +147,8 @@ class Coverage:
         sight = self._config.sight(scan.geometry)
         find_frontier(self._ground, 0, pose, sight, scan.ranges, found)
         return found
+
+
+def _turn(pose: Pose) -> tuple[float, float]:
+    """The cosine and sine of its heading."""
+    return math.cos(pose[2]), math.sin(pose[2])

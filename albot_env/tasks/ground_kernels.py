@@ -14,7 +14,7 @@ import numpy as np
 
 from albot_core.bits import lowest, ones
 from albot_core.compiled import kernel
-from albot_core.geometry.directions import turned
+from albot_core.geometry.directions import length_of, turned
 from albot_env.sim.lanes import Lanes, Table, question
 
 _COLUMNS = np.arange(8.0).reshape(1, 8)
@@ -56,7 +56,7 @@ class Sight(NamedTuple):
 @kernel()
 def is_time_to_look(motion: np.ndarray, spacing: float, turn: float, moved: np.ndarray) -> bool:
     """Add a motion to what was `moved` (m, rad) since the last look; whether one is due."""
-    moved[0] += math.hypot(motion[0], motion[1])
+    moved[0] += length_of(motion[0], motion[1])
     moved[1] += abs(motion[2])
     if moved[0] < spacing and moved[1] < turn:
         return False
@@ -65,14 +65,22 @@ def is_time_to_look(motion: np.ndarray, spacing: float, turn: float, moved: np.n
 
 
 @kernel()
-def cover(ground: Ground, i: int, pose: np.ndarray, sight: Sight, ranges: np.ndarray) -> int:
+def cover(
+    ground: Ground,
+    i: int,
+    pose: np.ndarray,
+    turn: tuple[float, float],
+    sight: Sight,
+    ranges: np.ndarray,
+) -> int:
     """Mark the cells of robot i whose middles a scan taken at `pose` shows.
 
     A middle is seen where it is no farther than the radius, and than the range of the beam
-    that points its way. Cells outside the grid are left out. Returns how many were new.
+    that points its way. Cells outside the grid are left out. `turn` is the cosine and sine of
+    the pose's heading. Returns how many were new.
     """
     side, cell, centre = ground.sides[i], ground.cell, ground.centres[i]
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    cos, sin = turn
     # The laser's place, in cells from the middle of cell (0, 0).
     eye_x = (pose[0] + cos * sight.x - sin * sight.y - centre[0]) / cell + side / 2 - 0.5
     eye_y = (pose[1] + sin * sight.x + cos * sight.y - centre[1]) / cell + side / 2 - 0.5

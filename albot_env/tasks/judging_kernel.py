@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -141,7 +142,9 @@ def _show(
     senses.beliefs[i] = sheets.beliefs[i, here]
     senses.ranges[i] = sheets.ranges[i, here]
     senses.echoes[i] = sheets.echoes[i, here]
-    find_home(senses.beliefs[i], senses.home_places[i], senses.homes[i])
+    belief = senses.beliefs[i]
+    turn = math.cos(belief[2]), math.sin(belief[2])
+    find_home(belief, turn, senses.home_places[i], senses.homes[i])
     standing.position_errors[i] = sheets.errors[i, here]
     standing.path_lengths[i] = sheets.path_lengths[i, here]
     j.rooms[i] = sheets.rooms[i, here]

@@ -8,6 +8,7 @@ import numpy as np
 
 from albot_core.bits import bits_of, number_of
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
 
 TIME_KNEE = 0.05
 """Share of the longest time up to which the scale of times is nearly linear."""
@@ -95,7 +96,7 @@ def observe_motion(motion: np.ndarray, length: float, turn: float, row: np.ndarr
 @kernel()
 def observe_home(home: np.ndarray, knee: float, longest: float, row: np.ndarray) -> None:
     """Fill `row` (3,) with the part home: direction and distance of home (robot frame)."""
-    distance = math.hypot(home[0], home[1])
+    distance = length_of(home[0], home[1])
     row[0], row[1] = 1.0, 0.0
     if distance > 0.0:
         row[0] = min(max(home[0] / distance, -1.0), 1.0)
@@ -107,7 +108,7 @@ def observe_home(home: np.ndarray, knee: float, longest: float, row: np.ndarray)
 def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray, travels: np.ndarray) -> None:
     """Add the motions measured to beliefs x, y, heading (n, 3), their lengths to travels (n,)."""
     for i in rows:
-        travels[i] += math.hypot(motions[i, 0], motions[i, 1])
+        travels[i] += length_of(motions[i, 0], motions[i, 1])
         cos, sin = math.cos(beliefs[i, 2]), math.sin(beliefs[i, 2])
         beliefs[i, 0] += cos * motions[i, 0] - sin * motions[i, 1]
         beliefs[i, 1] += sin * motions[i, 0] + cos * motions[i, 1]
@@ -131,7 +132,7 @@ def observe_exit(
     cos, sin = math.cos(belief[2]), math.sin(belief[2])
     east = 0.5 * (line[0] + line[2]) - belief[0]
     north = 0.5 * (line[1] + line[3]) - belief[1]
-    row[2] = log_scale(math.hypot(east, north), knee, longest)
+    row[2] = log_scale(length_of(east, north), knee, longest)
     _direct(east, north, cos, sin, row)
     _direct(line[3] - line[1], line[0] - line[2], cos, sin, row[3:])
     row[5] = 1.0
@@ -152,7 +153,7 @@ def observe_way(
         return
     cos, sin = math.cos(belief[2]), math.sin(belief[2])
     east, north = point[0] - belief[0], point[1] - belief[1]
-    row[2] = log_scale(math.hypot(east, north), knee, longest)
+    row[2] = log_scale(length_of(east, north), knee, longest)
     _direct(east, north, cos, sin, row)
     row[3] = 1.0
 
@@ -184,15 +185,20 @@ def find_nearest(ranges: np.ndarray, nearest: np.ndarray) -> None:
 @kernel()
 def _direct(east: float, north: float, cos: float, sin: float, row: np.ndarray) -> None:
     """Write the direction of a vector of the map as seen with a heading."""
-    length = max(math.hypot(east, north), 1e-9)
+    length = max(length_of(east, north), 1e-9)
     row[0] = min(max((cos * east + sin * north) / length, -1.0), 1.0)
     row[1] = min(max((cos * north - sin * east) / length, -1.0), 1.0)
 
 
 @kernel()
-def find_home(belief: np.ndarray, where: np.ndarray, home: np.ndarray) -> None:
-    """Write where home is, seen from a belief, as x, y, heading (3,); `where` it is in the map."""
-    cos, sin = math.cos(belief[2]), math.sin(belief[2])
+def find_home(
+    belief: np.ndarray, turn: tuple[float, float], where: np.ndarray, home: np.ndarray
+) -> None:
+    """Write where home is, seen from a belief, as x, y, heading (3,); `where` it is in the map.
+
+    `turn` is the cosine and sine of the belief's heading.
+    """
+    cos, sin = turn
     east, north = where[0] - belief[0], where[1] - belief[1]
     home[0] = cos * east + sin * north
     home[1] = cos * north - sin * east

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from albot_core.compiled import kernel
@@ -22,16 +20,22 @@ _SIGNS = _CELLS.astype(np.float32)
 
 @kernel()
 def cut_patch(
-    ground: Ground, i: int, pose: np.ndarray, patch_cell: float, width: int, patch: np.ndarray
+    ground: Ground,
+    i: int,
+    pose: np.ndarray,
+    turn: tuple[float, float],
+    patch_cell: float,
+    width: int,
+    patch: np.ndarray,
 ) -> None:
     """Fill `patch`, row by row of `width` cells, with robot i's ground: 1 covered, -1 not.
 
     The cells, of side `patch_cell` (m), lie around `pose`: row 0 farthest ahead of it, column 0
-    farthest to its left.
+    farthest to its left. `turn` is the cosine and sine of the pose's heading.
     """
     side, cell, centre = ground.sides[i], ground.cell, ground.centres[i]
     begin, size, words = np.uint64(i * ground.grids.shape[1]), np.uint64(side), np.uint64(side // 8)
-    cos, sin = math.cos(pose[2]) * patch_cell / cell, math.sin(pose[2]) * patch_cell / cell
+    cos, sin = turn[0] * patch_cell / cell, turn[1] * patch_cell / cell
     middle_x = (pose[0] - centre[0]) / cell + side / 2
     middle_y = (pose[1] - centre[1]) / cell + side / 2
     left = (width - 1) / 2

@@ -159,10 +159,12 @@ def _survey_all(
     pencil, search, sketches = contents[8:]
     for i in rows:
         pose, belief, ranges = senses.poses[i], senses.beliefs[i], senses.ranges[i]
+        turn = math.cos(belief[2]), math.sin(belief[2])
         new = 0
         if is_time_to_look(senses.motions[i], s.spacing, s.turn, findings.moved[i]):
-            cover(believed, i, belief, sight, ranges)
-            new = cover(covered, i, pose, sight, ranges)
+            cover(believed, i, belief, turn, sight, ranges)
+            true_turn = math.cos(pose[2]), math.sin(pose[2])
+            new = cover(covered, i, pose, true_turn, sight, ranges)
         findings.new_ground[i] = new
         findings.ground[i] += new
         first = rooms.worlds[i, 0]
@@ -173,7 +175,7 @@ def _survey_all(
         if findings.new_room[i]:
             rooms.entered[i, room] = True
             findings.rooms_entered[i] += 1
-        find_home(belief, senses.home_places[i], senses.homes[i])
+        find_home(belief, turn, senses.home_places[i], senses.homes[i])
         row = observations[i]
         if layout.laser >= 0:
             seen = ranges
@@ -187,7 +189,7 @@ def _survey_all(
         _tell_beliefs(i, s, layout, senses, row)
         if layout.coverage >= 0:
             patch = row[layout.coverage :]
-            cut_patch(believed, i, belief, s.patch_cell, s.patch_cells, patch)
+            cut_patch(believed, i, belief, turn, s.patch_cell, s.patch_cells, patch)
         if layout.frontier >= 0:
             find_frontier(believed, i, belief, sight, ranges, frontier)
             scale_ranges(frontier, s.laser_knee, s.laser_range, row[layout.frontier :])

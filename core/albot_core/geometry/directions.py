@@ -18,6 +18,12 @@ def turned(u: float, v: float) -> float:
     return part if u >= 0.0 else behind
 
 
+@kernel()
+def length_of(u: float, v: float) -> float:
+    """The length of (u, v): by a root, which is the same on every processor, as hypot is not."""
+    return math.sqrt(u * u + v * v)
+
+
 @kernel(arrays=True)
 def bearings_of(
     points: Float64[np.ndarray, "points 2"],

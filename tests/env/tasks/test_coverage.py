@@ -169,6 +169,6 @@ def test_what_is_behind_a_laser_is_passed_over_and_nothing_else(
     grids = []
     for looking in (sight, sight._replace(ahead=-1.0)):
         ground = laid(no_ground(1, CONFIG.cell), 0, CONFIG.side(4.0), (0.0, 0.0))
-        cover(ground, 0, np.array(pose), looking, ranges)
+        cover(ground, 0, np.array(pose), (np.cos(pose[2]), np.sin(pose[2])), looking, ranges)
         grids.append(ground.grids.copy())
     np.testing.assert_array_equal(*grids)
