@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
 from llvmlite import ir
 from numba import njit, types
-from numba.core import cgutils
+from numba.core import cgutils, serialize
 from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
@@ -17,6 +18,14 @@ from numba.np.arrayobj import populate_array
 from albot_core.kernel_sources import kernel_stamp
 
 _WORD = ir.IntType(64)
+
+# What compiled code returns is wrapped with the help of a function of numba's that is written in
+# Python, and there Ctrl-C was raised that had been pressed meanwhile, where nobody looks for it:
+# the process ended with a SystemError, or a segmentation fault. From the second time on a cache
+# written in C answers, and Python finds the signal where the call has returned.
+_numba: Any = serialize
+_numba._numba_unpickle = cache(_numba._numba_unpickle)
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 

@@ -15,6 +15,7 @@ from numba.core.errors import TypingError
 
 from albot_core.compiled import array_at, kernel, scratch
 from albot_core.kernel_sources import digest, kernel_stamp
+from tests.core import interrupted
 
 _grid, _few = scratch(2, 3), scratch(4, kind=types.int8)
 _table, _truths = array_at(3), array_at(kind=types.boolean)
@@ -127,3 +128,10 @@ def test_what_was_kept_for_other_kernels_is_not_opened(tmp_path: Path) -> None:
 def test_a_kernel_that_makes_arrays_must_say_so() -> None:
     with pytest.raises(TypingError, match="Only accept returning of array"):
         _allocate(3)
+
+
+def test_a_signal_is_raised_where_the_call_returned() -> None:
+    words = [sys.executable, "-m", interrupted.__name__]
+    root = Path(__file__).parents[2]
+    told = subprocess.run(words, cwd=root, check=True, capture_output=True, text=True)
+    assert told.stdout == f"{interrupted.ROUNDS}\n"
