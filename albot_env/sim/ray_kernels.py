@@ -36,6 +36,8 @@ _ZERO: Any = np.int64(0)
 
 _GRAZING = 1000.0
 """Float32 costs less than 0.2 mm while range² / distance to the wall's line is below (m)."""
+_EDGE_ON = 1e-12
+"""A wall is seen edge-on where it subtends an angle (rad) below: it may be nothing but rounding."""
 _STRIP: Any = np.int64(64)
 """Walls that are taken together: a word has a bit for each."""
 
@@ -196,7 +198,8 @@ def _draw_lines(walls: Table, lines: Table, reach2: Lanes) -> tuple[Lanes, Lanes
     coarse, and of the others which pass behind the laser: their lines are those to its left.
     """
     sx, sy, ex, ey = (walls[row] for row in (AX, AY, BX, BY))
-    area = sx * ey - sy * ex
+    one, other = sx * ey, sy * ex
+    area = one - other
     flip = area < 0.0
     ax, ay, bx, by = ex.where(sx, flip), ey.where(sy, flip), sx.where(ex, flip), sy.where(ey, flip)
     per_area = 1.0 / area.size()
@@ -204,7 +207,8 @@ def _draw_lines(walls: Table, lines: Table, reach2: Lanes) -> tuple[Lanes, Lanes
     walls[AX], walls[AY], walls[BX], walls[BY] = ax, ay, bx, by
     far = (ax * ax + ay * ay).most(bx * bx + by * by).least(reach2)
     graze = far * far * (p * p + q * q)
-    seen, coarse = area.size() > 0.0, graze > _GRAZING * _GRAZING
+    seen = area.size() > (one.size() + other.size()) * _EDGE_ON
+    coarse = graze > _GRAZING * _GRAZING
     plain = seen & (graze <= _GRAZING * _GRAZING)
     first, last = _turned(ax, ay), _turned(bx, by)
     behind = first > last

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pymunk
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import compose, transform_segments
@@ -86,6 +86,7 @@ headings = st.one_of(
 
 @settings(deadline=None, max_examples=300)
 @given(walls=wall_sets, origin=points, heading=headings)
+@example(walls=np.array([[0.0, 0.0, 0.25, 0.0]]), origin=(-1.5, 0.0), heading=math.pi / 4)
 def test_it_agrees_with_pymunk_where_walls_cross_touch_and_line_up(
     walls: np.ndarray, origin: tuple[float, float], heading: float
 ) -> None:
