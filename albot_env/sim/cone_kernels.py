@@ -22,8 +22,8 @@ import numpy as np
 
 from albot_core.bits import lowest
 from albot_core.compiled import kernel
+from albot_core.lanes import LANES, Lanes, Table, question
 from albot_env.sim.corner_kernels import corner_echo
-from albot_env.sim.lanes import LANES, Lanes, Table, question
 from albot_env.sim.sonar_arrays import Sonars
 from albot_env.sim.surface_kernels import (
     AREA,

@@ -19,7 +19,7 @@ import numpy as np
 from albot_core.bits import lowest
 from albot_core.compiled import kernel
 from albot_core.geometry.directions import turned
-from albot_env.sim.lanes import LANES, Lanes, Table, first_of, question
+from albot_core.lanes import LANES, Lanes, Table, first_of, question
 from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY, Cone
 
 _BEYOND = 1.0 + 1e-9

@@ -19,7 +19,7 @@ import numpy as np
 from albot_core.bits import lowest
 from albot_core.compiled import kernel
 from albot_core.geometry.directions import turned
-from albot_env.sim.lanes import (
+from albot_core.lanes import (
     LANES,
     LANES32,
     Lanes,

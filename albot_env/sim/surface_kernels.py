@@ -15,7 +15,7 @@ import numpy as np
 
 from albot_core.bits import lowest, ones
 from albot_core.compiled import kernel
-from albot_env.sim.lanes import LANES, Lanes, Table, question, whole_lanes
+from albot_core.lanes import LANES, Lanes, Table, question, whole_lanes
 from albot_env.sim.sonar_arrays import Sonars
 
 Ear = tuple[float, float, float, float]

@@ -15,7 +15,7 @@ import numpy as np
 from albot_core.bits import lowest, ones
 from albot_core.compiled import kernel
 from albot_core.geometry.directions import length_of, turned
-from albot_env.sim.lanes import Lanes, Table, question
+from albot_core.lanes import Lanes, Table, question
 
 _COLUMNS = np.arange(8.0).reshape(1, 8)
 

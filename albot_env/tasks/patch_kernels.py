@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.compiled import kernel
-from albot_env.sim.lanes import LANES
-from albot_env.sim.word_lanes import Words, WordTable, question64
+from albot_core.lanes import LANES
+from albot_core.word_lanes import Words, WordTable, question64
 from albot_env.tasks.ground_kernels import Ground
 
 _ONE = 2.0**32

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from numba.core.errors import TypingError
 
 from albot_core.compiled import kernel
-from albot_env.sim.lanes import (
+from albot_core.lanes import (
     LANES,
     LANES32,
     Lanes,
@@ -21,7 +21,7 @@ from albot_env.sim.lanes import (
     question32,
     whole_lanes,
 )
-from albot_env.sim.word_lanes import Words, WordTable, question64
+from albot_core.word_lanes import Words, WordTable, question64
 
 NUMBERS = st.floats(-1e6, 1e6) | st.just(np.nan)
 TABLES = arrays(np.float64, (4, 2 * LANES), elements=NUMBERS)

@@ -9,7 +9,7 @@ from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 
-from albot_env.sim.lanes import LANES, Question, everywhere, make_question
+from albot_core.lanes import LANES, Question, everywhere, make_question
 
 _KIND = ir.VectorType(ir.IntType(64), LANES)
 _TRUTHS = ir.VectorType(ir.IntType(1), LANES)
