@@ -23,7 +23,7 @@ from albot_core.perception.panorama import Panorama, agreement
 from albot_core.perception.reading import Reading
 from albot_core.perception.view import ViewConfig, construct_view
 from albot_core.registry import make_mapper
-from albot_env.tasks.expedition import NO_MAPPER
+from albot_env.tasks.equipment import NO_MAPPER
 from albot_env.tasks.features import FEATURES
 
 FARTHEST = 50.0

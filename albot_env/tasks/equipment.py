@@ -7,7 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from albot_core.errors import InputError
+from albot_core.mapper import MapperBatch
+from albot_core.registry import make_mappers
 from albot_env.sim import Sensors, choose_sensors
+
+NO_MAPPER = "none"
+"""Name of the mapper that is none: the belief is the odometer's, and nothing is remembered."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,6 +28,19 @@ class Equipment:
     threads: int = 1
     """Threads that share the work; 0 for as many as there are processors. What comes of it is
     the same with any number."""
+
+    def mappers(self, robots: int) -> MapperBatch | None:
+        """The mappers of so many robots; None where they have none.
+
+        Raises:
+            InputError: There is no such mapper.
+        """
+        if self.mapper == NO_MAPPER:
+            return None
+        try:
+            return make_mappers(self.mapper, robots)
+        except InputError as error:
+            raise InputError("mapper", f"{NO_MAPPER} or {error.expected}", error.found) from None
 
 
 def equip(

@@ -13,9 +13,8 @@ from jaxtyping import Bool, Float32, Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
-from albot_core.mapper import TRAVEL, MapperBatch
+from albot_core.mapper import TRAVEL
 from albot_core.perception.reading import Readings
-from albot_core.registry import make_mappers
 from albot_env.sim import PIONEER_3DX
 from albot_env.sim.crew import FEWEST, Crew
 from albot_env.sim.fleet import Fleet, draw_key
@@ -30,9 +29,6 @@ from albot_env.tasks.standing import new_standing, trail
 from albot_env.tasks.survey import Survey
 from albot_env.tasks.survey_kernel import Senses
 from albot_maps import World
-
-NO_MAPPER = "none"
-"""Name of the mapper that is none: the belief is the odometer's, and nothing is remembered."""
 
 
 class Expedition:
@@ -69,14 +65,12 @@ class Expedition:
         if "time_left" in observations.parts and not self.has_budget:
             expected = f"parts that {self.task} has: no time is given to be back in"
             raise InputError("ObservationConfig.parts", expected, "time_left")
-        mapper, sensors = equipment.mapper, equipment.sensors
+        sensors = equipment.sensors
         self.actions = actions
         """What actions ask for."""
-        self._mappers: MapperBatch | None = None
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
         self._never = np.zeros(robots, np.bool_)
-        if mapper != NO_MAPPER:
-            self._mappers = _make_mappers(mapper, robots)
+        self._mappers = equipment.mappers(robots)
         self._crew = Crew(equipment.threads)
         self.geometry = sensors.laser.geometry
         """Where the lasers' beams point."""
@@ -358,10 +352,3 @@ class Expedition:
     def rooms(self) -> np.ndarray:
         """Names of the rooms that the robots are truly in (robots,); empty between rooms."""
         return self._survey.rooms
-
-
-def _make_mappers(name: str, robots: int) -> MapperBatch:
-    try:
-        return make_mappers(name, robots)
-    except InputError as error:
-        raise InputError("mapper", f"{NO_MAPPER} or {error.expected}", error.found) from None

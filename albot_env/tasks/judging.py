@@ -14,8 +14,8 @@ from albot_core.ranges import SHARE, check_fields
 from albot_env.tasks.action import Numbers
 from albot_env.tasks.answer import AnswerConfig
 from albot_env.tasks.arrivals import question
-from albot_env.tasks.equipment import Equipment
-from albot_env.tasks.expedition import NO_MAPPER, Expedition
+from albot_env.tasks.equipment import NO_MAPPER, Equipment
+from albot_env.tasks.expedition import Expedition
 from albot_env.tasks.features import FEATURES
 from albot_env.tasks.judging_kernel import TERMS, Judgement, Sheets, judge
 from albot_env.tasks.observation import ObservationConfig
