@@ -22,7 +22,7 @@ import numpy as np
 
 from albot_core.bits import lowest
 from albot_core.compiled import kernel
-from albot_core.lanes import LANES, Lanes, Table, question
+from albot_core.lanes import LANES, Lanes, Table, first_of, question
 from albot_env.sim.corner_kernels import corner_echo
 from albot_env.sim.sonar_arrays import Sonars
 from albot_env.sim.surface_kernels import (
@@ -37,28 +37,37 @@ from albot_env.sim.surface_kernels import (
     NEARER,
     RANGE,
     TANGENT,
-    Cone,
+    Cones,
+    Span,
 )
 
 
 @kernel()
-def find_echo(cone: Cone, sonars: Sonars) -> tuple[float, float]:
+def find_echoes(cones: Cones, sonars: Sonars) -> None:
+    """Find the nearest echo of each sonar, whose surfaces have been put together."""
+    for first in range(0, cones.bounds[-1], LANES):
+        beam = sonars.slope, sonars.cos_limit, sonars.sin_limit
+        _find_nearest_points(cones.table, first, beam)
+    for s in range(sonars.mounts.shape[0]):
+        cone = cones.bounds[s], cones.bounds[s + 1]
+        cones.echoes[s] = _find_echo(cones.table, cone, sonars)
+
+
+@kernel()
+def _find_echo(table: np.ndarray, cone: Span, sonars: Sonars) -> tuple[float, float]:
     """Range (m) of the nearest echo, infinite where there is none, and tangent of its bearing."""
-    table, count = cone.table, cone.inside[0]
-    for first in range(0, count, LANES):
-        _find_nearest_points(table, first, (sonars.slope, sonars.cos_limit, sonars.sin_limit))
     best, best_tangent = sonars.max_range, 0.0
     while True:
         # The nearest of the walls that were not tried yet, if it is nearer than the best.
         reach, nearest = best, -1
-        for first in range(0, count, LANES):
-            nearer = _nearest(table, first, (reach,))
+        for first in range(cone[0], cone[1], LANES):
+            nearer = _nearest(table, first, (reach, float(cone[1] - first)))
             if nearer:
                 nearest = first + lowest(nearer)
                 reach = table[RANGE, nearest]
         if nearest < 0:
             break
-        shown, slant = _shown_point(cone, nearest)
+        shown, slant = _shown_point(table, cone, nearest)
         if shown < best:
             best, best_tangent = shown, slant
         if shown <= reach:
@@ -67,7 +76,8 @@ def find_echo(cone: Cone, sonars: Sonars) -> tuple[float, float]:
     if max(sonars.corner_reach, sonars.edge_reach) > 0.0:
         specular = sonars.cos_limit, sonars.sin_limit
         reaches = sonars.corner_reach, sonars.edge_reach
-        best, best_tangent = corner_echo(cone, sonars.slope, specular, reaches, best, best_tangent)
+        echo = best, best_tangent
+        best, best_tangent = corner_echo(table, cone, sonars.slope, specular, reaches, echo)
     return (best, best_tangent) if best < sonars.max_range else (np.inf, 0.0)
 
 
@@ -107,9 +117,10 @@ def _find_nearest_points(table: Table, *beam: Lanes) -> Lanes:
 
 
 @question
-def _nearest(table: Table, reach: Lanes) -> Lanes:
-    """Which walls echo nearest, if nearer than a reach."""
+def _nearest(table: Table, reach: Lanes, count: Lanes) -> Lanes:
+    """Which walls of the first so many echo nearest, if nearer than a reach."""
     ranges = table[RANGE]
+    ranges = ranges.where(np.inf, ranges.places() < count)
     return (ranges < reach) & (ranges <= ranges.minimum())
 
 
@@ -123,17 +134,17 @@ def _bounded(low: Lanes, high: Lanes, slope: Lanes, offset: Lanes) -> tuple[Lane
 
 
 @kernel()
-def _shown_point(cone: Cone, j: int) -> tuple[float, float]:
+def _shown_point(table: np.ndarray, cone: Span, j: int) -> tuple[float, float]:
     """Range and tangent of a wall's nearest point that echoes and is not hidden; or infinite."""
-    ax, ay, bx, by, area = _wall(cone.table, j)
-    low, high, tangent = cone.table[LOW, j], cone.table[HIGH, j], cone.table[TANGENT, j]
+    ax, ay, bx, by, area = _wall(table, j)
+    low, high, tangent = table[LOW, j], table[HIGH, j], table[TANGENT, j]
     nx, ny = by - ay, ax - bx
     best, best_tangent = np.inf, 0.0
     for side in (1.0, -1.0):
         end = high if side > 0.0 else low
-        shown = _emerge(cone, j, tangent, side, end)
+        shown = _emerge(table, cone, j, (tangent, side, end))
         if shown == tangent and side * (end - shown) > HAIR:
-            return cone.table[RANGE, j], tangent  # Nothing hides it.
+            return table[RANGE, j], tangent  # Nothing hides it.
         if side * (end - shown) > HAIR:
             reach = area * math.sqrt(1.0 + shown * shown) / (nx + ny * shown)
             if reach < best:
@@ -142,19 +153,20 @@ def _shown_point(cone: Cone, j: int) -> tuple[float, float]:
 
 
 @kernel()
-def _emerge(cone: Cone, wall: int, tangent: float, side: float, end: float) -> float:
+def _emerge(table: np.ndarray, cone: Span, wall: int, way: tuple[float, float, float]) -> float:
     """From a tangent on to one side (1 or -1), the first where nothing hides the wall.
 
-    At or beyond `end` where there is none. A gap narrower than HAIR, as between walls
-    that touch, is none.
+    `way` is that tangent, the side, and the tangent at which the wall ends. At or beyond that where
+    there is none. A gap narrower than HAIR, as between walls that touch, is none.
     """
-    ax, ay, bx, by, area = _wall(cone.table, wall)
+    tangent, side, end = way
+    ax, ay, bx, by, area = _wall(table, wall)
     nx, ny = by - ay, ax - bx
     while side * (end - tangent) > HAIR:
-        j = _nearer(cone, wall, (tangent + side * HAIR, nx, ny, area))
+        j = _nearer(table, cone, wall, (tangent + side * HAIR, nx, ny, area))
         if j < 0:
             break
-        ax, ay, bx, by, its_area = _wall(cone.table, j)
+        ax, ay, bx, by, its_area = _wall(table, j)
         share = its_area * NEARER
         cx, cy = (by - ay) * area - nx * share, (ax - bx) * area - ny * share
         ahead = min(_leave(ax, -ay, side), _leave(-bx, by, side))
@@ -163,10 +175,12 @@ def _emerge(cone: Cone, wall: int, tangent: float, side: float, end: float) -> f
 
 
 @kernel()
-def _nearer(cone: Cone, wall: int, probe: tuple[float, float, float, float]) -> int:
+def _nearer(
+    table: np.ndarray, cone: Span, wall: int, probe: tuple[float, float, float, float]
+) -> int:
     """The first wall that hides another at a tangent, or -1; `probe` is what `_hiding` takes."""
-    for first in range(0, cone.inside[0], LANES):
-        hiding = _hiding(cone.table, first, probe)
+    for first in range(cone[0], cone[1], LANES):
+        hiding = _hiding(table, first, probe) & first_of(cone[1] - first)
         if first <= wall < first + LANES:
             hiding &= ~(1 << (wall - first))
         if hiding:

@@ -20,7 +20,7 @@ from albot_core.bits import lowest
 from albot_core.compiled import kernel
 from albot_core.geometry.directions import turned
 from albot_core.lanes import LANES, Lanes, Table, first_of, question
-from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY, Cone
+from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY, Span
 
 _BEYOND = 1.0 + 1e-9
 """A wall is between when the point is this much farther, so not one that touches it."""
@@ -30,41 +30,40 @@ _TOUCH = 1e-6
 
 @kernel()
 def corner_echo(
-    cone: Cone,
+    table: np.ndarray,
+    cone: Span,
     slope: float,
     specular: tuple[float, float],
     reaches: tuple[float, float],
-    best: float,
-    best_tangent: float,
+    best: tuple[float, float],
 ) -> tuple[float, float]:
     """Range (m) and tangent of the nearest corner or edge that echoes, or else the best so far.
 
     Args:
-        cone: The surfaces in the cone.
+        table: The surfaces in the sonars' cones (see `Cones`).
+        cone: Which of them are in this sonar's.
         slope: Tangent of half the cone.
         specular: Cosine and sine of the specular limit.
         reaches: Distances (m) up to which corners and edges echo.
-        best: Range (m) of the nearest echo so far.
-        best_tangent: Tangent of its bearing.
+        best: Range (m) of the nearest echo so far, and tangent of its bearing.
     """
     farthest = max(reaches[0], reaches[1])
-    table, count = cone.table, cone.inside[0]
-    for first in range(0, count, LANES):
-        bound = min(best, farthest)
-        within = slope, bound * bound
-        points = _ends_in(table, first, within) & first_of(count - first) * (1 << LANES | 1)
+    for first in range(cone[0], cone[1], LANES):
+        bound = min(best[0], farthest)
+        points = _ends_in(table, first, (slope, bound * bound))
+        points &= first_of(cone[1] - first) * (1 << LANES | 1)
         while points:
             lane = lowest(points)
             j, end = first + lane % LANES, lane // LANES
             x, y = table[AX + 2 * end, j], table[AY + 2 * end, j]
             points &= ~_ends_at(table, first, (x, y))
             distance = math.sqrt(x * x + y * y)
-            if distance >= best or _is_hidden(cone, x, y):
+            if distance >= best[0] or _is_hidden(table, cone, x, y):
                 continue
-            across, along = _opening(cone, first, x, y)
+            across, along = _opening(table, cone, first, x, y)
             if distance < _reach_of(across, along, specular, reaches):
-                best, best_tangent = distance, y / x
-    return best, best_tangent
+                best = distance, y / x
+    return best
 
 
 @question
@@ -101,7 +100,7 @@ def _reach_of(
 
 
 @kernel()
-def _opening(cone: Cone, block: int, x: float, y: float) -> tuple[float, float]:
+def _opening(table: np.ndarray, cone: Span, block: int, x: float, y: float) -> tuple[float, float]:
     """The angle, on the sonar's side, between the walls that touch a wall's end (x, y).
 
     Told by its sine and cosine, times the lengths of both (m²). A full turn at the end of a
@@ -111,9 +110,8 @@ def _opening(cone: Cone, block: int, x: float, y: float) -> tuple[float, float]:
     # The next walls counter-clockwise and clockwise of the line to the sonar.
     left, left_x, left_y = np.inf, 0.0, 0.0
     right, right_x, right_y = -np.inf, 0.0, 0.0
-    table, count = cone.table, cone.inside[0]
-    for first in range(0, count, LANES):
-        touching = _touching(table, first, (x, y)) & first_of(count - first)
+    for first in range(cone[0], cone[1], LANES):
+        touching = _touching(table, first, (x, y)) & first_of(cone[1] - first)
         while touching:
             j = first + lowest(touching)
             touching &= touching - 1
@@ -142,11 +140,11 @@ def _touching(table: Table, x: Lanes, y: Lanes) -> Lanes:
 
 
 @kernel()
-def _is_hidden(cone: Cone, x: float, y: float) -> bool:
+def _is_hidden(table: np.ndarray, cone: Span, x: float, y: float) -> bool:
     """Whether a wall stands between the sonar and the point (x, y)."""
     hiding = 0
-    for first in range(0, cone.inside[0], LANES):
-        hiding |= _hiding(cone.table, first, (x, y))
+    for first in range(cone[0], cone[1], LANES):
+        hiding |= _hiding(table, first, (x, y)) & first_of(cone[1] - first)
     return hiding != 0
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -18,9 +17,9 @@ from albot_env.sim.register import Register
 from albot_env.sim.scene_kernels import Scenes
 from albot_env.sim.sensing_kernels import Devices, Sensed, Surroundings, sense
 from albot_env.sim.sensors import Sensors
-from albot_env.sim.sonar import NO_SONARS, SonarConfig
+from albot_env.sim.sonar import NO_SONARS, audible
 from albot_env.sim.thing_arrays import Stage
-from albot_env.sim.wall_index import Locator, WallIndex, Walls
+from albot_env.sim.wall_index import Locator, Walls
 from albot_maps.world import World
 
 
@@ -58,7 +57,7 @@ class Instruments:
         )
         """What the robots sensed last."""
         self._opaque = index_for(laser.geometry)
-        self._solid = _audible(sonar)
+        self._solid = audible(sonar)
         self._locator = Locator(self._opaque, self._solid)
         self._buildings = Register(count, self._take_in, self._forget)
         self._sensing = Packer(self._surroundings)
@@ -126,11 +125,3 @@ class Instruments:
         self._opaque.clear()
         self._solid.clear()
         self._devices = self._devices._replace(scenes=self._devices.scenes[:0])
-
-
-def _audible(sonar: SonarConfig | None) -> WallIndex:
-    """An index of what sonars can hear from where."""
-    if sonar is None:
-        return WallIndex(0.0, (0.0, 0.0))
-    spread = max(math.hypot(x, y) for x, y in sonar.geometry.places)
-    return WallIndex(sonar.constants.horizon, (0.0, 0.0), spread=spread)

@@ -19,7 +19,7 @@ from albot_env.sim.ray_kernels import Desk, Fan, make_desk, scan
 from albot_env.sim.scene_kernels import SCENE_DRAWS, Scenes, look
 from albot_env.sim.sonar_arrays import Sonars
 from albot_env.sim.sonar_kernels import SONAR_DRAWS, listen
-from albot_env.sim.surface_kernels import Cone, make_cone
+from albot_env.sim.surface_kernels import Cones, make_cones
 from albot_env.sim.wall_index import Walls
 
 NORMALS = 4096
@@ -116,11 +116,12 @@ def sense(rows: np.ndarray, parcel: Parcel) -> None:
     for i in rows:
         most = max(most, around.last[i] - around.first[i])
     desk = make_desk(devices.fan, around.most_walls + most)
-    _sense_all(rows, parcel, desk, make_cone(around.most_walls + most))
+    cones = make_cones(around.most_walls + most, devices.sonars.mounts.shape[0])
+    _sense_all(rows, parcel, desk, cones)
 
 
 @kernel()
-def _sense_all(rows: np.ndarray, parcel: Parcel, desk: Desk, cone: Cone) -> None:
+def _sense_all(rows: np.ndarray, parcel: Parcel, desk: Desk, cones: Cones) -> None:
     """`sense`, with room to work in."""
     poses, counts, around, devices, sensed = opened(parcel)
     fan, sonars, solid = devices.fan, devices.sonars, around.solid
@@ -140,7 +141,7 @@ def _sense_all(rows: np.ndarray, parcel: Parcel, desk: Desk, cone: Cone) -> None
             place = SONAR_PLACES + reading * count * SONAR_DRAWS
             things = around.things[first:last]
             listen(
-                solid.walls, nearby, things, poses[i], sonars, key, place, cone, sensed.echoes[i]
+                solid.walls, nearby, things, poses[i], sonars, key, place, cones, sensed.echoes[i]
             )
         if devices.scenes.shape[0] > 0:
             scenes = _scenes_of(devices.scenes[sensed.buildings[i]])

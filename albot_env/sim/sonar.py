@@ -13,6 +13,7 @@ from albot_core.perception.reading import SonarGeometry
 from albot_core.ranges import NOT_NEGATIVE, SHARE, Range, check_fields
 from albot_env.sim.laser import normal_table
 from albot_env.sim.sonar_arrays import Sonars
+from albot_env.sim.wall_index import WallIndex
 
 _SPECULAR = Range("a number within (0, pi/2]", 0.0, math.pi / 2, beyond=True)
 
@@ -85,6 +86,15 @@ class SonarConfig:
 
 NO_SONARS = SonarConfig().constants._replace(mounts=np.empty((0, 4)))
 """The sonars of a robot without any."""
+
+
+def audible(sonar: SonarConfig | None) -> WallIndex:
+    """An index of what such sonars can hear from where."""
+    if sonar is None:
+        return WallIndex(0.0, (0.0, 0.0))
+    spread = max(math.hypot(x, y) for x, y in sonar.geometry.places)
+    return WallIndex(sonar.constants.horizon, (0.0, 0.0), spread=spread)
+
 
 SONARS: Mapping[str, SonarConfig] = MappingProxyType(
     {

@@ -8,10 +8,10 @@ import numpy as np
 
 from albot_core.compiled import kernel
 from albot_core.geometry.directions import length_of
-from albot_env.sim.cone_kernels import find_echo
+from albot_env.sim.cone_kernels import find_echoes
 from albot_env.sim.noise_kernels import draw
 from albot_env.sim.sonar_arrays import Sonars
-from albot_env.sim.surface_kernels import Cone, Ear, gather, look
+from albot_env.sim.surface_kernels import Cones, Ear, gather, look
 
 SONAR_DRAWS = 1
 """Places in the robot's stream that each sonar takes at a reading."""
@@ -26,7 +26,7 @@ def listen(
     sonars: Sonars,
     key: np.uint64,
     place: int,
-    cone: Cone,
+    cones: Cones,
     echoes: np.ndarray,
 ) -> None:
     """Fill `echoes` (sonars,) with the ranges (m) that a robot's sonars report.
@@ -39,23 +39,23 @@ def listen(
         sonars: The sonars.
         key: Key of the robot's stream.
         place: First of the places in it that the reading takes: SONAR_DRAWS for each sonar.
-        cone: Room for so many surfaces, to work in.
+        cones: Room for so many surfaces, to work in.
         echoes: Filled; infinite where nothing came back.
     """
-    count = gather(walls, nearby, things, pose, cone.table)
+    count = gather(walls, nearby, things, pose, cones.table)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    for s in range(sonars.mounts.shape[0]):
-        ear = _ear(sonars.mounts, s, cos, sin)
-        look(cone, count, ear, sonars)
-        reach, _ = find_echo(cone, sonars)
+    mounts, heard = sonars.mounts, cones.echoes
+    for s in range(mounts.shape[0]):
+        look(cones, s, count, _ear(mounts, s, cos, sin), sonars)
+    find_echoes(cones, sonars)
+    for s in range(mounts.shape[0]):
+        reach = heard[s, 0]
         bits = draw(key, place + s)
         if np.int64((bits >> np.uint64(26)) & np.uint64(0x1FFFFFF)) < sonars.crosstalk:
             other = s + 1 if (bits >> np.uint64(51)) & np.uint64(1) else s - 1
-            if 0 <= other < sonars.mounts.shape[0]:
-                mouth = _ear(sonars.mounts, other, cos, sin)
-                look(cone, count, mouth, sonars)
-                out, tangent = find_echo(cone, sonars)
-                reach = min(reach, _overheard(ear, mouth, out, tangent))
+            if 0 <= other < mounts.shape[0]:
+                ear, mouth = _ear(mounts, s, cos, sin), _ear(mounts, other, cos, sin)
+                reach = min(reach, _overheard(ear, mouth, heard[other, 0], heard[other, 1]))
         echoes[s] = _reported(reach, bits, sonars)
 
 

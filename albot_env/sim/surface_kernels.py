@@ -23,24 +23,30 @@ Ear = tuple[float, float, float, float]
 both turned as the world is."""
 
 
-class Cone(NamedTuple):
-    """The surfaces in a sonar's cone, and room for them."""
+class Cones(NamedTuple):
+    """The surfaces in the cones of a robot's sonars, and room for them."""
 
     table: np.ndarray
-    """(ROWS, whole lanes) float64: all surfaces around the robot, and those in the cone."""
-    inside: np.ndarray
-    """(1,) int64: how many are in the cone."""
+    """(ROWS, columns) float64: all surfaces around the robot, and those in the cones."""
+    bounds: np.ndarray
+    """(sonars + 1,) int64: in which column those in each sonar's cone begin; where one's end, the
+    next one's begin."""
+    echoes: np.ndarray
+    """(sonars, 2) float64: each one's nearest echo, as range (m), infinite where there is none, and
+    tangent of its bearing."""
 
 
-X1, Y1, X2, Y2, DISTANCE, NEAREST, INSIDE, DEPTH = range(8)
+X1, Y1, X2, Y2, DISTANCE, NEAREST, FILLED, BLOCKED = range(8)
 """Rows of the table, of all surfaces around the robot: both ends, relative to its middle, and the
-distance from there (m); that of the nearest from the block on; and as a sonar sees them, whether
-they are in its cone, and how far it sees into the cone past those that fill it (m)."""
+distance from there (m); that of the nearest from the block on; and, of those that fill a sonar's
+cone, the area and by what to divide it for how far they let the sonar see."""
 AX, AY, BX, BY, AREA, LOW, HIGH, TANGENT, RANGE = range(8, 17)
-"""Rows of the table, of the surfaces in a sonar's cone: ends and area as it sees them; and
+"""Rows of the table, of the surfaces in the sonars' cones: ends and area as a sonar sees them; and
 between which tangents they would echo, and where they would do so nearest (see `cone_kernels`)."""
 ROWS = 17
 """How many they are."""
+Span = tuple[int, int]
+"""The surfaces in one sonar's cone: their first column, and the one behind their last."""
 _FAR = 1e9
 """Where surfaces are put that are none (m)."""
 HAIR = 1e-7
@@ -50,10 +56,12 @@ NEARER = 1.0 + 1e-12
 
 
 @kernel(arrays=True)
-def make_cone(most: int) -> Cone:
-    """Room for so many surfaces around a robot."""
+def make_cones(most: int, sonars: int) -> Cones:
+    """Room for so many surfaces around a robot with so many sonars."""
     # What is put together in the last columns spills over.
-    return Cone(np.empty((ROWS, whole_lanes(most) + LANES)), np.zeros(1, np.int64))
+    columns = max(sonars, 1) * whole_lanes(most) + LANES
+    bounds, echoes = np.zeros(sonars + 1, np.int64), np.empty((sonars, 2))
+    return Cones(np.empty((ROWS, columns)), bounds, echoes)
 
 
 @kernel()
@@ -100,62 +108,37 @@ def _measure(table: Table) -> Lanes:
 
 
 @kernel()
-def look(cone: Cone, count: int, ear: Ear, sonars: Sonars) -> None:
-    """Turn the surfaces that matter in a sonar's cone, and put them together.
+def look(cones: Cones, s: int, count: int, ear: Ear, sonars: Sonars) -> None:
+    """Turn the surfaces that matter in sonar s's cone, and put them behind those of the one before.
 
     What lies behind a surface that fills all of the cone does not matter, so that it goes
     fastest with the near ones first.
     """
-    table = cone.table
-    slope, reach = sonars.slope, sonars.max_range
+    table, end = cones.table, cones.bounds[s]
     x, y, cos, sin = ear
-    # Normals of the cone's two sides, pointing out of it.
-    lx, ly = -sin - slope * cos, cos - slope * sin
-    rx, ry = sin - slope * cos, -cos - slope * sin
-    sides = lx, ly, lx * x + ly * y, rx, ry, rx * x + ry * y
-    back = -cos, -sin, -(cos * x + sin * y)
+    slope, reach = sonars.slope, sonars.max_range
     rim, secant = math.sqrt(x * x + y * y), math.sqrt(1.0 + slope * slope)
-    seen = 0
     for first in range(0, count, LANES):
         if table[NEAREST, first] > reach + rim:
             break  # Nor is anything after it in reach.
-        inside = _in_cone(table, first, (reach + rim, *sides, *back))
-        if not inside:
-            continue
-        closing = _turn(table, (first, seen), (x, y, cos, sin, slope, NEARER * secant))
-        seen += ones(inside)
+        answers = _turn(table, (first, end), (reach + rim, x, y, cos, sin, slope))
+        closing = answers >> LANES
+        end += ones(answers ^ closing << LANES)
         while closing:
-            reach = min(reach, table[DEPTH, first + lowest(closing)])
+            lane = first + lowest(closing)
+            reach = min(reach, NEARER * secant * table[FILLED, lane] / table[BLOCKED, lane])
             closing &= closing - 1
-    _end(table, seen, (0.0,))
-    cone.inside[0] = seen
+    cones.bounds[s + 1] = end
 
 
 @question
-def _in_cone(table: Table, reach: Lanes, *planes: Lanes) -> Lanes:
-    """Which surfaces are in reach, and have an end within each of three half-planes x, y, limit.
+def _turn(table: Table, together: Table, *view: Lanes) -> tuple[Lanes, Lanes]:
+    """Turn surfaces into a sonar's frame, and put those together that are in its cone.
 
-    A point p is within where x p.x + y p.y <= limit.
+    Answered is which these are: which are in reach and have an end ahead of the sonar, one within
+    each side of the cone; and which of them fill it.
     """
-    x1, y1, x2, y2 = (table[row] for row in (X1, Y1, X2, Y2))
-    inside = table[DISTANCE] <= reach
-    for x, y, limit in (planes[:3], planes[3:6], planes[6:]):
-        inside &= (x * x1 + y * y1).least(x * x2 + y * y2) <= limit
-    table[INSIDE] = inside.counted()
-    return inside
-
-
-@question
-def _end(table: Table, area: Lanes) -> Lanes:
-    """Give an area to the next columns; those without are no surfaces."""
-    table[AREA] = area
-    return area > 0.0
-
-
-@question
-def _turn(table: Table, together: Table, *view: Lanes) -> Lanes:
-    """Turn surfaces into a sonar's frame; which of them fill its cone."""
-    x, y, cos, sin, slope, secant = view
+    reach, x, y, cos, sin, slope = view
     x1, y1, x2, y2 = table[X1] - x, table[Y1] - y, table[X2] - x, table[Y2] - y
     ax, ay = cos * x1 + sin * y1, cos * y1 - sin * x1
     bx, by = cos * x2 + sin * y2, cos * y2 - sin * x2
@@ -163,10 +146,13 @@ def _turn(table: Table, together: Table, *view: Lanes) -> Lanes:
     in_order = area >= 0.0
     ax, bx = ax.where(bx, in_order), bx.where(ax, in_order)
     ay, by = ay.where(by, in_order), by.where(ay, in_order)
-    inside = table[INSIDE] > 0.5
-    for row, lanes in ((AX, ax), (AY, ay), (BX, bx), (BY, by), (AREA, area.size())):
+    area = area.size()
+    rise, other = slope * ax, slope * bx
+    inside = (table[DISTANCE] <= reach) & (ax.most(bx) >= 0.0)
+    inside &= ((ay <= rise) | (by <= other)) & ((ay >= -rise) | (by >= -other))
+    for row, lanes in ((AX, ax), (AY, ay), (BX, bx), (BY, by), (AREA, area)):
         together[row] = lanes.together(inside)
     nx, ny = by - ay, ax - bx
     least = nx - slope * ny.size()
-    table[DEPTH] = secant * area.size() / least
-    return (ax * slope + ay <= 0.0) & (by >= bx * slope) & (least > 0.0) & inside
+    table[FILLED], table[BLOCKED] = area, least
+    return inside, (ay <= -rise) & (by >= other) & (least > 0.0) & inside

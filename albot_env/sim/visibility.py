@@ -16,7 +16,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from albot_core.bits import lowest
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
+from albot_core.lanes import LANES, Lanes, Table, first_of, question, whole_lanes
 
 if TYPE_CHECKING:
     from albot_env.sim.wall_index import Walls
@@ -24,7 +27,12 @@ if TYPE_CHECKING:
 _ZERO: Any = np.int64(0)
 """A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 _MARGIN = 1e-6
-"""How deep (m) in the shadow an end must lie: more than rounding can move it."""
+"""How far (m) from a wall's line the cell must stay for the wall to cast a shadow."""
+_TOUCH = 1e-9
+"""A wall that begins where the one before it ends is in its shadow from there on (m)."""
+
+HalfPlane = tuple[float, float, float]
+"""The points p with n · p >= offset: n.x, n.y (of length 1), offset (m)."""
 
 
 @kernel(arrays=True)
@@ -38,24 +46,23 @@ def list_cell(
     reach: tuple[float, float],
 ) -> None:
     """List the walls of a building that may matter in the cell about (x, y), near to far."""
-    half = cell / 2 + reach[1]
-    distances = np.empty(last - first)
+    half, limit = cell / 2 + reach[1], reach[0] + cell * math.sqrt(0.5)
+    near, distances = np.empty(last - first, np.int64), np.empty(last - first)
+    count = 0
     for j in range(first, last):
-        distances[j - first] = _distance(index.walls[j], x, y)
-    screens = np.empty((last - first, 3, 3))
-    order = np.empty(last - first, np.int64)
+        near[count], distances[count] = j, _distance(index.walls[j], x, y)
+        count += distances[count] <= limit
+    order = np.empty(count, np.int64)
     _sort(distances, order)
+    screens = np.empty((9, whole_lanes(count)))
     in_use = _ZERO
     for k in order:
-        if distances[k] > reach[0] + cell * math.sqrt(0.5):
-            break
-        j = first + int(k)
+        j = near[k]
         if _hidden(index.walls[j], screens, in_use):
             continue
         index.members[index.used[0]] = j
         index.used[0] += 1
-        if _shadow(index.walls, index.neighbours, j, x, y, half, screens[in_use]):
-            in_use += 1
+        in_use += _shadow(index.walls, index.neighbours, j, x, y, half, screens, in_use)
 
 
 @kernel()
@@ -64,7 +71,7 @@ def _distance(wall: np.ndarray, x: float, y: float) -> float:
     ex, ey = wall[2] - wall[0], wall[3] - wall[1]
     along = ((x - wall[0]) * ex + (y - wall[1]) * ey) / (ex * ex + ey * ey)
     along = min(max(along, 0.0), 1.0)
-    return math.hypot(wall[0] + along * ex - x, wall[1] + along * ey - y)
+    return length_of(wall[0] + along * ex - x, wall[1] + along * ey - y)
 
 
 @kernel()
@@ -88,17 +95,52 @@ def _sort(keys: np.ndarray, order: np.ndarray) -> None:
 
 @kernel()
 def _hidden(wall: np.ndarray, screens: np.ndarray, count: int) -> bool:
-    """Whether all of the wall lies in the shadow of one of the first screens."""
-    for s in range(count):
-        hidden = True
-        for h in range(3):
-            nx, ny, offset = screens[s, h, 0], screens[s, h, 1], screens[s, h, 2]
-            first = nx * wall[0] + ny * wall[1] - offset
-            second = nx * wall[2] + ny * wall[3] - offset
-            hidden = hidden and first > _MARGIN and second > _MARGIN
-        if hidden:
-            return True
-    return False
+    """Whether all of the wall, piece by piece, lies in shadows of the first screens."""
+    done = 0.0
+    while done < 1.0:
+        x, y = wall[0] + done * (wall[2] - wall[0]), wall[1] + done * (wall[3] - wall[1])
+        piece = x, y, wall[0], wall[1], wall[2], wall[3]
+        end = done
+        for first in range(0, count, LANES):
+            shading = _shading(screens, first, piece) & first_of(count - first)
+            while shading:
+                end = max(end, _end_of_shadow(screens, first + lowest(shading), wall))
+                shading &= shading - 1
+        if end <= done:
+            return False
+        done = end
+    return True
+
+
+@question
+def _shading(screens: Table, x: Lanes, y: Lanes, *wall: Lanes) -> Lanes:
+    """In which shadows a point of a wall is.
+
+    A wall that goes along a screen's line, as those of the chain may that casts the shadow, is not.
+    """
+    x1, y1, x2, y2 = wall
+    beyond = (_depth(screens, 0, x1, y1) > _MARGIN) | (_depth(screens, 0, x2, y2) > _MARGIN)
+    for plane in range(3):
+        beyond &= _depth(screens, plane, x, y) >= -_TOUCH
+    return beyond
+
+
+def _depth(screens: Table, plane: int, x: Lanes, y: Lanes) -> Lanes:
+    """How deep in a half-plane a point is (m)."""
+    nx, ny, offset = (screens[3 * plane + row] for row in range(3))
+    return nx * x + ny * y - offset
+
+
+@kernel()
+def _end_of_shadow(screens: np.ndarray, s: int, wall: np.ndarray) -> float:
+    """The share of a wall's length up to which it is in a shadow, once it is there."""
+    end = 1.0
+    for plane in range(0, 9, 3):
+        nx, ny, offset = screens[plane, s], screens[plane + 1, s], screens[plane + 2, s] - _TOUCH
+        before, after = nx * wall[0] + ny * wall[1], nx * wall[2] + ny * wall[3]
+        if after < offset:
+            end = min(end, (before - offset) / (before - after))
+    return end
 
 
 @kernel()
@@ -109,11 +151,12 @@ def _shadow(
     x: float,
     y: float,
     half: float,
-    planes: np.ndarray,
-) -> bool:
-    """Fill `planes` with the half-planes n · p > offset of a wall's shadow.
+    screens: np.ndarray,
+    column: int,
+) -> int:
+    """Write a wall's shadow into a column of the screens; 0 where it casts none, else 1.
 
-    False where the cell about (x, y) does not lie on one side of the wall: no shadow.
+    It casts none where the cell about (x, y) does not lie on one side of the wall.
     """
     sx, sy, ex, ey = walls[wall, 0], walls[wall, 1], walls[wall, 2], walls[wall, 3]
     left = 0
@@ -121,18 +164,20 @@ def _shadow(
         sx, sy, ex, ey = ex, ey, sx, sy
         left = 1
     # Now the cell is to the right of the way from s to e: from it, s is the left end.
-    _half_plane(ex - sx, ey - sy, sx, sy, planes[0])
+    line = _half_plane(ex - sx, ey - sy, sx, sy)
     for k in range(4):
         cx, cy = _corner(x, y, half, k)
-        if planes[0, 0] * cx + planes[0, 1] * cy - planes[0, 2] > -_MARGIN:
-            return False
-    lx, ly = _follow(walls, neighbours, 2 * wall + left, 1.0, (ex, ey), planes[0], x, y, half)
-    rx, ry = _follow(walls, neighbours, 2 * wall + 1 - left, -1.0, (lx, ly), planes[0], x, y, half)
+        if line[0] * cx + line[1] * cy - line[2] > -_MARGIN:
+            return 0
+    lx, ly = _follow(walls, neighbours, 2 * wall + left, 1.0, (ex, ey), line, x, y, half)
+    rx, ry = _follow(walls, neighbours, 2 * wall + 1 - left, -1.0, (lx, ly), line, x, y, half)
     # The shadow lies right of the most clockwise of the lines through the left end, and
     # left of the most counter-clockwise of those through the right end.
-    _tangent(lx, ly, 1.0, x, y, half, planes[1])
-    _tangent(rx, ry, -1.0, x, y, half, planes[2])
-    return True
+    sides = line, _tangent(lx, ly, 1.0, x, y, half), _tangent(rx, ry, -1.0, x, y, half)
+    for side in range(3):
+        for row in range(3):
+            screens[3 * side + row, column] = sides[side][row]
+    return 1
 
 
 @kernel()
@@ -142,7 +187,7 @@ def _follow(
     end: int,
     side: float,
     other: tuple[float, float],
-    line: np.ndarray,
+    line: HalfPlane,
     x: float,
     y: float,
     half: float,
@@ -173,16 +218,14 @@ def _follow(
 
 
 @kernel()
-def _tangent(
-    px: float, py: float, side: float, x: float, y: float, half: float, plane: np.ndarray
-) -> None:
+def _tangent(px: float, py: float, side: float, x: float, y: float, half: float) -> HalfPlane:
     """The half-plane to the right (side 1) or left (-1) of all lines from the cell through p."""
     dx = dy = 0.0
     for k in range(4):
         cx, cy = _corner(x, y, half, k)
         if k == 0 or side * (dx * (py - cy) - dy * (px - cx)) < 0.0:
             dx, dy = px - cx, py - cy
-    _half_plane(-side * dx, -side * dy, px, py, plane)
+    return _half_plane(-side * dx, -side * dy, px, py)
 
 
 @kernel()
@@ -192,11 +235,11 @@ def _corner(x: float, y: float, half: float, k: int) -> tuple[float, float]:
 
 
 @kernel()
-def _half_plane(dx: float, dy: float, x: float, y: float, plane: np.ndarray) -> None:
-    """What lies left of the line through (x, y) in direction (dx, dy), as n · p > offset."""
-    length = math.hypot(dx, dy)
-    plane[0], plane[1] = -dy / length, dx / length
-    plane[2] = plane[0] * x + plane[1] * y
+def _half_plane(dx: float, dy: float, x: float, y: float) -> HalfPlane:
+    """What lies left of the line through (x, y) in direction (dx, dy)."""
+    length = length_of(dx, dy)
+    nx, ny = -dy / length, dx / length
+    return nx, ny, nx * x + ny * y
 
 
 @kernel()

@@ -13,7 +13,7 @@ from albot_core.geometry.types import Segments
 from albot_core.parcel import Packer
 from albot_env.sim.listing_kernels import Listing, list_here
 
-CELL = 0.5
+CELL = 0.25
 """Side of the cells for which walls are listed (m)."""
 MOST_CELLS = 16384
 """Larger buildings get larger cells."""

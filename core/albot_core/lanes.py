@@ -108,6 +108,11 @@ class Lanes:
         name = "llvm.experimental.vector.compress"
         return self._lanes(_built_in(self._builder, name, self.value, truths.value, anything))
 
+    def places(self) -> Lanes:
+        """The numbers of the lanes, from 0."""
+        kind = self.value.type
+        return self._lanes(ir.Constant(kind, [float(lane) for lane in range(kind.count)]))
+
     def minimum(self) -> Lanes:
         """The least of them all, in every lane."""
         least, count = self, self.value.type.count

@@ -18,7 +18,7 @@ from albot_env.sim.fleet import Fleet
 from albot_env.sim.sensing_kernels import SONAR_PLACES
 from albot_env.sim.sonar import SONARS, SonarConfig
 from albot_env.sim.sonar_kernels import listen
-from albot_env.sim.surface_kernels import make_cone
+from albot_env.sim.surface_kernels import make_cones
 from albot_maps import load_world
 
 CONE = math.pi / 6
@@ -42,8 +42,8 @@ def heard(
     echoes = np.empty(len(config.geometry.bearings))
     everything = np.arange(len(walls), dtype=np.int32)
     where = np.array(pose, np.float64)
-    cone, key = make_cone(len(walls) + len(things)), np.uint64(key)
-    listen(walls, everything, things, where, config.constants, key, place, cone, echoes)
+    cones, key = make_cones(len(walls) + len(things), len(echoes)), np.uint64(key)
+    listen(walls, everything, things, where, config.constants, key, place, cones, echoes)
     return echoes
 
 

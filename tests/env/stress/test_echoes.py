@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from albot_core.perception.reading import SonarGeometry, SonarScan
 from albot_env.sim import SONARS
 from albot_env.sim.sonar_kernels import listen
-from albot_env.sim.surface_kernels import make_cone
+from albot_env.sim.surface_kernels import make_cones
 from albot_env.stress.echoes import check_sonar
 from albot_env.stress.limits import Limits
 
@@ -82,6 +82,6 @@ def test_the_simulators_sonars_stay_within(seed: int):
     echoes = np.empty(8)
     nearby = np.arange(8, dtype=np.int32)
     robot = pose, config.constants, np.uint64(seed), 0
-    listen(surfaces[:8], nearby, surfaces[8:], *robot, make_cone(12), echoes)
+    listen(surfaces[:8], nearby, surfaces[8:], *robot, make_cones(12, 8), echoes)
     scan = SonarScan(ranges=echoes, geometry=config.geometry)
     assert check_sonar(surfaces, pose, scan, Limits()) == []

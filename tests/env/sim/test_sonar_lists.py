@@ -1,0 +1,56 @@
+"""The sonars hear the same by lists of the walls that matter near by as by all walls."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from albot_env.benchmarks.laser import floor_plan
+from albot_env.sim.sonar import SONARS, SonarConfig, audible
+from albot_env.sim.sonar_kernels import listen
+from albot_env.sim.surface_kernels import make_cones
+from albot_env.sim.wall_index import Locator, WallIndex
+from tests.env.sim.test_rays import segments
+
+NOTHING = np.empty((0, 4))
+
+
+def differing(config: SonarConfig, walls: np.ndarray, poses: np.ndarray) -> int:
+    """How many echoes differ, by lists and by all walls."""
+    index, cells = audible(config), np.empty(len(poses), np.int64)
+    index.add(walls)
+    nothing = WallIndex(0.0, (0.0, 0.0))
+    Locator(nothing, index).locate(
+        np.arange(len(poses)), np.zeros_like(cells), poses, cells.copy(), cells
+    )
+    tables, everything = index.tables, np.arange(len(walls), dtype=np.int32)
+    sonars, count = config.constants, len(config.geometry.bearings)
+    cones = make_cones(len(walls), count)
+    echoes = np.empty((2, len(poses), count))
+    for k, pose in enumerate(poses):
+        first, last = tables.spans[cells[k]]
+        for which, near in enumerate((tables.members[first:last], everything)):
+            at = walls, near, NOTHING, pose, sonars, np.uint64(7), count * k, cones
+            listen(*at, echoes[which, k])
+    return int((echoes[0] != echoes[1]).sum())
+
+
+@pytest.mark.parametrize("name", SONARS)
+@pytest.mark.parametrize("count", [60, 200])
+def test_in_floor_plans(count: int, name: str) -> None:
+    rng = np.random.default_rng(count)
+    walls = floor_plan(count, rng)
+    low, high = walls.reshape(-1, 2).min(axis=0) - 1, walls.reshape(-1, 2).max(axis=0) + 1
+    poses = np.column_stack((rng.uniform(low, high, (2000, 2)), rng.uniform(-4, 4, 2000)))
+    assert differing(SONARS[name], walls, poses) == 0
+
+
+@settings(deadline=None, max_examples=100)
+@given(walls=st.lists(segments, min_size=3, max_size=30).map(lambda s: np.array(s, dtype=float)))
+def test_in_tangles(walls: np.ndarray) -> None:
+    """Walls on a grid of quarter metres share ends, cross, and hang together in chains."""
+    rng = np.random.default_rng(len(walls))
+    poses = np.column_stack((rng.uniform(-3.5, 3.5, (100, 2)), rng.uniform(-4, 4, 100)))
+    assert differing(SONARS["pioneer"], walls, poses) == 0
