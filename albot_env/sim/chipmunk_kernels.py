@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import wrapped
 from albot_core.parcel import Entry, Parcel, opened
 from albot_env.sim.chipmunk_calls import load, take_step, visit
 from albot_env.sim.drive_kernels import chord, ramped
@@ -122,7 +123,7 @@ def advance(
             for column in range(6):
                 robots.states[i, column] = engine.buffer[6 * k + column]
             robots.poses[i, 0], robots.poses[i, 1] = robots.states[i, 0], robots.states[i, 1]
-            robots.poses[i, 2] = (robots.states[i, 2] + math.pi) % (2 * math.pi) - math.pi
+            robots.poses[i, 2] = wrapped(robots.states[i, 2])
 
 
 @kernel()

@@ -112,7 +112,7 @@ class Floor:
         twist = pymunk.GearJoint(wheels, body, 0.0, 1.0)
         twist.max_force = grip * config.wheel_base / 2
         # The joints carry velocities over, never positions.
-        pull.max_bias = twist.max_bias = 0.0
+        pull.error_bias = twist.error_bias = 1.0
 
         self._robots[body.id] = robot
         self._parts[robot] = (body, disc, pull, twist)

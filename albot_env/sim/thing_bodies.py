@@ -43,7 +43,7 @@ def box_parts(box: Box, ground: pymunk.Body) -> tuple[pymunk.Body, Parts]:
     twist = pymunk.GearJoint(ground, body, 0.0, 1.0)
     twist.max_force = drag.max_force * lever(box.length, box.width)
     # Friction stops what moves; it does not pull it back.
-    drag.max_bias = twist.max_bias = 0.0
+    drag.error_bias = twist.error_bias = 1.0
     return body, [body, shape, drag, twist]
 
 
@@ -70,5 +70,5 @@ def walker_parts(
     shape.friction = _FRICTION
     pull = pymunk.PivotJoint(legs, body, (0.0, 0.0), (0.0, 0.0))
     pull.max_force = _WALKER_MASS * _WALKER_THRUST
-    pull.max_bias = 0.0
+    pull.error_bias = 1.0
     return body, [body, shape, pull]

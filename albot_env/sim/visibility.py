@@ -1,12 +1,12 @@
 """Which walls matter where: a list for a cell of a grid, never too short.
 
-A wall is left out of a cell's list only where it is out of reach, or where others that
-hang together hide all of it from all of the cell. Seen from the cell, what lies beyond a
-wall's line and between the two lines that touch the cell and one end of the wall each is in
-the wall's shadow: three half-planes, and another wall is hidden where both its ends
-lie in all three. Where the next wall of a chain goes on sideways without going beyond
-the line, the shadow reaches as far as the chain: each beam towards something beyond
-the line meets the chain before.
+A wall is left out of a cell's list only where it is out of reach, or where every piece of
+it is hidden from all of the cell by others that hang together. Seen from the cell, what lies
+beyond a wall's line and between the two lines that touch the cell and one end of the wall
+each is in the wall's shadow: three half-planes. Where the next wall of a chain goes on sideways
+without going beyond the line, the shadow reaches as far as the chain: each beam towards something
+beyond the line meets the chain before. A wall that ends at the one that hides it is hidden, too:
+where both are equally far, either will do.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ import numpy as np
 
 from albot_core.bits import bits_of, number_of
 from albot_core.compiled import kernel
-from albot_core.geometry.directions import length_of
+from albot_core.geometry.directions import length_of, wrapped
 
 TIME_KNEE = 0.05
 """Share of the longest time up to which the scale of times is nearly linear."""
@@ -112,7 +112,7 @@ def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray, travels: 
         cos, sin = math.cos(beliefs[i, 2]), math.sin(beliefs[i, 2])
         beliefs[i, 0] += cos * motions[i, 0] - sin * motions[i, 1]
         beliefs[i, 1] += sin * motions[i, 0] + cos * motions[i, 1]
-        beliefs[i, 2] = (beliefs[i, 2] + motions[i, 2] + math.pi) % (2 * math.pi) - math.pi
+        beliefs[i, 2] = wrapped(beliefs[i, 2] + motions[i, 2])
 
 
 @kernel()
@@ -202,7 +202,7 @@ def find_home(
     east, north = where[0] - belief[0], where[1] - belief[1]
     home[0] = cos * east + sin * north
     home[1] = cos * north - sin * east
-    home[2] = (where[2] - belief[2] + math.pi) % (2 * math.pi) - math.pi
+    home[2] = wrapped(where[2] - belief[2])
 
 
 @kernel()

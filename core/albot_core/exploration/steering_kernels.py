@@ -9,6 +9,7 @@ import numpy as np
 
 from albot_core.compiled import kernel
 from albot_core.exploration.braking_kernels import least_distance
+from albot_core.geometry.directions import wrapped
 
 COUNT = 180
 """How many directions are weighed."""
@@ -80,7 +81,7 @@ def steer_towards(points: np.ndarray, x: float, y: float, s: Limits) -> tuple[fl
         for k in range(COUNT):
             if way[k] >= min(s.lookahead, distance):
                 candidate = k * _SPACING - math.pi
-                off = abs((candidate - bearing + math.pi) % (2 * math.pi) - math.pi)
+                off = abs(wrapped(candidate - bearing))
                 if off < least:
                     direction, least = candidate, off
         if least <= s.pivot:

@@ -24,6 +24,15 @@ def length_of(u: float, v: float) -> float:
     return math.sqrt(u * u + v * v)
 
 
+@kernel()
+def wrapped(angle: float) -> float:
+    """An angle as one in [-pi, pi)."""
+    shifted = angle + math.pi
+    if not 0.0 <= shifted < 2 * math.pi:  # A remainder costs more than asking.
+        shifted %= 2 * math.pi
+    return shifted - math.pi
+
+
 @kernel(arrays=True)
 def bearings_of(
     points: Float64[np.ndarray, "points 2"],

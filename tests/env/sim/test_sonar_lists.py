@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shapely import LineString
 
 from albot_env.benchmarks.laser import floor_plan
 from albot_env.sim.sonar import SONARS, SonarConfig, audible
@@ -18,7 +20,7 @@ NOTHING = np.empty((0, 4))
 
 
 def differing(config: SonarConfig, walls: np.ndarray, poses: np.ndarray) -> int:
-    """How many echoes differ, by lists and by all walls."""
+    """How many echoes differ, by lists and by all walls, by more than rounding."""
     index, cells = audible(config), np.empty(len(poses), np.int64)
     index.add(walls)
     nothing = WallIndex(0.0, (0.0, 0.0))
@@ -34,7 +36,7 @@ def differing(config: SonarConfig, walls: np.ndarray, poses: np.ndarray) -> int:
         for which, near in enumerate((tables.members[first:last], everything)):
             at = walls, near, NOTHING, pose, sonars, np.uint64(7), count * k, cones
             listen(*at, echoes[which, k])
-    return int((echoes[0] != echoes[1]).sum())
+    return int((~np.isclose(*echoes, rtol=1e-12)).sum())
 
 
 @pytest.mark.parametrize("name", SONARS)
@@ -47,10 +49,22 @@ def test_in_floor_plans(count: int, name: str) -> None:
     assert differing(SONARS[name], walls, poses) == 0
 
 
+def without_crossings(lines: list[tuple[float, float, float, float]]) -> np.ndarray:
+    """Those of some segments that cross none of those before them."""
+    kept: list[LineString] = []
+    for line in (LineString((line[:2], line[2:])) for line in lines):
+        if not any(line.crosses(other) for other in kept):
+            kept.append(line)
+    return shapely.get_coordinates(kept).reshape(-1, 4)
+
+
 @settings(deadline=None, max_examples=100)
-@given(walls=st.lists(segments, min_size=3, max_size=30).map(lambda s: np.array(s, dtype=float)))
+@given(walls=st.lists(segments, min_size=3, max_size=40).map(without_crossings))
 def test_in_tangles(walls: np.ndarray) -> None:
-    """Walls on a grid of quarter metres share ends, cross, and hang together in chains."""
+    """Walls on a grid of quarter metres share ends, touch, and hang together in chains.
+
+    Where two walls cross there is a corner only if a third one ends there, which may be hidden.
+    """
     rng = np.random.default_rng(len(walls))
     poses = np.column_stack((rng.uniform(-3.5, 3.5, (100, 2)), rng.uniform(-4, 4, 100)))
     assert differing(SONARS["pioneer"], walls, poses) == 0
