@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from albot_core.bits import lowest
-from albot_core.compiled import kernel
+from albot_core.compiled import ZERO, kernel
 from albot_core.geometry.directions import turned
 from albot_core.lanes import (
     LANES,
@@ -30,9 +30,6 @@ from albot_core.lanes import (
 )
 from albot_env.sim.plane_kernels import mounted
 from albot_env.sim.wall_index import Walls
-
-_ZERO: Any = np.int64(0)
-"""A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 
 _GRAZING = 1000.0
 """Float32 costs less than 0.2 mm while range² / distance to the wall's line is below (m)."""
@@ -77,6 +74,8 @@ class Desk(NamedTuple):
     """(4, room) float64: the ends x, y of the walls in question, a column each (m)."""
     lines: np.ndarray
     """(4, room) float32: their lines (see P and so on)."""
+    bits: np.ndarray
+    """(beams,) uint64: random bits for the errors of the beams."""
 
 
 AX, AY, BX, BY = range(4)
@@ -92,7 +91,8 @@ def make_desk(fan: Fan, room: int) -> Desk:
     beams = np.empty((4, fan.padded.shape[1]), np.float32)
     beams[:NEAREST] = fan.padded
     columns = 2 * whole_lanes(room) + _STRIP  # Some are taken twice, and a strip is asked whole.
-    return Desk(beams, np.empty((4, columns)), np.empty((4, columns), np.float32))
+    walls, lines = np.empty((4, columns)), np.empty((4, columns), np.float32)
+    return Desk(beams, walls, lines, np.empty(fan.beams, np.uint64))
 
 
 @kernel(arrays=True, nogil=True)
@@ -129,7 +129,7 @@ def scan(
     x, y = mounted(pose, fan.x, fan.y)
     heading = pose[2] + fan.heading
     eye = x, y, math.cos(heading), math.sin(heading)
-    count = _ZERO
+    count = ZERO
     for m in index.members[index.spans[cell, 0] : index.spans[cell, 1]]:
         count += _take(index.walls, m, eye, fan.behind, desk.walls, count)
     for j in range(first, last):
@@ -237,7 +237,7 @@ def _raise_all(start: int, count: int, desk: Desk) -> None:
         if count < _STRIP:
             walls &= (1 << count) - 1
         while walls:
-            i, walls = _take_next(walls, _ZERO)
+            i, walls = _take_next(walls, ZERO)
             j, walls = _take_next(walls, i)
             k, walls = _take_next(walls, j)
             m, walls = _take_next(walls, k)

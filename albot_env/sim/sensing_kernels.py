@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
+from albot_core.compiled import element, kernel
 from albot_core.parcel import Entry, Parcel, opened
 from albot_env.sim.noise_kernels import draw
 from albot_env.sim.odometer_kernels import ODOMETER_DRAWS, read
@@ -94,12 +94,16 @@ def disturb(
     normals: np.ndarray,
     dropout: int,
     max_range: float,
+    bits: np.ndarray,
 ) -> None:
-    """Make of a laser's true `ranges` (m) what it reports."""
+    """Make of a laser's true `ranges` (m) what it reports; `bits` (beams,) is room to work in."""
     for k in range(ranges.shape[0]):
-        bits = draw(key, place + k)
-        reach = max(ranges[k] + normals[bits >> np.uint64(52)], 0.0)
-        lost = np.int64(bits & np.uint64(0xFFFFFFFF)) < dropout
+        bits[k] = draw(key, place + k)
+    for k in range(ranges.shape[0]):
+        ranges[k] += element(normals, bits[k] >> np.uint64(52))
+    for k in range(ranges.shape[0]):
+        reach = max(ranges[k], 0.0)
+        lost = np.int64(bits[k] & np.uint64(0xFFFFFFFF)) < dropout
         ranges[k] = np.inf if lost or reach >= max_range else reach
 
 
@@ -134,7 +138,8 @@ def _sense_all(rows: np.ndarray, parcel: Parcel, desk: Desk, cones: Cones) -> No
         ranges, first, last = sensed.ranges[i], around.first[i], around.last[i]
         cell = sensed.seeing[i]
         scan(fan, around.opaque, cell, around.things, first, last, poses[i], desk, ranges)
-        disturb(ranges, key, place + ODOMETER_DRAWS, devices.normals, devices.dropout, fan.reach)
+        errors = devices.normals, devices.dropout, fan.reach
+        disturb(ranges, key, place + ODOMETER_DRAWS, *errors, desk.bits)
         if count > 0:
             start, end = solid.spans[sensed.hearing[i]]
             nearby = solid.members[start:end]

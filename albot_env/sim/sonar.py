@@ -15,6 +15,8 @@ from albot_env.sim.laser import normal_table
 from albot_env.sim.sonar_arrays import Sonars
 from albot_env.sim.wall_index import WallIndex
 
+_HAIR = 1e-6
+"""More than rounding can move a wall by (m)."""
 _SPECULAR = Range("a number within (0, pi/2]", 0.0, math.pi / 2, beyond=True)
 
 
@@ -69,6 +71,7 @@ class SonarConfig:
         return Sonars(
             mounts=np.hstack((places, directions)),
             horizon=float(geometry.max_range + np.hypot(*places.T).max()),
+            behind=self._behind(),
             slope=math.tan(geometry.cone / 2),
             min_range=float(geometry.min_range),
             max_range=float(geometry.max_range),
@@ -82,6 +85,15 @@ class SonarConfig:
             dropout=round(self.dropout * 2**26),
             normals=normal_table(1.0),
         )
+
+    def _behind(self) -> float:
+        """What no cone reaches farther behind than: an x in the robot's frame (m)."""
+        geometry = self.geometry
+        # What is in a cone and in reach lies within a triangle, as long as the reach.
+        bearings, side = np.array(geometry.bearings), math.tan(geometry.cone / 2)
+        turns = np.cos(bearings) - np.abs(np.sin(bearings)) * side
+        corners = np.minimum(geometry.max_range * turns, 0.0)
+        return float((np.array(geometry.places)[:, 0] + corners).min()) - _HAIR
 
 
 NO_SONARS = SonarConfig().constants._replace(mounts=np.empty((0, 4)))

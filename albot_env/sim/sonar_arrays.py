@@ -14,6 +14,8 @@ class Sonars(NamedTuple):
     """(sonars, 4) float64: x, y (m), cosine and sine of the bearing, robot's frame."""
     horizon: float
     """Distance (m) from the robot's middle beyond which no sonar hears."""
+    behind: float
+    """Nothing with both ends at x below this (m), robot's frame, is in any sonar's cone."""
     slope: float
     """Tangent of half the cone."""
     min_range: float

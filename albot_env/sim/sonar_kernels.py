@@ -42,8 +42,8 @@ def listen(
         cones: Room for so many surfaces, to work in.
         echoes: Filled; infinite where nothing came back.
     """
-    count = gather(walls, nearby, things, pose, cones.table)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    count = gather(walls, nearby, things, pose, (cos, sin), sonars.behind, cones.table)
     mounts, heard = sonars.mounts, cones.echoes
     for s in range(mounts.shape[0]):
         look(cones, s, count, _ear(mounts, s, cos, sin), sonars)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.bits import lowest, ones
-from albot_core.compiled import kernel
+from albot_core.compiled import ZERO, kernel
 from albot_core.lanes import LANES, Lanes, Table, question, whole_lanes
 from albot_env.sim.sonar_arrays import Sonars
 
@@ -66,15 +66,24 @@ def make_cones(most: int, sonars: int) -> Cones:
 
 @kernel()
 def gather(
-    walls: np.ndarray, nearby: np.ndarray, things: np.ndarray, pose: np.ndarray, table: np.ndarray
+    walls: np.ndarray,
+    nearby: np.ndarray,
+    things: np.ndarray,
+    pose: np.ndarray,
+    turn: tuple[float, float],
+    behind: float,
+    table: np.ndarray,
 ) -> int:
-    """Write the surfaces that may be in reach of a robot into a cone's table; how many."""
-    near = int(nearby.shape[0])
-    count = near + int(things.shape[0])
-    for k in range(near):
-        _take(walls, nearby[k], pose, table, k)
-    for k in range(near, count):
-        _take(things, k - near, pose, table, k)
+    """Write the surfaces that may be in a cone of a robot's sonars into their table; how many.
+
+    `turn` is the cosine and sine of the robot's heading. Left out is what lies with both ends
+    farther behind the robot than `behind`, told as an x in its frame (m).
+    """
+    count = ZERO
+    for j in nearby:
+        count += _take(walls, j, pose, turn, behind, table, count)
+    for j in range(things.shape[0]):
+        count += _take(things, j, pose, turn, behind, table, count)
     for k in range(count, whole_lanes(count)):
         table[X1, k] = table[Y1, k] = table[X2, k] = table[Y2, k] = _FAR
     for first in range(0, count, LANES):
@@ -83,15 +92,25 @@ def gather(
     for block in range((count - 1) // LANES, -1, -1):
         nearest = min(nearest, table[NEAREST, block * LANES])
         table[NEAREST, block * LANES] = nearest
-    return count
+    return int(count)
 
 
 @kernel()
-def _take(surfaces: np.ndarray, k: int, pose: np.ndarray, table: np.ndarray, column: int) -> None:
-    table[X1, column] = surfaces[k, 0] - pose[0]
-    table[Y1, column] = surfaces[k, 1] - pose[1]
-    table[X2, column] = surfaces[k, 2] - pose[0]
-    table[Y2, column] = surfaces[k, 3] - pose[1]
+def _take(
+    surfaces: np.ndarray,
+    k: int,
+    pose: np.ndarray,
+    turn: tuple[float, float],
+    behind: float,
+    table: np.ndarray,
+    column: int,
+) -> int:
+    """Write a surface into a column; 0 if it is behind."""
+    cos, sin = turn
+    x1, y1 = surfaces[k, 0] - pose[0], surfaces[k, 1] - pose[1]
+    x2, y2 = surfaces[k, 2] - pose[0], surfaces[k, 3] - pose[1]
+    table[X1, column], table[Y1, column], table[X2, column], table[Y2, column] = x1, y1, x2, y2
+    return 1 if max(cos * x1 + sin * y1, cos * x2 + sin * y2) >= behind else 0
 
 
 @question

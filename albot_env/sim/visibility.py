@@ -12,20 +12,18 @@ where both are equally far, either will do.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from albot_core.bits import lowest
-from albot_core.compiled import kernel
+from albot_core.compiled import ZERO, kernel
 from albot_core.geometry.directions import length_of
 from albot_core.lanes import LANES, Lanes, Table, first_of, question, whole_lanes
 
 if TYPE_CHECKING:
     from albot_env.sim.wall_index import Walls
 
-_ZERO: Any = np.int64(0)
-"""A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 _MARGIN = 1e-6
 """How far (m) from a wall's line the cell must stay for the wall to cast a shadow."""
 _TOUCH = 1e-9
@@ -55,7 +53,7 @@ def list_cell(
     order = np.empty(count, np.int64)
     _sort(distances, order)
     screens = np.empty((9, whole_lanes(count)))
-    in_use = _ZERO
+    in_use = ZERO
     for k in order:
         j = near[k]
         if _hidden(index.walls[j], screens, in_use):

@@ -17,6 +17,8 @@ from numba.np.arrayobj import populate_array
 
 from albot_core.kernel_sources import kernel_stamp
 
+ZERO: Any = np.int64(0)
+"""A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 _WORD = ir.IntType(64)
 
 # What compiled code returns is wrapped with the help of a function of numba's that is written in
@@ -103,6 +105,24 @@ def array_at(*columns: int, kind: Any = types.float64) -> Callable[[int, int], n
         return types.Array(kind, 1 + len(columns), "C")(types.int64, types.int64), generate
 
     return cast(Callable[[int, int], np.ndarray], intrinsic(_array_at))
+
+
+def _element(typing: Any, array: Any, place: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        of = signature.args[0]
+        data = context.make_array(of)(context, builder, values[0]).data
+        size = context.get_abi_sizeof(context.get_data_type(of.dtype))
+        where = builder.gep(data, [values[1]], inbounds=True)
+        return builder.load_atomic(where, "unordered", size)
+
+    return array.dtype(array, types.int64), generate
+
+
+element = cast(Callable[[np.ndarray, int], Any], intrinsic(_element))
+"""`array[place]`, of a contiguous array with one axis, by a load of its own.
+
+Loops over places all over an array the compiler turns into instructions that gather many at once,
+which on some processors take longer than as many loads. It leaves loads alone that are atomic."""
 
 
 def _array(context: Any, builder: Any, signature: Any, where: Any, lengths: list[Any]) -> Any:

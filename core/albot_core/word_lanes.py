@@ -7,9 +7,8 @@ from typing import Any
 
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
 
-from albot_core.lanes import LANES, Question, everywhere, make_question
+from albot_core.lanes import LANES, Question, make_question
 
 _KIND = ir.VectorType(ir.IntType(64), LANES)
 _TRUTHS = ir.VectorType(ir.IntType(1), LANES)
@@ -59,15 +58,13 @@ class WordTable:
     def at(self, places: Words, truths: Words) -> Words:
         """The numbers at some places from the first column on; 0 where something is not true."""
         builder = self._builder
-        begin = everywhere(builder, _KIND, builder.ptrtoint(self._begin, _KIND.element))
-        addresses = (Words(builder, begin) + places * Words(builder, _like(8))).value
-        pointers = builder.inttoptr(addresses, ir.VectorType(self._begin.type, LANES))
-        given = pointers, ir.IntType(32)(8), truths.value, _like(0)
-        kind = ir.FunctionType(_KIND, [value.type for value in given])
-        tools: Any = cgutils
-        name = f"llvm.masked.gather.v{LANES}i64.v{LANES}p0"
-        called = tools.get_or_insert_function(builder.module, kind, name)
-        return Words(builder, builder.call(called, given))
+        chosen = builder.select(truths.value, places.value, _like(0))
+        numbers = _KIND(ir.Undefined)
+        for lane in map(ir.IntType(32), range(LANES)):
+            place = builder.extract_element(chosen, lane)
+            number = builder.load(builder.gep(self._begin, [place], inbounds=True))
+            numbers = builder.insert_element(numbers, number, lane)
+        return Words(builder, builder.select(truths.value, numbers, _like(0)))
 
 
 def _like(other: Words | int) -> Any:

@@ -13,7 +13,7 @@ import pytest
 from numba import types
 from numba.core.errors import TypingError
 
-from albot_core.compiled import array_at, kernel, scratch
+from albot_core.compiled import array_at, element, kernel, scratch
 from albot_core.kernel_sources import digest, kernel_stamp
 from tests.core import interrupted
 
@@ -53,6 +53,12 @@ def _double(address: int, rows: int, truths: int) -> int:
 
 
 @kernel()
+def _pick(numbers: np.ndarray, places: np.ndarray, picked: np.ndarray) -> None:
+    for k in range(places.shape[0]):
+        picked[k] = element(numbers, places[k])
+
+
+@kernel()
 def _allocate(count: int) -> int:
     return np.zeros(count).shape[0]
 
@@ -72,6 +78,15 @@ def test_an_array_is_found_at_its_address() -> None:
     doubled = 2 * table
     assert _double(table.ctypes.data, 4, flags.ctypes.data) == 3
     np.testing.assert_array_equal(table, doubled)
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.int64, np.uint8])
+def test_elements_are_those_at_their_places(kind: type) -> None:
+    rng = np.random.default_rng(0)
+    numbers, places = rng.integers(0, 200, 50).astype(kind), rng.integers(0, 50, 999)
+    picked = np.empty(999, kind)
+    _pick(numbers, places, picked)
+    np.testing.assert_array_equal(picked, numbers[places])
 
 
 def test_compiled_code_is_kept_until_any_kernel_changes(tmp_path: Path) -> None:

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from albot_core.albot1.memory import ALIVE, CELL, NEXT, USED, Memory, bucket_of, cell_of
-from albot_core.compiled import kernel
-
-_ZERO: Any = np.int64(0)
-"""A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
+from albot_core.compiled import ZERO, kernel
 
 
 @kernel()
@@ -56,7 +51,7 @@ def _search_cells(memory: Memory, box: np.ndarray) -> np.ndarray:
     """Slots of the surfaces with an end in the box, by a look into its cells."""
     surfaces, heads, links = memory.surfaces, memory.heads, memory.links
     found = np.empty(256, np.int64)
-    count = _ZERO
+    count = ZERO
     for column in range(cell_of(box[0]), cell_of(box[2]) + 1):
         for row in range(cell_of(box[1]), cell_of(box[3]) + 1):
             end = heads[bucket_of(column, row, heads.shape[0])]

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
+from albot_core.compiled import ZERO, kernel
 
 NO_EDGE, OCCLUDING, CORNER = 0, 1, 2
 """What an end of a surface is: nothing stable, an occluding point, or a corner point."""
-
-_ZERO: Any = np.int64(0)
-"""A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 
 
 @kernel()
@@ -266,7 +263,7 @@ def extract_surfaces(
     seen = scan_points(ranges, directions, mount_x, mount_y, max_range, points)
     formed = segment_points(points, seen, gap, size, height, stack, spans)
     form_surfaces(points, spans, formed, fit, height, lines, raw)
-    count = _ZERO
+    count = ZERO
     for k in range(formed):
         if count == surfaces.shape[0]:
             break

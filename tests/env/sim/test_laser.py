@@ -26,6 +26,7 @@ def sensed(true_range: float, place: int = 0, **errors: float) -> np.ndarray:
         normal_table(config.range_noise),
         config.dropout_threshold,
         GEOMETRY.max_range,
+        np.empty(20_000, np.uint64),
     )
     return ranges
 
