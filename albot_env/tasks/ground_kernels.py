@@ -15,9 +15,13 @@ import numpy as np
 from albot_core.bits import lowest, ones
 from albot_core.compiled import kernel
 from albot_core.geometry.directions import length_of, turned
-from albot_core.lanes import Lanes, Table, question
+from albot_core.lanes import Lanes, Table, question32
 
-_COLUMNS = np.arange(8.0).reshape(1, 8)
+_CELLS = np.stack((np.arange(16) % 8, np.arange(16) // 8)).astype(np.float32)
+"""Columns and rows of the first two rows of a block's cells."""
+_SOFT = 0.01
+"""How much farther (cells) than they may be cells are taken for near, before they are looked at
+with float64."""
 
 
 class Ground(NamedTuple):
@@ -88,12 +92,13 @@ def cover(
     first, last = max(0, math.ceil(eye_x - radius)), min(side - 1, math.floor(eye_x + radius))
     low, high = max(0, math.ceil(eye_y - radius)), min(side - 1, math.floor(eye_y + radius))
     grid, words, new = ground.grids[i], side // 8, 0
-    limits = radius * radius, radius * min(sight.ahead, 0.0)
+    far, least = radius + _SOFT, radius * min(sight.ahead, 0.0) - _SOFT
+    within = np.float32(cos), np.float32(sin), np.float32(far * far), np.float32(least)
     for y in range(low >> 3, (high >> 3) + 1):
         for x in range(first >> 3, (last >> 3) + 1):
             word = y * words + x
             # By now most cells are covered, and need not be looked at.
-            near = _near(_COLUMNS, 0, (eye_x - 8 * x, eye_y - 8 * y, cos, sin, *limits))
+            near = _near(_CELLS, 0, (np.float32(eye_x - 8 * x), np.float32(eye_y - 8 * y), *within))
             hidden = int(~grid[word]) & near
             if hidden:
                 seen = _seen(hidden, (8 * x, 8 * y), eye, 1.0 / cell, sight, ranges)
@@ -102,17 +107,18 @@ def cover(
     return new
 
 
-@question
-def _near(columns: Table, *eye: Lanes) -> tuple[Lanes, ...]:
+@question32
+def _near(cells: Table, *eye: Lanes) -> tuple[Lanes, ...]:
     """Which cells of a block are within the square of a distance of the eye, and not behind it.
 
-    Told row by row. `eye` is the laser's place (cells from the middle of the block's first cell),
-    the cosine and sine of the robot's heading, that square, and how far ahead cells are at least.
+    Told by two rows at a time. `eye` is the laser's place (cells from the middle of the block's
+    first cell), the cosine and sine of the robot's heading, that square, and how far ahead cells
+    are at least.
     """
-    x, y, cos, sin, radius2, least = eye
-    dx = columns[0] - x
-    rows = [row - y for row in range(8)]
-    return tuple((dx * dx + dy * dy <= radius2) & (cos * dx + sin * dy >= least) for dy in rows)
+    x, y, cos, sin, far2, least = eye
+    dx, dy = cells[0] - x, cells[1] - y
+    rows = [dy + row for row in range(0, 8, 2)]
+    return tuple((dx * dx + dy * dy <= far2) & (cos * dx + sin * dy >= least) for dy in rows)
 
 
 @kernel()
@@ -125,7 +131,7 @@ def _seen(
     ranges: np.ndarray,
 ) -> int:
     """Which of some cells of a block, told by its first column and row, a scan shows."""
-    beams = sight.beams
+    beams, radius = sight.beams, sight.radius * per_cell
     x, y, cos, sin = eye
     parts, shown = beams.shape[0], 0
     while cells:
@@ -136,7 +142,7 @@ def _seen(
         beam = beams[min(int((turned(u, v) + 2.0) * 0.25 * parts), parts - 1)]
         if beam < 0:
             continue
-        reach = ranges[beam] * per_cell
+        reach = min(ranges[beam] * per_cell, radius)
         if dx * dx + dy * dy <= reach * reach:
             shown |= 1 << place
     return shown

@@ -55,12 +55,14 @@ def cut_patch(
 @kernel()
 def _show(covered: int, rest: int, patch: np.ndarray, place: int) -> None:
     """Write into a patch cells in lanes, at most `rest`, by which of them are covered."""
-    if rest >= LANES:  # A loop whose length is known is two instructions.
-        for lane in range(LANES):
-            patch[place + lane] = _SIGNS[covered, lane]
+    begin, signs = np.uint64(place), np.uint64(covered)
+    if rest >= LANES:
+        # A loop whose length is known, over places that cannot be negative, is two instructions.
+        for lane in range(_LANES):
+            patch[begin + lane] = _SIGNS[signs, lane]
     else:
-        for lane in range(rest):
-            patch[place + lane] = _SIGNS[covered, lane]
+        for lane in range(np.uint64(rest)):
+            patch[begin + lane] = _SIGNS[signs, lane]
 
 
 @question64
