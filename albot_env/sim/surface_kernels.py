@@ -36,10 +36,10 @@ class Cones(NamedTuple):
     tangent of its bearing."""
 
 
-X1, Y1, X2, Y2, DISTANCE, NEAREST, FILLED, BLOCKED = range(8)
-"""Rows of the table, of all surfaces around the robot: both ends, relative to its middle, and the
-distance from there (m); that of the nearest from the block on; and, of those that fill a sonar's
-cone, the area and by what to divide it for how far they let the sonar see."""
+X1, Y1, X2, Y2, SQUARED, NEAREST, FILLED, BLOCKED = range(8)
+"""Rows of the table, of all surfaces around the robot: both ends, relative to its middle (m), and
+the square of the distance from there; that of the nearest from the block on; and, of those that
+fill a sonar's cone, the area and by what to divide it for how far they let the sonar see."""
 AX, AY, BX, BY, AREA, LOW, HIGH, TANGENT, RANGE = range(8, 17)
 """Rows of the table, of the surfaces in the sonars' cones: ends and area as a sonar sees them; and
 between which tangents they would echo, and where they would do so nearest (see `cone_kernels`)."""
@@ -115,14 +115,14 @@ def _take(
 
 @question
 def _measure(table: Table) -> Lanes:
-    """Write the distances from the robot's middle."""
+    """Write the squares of the distances from the robot's middle."""
     x1, y1, x2, y2 = (table[row] for row in (X1, Y1, X2, Y2))
     dx, dy = x2 - x1, y2 - y1
     along = -(x1 * dx + y1 * dy) / (dx * dx + dy * dy)
     along = along.most(0.0).least(1.0)  # Where both ends are one point it is NaN, and 0 then.
     x, y = x1 + along * dx, y1 + along * dy
-    distance = (x * x + y * y).root()
-    table[DISTANCE], table[NEAREST] = distance, distance.minimum()
+    squared = x * x + y * y
+    table[SQUARED], table[NEAREST] = squared, squared.minimum()
     return along <= 1.0
 
 
@@ -138,9 +138,10 @@ def look(cones: Cones, s: int, count: int, ear: Ear, sonars: Sonars) -> None:
     slope, reach = sonars.slope, sonars.max_range
     rim, secant = math.sqrt(x * x + y * y), math.sqrt(1.0 + slope * slope)
     for first in range(0, count, LANES):
-        if table[NEAREST, first] > reach + rim:
+        far = reach + rim
+        if table[NEAREST, first] > far * far:
             break  # Nor is anything after it in reach.
-        answers = _turn(table, (first, end), (reach + rim, x, y, cos, sin, slope))
+        answers = _turn(table, (first, end), (far * far, x, y, cos, sin, slope))
         closing = answers >> LANES
         end += ones(answers ^ closing << LANES)
         while closing:
@@ -157,7 +158,7 @@ def _turn(table: Table, together: Table, *view: Lanes) -> tuple[Lanes, Lanes]:
     Answered is which these are: which are in reach and have an end ahead of the sonar, one within
     each side of the cone; and which of them fill it.
     """
-    reach, x, y, cos, sin, slope = view
+    far2, x, y, cos, sin, slope = view
     x1, y1, x2, y2 = table[X1] - x, table[Y1] - y, table[X2] - x, table[Y2] - y
     ax, ay = cos * x1 + sin * y1, cos * y1 - sin * x1
     bx, by = cos * x2 + sin * y2, cos * y2 - sin * x2
@@ -167,7 +168,7 @@ def _turn(table: Table, together: Table, *view: Lanes) -> tuple[Lanes, Lanes]:
     ay, by = ay.where(by, in_order), by.where(ay, in_order)
     area = area.size()
     rise, other = slope * ax, slope * bx
-    inside = (table[DISTANCE] <= reach) & (ax.most(bx) >= 0.0)
+    inside = (table[SQUARED] <= far2) & (ax.most(bx) >= 0.0)
     inside &= ((ay <= rise) | (by <= other)) & ((ay >= -rise) | (by >= -other))
     for row, lanes in ((AX, ax), (AY, ay), (BX, bx), (BY, by), (AREA, area)):
         together[row] = lanes.together(inside)

@@ -74,9 +74,9 @@ def scale_ranges(ranges: np.ndarray, knee: float, longest: float, scaled: np.nda
     one, half, root = np.float32(1.0), np.float32(0.5), np.float32(math.sqrt(2.0))
     two, log_2 = np.float32(2.0), np.float32(math.log(2.0))
     third, fifth, seventh = np.float32(1 / 3), np.float32(1 / 5), np.float32(1 / 7)
-    share = np.float32(2.0 / math.log1p(longest / knee))
+    share, per_knee = np.float32(2.0 / math.log1p(longest / knee)), 1.0 / knee
     for k in range(ranges.shape[0]):
-        bits = bits_of(np.float32(1.0 + min(ranges[k], longest) / knee))
+        bits = bits_of(np.float32(1.0 + min(ranges[k], longest) * per_knee))
         exponent = np.float32((bits >> np.int32(23)) - np.int32(127))
         number = number_of((bits & np.int32(0x7FFFFF)) | np.int32(127 << 23))
         t = (number - root) / (number + root)
