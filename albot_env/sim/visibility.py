@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from albot_env.sim.wall_index import Walls
 
 _MARGIN = 1e-6
-"""How far (m) from a wall's line the cell must stay for the wall to cast a shadow."""
+"""How far (m) the cell must stay before a wall's line for the wall to cast a shadow, and how far
+beyond it what is in the shadow must come."""
 _TOUCH = 1e-9
 """A wall that begins where the one before it ends is in its shadow from there on (m)."""
 

@@ -113,7 +113,7 @@ def _near(cells: Table, *eye: Lanes) -> tuple[Lanes, ...]:
 
     Told by two rows at a time. `eye` is the laser's place (cells from the middle of the block's
     first cell), the cosine and sine of the robot's heading, that square, and how far ahead cells
-    are at least.
+    are at least. With float32, so that both must leave a hair (see `_SOFT`).
     """
     x, y, cos, sin, far2, least = eye
     dx, dy = cells[0] - x, cells[1] - y

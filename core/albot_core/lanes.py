@@ -92,11 +92,6 @@ class Lanes:
         """These numbers where something is true, others elsewhere."""
         return self._lanes(self._builder.select(truths.value, self.value, self._like(other)))
 
-    def counted(self) -> Lanes:
-        """Of truths: 1 where one is true, 0 elsewhere."""
-        kind = ir.VectorType(ir.DoubleType(), self.value.type.count)
-        return self._lanes(self._builder.uitofp(self.value, kind))
-
     def coarse(self) -> Lanes:
         """The nearest numbers of float32."""
         kind = ir.VectorType(ir.FloatType(), self.value.type.count)

@@ -16,6 +16,7 @@ from albot_env.benchmarks.laser import floor_plan
 from albot_env.sim import PIONEER_3DX, RayCaster
 from albot_env.sim.space import Floor
 from albot_maps.world import World
+from tests.env.sim.whereabouts import poses_about
 
 MILLIMETRE = 1e-3
 FINE = LaserGeometry(beams=361, spacing=math.pi / 360)
@@ -68,8 +69,7 @@ def close(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def test_it_agrees_with_pymunk_in_floor_plans(segments: int, geometry: LaserGeometry) -> None:
     rng = np.random.default_rng(segments)
     walls = floor_plan(segments, rng)
-    low, high = walls.reshape(-1, 2).min(axis=0) - 2, walls.reshape(-1, 2).max(axis=0) + 2
-    poses = np.column_stack((rng.uniform(low, high, (150, 2)), rng.uniform(-4, 4, 150)))
+    poses = poses_about(walls, 2.0, 150, rng)
     differing, wrong = disagreements(walls, geometry, poses)
     assert differing <= 1
     assert wrong == 0
@@ -135,8 +135,7 @@ def line_distances(walls: np.ndarray, pose: np.ndarray) -> list[float]:
 def test_lists_of_visible_walls_change_nothing(segments: int) -> None:
     rng = np.random.default_rng(segments)
     walls = floor_plan(segments, rng)
-    low, high = walls.reshape(-1, 2).min(axis=0) - 1, walls.reshape(-1, 2).max(axis=0) + 1
-    poses = np.column_stack((rng.uniform(low, high, (20000, 2)), rng.uniform(-4, 4, 20000)))
+    poses = poses_about(walls, 1.0, 20000, rng)
     listed = RayCaster(walls, LaserGeometry()).scan_batch(poses)
     brute = RayCaster(walls, LaserGeometry(), indexed=False).scan_batch(poses)
     np.testing.assert_array_equal(listed, brute)

@@ -54,6 +54,20 @@ def wall(distance: float, turn: float = 0.0, half: float = 3.0) -> np.ndarray:
     return np.array([[*(foot - along), *(foot + along)]])
 
 
+@pytest.mark.parametrize("bearing", np.linspace(-math.pi, math.pi, 13))
+def test_a_sonar_hears_the_same_wherever_on_the_robot_it_points(bearing: float) -> None:
+    """Also where its cone reaches behind the robot: among short walls, and in every direction."""
+    rng = np.random.default_rng(3)
+    middles, halves = rng.uniform(-4, 4, (60, 2)), rng.uniform(-0.4, 0.4, (60, 2))
+    walls = np.hstack((middles - halves, middles + halves))
+    mounted = SonarGeometry(bearings=(float(bearing),), places=((0.1, -0.2),), min_range=0.0)
+    for heading in np.arange(0.0, 6.0, 0.25).tolist():
+        x, y = 0.1 * math.cos(heading) + 0.2 * math.sin(heading), 0.1 * math.sin(heading)
+        there = x, y - 0.2 * math.cos(heading), heading + bearing
+        turned = heard(SonarConfig(geometry=mounted), walls, (0.0, 0.0, heading))
+        np.testing.assert_allclose(turned, heard(one_sonar(), walls, there), rtol=1e-9)
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.2, -0.26])
 def test_a_wall_is_as_far_as_its_perpendicular(turn: float) -> None:
     assert heard(one_sonar(), wall(1.5, turn))[0] == pytest.approx(1.5, abs=1e-12)

@@ -13,20 +13,17 @@ from albot_env.benchmarks.laser import floor_plan
 from albot_env.sim.sonar import SONARS, SonarConfig, audible
 from albot_env.sim.sonar_kernels import listen
 from albot_env.sim.surface_kernels import make_cones
-from albot_env.sim.wall_index import Locator, WallIndex
 from tests.env.sim.test_rays import segments
+from tests.env.sim.whereabouts import cells_of, poses_about
 
 NOTHING = np.empty((0, 4))
 
 
 def differing(config: SonarConfig, walls: np.ndarray, poses: np.ndarray) -> int:
     """How many echoes differ, by lists and by all walls, by more than rounding."""
-    index, cells = audible(config), np.empty(len(poses), np.int64)
+    index = audible(config)
     index.add(walls)
-    nothing = WallIndex(0.0, (0.0, 0.0))
-    Locator(nothing, index).locate(
-        np.arange(len(poses)), np.zeros_like(cells), poses, cells.copy(), cells
-    )
+    cells = cells_of(index, poses)
     tables, everything = index.tables, np.arange(len(walls), dtype=np.int32)
     sonars, count = config.constants, len(config.geometry.bearings)
     cones = make_cones(len(walls), count)
@@ -44,9 +41,7 @@ def differing(config: SonarConfig, walls: np.ndarray, poses: np.ndarray) -> int:
 def test_in_floor_plans(count: int, name: str) -> None:
     rng = np.random.default_rng(count)
     walls = floor_plan(count, rng)
-    low, high = walls.reshape(-1, 2).min(axis=0) - 1, walls.reshape(-1, 2).max(axis=0) + 1
-    poses = np.column_stack((rng.uniform(low, high, (2000, 2)), rng.uniform(-4, 4, 2000)))
-    assert differing(SONARS[name], walls, poses) == 0
+    assert differing(SONARS[name], walls, poses_about(walls, 1.0, 2000, rng)) == 0
 
 
 def without_crossings(lines: list[tuple[float, float, float, float]]) -> np.ndarray:

@@ -7,8 +7,8 @@ import numpy as np
 from albot_core.perception.reading import LaserGeometry
 from albot_env.sim import RayCaster
 from albot_env.sim.rays import index_for
-from albot_env.sim.wall_index import Locator, WallIndex
 from albot_maps import load_world
+from tests.env.sim.whereabouts import cells_of, poses_about
 
 FAN = LaserGeometry(beams=720, first_bearing=-np.pi, spacing=np.pi / 360, max_range=30.0)
 
@@ -32,12 +32,7 @@ def test_lists_are_at_most_twice_as_long_as_need_be() -> None:
     world = load_world("random:office:3?rooms=10")
     index, rays, rng = index_for(FAN), RayCaster(world.walls, FAN), np.random.default_rng(0)
     index.add(world.walls)
-    low, high = world.walls.reshape(-1, 2).min(axis=0), world.walls.reshape(-1, 2).max(axis=0)
-    poses = np.column_stack((rng.uniform(low, high, (20, 2)), np.zeros(20)))
-    cells = np.zeros(20, np.int64)
-    Locator(index, WallIndex(0.0, (0.0, 0.0))).locate(
-        np.arange(20), np.zeros_like(cells), poses, cells, cells.copy()
-    )
+    cells = cells_of(index, poses_about(world.walls, 0.0, 20, rng))
     listed, seen = 0, 0
     left, bottom, side, columns = index.tables.frames[0, :4]
     for cell in np.unique(cells):
