@@ -8,27 +8,27 @@ import numpy as np
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.entering import enter
-from albot_core.albot1.exits import NO_GATE, Exits, leave_exits
+from albot_core.albot1.exits import Exits, leave_exits
 from albot_core.albot1.following import ASTRAY, CROSSED, SUSPECTED, TROD
 from albot_core.albot1.mapping import STEP, STRANGE, UPDATED_AT, UPDATES
 from albot_core.albot1.memory import USED, VISIT, Memory, living
 from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import turned_round
 from albot_core.albot1.recognition import moved
-from albot_core.albot1.revisiting import find, is_time_to_look, recognize_place
+from albot_core.albot1.revisiting import find, recognize_place
 from albot_core.albot1.sight import Sight
 from albot_core.albot1.structure import joined
 from albot_core.albot1.suspicion import suspicions
 from albot_core.albot1.treading import tread
 from albot_core.albot1.updating import update_map
 from albot_core.albot1.visits import (
+    allay,
     arouse_from,
     begin_visit,
     marked_visits,
     move_visits,
     renumber_visits,
     seen_in_visit,
-    suspect_still,
 )
 from albot_core.geometry.poses import transform_segments
 from albot_core.geometry.types import Segments
@@ -72,12 +72,11 @@ def attend(robot: Robot, events: int, limits: Limits) -> None:
         _lose(robot, limits)
     elif events & CROSSED:
         _cross(robot, limits)
-    elif robot.exits.counts[1] != NO_GATE:
-        pass  # between two places there is no telling which it is in
-    elif robot.network.lost_since:
-        _find(robot)
     elif events & SUSPECTED:
-        _suspect(robot)
+        if robot.network.lost_since:
+            _find(robot)
+        else:
+            _suspect(robot)
     if events & TROD:
         tread(robot.network, robot.pose, robot.view)
 
@@ -112,12 +111,9 @@ def _suspect(robot: Robot) -> None:
     """It has met again many surfaces of an earlier visit: is it there?"""
     memory, network = robot.memory, robot.network
     met = memory.met[: len(network.visits)]
-    suspect_still(memory, met[:, 1])
-    if not is_time_to_look(network, robot.sight.pose):
-        return
     step, pose = robot.step, robot.sight.pose
     met[:, 1] = suspicions(network, pose)
-    suspect_still(memory, met[:, 1])
+    allay(memory.met, memory.counts)
     if recognize_place(network, step, met, _before_it(robot), pose):
         arouse_from(memory, suspicions(network, pose))
 
@@ -146,8 +142,6 @@ def _lose(robot: Robot, limits: Limits) -> None:
 def _find(robot: Robot) -> None:
     """It has lost its way, and looks where it may be."""
     memory, sight, network = robot.memory, robot.sight, robot.network
-    if not is_time_to_look(network, sight.pose):
-        return
     first = network.lost_since
     motion = find(network, robot.step, _before_it(robot), sight.pose)
     if motion is None:

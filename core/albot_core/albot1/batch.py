@@ -72,6 +72,7 @@ class Albot1Batch:
             current=np.zeros(count, np.int64),
             displacements=np.zeros((count, 3)),
             is_lost=np.zeros(count, np.bool_),
+            looked_from=np.zeros((count, 3)),
         )
         for network in self._networks:
             trail = network.trail
@@ -242,6 +243,7 @@ class Albot1Batch:
         robots = self._robots
         robots.current[row], robots.is_lost[row] = network.current, network.lost_since > 0
         robots.displacements[row] = network.displacement
+        robots.looked_from[row] = network.looked_from
         if self.config.places.exits_expected and self._expecting[row] != network.version:
             self._expecting[row] = network.version
             expect_exits(self._arrays[row].exits, network.predicted_exits)

@@ -51,6 +51,8 @@ class Limits(NamedTuple):
     turn_error: float
     exit_least: float
     exit_most: float
+    look_spacing: float
+    look_turn: float
     turns: np.ndarray
     """(turns, 3) float64: the turns tried, as cosine, sine, and votes that each must make up."""
 
@@ -217,6 +219,16 @@ class Albot1Config:
     def limits(self) -> Limits:
         """The thresholds as the compiled steps take them."""
         return Limits(*(getattr(self, name) for name in Limits._fields))
+
+    @property
+    def look_spacing(self) -> float:
+        """How far the robot goes from one comparison of places to the next (m)."""
+        return self.places.look_spacing
+
+    @property
+    def look_turn(self) -> float:
+        """How far it turns (rad)."""
+        return self.places.look_turn
 
     @property
     def turns(self) -> Float64[np.ndarray, "turns 3"]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.crossing import cross_exit
-from albot_core.albot1.exits import remember_exits
+from albot_core.albot1.exits import NO_GATE, remember_exits
 from albot_core.albot1.mapping import STEP, STRANGE, map_step
 from albot_core.albot1.memory import ALIVE, NEXT_ID, SUSPECT, VISIT, Memory, room_left
 from albot_core.albot1.recognition import length_of, moved, pose_in, wrap
@@ -16,6 +16,7 @@ from albot_core.albot1.sight import Sight, copy_sight
 from albot_core.albot1.storage import ROOM, exits_at, graph_at, memory_at, sight_at, steps_at
 from albot_core.albot1.trail import LOOK_ROUND, STRIDE
 from albot_core.albot1.trail_kernels import has_room, tread_on
+from albot_core.albot1.visits import allay, is_time_to_look
 from albot_core.compiled import kernel, scratch
 from albot_core.parcel import Parcel, opened
 from albot_core.perception.surfaces import NO_EDGE, Bench, extract_surfaces, make_bench
@@ -37,9 +38,9 @@ class Lens(NamedTuple):
 
 
 CROSSED, SUSPECTED, ASTRAY, TROD = 1, 2, 4, 8
-"""In `Robots.events`: the robot got through an exit; it met enough surfaces of an earlier
-visit; it was moved; it has gone a stride or looks elsewhere, and must not tread on its trail
-before the rest has been seen to."""
+"""In `Robots.events`: the robot got through an exit; it met enough surfaces of an earlier visit,
+and it is time to compare places; it was moved; it has gone a stride or looks elsewhere, and must
+not tread on its trail before the rest has been seen to."""
 
 
 class Robots(NamedTuple):
@@ -67,6 +68,9 @@ class Robots(NamedTuple):
     """(n, 3) float64: where the enduring frame of its places lies (m, rad; the map's frame)."""
     is_lost: np.ndarray
     """(n,) bool: whether it has lost its way."""
+    looked_from: np.ndarray
+    """(n, 3) float64: where it last compared places in its present visit (m, rad; the map's
+    frame); NaN where it has not yet."""
 
 
 _since, _here = scratch(3), scratch(3)
@@ -178,8 +182,13 @@ def _view(
         robots.events[row] += ASTRAY
     elif progress[STRANGE] == 0 and cross_exit(exits, x, y, current.pose):
         robots.events[row] += CROSSED
-    if memory.counts[SUSPECT] > 0:
-        robots.events[row] += SUSPECTED
+    elif memory.counts[SUSPECT] > 0 and exits.counts[1] == NO_GATE:
+        # Between two places there is no telling which it is in.
+        looked_from = robots.looked_from[row]
+        if is_time_to_look(looked_from, current.pose, limits.look_spacing, limits.look_turn):
+            robots.events[row] += SUSPECTED
+        elif not robots.is_lost[row]:
+            allay(memory.met, memory.counts)
     robots.surfaces[row] = memory.counts[ALIVE]
     for i in range(3):
         since[i] = 0.0

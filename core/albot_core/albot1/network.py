@@ -56,8 +56,8 @@ class PlaceNetwork:
         self.trail.forget()
         self.trail.tread(START, np.zeros(3), np.empty((0, 4)))
         self.next_id = 1
-        self.looked_from: Pose | None = None
-        """Where the robot was at the last comparison in its present visit, if there was one."""
+        self.looked_from: Pose = np.full(3, np.nan)
+        """Where the robot was at the last comparison in its present visit; NaN before the first."""
         # Of each visit, counted from 1: which place it was to, and the displacement then.
         self.visits: list[int] = [-1, START]
         self.displacements: list[Pose] = [np.zeros(3), np.zeros(3)]
@@ -166,7 +166,7 @@ class PlaceNetwork:
 
     def _begin_visit(self, place: int) -> None:
         self.current = place
-        self.looked_from = None
+        self.looked_from = np.full(3, np.nan)
         self.visits.append(place)
         self.displacements.append(self.displacement)
         self.version += 1

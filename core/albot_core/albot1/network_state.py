@@ -57,9 +57,7 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
             np.int64,
         ),
         "displacement": network.displacement.copy(),
-        "looked_from": np.reshape(
-            [] if network.looked_from is None else network.looked_from, (-1, 3)
-        ).astype(float),
+        "looked_from": network.looked_from[None][~np.isnan(network.looked_from[:1])],
         "events": np.array([event.row() for event in network.record.events]),
         "trail": np.column_stack(
             (network.trail.points, network.trail.places, network.trail.strides)
@@ -84,8 +82,8 @@ def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> P
     network.current, network.next_id, network.lost_since = standing[:3]
     network.trail = _trail(stored)
     network.displacement = stored["displacement"].copy()
-    looked_from = stored["looked_from"].copy()
-    network.looked_from = looked_from[-1] if len(looked_from) else None
+    if len(stored["looked_from"]):
+        network.looked_from = stored["looked_from"][-1].copy()
     network.record.events = [Event.of_row(row) for row in stored["events"]]
     return network
 

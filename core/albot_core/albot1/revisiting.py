@@ -10,6 +10,7 @@ from albot_core.albot1.places import Site
 from albot_core.albot1.record import AROUND, Happening
 from albot_core.albot1.structure import Likeness, compare
 from albot_core.albot1.suspicion import surfaces_needed
+from albot_core.albot1.visits import is_time_to_look
 from albot_core.geometry.poses import compose, inverse, relative
 from albot_core.geometry.types import Pose, Segments
 
@@ -107,18 +108,10 @@ def _suspects(
     return [v for v in ordered if met[v] > 0 or last[network.visits[v]] == v]
 
 
-def is_time_to_look(network: PlaceNetwork, pose: Pose) -> bool:
-    """Whether the robot has gone or turned enough since the last comparison."""
-    if network.looked_from is None:
-        return True
-    x, y, turn = relative(network.looked_from, pose)
-    config = network.config
-    return bool(np.hypot(x, y) >= config.look_spacing or abs(turn) >= config.look_turn)
-
-
 def _looks_again(network: PlaceNetwork, pose: Pose) -> bool:
     """Whether it is time to look; then that is done from here."""
-    if not is_time_to_look(network, pose):
+    config = network.config
+    if not is_time_to_look(network.looked_from, pose, config.look_spacing, config.look_turn):
         return False
     network.looked_from = pose.copy()
     return True

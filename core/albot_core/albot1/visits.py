@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.albot1.memory import SUSPECT, USED, VISIT, Memory, living, move_surface
+from albot_core.albot1.recognition import wrap
 from albot_core.compiled import kernel
 
 
@@ -75,9 +76,28 @@ def arouse_from(memory: Memory, needed: np.ndarray) -> None:
     """Count the surfaces met again anew; `needed` is as for `begin_visit`."""
     memory.met[: len(needed), 0] = 0
     memory.met[: len(needed), 1] = needed
-    suspect_still(memory, needed)
+    allay(memory.met, memory.counts)
 
 
-def suspect_still(memory: Memory, needed: np.ndarray) -> None:
-    """Allay all suspicions but those for which nothing at all needs to be met again."""
-    memory.counts[SUSPECT] = int(np.argmin(needed)) if (needed < 0).any() else 0
+@kernel()
+def allay(met: np.ndarray, counts: np.ndarray) -> None:
+    """Allay all suspicions but those for which nothing at all needs to be met again.
+
+    `met` and `counts` are the memory's.
+    """
+    suspect, least = 0, 0
+    for visit in range(counts[VISIT] + 1):
+        if met[visit, 1] < least:
+            suspect, least = visit, met[visit, 1]
+    counts[SUSPECT] = suspect
+
+
+@kernel()
+def is_time_to_look(looked_from: np.ndarray, pose: np.ndarray, spacing: float, turn: float) -> bool:
+    """Whether the robot has gone (m) or turned (rad) so far since it last compared places.
+
+    That was at the pose `looked_from`, NaN where it has not yet in its present visit.
+    """
+    x, y = pose[0] - looked_from[0], pose[1] - looked_from[1]
+    is_near = x * x + y * y < spacing**2
+    return not (is_near and abs(wrap(pose[2] - looked_from[2])) < turn)
