@@ -11,13 +11,22 @@ from albot_core.albot1.crossing import cross_exit
 from albot_core.albot1.exits import NO_GATE, remember_exits
 from albot_core.albot1.mapping import STEP, STRANGE, map_step
 from albot_core.albot1.memory import ALIVE, NEXT_ID, SUSPECT, VISIT, Memory, room_left
+from albot_core.albot1.outlook import Outlook, make_outlook
 from albot_core.albot1.recognition import length_of, moved, pose_in, wrap
 from albot_core.albot1.sight import Sight, copy_sight
-from albot_core.albot1.storage import ROOM, exits_at, graph_at, memory_at, sight_at, steps_at
+from albot_core.albot1.storage import (
+    CAPACITY,
+    ROOM,
+    exits_at,
+    graph_at,
+    memory_at,
+    sight_at,
+    steps_at,
+)
 from albot_core.albot1.trail import LOOK_ROUND, STRIDE
 from albot_core.albot1.trail_kernels import has_room, tread_on
 from albot_core.albot1.visits import allay, is_time_to_look
-from albot_core.compiled import kernel, scratch
+from albot_core.compiled import ZERO, kernel, scratch
 from albot_core.parcel import Parcel, opened
 from albot_core.perception.surfaces import NO_EDGE, Bench, extract_surfaces, make_bench
 
@@ -166,6 +175,7 @@ def _view(
     lens: Lens,
     limits: Limits,
     bench: Bench,
+    outlook: Outlook,
 ) -> bool:
     """Let a robot take in its reading as a view; false as `_follow`."""
     _look(ranges, lens, limits, current, bench)
@@ -174,7 +184,7 @@ def _view(
         return False
     x, y = previous.pose[0], previous.pose[1]
     robots.next_ids[row] = memory.counts[NEXT_ID]
-    map_step(memory, previous, current, since, limits, progress)
+    map_step(memory, previous, current, since, limits, progress, outlook)
     copy_sight(current, previous)
     exits = exits_at(robots.table[row])
     remember_exits(exits, current, limits)
@@ -205,6 +215,7 @@ def _follow(
     limits: Limits,
     current: Sight,
     bench: Bench,
+    outlook: Outlook,
 ) -> bool:
     """Let a robot take in its reading; false, with nothing done, where its room is too small."""
     if not has_room(graph_at(robots.table[row])):
@@ -216,7 +227,9 @@ def _follow(
     if not is_first:
         moved(robots.since[row], motion, since)
     is_view = is_first or not _is_near(since, limits)
-    if is_view and not _view(robots, row, previous, current, ranges, since, lens, limits, bench):
+    if is_view and not _view(
+        robots, row, previous, current, ranges, since, lens, limits, bench, outlook
+    ):
         return False
     for i in range(3):
         robots.since[row, i] = since[i]
@@ -239,8 +252,14 @@ def follow(
     taken in nothing yet. `ranges` (n, beams) and `motions` (n, 3) are the readings of all robots;
     the parcel holds `Robots`, `Lens` and `Limits`.
     """
-    beams = ranges.shape[1]
-    return _follow_all(rows, first, parcel, ranges, motions, _desk(beams), make_bench(beams))
+    robots, _, limits = opened(parcel)
+    beams, views, capacity = ranges.shape[1], ranges.shape[1], ZERO
+    for k in range(first, rows.shape[0]):
+        views = max(views, robots.table[rows[k], ROOM])
+        capacity = max(capacity, robots.table[rows[k], CAPACITY])
+    outlook = make_outlook(views, capacity, limits.turns.shape[0])
+    bench = make_bench(beams)
+    return _follow_all(rows, first, parcel, ranges, motions, _desk(beams), bench, outlook)
 
 
 @kernel()
@@ -252,11 +271,14 @@ def _follow_all(
     motions: np.ndarray,
     current: Sight,
     bench: Bench,
+    outlook: Outlook,
 ) -> int:
-    """`follow`, with a view and a bench to work on."""
+    """`follow`, with a view to work on and room to work in."""
     robots, lens, limits = opened(parcel)
     for k in range(first, rows.shape[0]):
         row = rows[k]
-        if not _follow(robots, row, ranges[row], motions[row], lens, limits, current, bench):
+        if not _follow(
+            robots, row, ranges[row], motions[row], lens, limits, current, bench, outlook
+        ):
             return k
     return int(rows.shape[0])

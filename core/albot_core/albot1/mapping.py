@@ -8,6 +8,7 @@ from albot_core.albot1.config import Limits
 from albot_core.albot1.doubt import contradiction
 from albot_core.albot1.localization import localize
 from albot_core.albot1.memory import Memory
+from albot_core.albot1.outlook import Outlook
 from albot_core.albot1.recognition import moved, recognize_landmarks
 from albot_core.albot1.sight import Sight
 from albot_core.albot1.triangulation import triangulate
@@ -25,12 +26,17 @@ CONTRADICTED = 0.45
 
 @kernel(inline=True)
 def _recognize_and_localize(
-    memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
+    memory: Memory,
+    previous: Sight,
+    current: Sight,
+    motion: np.ndarray,
+    limits: Limits,
+    outlook: Outlook,
 ) -> int:
     """Set the landmarks recognised in the current view and the pose; return how many they are."""
     moved(previous.pose, motion, current.pose)
     if limits.remembered:
-        return int(triangulate(memory, previous, current, motion, limits))
+        return int(triangulate(memory, previous, current, motion, limits, outlook))
     return _localize_by_one(memory, previous, current, motion, limits)
 
 
@@ -70,11 +76,12 @@ def map_step(
     motion: np.ndarray,
     limits: Limits,
     progress: np.ndarray,
+    outlook: Outlook,
 ) -> None:
     """Algorithm 4 from line 5 on: take in the view `current`, a motion away from `previous`.
 
     A strange view is not laid over the map before the next one bears it out: it may be that it
-    was misread, and what it covers is forgotten. This is ours.
+    was misread, and what it covers is forgotten. This is ours. `outlook` is room to work in.
     """
     step = progress[STEP]
     progress[STEP] += 1
@@ -84,7 +91,7 @@ def map_step(
             current.pose[i] = 0.0
     else:
         while True:
-            recognized = _recognize_and_localize(memory, previous, current, motion, limits)
+            recognized = _recognize_and_localize(memory, previous, current, motion, limits, outlook)
             laid = progress[UPDATED_AT] >= step - 1 or progress[STRANGE] > 0
             if recognized >= limits.fewest_landmarks or laid:
                 break

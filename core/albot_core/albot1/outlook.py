@@ -7,6 +7,8 @@ how far away the two ends are (m).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from albot_core.albot1.config import Limits
@@ -29,21 +31,47 @@ def describe(surface: np.ndarray, row: np.ndarray) -> None:
     row[7] = (surface[3] - surface[1]) / length
 
 
-@kernel(inline=True)
-def seen_now(current: Sight, limits: Limits) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The surfaces of the view long enough to be recognised: places in it, ends and rows."""
-    which = np.empty(current.size[0], np.int64)
-    edges = np.empty((current.size[0], 2), np.int8)
-    rows = np.empty((current.size[0], 10))
-    kept = _describe_seen(current, limits, which, edges, rows)
-    return which[:kept], edges[:kept], rows[:kept]
+class Outlook(NamedTuple):
+    """Room in which views are compared with what is expected; any number of them may share it."""
+
+    which: np.ndarray
+    """(views' room,) int64: of each surface seen, its place in the view."""
+    seen_edges: np.ndarray
+    """(views' room, 2) int8: what its ends are."""
+    seen: np.ndarray
+    """(views' room, 10) float64: its row."""
+    slots: np.ndarray
+    """(room,) int64: of each surface remembered, its slot."""
+    edges: np.ndarray
+    """(room, 2) int8: of each surface expected, what its ends are."""
+    expected: np.ndarray
+    """(room, 8) float64: its row."""
+    matches: np.ndarray
+    """(views' room, 3) int64: see `triangulation`."""
+    votes: np.ndarray
+    """(2, turns) float64: see `turning`."""
+
+
+@kernel(arrays=True)
+def make_outlook(views: int, capacity: int, turns: int) -> Outlook:
+    """Room for views of so many surfaces, maps of such a capacity, and so many turns."""
+    room = max(views, 2 * capacity)
+    return Outlook(
+        np.empty(views, np.int64),
+        np.empty((views, 2), np.int8),
+        np.empty((views, 10)),
+        np.empty(room, np.int64),
+        np.empty((room, 2), np.int8),
+        np.empty((room, 8)),
+        np.empty((views, 3), np.int64),
+        np.empty((2, turns)),
+    )
 
 
 @kernel()
-def _describe_seen(
-    current: Sight, limits: Limits, which: np.ndarray, edges: np.ndarray, rows: np.ndarray
-) -> int:
-    """Fill in `seen_now`; how many surfaces are long enough."""
+def describe_seen(current: Sight, limits: Limits, outlook: Outlook) -> int:
+    """Describe the surfaces of the view long enough to be recognised; how many they are."""
+    which, edges, rows = outlook.which, outlook.seen_edges, outlook.seen
     kept = 0
     for k in range(current.size[0]):
         if length_of(current.surfaces[k]) >= limits.landmark_length:
@@ -56,26 +84,13 @@ def _describe_seen(
     return kept
 
 
-@kernel(inline=True)
-def seen_before(
-    previous: Sight, motion: np.ndarray, limits: Limits
-) -> tuple[np.ndarray, np.ndarray]:
-    """The last view's surfaces as the odometer expects them in this one: ends and rows."""
-    edges = np.empty((previous.size[0], 2), np.int8)
-    rows = np.empty((previous.size[0], 8))
-    kept = _describe_expected(previous, motion, limits, edges, rows)
-    return edges[:kept], rows[:kept]
-
-
-_from_here = scratch(4)
+_from_here, _bounds = scratch(4), scratch(4)
 
 
 @kernel()
-def _describe_expected(
-    previous: Sight, motion: np.ndarray, limits: Limits, edges: np.ndarray, rows: np.ndarray
-) -> int:
-    """Fill in `seen_before`; how many surfaces are long enough."""
-    expected = _from_here()
+def describe_expected(previous: Sight, motion: np.ndarray, limits: Limits, outlook: Outlook) -> int:
+    """Describe the last view's surfaces as the odometer expects them in this one; how many."""
+    edges, rows, expected = outlook.edges, outlook.expected, _from_here()
     cos, sin = np.cos(motion[2]), np.sin(motion[2])
     kept = 0
     for i in range(previous.size[0]):
@@ -87,18 +102,28 @@ def _describe_expected(
     return kept
 
 
-@kernel(arrays=True)
-def remembered_nearby(
-    memory: Memory, pose: np.ndarray, seen: np.ndarray, limits: Limits
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What the map holds where the view is expected to lie: slots, ends and rows."""
-    box = np.empty(4)
+@kernel()
+def describe_remembered(
+    memory: Memory, pose: np.ndarray, seen: np.ndarray, limits: Limits, outlook: Outlook
+) -> int:
+    """Describe what the map holds where the view is expected to lie; how many surfaces.
+
+    Those long enough to be recognised.
+    """
+    slots, edges, rows = outlook.slots, outlook.edges, outlook.expected
+    box, expected = _bounds(), _from_here()
     _bound(pose, seen, limits, box)
-    slots = surfaces_ending_in(memory, box)
-    edges = np.empty((slots.shape[0], 2), np.int8)
-    rows = np.empty((slots.shape[0], 8))
-    kept = _describe_remembered(memory, pose, limits, slots, edges, rows)
-    return slots[:kept], edges[:kept], rows[:kept]
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    kept = 0
+    for k in range(surfaces_ending_in(memory, box, slots)):
+        slot = slots[k]
+        seen_along(pose, cos, sin, memory.surfaces[slot], expected)
+        if length_of(expected) >= limits.landmark_length:
+            describe(expected, rows[kept])
+            edges[kept, 0], edges[kept, 1] = memory.edges[slot, 0], memory.edges[slot, 1]
+            slots[kept] = slot
+            kept += 1
+    return kept
 
 
 @kernel()
@@ -117,29 +142,6 @@ def _bound(pose: np.ndarray, seen: np.ndarray, limits: Limits, box: np.ndarray) 
     for axis in range(2):
         box[axis] -= limits.landmark_gap
         box[2 + axis] += limits.landmark_gap
-
-
-@kernel()
-def _describe_remembered(
-    memory: Memory,
-    pose: np.ndarray,
-    limits: Limits,
-    slots: np.ndarray,
-    edges: np.ndarray,
-    rows: np.ndarray,
-) -> int:
-    """Fill in `remembered_nearby`, of `slots` those long enough to the front; how many."""
-    expected = _from_here()
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    kept = 0
-    for slot in slots:
-        seen_along(pose, cos, sin, memory.surfaces[slot], expected)
-        if length_of(expected) >= limits.landmark_length:
-            describe(expected, rows[kept])
-            edges[kept, 0], edges[kept, 1] = memory.edges[slot, 0], memory.edges[slot, 1]
-            slots[kept] = slot
-            kept += 1
-    return kept
 
 
 @kernel()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_core.albot1.memory import ALIVE, CELL, NEXT, USED, Memory, bucket_of, cell_of
+from albot_core.albot1.memory import CELL, NEXT, USED, Memory, bucket_of, cell_of
 from albot_core.compiled import ZERO, kernel
 
 
@@ -26,16 +26,27 @@ def sort(values: np.ndarray, count: int) -> None:
 
 
 @kernel()
+def _keep_distinct(values: np.ndarray, count: int) -> int:
+    """Sort the first `count` values in place, each of them once; how many they are then."""
+    sort(values, count)
+    distinct = ZERO
+    for i in range(count):
+        if distinct == 0 or values[i] != values[distinct - 1]:
+            values[distinct] = values[i]
+            distinct += 1
+    return int(distinct)
+
+
+@kernel()
 def _is_in(box: np.ndarray, x: float, y: float) -> bool:
     return bool(box[0] <= x and x <= box[2] and box[1] <= y and y <= box[3])
 
 
-@kernel(arrays=True)
-def _search_all(memory: Memory, box: np.ndarray) -> np.ndarray:
-    """Slots of the surfaces with an end in the box, by a look at every surface."""
+@kernel()
+def _search_all(memory: Memory, box: np.ndarray, found: np.ndarray) -> int:
+    """`surfaces_ending_in`, by a look at every surface."""
     surfaces = memory.surfaces
-    found = np.empty(memory.counts[ALIVE], np.int64)
-    count = 0
+    count = ZERO
     for slot in range(memory.counts[USED]):
         # Freed slots hold NaN, which is in no box.
         if _is_in(box, surfaces[slot, 0], surfaces[slot, 1]) or _is_in(
@@ -43,14 +54,13 @@ def _search_all(memory: Memory, box: np.ndarray) -> np.ndarray:
         ):
             found[count] = slot
             count += 1
-    return found[:count]
+    return int(count)
 
 
-@kernel(arrays=True)
-def _search_cells(memory: Memory, box: np.ndarray) -> np.ndarray:
-    """Slots of the surfaces with an end in the box, by a look into its cells."""
+@kernel()
+def _search_cells(memory: Memory, box: np.ndarray, found: np.ndarray) -> int:
+    """`surfaces_ending_in`, by a look into the box's cells."""
     surfaces, heads, links = memory.surfaces, memory.heads, memory.links
-    found = np.empty(256, np.int64)
     count = ZERO
     for column in range(cell_of(box[0]), cell_of(box[2]) + 1):
         for row in range(cell_of(box[1]), cell_of(box[3]) + 1):
@@ -59,27 +69,23 @@ def _search_cells(memory: Memory, box: np.ndarray) -> np.ndarray:
                 slot, side = end >> 1, end & 1
                 if _is_in(box, surfaces[slot, 2 * side], surfaces[slot, 2 * side + 1]):
                     if count == found.shape[0]:
-                        larger = np.empty(2 * count, np.int64)
-                        for i in range(count):
-                            larger[i] = found[i]
-                        found = larger
+                        # Cells that share a bucket have found the same ends again and again.
+                        count = _keep_distinct(found, count)
                     found[count] = slot
                     count += 1
                 end = links[end, NEXT]
-    sort(found, count)
-    distinct = 0
-    for i in range(count):
-        if distinct == 0 or found[i] != found[distinct - 1]:
-            found[distinct] = found[i]
-            distinct += 1
-    return found[:distinct]
+    return _keep_distinct(found, count)
 
 
-@kernel(arrays=True)
-def surfaces_ending_in(memory: Memory, box: np.ndarray) -> np.ndarray:
-    """Slots of the surfaces with an end in the box (x_min, y_min, x_max, y_max), ascending."""
+@kernel()
+def surfaces_ending_in(memory: Memory, box: np.ndarray, found: np.ndarray) -> int:
+    """Find the slots of the surfaces with an end in the box (x_min, y_min, x_max, y_max).
+
+    They are in `found`, ascending, from its beginning on; how many they are. It must have room
+    for twice as many as live.
+    """
     cells = (box[2] - box[0]) * (box[3] - box[1]) / CELL**2
     # A surface is looked at several times faster than a cell.
     if memory.counts[USED] < 4.0 * cells:
-        return _search_all(memory, box)
-    return _search_cells(memory, box)
+        return int(_search_all(memory, box, found))
+    return int(_search_cells(memory, box, found))

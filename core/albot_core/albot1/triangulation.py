@@ -14,7 +14,13 @@ import numpy as np
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.memory import NEVER, VISIT, Memory
-from albot_core.albot1.outlook import beside, remembered_nearby, seen_before, seen_now
+from albot_core.albot1.outlook import (
+    Outlook,
+    beside,
+    describe_expected,
+    describe_remembered,
+    describe_seen,
+)
 from albot_core.albot1.recognition import wrap
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.albot1.turning import LINE_GAP, likeliest_turn
@@ -168,7 +174,7 @@ def solve(normal: np.ndarray, slope: np.ndarray, step: np.ndarray) -> None:
     step[0] = (u - b * step[1] - c * step[2]) / a
 
 
-_matrix, _vector, _step = scratch(3, 3), scratch(3), scratch(3)
+_matrix, _vector, _step, _correction = scratch(3, 3), scratch(3), scratch(3), scratch(3)
 
 
 @kernel()
@@ -224,22 +230,30 @@ def _meet_earlier(
                 break
 
 
-@kernel(arrays=True)
+@kernel()
 def triangulate(
-    memory: Memory, previous: Sight, current: Sight, motion: np.ndarray, limits: Limits
+    memory: Memory,
+    previous: Sight,
+    current: Sight,
+    motion: np.ndarray,
+    limits: Limits,
+    outlook: Outlook,
 ) -> int:
     """Move `current.pose` from where the odometer says to where the remembered surfaces say.
 
     Sets `current.slots` for the landmarks recognised there; returns their number.
     """
-    which, seen_edges, seen = seen_now(current, limits)
-    edges, expected = seen_before(previous, motion, limits)
-    turn = likeliest_turn(seen, seen_edges, expected, edges, limits)
+    kept = describe_seen(current, limits, outlook)
+    which, seen_edges, seen = outlook.which[:kept], outlook.seen_edges[:kept], outlook.seen[:kept]
+    kept = describe_expected(previous, motion, limits, outlook)
+    edges, expected = outlook.edges[:kept], outlook.expected[:kept]
+    turn = likeliest_turn(seen, seen_edges, expected, edges, limits, outlook.votes)
     current.pose[2] = wrap(current.pose[2] + turn)
 
-    slots, edges, expected = remembered_nearby(memory, current.pose, seen, limits)
-    correction = np.zeros(3)
-    matches = np.empty((seen.shape[0], 3), np.int64)
+    kept = describe_remembered(memory, current.pose, seen, limits, outlook)
+    slots, edges, expected = outlook.slots[:kept], outlook.edges[:kept], outlook.expected[:kept]
+    correction, matches = _correction(), outlook.matches
+    correction[0] = correction[1] = correction[2] = 0.0
     for _ in range(ROUNDS):
         _match(seen, seen_edges, expected, edges, correction, limits, matches)
         _adjust(seen, expected, matches, limits, correction)

@@ -74,21 +74,23 @@ def _vote_by_line(
         own[b] = max(own[b], vote * (1.0 - turned * turned))
 
 
-@kernel(arrays=True)
+@kernel()
 def likeliest_turn(
     seen: np.ndarray,
     seen_edges: np.ndarray,
     expected: np.ndarray,
     edges: np.ndarray,
     limits: Limits,
+    room: np.ndarray,
 ) -> float:
     """The turn (rad) to add to the odometer's under which most surfaces agree.
 
     Every surface seen votes for the turns that bring it onto an expected one, a landmark
-    by its points and a wall by its line, each the more the better it fits.
+    by its points and a wall by its line, each the more the better it fits. `room` (2, turns) is
+    to count in.
     """
     bins = limits.turns.shape[0]
-    votes, own = np.empty(bins), np.empty(bins)
+    votes, own = room[0], room[1]
     for b in range(bins):
         votes[b] = -limits.turns[b, 2]
     for k in range(seen.shape[0]):

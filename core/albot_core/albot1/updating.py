@@ -7,6 +7,7 @@ from numba import types
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.memory import (
+    ALIVE,
     VISIT,
     Memory,
     add_surface,
@@ -51,14 +52,14 @@ def view_polygon(laid: np.ndarray, pose: np.ndarray, eye: bool) -> np.ndarray:
 
 
 @kernel(inline=True)
-def box_around(polygon: np.ndarray, margin: float) -> np.ndarray:
-    """The box (x_min, y_min, x_max, y_max) that leaves `margin` around the polygon."""
-    box = np.array((np.inf, np.inf, -np.inf, -np.inf))
+def box_around(polygon: np.ndarray, margin: float, box: np.ndarray) -> None:
+    """Write the box (x_min, y_min, x_max, y_max) that leaves `margin` around the polygon."""
+    box[0] = box[1] = np.inf
+    box[2] = box[3] = -np.inf
     for i in range(polygon.shape[0]):
         for axis in range(2):
             box[axis] = min(box[axis], polygon[i, axis] - margin)
             box[2 + axis] = max(box[2 + axis], polygon[i, axis] + margin)
-    return box
 
 
 @kernel()
@@ -208,6 +209,9 @@ def _look_whose(
         meet_again(memory, slot)
 
 
+_bounds = scratch(4)
+
+
 @kernel(arrays=True)
 def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
     """Algorithm 3: lay the view, seen from `sight.pose`, over the map.
@@ -221,8 +225,9 @@ def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
     laid = np.empty((count, 4))
     _place_all(sight, laid)
     polygon = view_polygon(laid, sight.pose, limits.eye_in_boundary)
-    box = box_around(polygon, limits.margin)
-    nearby = surfaces_ending_in(memory, box)
+    box, found = _bounds(), np.empty(2 * memory.counts[ALIVE], np.int64)
+    box_around(polygon, limits.margin, box)
+    nearby = found[: surfaces_ending_in(memory, box, found)]
     slots = np.empty(count, np.int64)
     taken, nothing = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
     _lay(memory, sight, limits, laid, polygon, box, nearby, slots, taken, nothing)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,6 +15,7 @@ from albot_core.albot1.memory import (
     USED,
     Memory,
     add_surface,
+    bucket_of,
     empty_memory,
     forget,
     living,
@@ -41,6 +44,13 @@ def slow_search(memory: Memory, box: np.ndarray) -> list[int]:
     ]
 
 
+def ending_in(memory: Memory, box: np.ndarray) -> list[int]:
+    found = np.full(2 * memory.counts[ALIVE] + 1, -7)
+    slots = found[: surfaces_ending_in(memory, box, found[:-1])].tolist()
+    assert found[-1] == -7  # It has kept to its room.
+    return slots
+
+
 @settings(deadline=None, max_examples=60)
 @given(
     st.lists(st.tuples(st.sampled_from("aaarm"), surface, st.integers(0, 10**6)), max_size=80),
@@ -60,7 +70,7 @@ def test_the_grid_finds_what_the_slow_search_finds(
         else:
             move_surface(memory, int(slots[pick % len(slots)]), ends, EDGES)
     box = np.array([where[0], where[1], where[0] + where[2], where[1] + where[3]])
-    assert surfaces_ending_in(memory, box).tolist() == slow_search(memory, box)
+    assert ending_in(memory, box) == slow_search(memory, box)
     assert memory.counts[ALIVE] == living(memory).sum()
     assert room_left(memory) == len(memory.ids) - living(memory).sum()
 
@@ -73,18 +83,31 @@ def test_few_and_many_surfaces_are_found_alike(side: float) -> None:
     for ends in rng.uniform(0, 30, (500, 4)):
         add_surface(memory, ends, EDGES)
     box = np.array([5.0, 5.0, 5.0 + side, 5.0 + side])
-    found = surfaces_ending_in(memory, box).tolist()
+    found = ending_in(memory, box)
     assert found == slow_search(memory, box)
     assert 0 < len(found) < 500
     assert (side < 20) == (memory.counts[USED] >= 4 * (side / CELL) ** 2)
+
+
+def test_where_cells_share_a_bucket_no_surface_is_found_twice() -> None:
+    memory, cells = empty_memory(512), list(product(range(11), repeat=2))
+    buckets = [bucket_of(column, row, len(memory.heads)) for column, row in cells]
+    shared = [cell for cell, k in zip(cells, buckets, strict=True) if buckets.count(k) > 1]
+    assert shared
+    for k in range(500):
+        corner = CELL * np.array(shared[k % len(shared)], float)
+        add_surface(memory, np.array([*corner + 0.5, *corner + 1.0]), EDGES)
+    box = np.array([0.0, 0.0, 10.9 * CELL, 10.9 * CELL])
+    assert memory.counts[USED] >= 4 * (10.9) ** 2  # It searches cell by cell.
+    assert ending_in(memory, box) == list(range(500))
 
 
 def test_a_map_that_forgot_is_as_new() -> None:
     memory = rebuilt_memory(stored())
     forget(memory)
     assert len(living(memory)) == 0
-    assert surfaces_ending_in(memory, np.array([-1.0, -1.0, 9.0, 1.5])).tolist() == []
-    assert surfaces_ending_in(memory, np.array([-90.0, -90.0, 90.0, 90.0])).tolist() == []
+    assert ending_in(memory, np.array([-1.0, -1.0, 9.0, 1.5])) == []
+    assert ending_in(memory, np.array([-90.0, -90.0, 90.0, 90.0])) == []
     assert add_surface(memory, np.zeros(4), EDGES) == memory.ids[0] == 0
 
 
@@ -116,7 +139,7 @@ def stored() -> dict[str, np.ndarray]:
 
 def test_a_rebuilt_map_finds_the_same() -> None:
     memory = rebuilt_memory(stored())
-    assert surfaces_ending_in(memory, np.array([0.5, -1.0, 9.0, 0.5])).tolist() == [1, 3, 4]
+    assert ending_in(memory, np.array([0.5, -1.0, 9.0, 0.5])) == [1, 3, 4]
 
 
 @pytest.mark.parametrize(
