@@ -31,10 +31,11 @@ _numba._numba_unpickle = cache(_numba._numba_unpickle)
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def kernel(
-    *, arrays: bool = False, inline: bool = False, nogil: bool = False
-) -> Callable[[Function], Function]:
+def kernel(*, arrays: bool = False, nogil: bool = False) -> Callable[[Function], Function]:
     """A decorator: compiles a function to divide as numpy does, once until a kernel changes.
+
+    To hand an array on takes seven registers or more, so what is called is copied to where that is,
+    however long it is: a tenth of a step's time, and sooner compiled.
 
     numba counts who holds an array, with instructions that lock the bus, each time one is handed
     on, and in short functions that costs more than their work. Only functions that make or return
@@ -42,10 +43,9 @@ def kernel(
 
     Args:
         arrays: Whether it makes, copies or returns arrays (numba's option `_nrt`).
-        inline: Whether it is copied to where it is called.
         nogil: Whether Python's other threads may run meanwhile.
     """
-    options: dict[str, Any] = {"inline": "always"} if inline else {"_nrt": arrays}
+    options: dict[str, Any] = {"_nrt": arrays, "forceinline": not arrays}
 
     def compiling(function: Function) -> Function:
         compiled: Any = njit(cache=True, error_model="numpy", nogil=nogil, **options)(function)

@@ -85,7 +85,7 @@ class Robots(NamedTuple):
 _since, _here = scratch(3), scratch(3)
 
 
-@kernel(inline=True)
+@kernel(arrays=True)
 def _desk(room: int) -> Sight:
     """A view to work on, which every robot of a call uses in turn."""
     return Sight(
@@ -98,7 +98,7 @@ def _desk(room: int) -> Sight:
     )
 
 
-@kernel(inline=True)
+@kernel()
 def find_landmarks(current: Sight, limits: Limits) -> None:
     """Section 3.1.4: long surfaces with an occluding or corner point are landmarks."""
     for k in range(current.size[0]):
@@ -107,7 +107,7 @@ def find_landmarks(current: Sight, limits: Limits) -> None:
         )
 
 
-@kernel(inline=True)
+@kernel()
 def _look(ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight, bench: Bench) -> None:
     """Construct the view from a scan (algorithm 4, lines 3 and 4)."""
     current.size[0] = extract_surfaces(
@@ -125,14 +125,14 @@ def _look(ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight, bench:
     find_landmarks(current, limits)
 
 
-@kernel(inline=True)
+@kernel()
 def _is_near(motion: np.ndarray, limits: Limits) -> bool:
     """Whether the last view was taken so near that the robot does not look again."""
     square = motion[0] * motion[0] + motion[1] * motion[1]
     return bool(square < limits.view_spacing**2 and abs(motion[2]) < limits.view_turn)
 
 
-@kernel(inline=True)
+@kernel()
 def _has_gone_on(pose: np.ndarray, trod: np.ndarray) -> bool:
     """Whether it is time to tread on the trail; then it does so here."""
     square = (pose[0] - trod[0]) ** 2 + (pose[1] - trod[1]) ** 2
@@ -143,7 +143,7 @@ def _has_gone_on(pose: np.ndarray, trod: np.ndarray) -> bool:
     return True
 
 
-@kernel(inline=True)
+@kernel()
 def _has_room(memory: Memory, previous: Sight, current: Sight) -> bool:
     """Whether the map has room for all that may come of a view.
 
@@ -155,7 +155,7 @@ def _has_room(memory: Memory, previous: Sight, current: Sight) -> bool:
     return bool(room_left(memory) >= surfaces and visits < memory.met.shape[0])
 
 
-@kernel(inline=True)
+@kernel()
 def _tread(robots: Robots, row: int, view: Sight) -> None:
     """Let a robot to which nothing else has happened tread on its trail."""
     here = _here()
@@ -164,7 +164,7 @@ def _tread(robots: Robots, row: int, view: Sight) -> None:
     tread_on(steps, graph, robots.current[row], here, view.surfaces[: view.size[0]])
 
 
-@kernel(inline=True)
+@kernel()
 def _view(
     robots: Robots,
     row: int,
@@ -205,7 +205,7 @@ def _view(
     return True
 
 
-@kernel(inline=True)
+@kernel()
 def _follow(
     robots: Robots,
     row: int,

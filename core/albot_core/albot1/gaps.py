@@ -25,7 +25,7 @@ ASLANT = np.radians(30.0)
 """…and turned no more than this from the line across the gap (rad)."""
 
 
-@kernel(inline=True)
+@kernel()
 def beyond(px: float, py: float, qx: float, qy: float, x: float, y: float) -> float:
     """How far a point is to the left of the line from p to q (m)."""
     dx, dy = qx - px, qy - py

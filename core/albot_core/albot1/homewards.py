@@ -185,7 +185,7 @@ def _file(graph: Graph, link: int) -> None:
         graph.heads[here] = 2 * link + side
 
 
-@kernel(inline=True)
+@kernel()
 def _relax(graph: Graph, here: int, there: int, span: float) -> bool:
     """Let the way home from a point lead over another if that is shorter; whether it is.
 

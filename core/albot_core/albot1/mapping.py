@@ -24,7 +24,7 @@ CONTRADICTED = 0.45
 """A view is strange where more of its walls and the last view's contradict each other."""
 
 
-@kernel(inline=True)
+@kernel()
 def _recognize_and_localize(
     memory: Memory,
     previous: Sight,
@@ -52,7 +52,7 @@ def _localize_by_one(
     return int(recognized)
 
 
-@kernel(inline=True)
+@kernel()
 def _strangeness(
     before: int, recognized: int, previous: Sight, current: Sight, limits: Limits
 ) -> int:
@@ -68,7 +68,7 @@ def _strangeness(
     return 0 if contradiction(previous, current, limits) > CONTRADICTED else before + 1
 
 
-@kernel(inline=True)
+@kernel()
 def map_step(
     memory: Memory,
     previous: Sight,

@@ -185,7 +185,7 @@ def move_surface(memory: Memory, slot: int, surface: np.ndarray, edges: np.ndarr
     _write(memory, slot, surface, edges)
 
 
-@kernel(inline=True)
+@kernel()
 def room_left(memory: Memory) -> int:
     """How many more surfaces there is room for."""
     counts = memory.counts

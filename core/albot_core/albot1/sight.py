@@ -47,7 +47,7 @@ def empty_sight(room: int = ROOM) -> Sight:
     )
 
 
-@kernel(inline=True)
+@kernel()
 def copy_sight(source: Sight, target: Sight) -> None:
     """Make `target`, which has room for it, the same view."""
     target.size[0] = source.size[0]

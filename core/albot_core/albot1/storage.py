@@ -63,7 +63,7 @@ _shorts, _short_pairs = array_at(kind=types.int32), array_at(2, kind=types.int32
 _edges, _truths = array_at(2, kind=types.int8), array_at(kind=types.boolean)
 
 
-@kernel(inline=True)
+@kernel()
 def memory_at(table: np.ndarray) -> Memory:
     """The memory whose arrays' addresses stand in a row of the table."""
     capacity, at = table[CAPACITY], _MEMORY
@@ -81,7 +81,7 @@ def memory_at(table: np.ndarray) -> Memory:
     )
 
 
-@kernel(inline=True)
+@kernel()
 def sight_at(table: np.ndarray) -> Sight:
     """The view whose arrays' addresses stand in a row of the table."""
     room, at = table[ROOM], _SIGHT
@@ -95,7 +95,7 @@ def sight_at(table: np.ndarray) -> Sight:
     )
 
 
-@kernel(inline=True)
+@kernel()
 def exits_at(table: np.ndarray) -> Exits:
     """The exits whose arrays' addresses stand in a row of the table."""
     return Exits(
@@ -106,7 +106,7 @@ def exits_at(table: np.ndarray) -> Exits:
     )
 
 
-@kernel(inline=True)
+@kernel()
 def steps_at(table: np.ndarray) -> Steps:
     """The trail's points whose arrays' addresses stand in a row of the table."""
     room, at = table[POINTS], _STEPS
@@ -118,7 +118,7 @@ def steps_at(table: np.ndarray) -> Steps:
     )
 
 
-@kernel(inline=True)
+@kernel()
 def graph_at(table: np.ndarray) -> Graph:
     """The trail's links whose arrays' addresses stand in a row of the table."""
     points, links, at = table[POINTS], table[LINKS], _GRAPH

@@ -41,7 +41,7 @@ class Steps(NamedTuple):
     the next stride."""
 
 
-@kernel(inline=True)
+@kernel()
 def has_room(graph: Graph) -> bool:
     """Whether there is room for a stride: a point, and links to all others."""
     points, links = graph.counts[0], graph.counts[1]

@@ -158,7 +158,7 @@ def pull_line(
         _pull(normal, slope, x, y, -uy, ux, -off, weight)
 
 
-@kernel(inline=True)
+@kernel()
 def solve(normal: np.ndarray, slope: np.ndarray, step: np.ndarray) -> None:
     """Solve the symmetric 3 x 3 system (upper triangle given) by Cholesky's method."""
     a = np.sqrt(normal[0, 0])

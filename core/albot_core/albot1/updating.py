@@ -51,7 +51,7 @@ def view_polygon(laid: np.ndarray, pose: np.ndarray, eye: bool) -> np.ndarray:
     return polygon if eye or count == 0 else polygon[: 2 * count]
 
 
-@kernel(inline=True)
+@kernel()
 def box_around(polygon: np.ndarray, margin: float, box: np.ndarray) -> None:
     """Write the box (x_min, y_min, x_max, y_max) that leaves `margin` around the polygon."""
     box[0] = box[1] = np.inf
