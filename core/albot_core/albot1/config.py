@@ -41,6 +41,8 @@ class Limits(NamedTuple):
     view_turn: float
     landmark_length: float
     landmark_angle: float
+    landmark_cosine: float
+    turn_cosine: float
     landmark_gap: float
     fewest_landmarks: int
     margin: float
@@ -219,6 +221,17 @@ class Albot1Config:
     def limits(self) -> Limits:
         """The thresholds as the compiled steps take them."""
         return Limits(*(getattr(self, name) for name in Limits._fields))
+
+    @property
+    def landmark_cosine(self) -> float:
+        """The cosine of `landmark_angle`; below that of any angle where all are allowed."""
+        return math.cos(self.landmark_angle) if self.landmark_angle < math.pi else -2.0
+
+    @property
+    def turn_cosine(self) -> float:
+        """A cosine below which two headings are farther apart than any turn tried allows."""
+        widest = self.turn_search + TURN_STEP + self.landmark_angle
+        return math.cos(widest) if widest < math.pi else -2.0
 
     @property
     def look_spacing(self) -> float:

@@ -22,11 +22,17 @@ from albot_core.compiled import kernel, scratch
 @kernel()
 def describe(surface: np.ndarray, row: np.ndarray) -> None:
     """Fill a row: x1, y1, x2, y2, length, heading, and the unit vector along the surface."""
+    measure(surface, row)
+    row[5] = heading_of(surface)
+
+
+@kernel()
+def measure(surface: np.ndarray, row: np.ndarray) -> None:
+    """Fill a row but for its heading, which takes longer than all else."""
     for i in range(4):
         row[i] = surface[i]
     length = length_of(surface)
     row[4] = length
-    row[5] = heading_of(surface)
     row[6] = (surface[2] - surface[0]) / length
     row[7] = (surface[3] - surface[1]) / length
 
@@ -108,7 +114,7 @@ def describe_remembered(
 ) -> int:
     """Describe what the map holds where the view is expected to lie; how many surfaces.
 
-    Those long enough to be recognised.
+    Those long enough to be recognised; without their headings.
     """
     slots, edges, rows = outlook.slots, outlook.edges, outlook.expected
     box, expected = _bounds(), _from_here()
@@ -119,7 +125,7 @@ def describe_remembered(
         slot = slots[k]
         seen_along(pose, cos, sin, memory.surfaces[slot], expected)
         if length_of(expected) >= limits.landmark_length:
-            describe(expected, rows[kept])
+            measure(expected, rows[kept])
             edges[kept, 0], edges[kept, 1] = memory.edges[slot, 0], memory.edges[slot, 1]
             slots[kept] = slot
             kept += 1
@@ -144,18 +150,29 @@ def _bound(pose: np.ndarray, seen: np.ndarray, limits: Limits, box: np.ndarray) 
         box[2 + axis] += limits.landmark_gap
 
 
+Ends = tuple[float, float, float, float]
+"""A surface's ends x1, y1, x2, y2 (m)."""
+
+
 @kernel()
-def beside(
-    wall: np.ndarray, seen: np.ndarray, correction: np.ndarray, cos: float, sin: float
-) -> float:
-    """How far the corrected surface runs beside the wall (m); infinity without overlap."""
+def moved_ends(row: np.ndarray, motion: np.ndarray, cos: float, sin: float) -> Ends:
+    """A surface's ends after a motion (3,), the cosine and sine of whose turn are given."""
+    return (
+        motion[0] + cos * row[0] - sin * row[1],
+        motion[1] + sin * row[0] + cos * row[1],
+        motion[0] + cos * row[2] - sin * row[3],
+        motion[1] + sin * row[2] + cos * row[3],
+    )
+
+
+@kernel()
+def beside(wall: np.ndarray, ends: Ends, length: float) -> float:
+    """How far a surface of a length (m) runs beside the wall (m); infinity without overlap."""
     ux, uy = wall[6], wall[7]
-    dx = correction[0] + cos * seen[0] - sin * seen[1] - wall[0]
-    dy = correction[1] + sin * seen[0] + cos * seen[1] - wall[1]
+    dx, dy = ends[0] - wall[0], ends[1] - wall[1]
     first, aside = ux * dx + uy * dy, ux * dy - uy * dx
-    dx = correction[0] + cos * seen[2] - sin * seen[3] - wall[0]
-    dy = correction[1] + sin * seen[2] + cos * seen[3] - wall[1]
+    dx, dy = ends[2] - wall[0], ends[3] - wall[1]
     last = ux * dx + uy * dy
     aside = 0.5 * abs(aside + ux * dy - uy * dx)
     overlap = min(last, wall[4]) - max(first, 0.0)
-    return aside if overlap >= 0.3 * min(seen[4], wall[4]) else np.inf
+    return aside if overlap >= 0.3 * min(length, wall[4]) else np.inf

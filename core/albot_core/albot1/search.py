@@ -39,7 +39,7 @@ def _keep_distinct(values: np.ndarray, count: int) -> int:
 
 @kernel()
 def _is_in(box: np.ndarray, x: float, y: float) -> bool:
-    return bool(box[0] <= x and x <= box[2] and box[1] <= y and y <= box[3])
+    return bool((box[0] <= x) & (x <= box[2]) & (box[1] <= y) & (y <= box[3]))
 
 
 @kernel()
@@ -48,12 +48,12 @@ def _search_all(memory: Memory, box: np.ndarray, found: np.ndarray) -> int:
     surfaces = memory.surfaces
     count = ZERO
     for slot in range(memory.counts[USED]):
-        # Freed slots hold NaN, which is in no box.
-        if _is_in(box, surfaces[slot, 0], surfaces[slot, 1]) or _is_in(
+        # Freed slots hold NaN, which is in no box. Without branches: half of what is looked at
+        # is in the box, and which, no processor foresees.
+        found[count] = slot
+        count += _is_in(box, surfaces[slot, 0], surfaces[slot, 1]) | _is_in(
             box, surfaces[slot, 2], surfaces[slot, 3]
-        ):
-            found[count] = slot
-            count += 1
+        )
     return int(count)
 
 
@@ -82,7 +82,7 @@ def surfaces_ending_in(memory: Memory, box: np.ndarray, found: np.ndarray) -> in
     """Find the slots of the surfaces with an end in the box (x_min, y_min, x_max, y_max).
 
     They are in `found`, ascending, from its beginning on; how many they are. It must have room
-    for twice as many as live.
+    for one more than twice as many as live.
     """
     cells = (box[2] - box[0]) * (box[3] - box[1]) / CELL**2
     # A surface is looked at several times faster than a cell.

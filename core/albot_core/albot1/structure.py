@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.albot1.config import Alike
-from albot_core.albot1.outlook import beside, describe
+from albot_core.albot1.equations import pulled_by_line, solved, stiff
+from albot_core.albot1.outlook import beside, describe, moved_ends
 from albot_core.albot1.recognition import length_of, wrap
-from albot_core.albot1.triangulation import pull_line, solve
 from albot_core.compiled import kernel
 from albot_core.geometry.types import Pose, Segments
 
@@ -98,7 +98,7 @@ def _pair(
         for k in range(mine.shape[0]):
             if taken[k] or abs(wrap(wrap(theirs[q, 5] + pose[2]) - mine[k, 5])) >= alike.angle:
                 continue
-            aside = beside(mine[k], theirs[q], pose, cos, sin)
+            aside = beside(mine[k], moved_ends(theirs[q], pose, cos, sin), theirs[q, 4])
             if aside < best:
                 best = aside
                 pairs[q] = k
@@ -133,21 +133,19 @@ def is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, alike: Alike
     return bool(dx * dx + dy * dy <= alike.shift * alike.shift)
 
 
-@kernel(arrays=True)
+@kernel()
 def _draw_nearer(mine: np.ndarray, theirs: np.ndarray, pairs: np.ndarray, pose: np.ndarray) -> None:
     """A Gauss-Newton step on the pose that lays the paired surfaces on each other."""
-    normal, slope, step = np.zeros((3, 3)), np.zeros(3), np.empty(3)
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     # Along a single wall nothing says where: then the place stays where it is.
-    normal[0, 0] = normal[1, 1] = 1.0
-    normal[2, 2] = 1e-3
+    equations = stiff(1.0, 1e-3)
     for q in range(theirs.shape[0]):
         if pairs[q] >= 0:
-            pull_line(theirs[q], mine[pairs[q]], pose, cos, sin, normal, slope)
-    solve(normal, slope, step)
-    pose[0] += step[0]
-    pose[1] += step[1]
-    pose[2] = wrap(pose[2] + step[2])
+            equations = pulled_by_line(equations, theirs[q], mine[pairs[q]], pose, cos, sin)
+    x, y, turn = solved(equations)
+    pose[0] += x
+    pose[1] += y
+    pose[2] = wrap(pose[2] + turn)
 
 
 @kernel(arrays=True)
@@ -237,16 +235,16 @@ def _all_rows(surfaces: Segments) -> Float64[np.ndarray, "n 8"]:
     return rows
 
 
-@kernel(arrays=True)
+@kernel()
 def _join(
     old: np.ndarray, new: np.ndarray, alike: Alike, keep_old: np.ndarray, keep_new: np.ndarray
 ) -> None:
-    nowhere = np.zeros(3)
     for q in range(new.shape[0]):
+        ends = new[q, 0], new[q, 1], new[q, 2], new[q, 3]
         for k in range(old.shape[0]):
             if not keep_old[k] or abs(wrap(new[q, 5] - old[k, 5])) >= 2 * alike.angle:
                 continue
-            if beside(old[k], new[q], nowhere, 1.0, 0.0) >= alike.gap:
+            if beside(old[k], ends, new[q, 4]) >= alike.gap:
                 continue
             if new[q, 4] >= AGAIN * old[k, 4]:
                 keep_old[k] = False

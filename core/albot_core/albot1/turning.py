@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.albot1.config import TURN_STEP, Limits
-from albot_core.albot1.outlook import beside
+from albot_core.albot1.outlook import beside, moved_ends
 from albot_core.albot1.recognition import wrap
 from albot_core.compiled import kernel, scratch
 from albot_core.perception.surfaces import NO_EDGE
@@ -65,7 +65,7 @@ def _vote_by_line(
     middle = min(max(int(aligned + 0.5), 0), turns.shape[0] - 1)
     unmoved = _unmoved()
     unmoved[0] = unmoved[1] = unmoved[2] = 0.0
-    aside = beside(wall, seen, unmoved, turns[middle, 0], turns[middle, 1])
+    aside = beside(wall, moved_ends(seen, unmoved, turns[middle, 0], turns[middle, 1]), seen[4])
     if aside >= LINE_GAP:
         return
     vote = LINE_VOTE * (1.0 - (aside / LINE_GAP) ** 2)
@@ -119,6 +119,8 @@ def _vote(
     for b in range(bins):
         own[b] = 0.0
     for q in range(expected.shape[0]):
+        if seen[6] * expected[q, 6] + seen[7] * expected[q, 7] < limits.turn_cosine:
+            continue
         aligned = wrap(expected[q, 5] - seen[5]) / TURN_STEP + bins // 2
         low = max(int(np.ceil(aligned - angle / TURN_STEP)), 0)
         high = min(int(np.floor(aligned + angle / TURN_STEP)), bins - 1)

@@ -225,7 +225,7 @@ def update_map(memory: Memory, sight: Sight, limits: Limits) -> None:
     laid = np.empty((count, 4))
     _place_all(sight, laid)
     polygon = view_polygon(laid, sight.pose, limits.eye_in_boundary)
-    box, found = _bounds(), np.empty(2 * memory.counts[ALIVE], np.int64)
+    box, found = _bounds(), np.empty(2 * memory.counts[ALIVE] + 1, np.int64)
     box_around(polygon, limits.margin, box)
     nearby = found[: surfaces_ending_in(memory, box, found)]
     slots = np.empty(count, np.int64)

@@ -45,7 +45,7 @@ def slow_search(memory: Memory, box: np.ndarray) -> list[int]:
 
 
 def ending_in(memory: Memory, box: np.ndarray) -> list[int]:
-    found = np.full(2 * memory.counts[ALIVE] + 1, -7)
+    found = np.full(2 * memory.counts[ALIVE] + 2, -7)
     slots = found[: surfaces_ending_in(memory, box, found[:-1])].tolist()
     assert found[-1] == -7  # It has kept to its room.
     return slots
