@@ -19,7 +19,7 @@ from albot_env.sim.odometer_kernels import roll
 
 STEP, EACH_BODY, EACH_CONTACT, GET_BODY, SET_BODY, GET_CONTACT, SET_SPIN = range(7)
 """Places in `Engine.calls`."""
-HEADINGS, STATES, PUSHES, CONTACTS = range(4)
+STATES, PUSHES, CONTACTS = range(3)
 """Places in `Engine.requests`."""
 
 
@@ -29,7 +29,7 @@ class Engine(NamedTuple):
     calls: np.ndarray
     """(7,) int64: addresses of functions (see STEP and so on)."""
     requests: np.ndarray
-    """(4,) int64: addresses of pymunk's structures that say what is read or written where."""
+    """(3,) int64: addresses of pymunk's structures that say what is read or written where."""
     buffer: np.ndarray
     """(6 bodies,) float64: what is read of bodies or written to them."""
     filled: np.ndarray
@@ -91,11 +91,6 @@ def advance(
         space, shelf = floors.spaces[f]
         crew, members = floors.crews[f], floors.members[f]
         for _ in range(steps):
-            engine.filled[0] = 0
-            visit(engine.calls[EACH_BODY], space, engine.calls[GET_BODY], engine.requests[HEADINGS])
-            for k in range(crew):
-                robots.states[members[k], 2] = engine.buffer[2 * k]
-                robots.states[members[k], 5] = engine.buffer[2 * k + 1]
             for k in range(crew):
                 i = members[k]
                 wheels, target = robots.wheels[i], robots.targets[i]
@@ -116,12 +111,13 @@ def advance(
             visit(engine.calls[EACH_BODY], shelf, engine.calls[SET_BODY], engine.requests[PUSHES])
             take_step(engine.calls[STEP], space, duration)
             _note_pushes(engine, members, crew, robots, space)
-        engine.filled[0] = 0
-        visit(engine.calls[EACH_BODY], space, engine.calls[GET_BODY], engine.requests[STATES])
+            engine.filled[0] = 0
+            visit(engine.calls[EACH_BODY], space, engine.calls[GET_BODY], engine.requests[STATES])
+            for k in range(crew):
+                for column in range(6):
+                    robots.states[members[k], column] = engine.buffer[6 * k + column]
         for k in range(crew):
             i = members[k]
-            for column in range(6):
-                robots.states[i, column] = engine.buffer[6 * k + column]
             robots.poses[i, 0], robots.poses[i, 1] = robots.states[i, 0], robots.states[i, 1]
             robots.poses[i, 2] = wrapped(robots.states[i, 2])
 

@@ -19,7 +19,6 @@ _CALLS = (
     "pmSpaceArbiterIteratorFuncBatched",
     "cpBodySetAngularVelocity",
 )
-_HEADINGS = BodyFields.ANGLE | BodyFields.ANGULAR_VELOCITY
 _VELOCITIES = BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
 _STATES = BodyFields.POSITION | BodyFields.ANGLE | _VELOCITIES
 _CONTACTS = ArbiterFields.BODY_A_ID | ArbiterFields.BODY_B_ID | ArbiterFields.TOTAL_IMPULSE
@@ -47,8 +46,7 @@ class Bridge:
         # There is no telling how many walls robots touch: pymunk's own arrays grow.
         impulses = ffi.gc(lib.pmFloatArrayNew(16), lib.pmFloatArrayFree)
         pairs = ffi.gc(lib.pmIntArrayNew(16), lib.pmIntArrayFree)
-        requests = [_request(fields, floats, pairs) for fields in (_HEADINGS, _STATES)]
-        requests.append(_request(_VELOCITIES, floats, pairs))
+        requests = [_request(fields, floats, pairs) for fields in (_STATES, _VELOCITIES)]
         requests.append(_request(_CONTACTS, impulses, pairs))
         self._kept = (floats, impulses, pairs, requests)
         self._arrays = [_words(impulses), _words(pairs)]
