@@ -51,7 +51,8 @@ class Robots(NamedTuple):
     counts: np.ndarray
     """(n, COUNTS) float64: what the odometers have counted (see `odometer_kernels`)."""
     states: np.ndarray
-    """(n, 6) float64: x, y, heading, velocity x, y, turn rate (m, rad, s; world frame)."""
+    """(n, 6) float64: x, y, heading, velocity x, y, turn rate (m, rad, s; world frame): what pymunk
+    knows of the bodies."""
     poses: np.ndarray
     """(n, 3) float64: x, y, heading, which is in [-pi, pi)."""
     touched: np.ndarray

@@ -109,9 +109,9 @@ class ActionConfig:
             InputError: As for `single`; it names the first environment that is wrong.
         """
         numbers = self._numbers(actions, (count, len(self.names)), environment)
-        right = np.abs(numbers) <= 1
-        if not right.all():
-            wrong = int(np.argmin(right.all(axis=1)))
+        fits = np.abs(numbers) <= 1
+        if not fits.all():
+            wrong = int(np.argmin(fits.all(axis=1)))
             found = str(numbers[wrong].tolist())
             place = f"action of environment {wrong}"
             raise InputError(environment, self._expected, found, place=place)

@@ -72,7 +72,7 @@ class Albot1Batch:
             current=np.zeros(count, np.int64),
             displacements=np.zeros((count, 3)),
             is_lost=np.zeros(count, np.bool_),
-            looked_from=np.zeros((count, 3)),
+            looked_from=np.full((count, 3), np.nan),
         )
         for network in self._networks:
             trail = network.trail

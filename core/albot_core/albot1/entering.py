@@ -16,7 +16,9 @@ from albot_core.albot1.search import surfaces_ending_in
 from albot_core.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.albot1.updating import box_around, counterpart, placed, update_map
 from albot_core.albot1.visits import meet_again
-from albot_core.compiled import kernel
+from albot_core.compiled import kernel, scratch
+
+_bounds = scratch(4)
 
 
 @kernel(arrays=True)
@@ -36,7 +38,7 @@ def enter(memory: Memory, sight: Sight, limits: Limits) -> None:
     laid, free = np.empty((count, 4)), np.zeros(count, np.bool_)
     for k in range(count):
         placed(sight.pose, sight.surfaces[k], laid[k])
-    box, found = np.empty(4), np.empty(2 * memory.counts[ALIVE] + 1, np.int64)
+    box, found = _bounds(), np.empty(2 * memory.counts[ALIVE] + 1, np.int64)
     box_around(laid.reshape((2 * count, 2)), limits.margin, box)
     slots = found[: surfaces_ending_in(memory, box, found)]
     held, loose = np.empty((slots.shape[0], 4)), np.zeros(slots.shape[0], np.bool_)

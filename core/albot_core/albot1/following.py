@@ -8,7 +8,7 @@ import numpy as np
 
 from albot_core.albot1.config import Limits
 from albot_core.albot1.crossing import cross_exit
-from albot_core.albot1.exits import NO_GATE, remember_exits
+from albot_core.albot1.exits import NO_GATE, Exits, remember_exits
 from albot_core.albot1.mapping import STEP, STRANGE, map_step
 from albot_core.albot1.memory import ALIVE, NEXT_ID, SUSPECT, VISIT, Memory, room_left
 from albot_core.albot1.outlook import Outlook, make_outlook
@@ -165,6 +165,25 @@ def _tread(robots: Robots, row: int, view: Sight) -> None:
 
 
 @kernel()
+def has_cause_to_look(
+    robots: Robots, row: int, memory: Memory, exits: Exits, pose: np.ndarray, limits: Limits
+) -> bool:
+    """Whether the robot has met enough of an earlier visit, and it is time to compare places.
+
+    A suspicion that comes before its time is allayed, but that of one that has lost its way.
+    Between two places there is no telling which it is in.
+    """
+    if memory.counts[SUSPECT] == 0 or exits.counts[1] != NO_GATE:
+        return False
+    looked_from = robots.looked_from[row]
+    if is_time_to_look(looked_from, pose, limits.look_spacing, limits.look_turn):
+        return True
+    if not robots.is_lost[row]:
+        allay(memory.met, memory.counts)
+    return False
+
+
+@kernel()
 def _view(
     robots: Robots,
     row: int,
@@ -192,13 +211,8 @@ def _view(
         robots.events[row] += ASTRAY
     elif progress[STRANGE] == 0 and cross_exit(exits, x, y, current.pose):
         robots.events[row] += CROSSED
-    elif memory.counts[SUSPECT] > 0 and exits.counts[1] == NO_GATE:
-        # Between two places there is no telling which it is in.
-        looked_from = robots.looked_from[row]
-        if is_time_to_look(looked_from, current.pose, limits.look_spacing, limits.look_turn):
-            robots.events[row] += SUSPECTED
-        elif not robots.is_lost[row]:
-            allay(memory.met, memory.counts)
+    elif has_cause_to_look(robots, row, memory, exits, current.pose, limits):
+        robots.events[row] += SUSPECTED
     robots.surfaces[row] = memory.counts[ALIVE]
     for i in range(3):
         since[i] = 0.0

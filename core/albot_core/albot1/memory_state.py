@@ -83,7 +83,8 @@ def rebuilt_memory(stored: Mapping[str, np.ndarray]) -> Memory:
         raise InputError("memory.marks", f"visits from 1 to {visit}", "others")
     if not np.array_equal(np.sort(stored["free"]), np.flatnonzero(~alive)):
         raise InputError("memory.free", "exactly the slots without a surface", "others")
-    if not (np.isfinite(stored["surfaces"]).all(axis=1) == alive).all():
+    surfaces = stored["surfaces"]
+    if not (np.isfinite(surfaces[alive]).all() and np.isnan(surfaces[~alive]).all()):
         raise InputError("memory.surfaces", "finite surfaces, NaN in freed slots", "others")
     if len(np.unique(ids[alive])) != alive.sum() or (ids >= counts[NEXT_ID]).any():
         raise InputError("memory.ids", "every id once and below the next", "others")

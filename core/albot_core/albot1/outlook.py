@@ -38,7 +38,7 @@ def measure(surface: np.ndarray, row: np.ndarray) -> None:
 
 
 class Outlook(NamedTuple):
-    """Room in which views are compared with what is expected; any number of them may share it."""
+    """Room in which views are compared with what is expected, any number of them in turn."""
 
     which: np.ndarray
     """(views' room,) int64: of each surface seen, its place in the view."""

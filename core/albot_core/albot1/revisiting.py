@@ -10,7 +10,6 @@ from albot_core.albot1.places import Site
 from albot_core.albot1.record import AROUND, Happening
 from albot_core.albot1.structure import Likeness, compare
 from albot_core.albot1.suspicion import surfaces_needed
-from albot_core.albot1.visits import is_time_to_look
 from albot_core.geometry.poses import compose, inverse, relative
 from albot_core.geometry.types import Pose, Segments
 
@@ -31,8 +30,7 @@ def recognize_place(
     Returns:
         Whether the present place was found to be that of an earlier visit.
     """
-    if not _looks_again(network, pose):
-        return False
+    network.looked_from = pose.copy()
     counts, needed = met.T
     stood_in: set[int] = set()
     for visit in _suspects(network, counts, needed):
@@ -68,8 +66,7 @@ def find(network: PlaceNetwork, step: int, seen: Segments, pose: Pose) -> Pose |
         How the map since the loss must be moved to join on to what was known before;
         None where no place is recognised.
     """
-    if not _looks_again(network, pose):
-        return None
+    network.looked_from = pose.copy()
     first = network.visits[network.lost_since]
     known = [site for site in network.sites.values() if site.id < first]
     anywhere = network.config.alike._replace(shift=np.inf, turn=np.pi)
@@ -106,15 +103,6 @@ def _suspects(
     suspects = np.flatnonzero(met > needed)
     ordered = suspects[np.argsort(-met[suspects], kind="stable")].tolist()
     return [v for v in ordered if met[v] > 0 or last[network.visits[v]] == v]
-
-
-def _looks_again(network: PlaceNetwork, pose: Pose) -> bool:
-    """Whether it is time to look; then that is done from here."""
-    config = network.config
-    if not is_time_to_look(network.looked_from, pose, config.look_spacing, config.look_turn):
-        return False
-    network.looked_from = pose.copy()
-    return True
 
 
 def _is_confirmed(network: PlaceNetwork, likeness: Likeness, site: Site, pose: Pose) -> bool:

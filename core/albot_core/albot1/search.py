@@ -82,7 +82,7 @@ def surfaces_ending_in(memory: Memory, box: np.ndarray, found: np.ndarray) -> in
     """Find the slots of the surfaces with an end in the box (x_min, y_min, x_max, y_max).
 
     They are in `found`, ascending, from its beginning on; how many they are. It must have room
-    for one more than twice as many as live.
+    for one more than live; with room for twice as many it is seldom full on the way.
     """
     cells = (box[2] - box[0]) * (box[3] - box[1]) / CELL**2
     # A surface is looked at several times faster than a cell.

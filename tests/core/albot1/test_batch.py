@@ -178,3 +178,8 @@ def test_mappers_without_a_batch_are_led_one_by_one() -> None:
     for made in (batch, make_mappers("albot1", 2)):
         assert isinstance(made, MapperBatch)
         assert made.poses.shape == (2, 3)
+
+
+def test_the_kernel_knows_where_each_network_looked_from() -> None:
+    batch = Albot1Batch.default(1)
+    np.testing.assert_array_equal(batch._robots.looked_from[0], batch.network(0).looked_from)

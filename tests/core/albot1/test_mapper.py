@@ -13,7 +13,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, transform_segments
 from albot_core.mapper import Mapper
 from albot_core.perception.reading import LaserGeometry, Reading
-from tests.core.scenes import ROOM, scan_from
+from tests.core.scenes import FURNITURE, ROOM, house_walk, scan_from, two_rooms
 
 PRESETS = [Albot1.default, Albot1.thesis]
 
@@ -219,3 +219,42 @@ def test_lasers_may_differ_from_reading_to_reading() -> None:
 def test_impossible_thresholds_are_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InputError, match=next(iter(wrong))):
         Albot1Config(**wrong)  # type: ignore[arg-type]
+
+
+BIAS = np.array((0.0, 0.0, 0.003))
+
+
+def carried(seed: int) -> list[Reading]:
+    """A walk through two rooms in small steps; once the robot is carried elsewhere."""
+    path, house = house_walk(), np.concatenate((two_rooms(), FURNITURE))
+    steps = relative(path[:-1], path[1:])
+    parts = [compose(path[:-1], share * steps) for share in (0.0, 0.25, 0.5, 0.75)]
+    fine = np.concatenate(parts, axis=1).reshape(-1, 3)
+    rng, at, given = np.random.default_rng(seed), 0, []
+    for k in range(300):
+        before, at = at, (at + 1) % len(fine)
+        motion = relative(fine[before], fine[at])
+        if k == 150:
+            at, motion = int(rng.integers(len(fine))), np.zeros(3)
+        scan = scan_from(fine[at], house)
+        given.append(Reading(stamp=float(k), motion=motion + BIAS, laser=scan))
+    return given
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_lost_robot_finds_its_way_by_its_views_alone(seed: int) -> None:
+    spacing, turn = 0.3, np.radians(15.0)
+    spaced = Albot1(replace(Albot1Config.improved(), view_spacing=spacing, view_turn=turn))
+    seldom, since, lost = Albot1.default(), np.zeros(3), 0
+    for k, reading in enumerate(carried(seed)):
+        since = compose(since, reading.motion) if k else since
+        spaced.update(reading)
+        if k == 0 or np.hypot(*since[:2]) >= spacing or abs(since[2]) >= turn:
+            seldom.update(Reading(stamp=reading.stamp, motion=since, laser=reading.laser))
+            since = np.zeros(3)
+        told = [[(e.step, e.what, e.place, e.other) for e in m.events] for m in (spaced, seldom)]
+        assert told[0] == told[1]
+        assert spaced.is_lost == seldom.is_lost
+        np.testing.assert_allclose(spaced.pose, compose(seldom.pose, since), atol=1e-9)
+        lost += spaced.is_lost
+    assert lost > 0

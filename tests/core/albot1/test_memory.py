@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -152,9 +153,10 @@ def test_a_rebuilt_map_finds_the_same() -> None:
         ("counts", 3, 4),
         ("surfaces", 0, np.nan),
         ("surfaces", 2, 0.0),
+        ("surfaces", (2, 0), 0.0),
     ],
 )
-def test_contradictions_are_refused(field: str, index: int, value: float) -> None:
+def test_contradictions_are_refused(field: str, index: Any, value: float) -> None:
     arrays = stored()
     arrays[field][index] = value
     with pytest.raises(InputError, match="memory"):

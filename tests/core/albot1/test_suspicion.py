@@ -61,15 +61,6 @@ def test_what_is_met_again_speaks_louder_than_where_it_stands():
     assert walker.network.record.glimpsed() == {0}
 
 
-def test_the_robot_looks_again_only_once_it_has_moved():
-    walker = led(RING)
-    walker.network.sites[0].surfaces = np.empty((0, 4))
-    assert not walker.recognize()
-    refusals = len(walker.network.record.events)
-    assert not walker.recognize()
-    assert len(walker.network.record.events) == refusals
-
-
 def test_in_a_new_visit_it_looks_at_once_and_where_it_looked_is_remembered():
     walker = led(RING)
     walker.network.sites[0].surfaces = np.empty((0, 4))

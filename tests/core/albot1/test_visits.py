@@ -4,15 +4,33 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from albot_core.albot1 import attending
-from albot_core.albot1.config import PlacesConfig
+from albot_core.albot1.batch import Albot1Batch
+from albot_core.albot1.config import Albot1Config, PlacesConfig
+from albot_core.albot1.exits import GATE, NO_GATE, no_exits
+from albot_core.albot1.following import has_cause_to_look
 from albot_core.albot1.mapper import Albot1
-from albot_core.albot1.memory import SUSPECT, VISIT, add_surface, empty_memory, remove_surface
+from albot_core.albot1.memory import (
+    NEVER,
+    SUSPECT,
+    VISIT,
+    add_surface,
+    empty_memory,
+    remove_surface,
+)
 from albot_core.albot1.network import PlaceNetwork
 from albot_core.albot1.places import Site
 from albot_core.albot1.revisiting import _suspects
-from albot_core.albot1.visits import begin_visit, marked_visits, renumber_visits
+from albot_core.albot1.visits import (
+    allay,
+    begin_visit,
+    is_time_to_look,
+    marked_visits,
+    renumber_visits,
+)
 from albot_core.geometry.poses import relative
 from albot_core.perception.reading import Reading
 from tests.core.scenes import FURNITURE, house_walk, scan_from, two_rooms
@@ -96,3 +114,43 @@ def test_a_robot_that_forgets_visits_maps_as_one_that_does_not(
         runs.append((np.concatenate(seen).tobytes(), mapper.events, visits[-1]))
     assert runs[0][:2] == runs[1][:2]
     assert runs[0][2] < runs[1][2] - 4
+
+
+def test_suspicions_that_need_nothing_to_be_met_are_not_allayed() -> None:
+    memory = empty_memory()
+    for needed in ((0, 3, NEVER), (0, 3, -1, NEVER), (0, -1, -2, -2, NEVER)):
+        begin_visit(memory, np.array(needed, np.int32))
+        memory.counts[SUSPECT] = 1
+        allay(memory.met, memory.counts)
+        assert memory.counts[SUSPECT] == (np.argmin(needed) if min(needed) < 0 else 0)
+
+
+@given(st.tuples(*3 * [st.floats(-2, 2)]), st.tuples(*3 * [st.floats(-2, 2)]))
+def test_it_is_time_to_look_once_the_robot_has_gone_or_turned_so_far(
+    looked_from: tuple[float, float, float], pose: tuple[float, float, float]
+) -> None:
+    x, y, turn = relative(np.array(looked_from), np.array(pose))
+    expected = np.hypot(x, y) >= 0.7 or abs(turn) >= 0.5
+    assert is_time_to_look(np.array(looked_from), np.array(pose), 0.7, 0.5) == expected
+    assert is_time_to_look(np.full(3, np.nan), np.array(pose), 0.7, 0.5)
+
+
+@pytest.mark.parametrize("gate", [NO_GATE, GATE])
+@pytest.mark.parametrize("is_lost", [False, True])
+@pytest.mark.parametrize("gone", [0.0, 5.0])
+def test_places_are_compared_when_it_is_time_and_nowhere_between(
+    gate: int, is_lost: bool, gone: float
+) -> None:
+    batch = Albot1Batch(1, Albot1Config.improved())
+    robots, memory, exits = batch._robots, empty_memory(), no_exits()
+    robots.is_lost[0], robots.looked_from[0] = is_lost, 0.0
+    exits.counts[1] = gate
+    begin_visit(memory, np.array((0, 3, NEVER), np.int32))
+    here = np.array((gone, 0.0, 0.0))
+    assert not has_cause_to_look(robots, 0, memory, exits, here, batch.config.limits)
+    memory.counts[SUSPECT] = 1
+    is_time = gate == NO_GATE and gone > 0
+    looks = has_cause_to_look(robots, 0, memory, exits, here, batch.config.limits)
+    assert looks == is_time
+    is_allayed = gate == NO_GATE and not is_time and not is_lost
+    assert memory.counts[SUSPECT] == (0 if is_allayed else 1)
