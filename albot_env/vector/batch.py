@@ -171,8 +171,7 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         if self._discrete:
             actions = robots.actions.chosen(actions, self.num_envs, self._task)
         robots.act(robots.actions.batch(actions, self.num_envs, self._task))
-        if resetting.any():
-            self._begin(np.flatnonzero(resetting), {})
+        self._begin(np.flatnonzero(resetting), {})
         robots.look()
         self._begun[:] = True
         rewards = robots.rewards.copy()
@@ -263,12 +262,11 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
     def _infos(self, mask: Bool[np.ndarray, "environments"]) -> dict[str, Any]:
         """The infos as gymnasium batches them: zero and `_key` False where there is none."""
         robots = self._robots
-        names, everything = {"world": robots.world_names.copy(), "room": robots.rooms}, mask.all()
+        names = {"world": robots.world_names.copy(), "room": robots.rooms}
         infos = {"reward_terms": _masked(robots.terms, mask), "_reward_terms": mask.copy()}
         infos |= _masked(robots.facts, mask)
         for key, value in names.items():
-            if not everything:
-                value[~mask] = None
+            value[~mask] = None
             infos[key], infos[f"_{key}"] = value, mask.copy()
         return infos
 

@@ -84,9 +84,6 @@ def _match(
     return points
 
 
-_correction = scratch(3)
-
-
 @kernel()
 def _adjust(
     seen: np.ndarray,
@@ -134,6 +131,9 @@ def _meet_earlier(
             if beside(expected[q], ends, seen[k, 4]) < MEETING_GAP:
                 meet_again(memory, slots[q])
                 break
+
+
+_correction = scratch(3)
 
 
 @kernel()
