@@ -6,12 +6,9 @@ import math
 
 import numpy as np
 
-from albot_core.bits import bits_of, number_of
 from albot_core.compiled import kernel
 from albot_core.geometry.directions import length_of, wrapped
-
-TIME_KNEE = 0.05
-"""Share of the longest time up to which the scale of times is nearly linear."""
+from albot_env.tasks.log_scale import LogScale, scaled
 
 
 @kernel()
@@ -38,54 +35,6 @@ def find_room(
 
 
 @kernel()
-def log_scale(length: float, knee: float, longest: float) -> float:
-    """A length as a number from -1 at 0 to 1 at `longest` and more, finest where short."""
-    share = math.log1p(min(length, longest) / knee) / math.log1p(longest / knee)
-    return min(2.0 * share - 1.0, 1.0)
-
-
-@kernel()
-def inverse_log_scale(scaled: float, knee: float, longest: float) -> float:
-    """The length that `log_scale` made this number of."""
-    return knee * math.expm1(0.5 * (scaled + 1) * math.log1p(longest / knee))
-
-
-@kernel(arrays=True)
-def unscale_ranges(scaled: np.ndarray, knee: float, longest: float) -> np.ndarray:
-    """The ranges (m) that `scale_ranges` made these numbers of.
-
-    One at a time: numpy's expm1 over arrays rounds otherwise where the processor has AVX-512.
-    """
-    ranges = np.empty(scaled.shape[0])
-    for k in range(scaled.shape[0]):
-        ranges[k] = inverse_log_scale(-np.float64(scaled[k]), knee, longest)
-    return ranges
-
-
-@kernel()
-def scale_ranges(ranges: np.ndarray, knee: float, longest: float, scaled: np.ndarray) -> None:
-    """Fill the first of `scaled` with ranges (m): 1 at 0, -1 at `longest` and beyond.
-
-    What `log_scale` does, negated, for many lengths at once: a number is 2^e m with m in
-    [1, 2), and log m = log √2 + 2 artanh t with t = (m - √2) / (m + √2), whose series
-    is cut where it is below 1e-7. The loop holds nothing but arithmetic in float32, for the
-    compiler to make vector instructions of.
-    """
-    one, half, root = np.float32(1.0), np.float32(0.5), np.float32(math.sqrt(2.0))
-    two, log_2 = np.float32(2.0), np.float32(math.log(2.0))
-    third, fifth, seventh = np.float32(1 / 3), np.float32(1 / 5), np.float32(1 / 7)
-    share, per_knee = np.float32(2.0 / math.log1p(longest / knee)), 1.0 / knee
-    for k in range(ranges.shape[0]):
-        bits = bits_of(np.float32(1.0 + min(ranges[k], longest) * per_knee))
-        exponent = np.float32((bits >> np.int32(23)) - np.int32(127))
-        number = number_of((bits & np.int32(0x7FFFFF)) | np.int32(127 << 23))
-        t = (number - root) / (number + root)
-        s = t * t
-        log = (exponent + half) * log_2 + two * t * (one + s * (third + s * (fifth + s * seventh)))
-        scaled[k] = min(max(one - share * log, -one), one)
-
-
-@kernel()
 def observe_motion(motion: np.ndarray, length: float, turn: float, row: np.ndarray) -> None:
     """Fill `row` (3,) with the part motion: in shares of a step's length (m) and turn (rad)."""
     for i in range(3):
@@ -94,14 +43,14 @@ def observe_motion(motion: np.ndarray, length: float, turn: float, row: np.ndarr
 
 
 @kernel()
-def observe_home(home: np.ndarray, knee: float, longest: float, row: np.ndarray) -> None:
+def observe_home(home: np.ndarray, scale: LogScale, row: np.ndarray) -> None:
     """Fill `row` (3,) with the part home: direction and distance of home (robot frame)."""
     distance = length_of(home[0], home[1])
     row[0], row[1] = 1.0, 0.0
     if distance > 0.0:
         row[0] = min(max(home[0] / distance, -1.0), 1.0)
         row[1] = min(max(home[1] / distance, -1.0), 1.0)
-    row[2] = log_scale(distance, knee, longest)
+    row[2] = scaled(distance, scale)
 
 
 @kernel(nogil=True)
@@ -116,13 +65,11 @@ def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray, travels: 
 
 
 @kernel()
-def observe_exit(
-    belief: np.ndarray, line: np.ndarray, knee: float, longest: float, row: np.ndarray
-) -> None:
+def observe_exit(belief: np.ndarray, line: np.ndarray, scale: LogScale, row: np.ndarray) -> None:
     """Fill `row` (6,) with the part exit of an observation.
 
     `line` (4,) is the next exit home in the map, with the present place to its left; NaN for
-    none. The lengths are the knee and range of home's distance.
+    none. The scale is that of home's distance.
     """
     for k in range(6):
         row[k] = 0.0
@@ -132,20 +79,18 @@ def observe_exit(
     cos, sin = math.cos(belief[2]), math.sin(belief[2])
     east = 0.5 * (line[0] + line[2]) - belief[0]
     north = 0.5 * (line[1] + line[3]) - belief[1]
-    row[2] = log_scale(length_of(east, north), knee, longest)
+    row[2] = scaled(length_of(east, north), scale)
     _direct(east, north, cos, sin, row)
     _direct(line[3] - line[1], line[0] - line[2], cos, sin, row[3:])
     row[5] = 1.0
 
 
 @kernel()
-def observe_way(
-    belief: np.ndarray, point: np.ndarray, knee: float, longest: float, row: np.ndarray
-) -> None:
+def observe_way(belief: np.ndarray, point: np.ndarray, scale: LogScale, row: np.ndarray) -> None:
     """Fill `row` (4,) with the part way of an observation.
 
-    `point` (2,) is a point ahead on a way, in the map; NaN for none. The lengths are
-    the knee and range of home's distance.
+    `point` (2,) is a point ahead on a way, in the map; NaN for none. The scale is that of home's
+    distance.
     """
     row[0] = row[1] = 0.0
     row[2] = row[3] = -1.0
@@ -153,7 +98,7 @@ def observe_way(
         return
     cos, sin = math.cos(belief[2]), math.sin(belief[2])
     east, north = point[0] - belief[0], point[1] - belief[1]
-    row[2] = log_scale(length_of(east, north), knee, longest)
+    row[2] = scaled(length_of(east, north), scale)
     _direct(east, north, cos, sin, row)
     row[3] = 1.0
 
@@ -206,6 +151,6 @@ def find_home(
 
 
 @kernel()
-def observe_time(left: float, longest: float) -> float:
-    """Time left (s) as a number from -1 at none to 1 at `longest` and more, finest where short."""
-    return log_scale(max(left, 0.0), TIME_KNEE * longest, longest)
+def observe_time(left: float, scale: LogScale) -> float:
+    """Time left (s) as a number from -1 at none to 1 at the scale's longest and more."""
+    return scaled(max(left, 0.0), scale)

@@ -20,9 +20,12 @@ from albot_core.errors import InputError
 from albot_core.perception.reading import LaserGeometry, SonarGeometry
 from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.coverage import CoverageConfig
-from albot_env.tasks.kernels import TIME_KNEE, inverse_log_scale, unscale_ranges
+from albot_env.tasks.log_scale import LogScale, make_log_scale, unscale_ranges, unscaled
 from albot_env.tasks.survey_kernel import Layout, Scales
 from albot_env.tasks.wayfinding import WayfindingConfig
+
+_TIME_KNEE = 0.05
+"""Share of the longest time up to which the scale of times is nearly linear."""
 
 Parts = dict[str, Float32[np.ndarray, "..."]]
 """An observation by part."""
@@ -141,6 +144,11 @@ class ObservationConfig:
         return not {"confidence", "exit", "way", "shortcut"}.isdisjoint(self.parts)
 
     @property
+    def shows_ground(self) -> bool:
+        """Whether something is shown for which the robot must keep what it believes covered."""
+        return not {"coverage", "frontier", "onward"}.isdisjoint(self.parts)
+
+    @property
     def shows_ways_over_ground(self) -> bool:
         """Whether something is shown for which the ground must be sketched."""
         return not {"shortcut", "onward"}.isdisjoint(self.parts)
@@ -172,6 +180,26 @@ class ObservationConfig:
         return spaces.Box(-1, 1, (length,), np.float32)
 
     @property
+    def laser_scale(self) -> LogScale:
+        """The scale of the laser's ranges (m)."""
+        return make_log_scale(self.laser_knee, self.laser_range)
+
+    @property
+    def sonar_scale(self) -> LogScale:
+        """The scale of the sonars' ranges (m)."""
+        return make_log_scale(self.laser_knee, self.sonar_range)
+
+    @property
+    def home_scale(self) -> LogScale:
+        """The scale of distances (m) along the way."""
+        return make_log_scale(self.home_knee, self.home_range)
+
+    @property
+    def time_scale(self) -> LogScale:
+        """The scale of times left (s)."""
+        return make_log_scale(_TIME_KNEE * self.time_range, self.time_range)
+
+    @property
     def scales(self) -> Scales:
         """What the compiled survey goes by."""
         coverage = self.coverage
@@ -180,13 +208,11 @@ class ObservationConfig:
             turn=coverage.turn,
             patch_cell=coverage.patch_cell,
             patch_cells=coverage.patch_cells,
-            laser_knee=self.laser_knee,
-            laser_range=self.laser_range,
-            sonar_range=self.sonar_range,
+            laser=self.laser_scale,
+            sonar=self.sonar_scale,
             step_length=self.step_length,
             step_turn=self.step_turn,
-            home_knee=self.home_knee,
-            home_range=self.home_range,
+            home=self.home_scale,
             home_drift=self.home_drift,
             home_near=self.home_near,
             sectors=self.laser_sectors or 0,
@@ -218,7 +244,7 @@ class ObservationConfig:
 
     def ranges(self, laser: Float[np.ndarray, "beams"]) -> Float64[np.ndarray, "beams"]:
         """The ranges (m) that the `laser` part stands for, `laser_range` where nothing was."""
-        return np.asarray(unscale_ranges(laser, self.laser_knee, self.laser_range))
+        return np.asarray(unscale_ranges(laser, self.laser_scale))
 
     def travel_home(self, scaled: float | np.floating) -> float:
         """The travel (m) that the `confidence` part stands for; infinite at -1."""
@@ -227,9 +253,8 @@ class ObservationConfig:
 
     def time_left(self, scaled: float | np.floating) -> float:
         """The time (s) that the `time_left` part stands for, `time_range` at the most."""
-        longest = self.time_range
-        return float(inverse_log_scale(float(scaled), TIME_KNEE * longest, longest))
+        return float(unscaled(float(scaled), self.time_scale))
 
     def home_distance(self, scaled: float | np.floating) -> float:
         """The distance (m) that the last number of the `home` part stands for."""
-        return float(inverse_log_scale(float(scaled), self.home_knee, self.home_range))
+        return float(unscaled(float(scaled), self.home_scale))

@@ -23,8 +23,8 @@ from albot_env.tasks.kernels import (
     observe_motion,
     observe_time,
     observe_way,
-    scale_ranges,
 )
+from albot_env.tasks.log_scale import scale_ranges
 from albot_env.tasks.observation import PARTS, ObservationConfig, Parts
 from albot_env.tasks.wayfinding import Wayfinding
 
@@ -62,31 +62,31 @@ def observe(
         raise InputError("observe", "a Wayfinding that has followed the robot", "None")
     way = mapper.way_home if config.shows_way_home else np.full(7, np.nan)
     home, flags = mapper.home, (mapper.network.familiar, mapper.is_lost)
-    knee, longest = config.home_knee, config.home_range
+    scale = config.home_scale
     parts = {name: np.empty(shape, np.float32) for name, shape in config.shapes.items()}
     shown = parts | {name: np.empty(6, np.float32) for name in PARTS if name not in parts}
     observe_motion(reading.motion, config.step_length, config.step_turn, shown["motion"])
     shown["heading"][:2] = np.cos(home[2]), -np.sin(home[2])
-    observe_home(home, knee, longest, shown["home"])
+    observe_home(home, scale, shown["home"])
     shown["confidence"][0] = observe_confidence(way[TRAVEL], config.home_drift, config.home_near)
     shown["place"][:2] = np.where(flags, 1, -1)
-    observe_exit(mapper.pose, way[EXIT], knee, longest, shown["exit"])
-    observe_way(mapper.pose, way[POINT], knee, longest, shown["way"])
+    observe_exit(mapper.pose, way[EXIT], scale, shown["exit"])
+    observe_way(mapper.pose, way[POINT], scale, shown["way"])
     if wayfinding is not None:
         shortcut = wayfinding.shortcut(way[TRAVEL])
-        observe_way(mapper.pose, shortcut, knee, longest, shown["shortcut"])
-        observe_way(mapper.pose, wayfinding.onward, knee, longest, shown["onward"])
+        observe_way(mapper.pose, shortcut, scale, shown["shortcut"])
+        observe_way(mapper.pose, wayfinding.onward, scale, shown["onward"])
     if "laser" in parts:
         parts["laser"] = observe_ranges(config, reading.laser.ranges)
     if "sonar" in parts and reading.sonar is not None:
         echoes = reading.sonar.ranges
-        scale_ranges(echoes, config.laser_knee, config.sonar_range, parts["sonar"])
+        scale_ranges(echoes, config.sonar_scale, parts["sonar"])
     if "coverage" in parts:
         parts["coverage"] = coverage.patch(mapper.pose)
     if "frontier" in parts:
         found = coverage.frontier(mapper.pose, reading.laser, len(parts["frontier"]))
-        scale_ranges(found, config.laser_knee, config.laser_range, parts["frontier"])
-    shown["time_left"][0] = observe_time(time_left, config.time_range)
+        scale_ranges(found, config.laser_scale, parts["frontier"])
+    shown["time_left"][0] = observe_time(time_left, config.time_scale)
     return parts
 
 
@@ -99,5 +99,5 @@ def observe_ranges(
         beams, shown = shown, np.empty(config.laser_sectors)
         find_nearest(beams, shown)
     scaled = np.empty(len(shown), np.float32)
-    scale_ranges(shown, config.laser_knee, config.laser_range, scaled)
+    scale_ranges(shown, config.laser_scale, scaled)
     return scaled

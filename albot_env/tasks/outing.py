@@ -88,11 +88,13 @@ class Outings(Journeys[Outing]):
         seen = observations.coverage, observations.laser_range
         super().__init__(task, (replace(equipment, threads=1), *seen, config), count)
         self._config = config
+        # Robots share journeys that are shown more of the ground than those they were made for.
+        parts = dict.fromkeys((*observations.parts, "coverage"))
         self._scout = Expedition(
             1,
             replace(equipment, threads=1),
             actions=ActionConfig(),
-            observations=observations,
+            observations=replace(observations, parts=tuple(parts)),
         )
         self._explorer = GapExplorer(GapExplorerConfig(near=observations.coverage.radius))
 

@@ -115,7 +115,7 @@ class RoundTrip(Expedition):
     def _books(self, fields: Fields) -> tuple[Any, ...]:
         """What the appraisal takes."""
         config, weights = self._config, self._config.weights
-        shown = self.observing.time_range, self.observing.layout.time_left
+        shown = self.observing.time_scale, self.observing.layout.time_left
         rules = Rules(config.radius, config.ground, config.share, *shown)
         return (
             weights.values,

@@ -11,6 +11,7 @@ from albot_core.compiled import kernel
 from albot_core.parcel import Entry, Parcel, opened
 from albot_env.tasks.homing_kernel import find_way, success_weighted
 from albot_env.tasks.kernels import observe_time
+from albot_env.tasks.log_scale import LogScale
 from albot_env.tasks.standing import follow
 
 TERMS = (
@@ -57,8 +58,8 @@ class Rules(NamedTuple):
     """Ground that must be covered (m²)…"""
     share: float
     """…or this share of what can be reached, where that is less."""
-    time_range: float
-    """The time left that is shown as 1 (s)…"""
+    time_scale: LogScale
+    """The scale on which the time left (s) is shown…"""
     time_at: int
     """…and where in observations it stands; -1 where it is not shown."""
 
@@ -115,7 +116,7 @@ def appraise_round_trip(
             total += terms[k]
         standing.rewards[i] = total
         if rules.time_at >= 0:
-            observations[i, rules.time_at] = observe_time(r.time_left[i], rules.time_range)
+            observations[i, rules.time_at] = observe_time(r.time_left[i], rules.time_scale)
 
 
 @kernel()

@@ -41,6 +41,7 @@ class Surveyed(NamedTuple):
 
     covered: UInt64[np.ndarray, "words"]
     believed: UInt64[np.ndarray, "words"]
+    """No words where nothing is shown of it (see `ObservationConfig.shows_ground`)."""
     entered: Bool[np.ndarray, "most"]
     ground: int
     rooms_entered: int
@@ -62,6 +63,7 @@ class Survey:
         self._sight = config.coverage.sight(laser)
         self._covered = no_ground(robots, self._config.cell)
         self._believed = no_ground(robots, self._config.cell)
+        self._has_ground = config.shows_ground
         self._wayfinding, self._has_sketches = config.wayfinding, config.shows_ways_over_ground
         self._finding = config.wayfinding.pencil(config.coverage), config.wayfinding.search
         self._sketches = no_sketches(robots)
@@ -107,7 +109,8 @@ class Survey:
         self._rooms.entered[row] = False
         side = self._config.side(world_extent(world) + self._config.cell)
         self._covered = laid(self._covered, row, side, world_centre(world))
-        self._believed = laid(self._believed, row, self._config.side(map_extent(world)), (0.0, 0.0))
+        side = self._config.side(map_extent(world)) if self._has_ground else 0
+        self._believed = laid(self._believed, row, side, (0.0, 0.0))
         if self._has_sketches:
             side = self._wayfinding.side(map_extent(world))
             self._sketches = laid_sketch(self._sketches, row, side)
@@ -131,10 +134,12 @@ class Survey:
     def resume(self, row: int, surveyed: Surveyed) -> None:
         """Let a robot, which has begun, know what another one in its world has found out.
 
+        That one must have kept the ground that it believes covered where this one is to do so.
         Its sketch of the ground is not taken over: it begins an empty one.
         """
         words_of(self._covered, row)[:] = surveyed.covered
-        words_of(self._believed, row)[:] = surveyed.believed
+        if self._has_ground:
+            words_of(self._believed, row)[:] = surveyed.believed
         rooms = min(len(surveyed.entered), self._rooms.entered.shape[1])
         self._rooms.entered[row, :rooms] = surveyed.entered[:rooms]
         findings = self.findings

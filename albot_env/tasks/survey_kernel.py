@@ -26,8 +26,8 @@ from albot_env.tasks.kernels import (
     observe_home,
     observe_motion,
     observe_way,
-    scale_ranges,
 )
+from albot_env.tasks.log_scale import LogScale, scale_ranges
 from albot_env.tasks.patch_kernels import cut_patch
 from albot_env.tasks.sketching_kernel import Pencil, Sketches, follow_sketch
 from albot_env.tasks.wayfinding_kernel import (
@@ -59,13 +59,11 @@ class Scales(NamedTuple):
     turn: float
     patch_cell: float
     patch_cells: int
-    laser_knee: float
-    laser_range: float
-    sonar_range: float
+    laser: LogScale
+    sonar: LogScale
     step_length: float
     step_turn: float
-    home_knee: float
-    home_range: float
+    home: LogScale
     home_drift: float
     home_near: float
     sectors: int
@@ -182,9 +180,9 @@ def _survey_all(
             if s.sectors:
                 find_nearest(ranges, nearest)
                 seen = nearest
-            scale_ranges(seen, s.laser_knee, s.laser_range, row[layout.laser :])
+            scale_ranges(seen, s.laser, row[layout.laser :])
         if layout.sonar >= 0:
-            scale_ranges(senses.echoes[i], s.laser_knee, s.sonar_range, row[layout.sonar :])
+            scale_ranges(senses.echoes[i], s.sonar, row[layout.sonar :])
         _tell_motion(i, s, layout, senses, row)
         _tell_beliefs(i, s, layout, senses, row)
         if layout.coverage >= 0:
@@ -192,7 +190,7 @@ def _survey_all(
             cut_patch(believed, i, belief, turn, s.patch_cell, s.patch_cells, patch)
         if layout.frontier >= 0:
             find_frontier(believed, i, belief, sight, ranges, frontier)
-            scale_ranges(frontier, s.laser_knee, s.laser_range, row[layout.frontier :])
+            scale_ranges(frontier, s.laser, row[layout.frontier :])
         if layout.shortcut >= 0 or layout.onward >= 0:
             _find_ways(i, sight, believed, layout, senses, pencil, search, sketches)
             _tell_ways(i, s, layout, senses, search, sketches, row)
@@ -227,7 +225,7 @@ def _tell_motion(i: int, s: Scales, layout: Layout, senses: Senses, row: np.ndar
     if layout.heading >= 0:
         row[layout.heading], row[layout.heading + 1] = math.cos(home[2]), -math.sin(home[2])
     if layout.home >= 0:
-        observe_home(home, s.home_knee, s.home_range, row[layout.home :])
+        observe_home(home, s.home, row[layout.home :])
 
 
 @kernel()
@@ -240,9 +238,9 @@ def _tell_beliefs(i: int, s: Scales, layout: Layout, senses: Senses, row: np.nda
         for flag in range(2):
             row[layout.place + flag] = 1.0 if senses.places[i, flag] else -1.0
     if layout.exit >= 0:
-        observe_exit(belief, way[EXIT], s.home_knee, s.home_range, row[layout.exit :])
+        observe_exit(belief, way[EXIT], s.home, row[layout.exit :])
     if layout.way >= 0:
-        observe_way(belief, way[POINT], s.home_knee, s.home_range, row[layout.way :])
+        observe_way(belief, way[POINT], s.home, row[layout.way :])
 
 
 @kernel(arrays=True)
@@ -259,7 +257,7 @@ def _tell_ways(
     belief = senses.beliefs[i]
     if layout.shortcut >= 0:
         point = pick_shortcut(sketches, i, search, senses.ways_home[i, TRAVEL])
-        observe_way(belief, point, s.home_knee, s.home_range, row[layout.shortcut :])
+        observe_way(belief, point, s.home, row[layout.shortcut :])
     if layout.onward >= 0:
         point = pick_onward(sketches, i)
-        observe_way(belief, point, s.home_knee, s.home_range, row[layout.onward :])
+        observe_way(belief, point, s.home, row[layout.onward :])

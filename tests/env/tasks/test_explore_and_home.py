@@ -15,7 +15,7 @@ from albot_env.recording.writer import EpisodeWriter
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.coverage import Coverage
 from albot_env.tasks.explore_and_home import ExploreAndHomeEnv
-from albot_env.tasks.kernels import log_scale
+from albot_env.tasks.log_scale import make_log_scale, scaled
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.observer import observe
 from albot_env.tasks.reward import RoundTripWeights
@@ -107,7 +107,7 @@ def test_the_robot_knows_the_time_that_is_left(two_rooms: World) -> None:
     observation, _ = env.reset(seed=1)
     for step in range(60):
         part = env.observing.split(observation)["time_left"]
-        left = log_scale(6.0 - 0.1 * step, 30.0, 600.0)
+        left = scaled(6.0 - 0.1 * step, make_log_scale(30.0, 600.0))
         assert part == pytest.approx(np.array([left]), abs=1e-6)
         observation = env.step(STILL)[0]
     assert env.observing.split(observation)["time_left"].tolist() == [-1.0]

@@ -211,6 +211,22 @@ def test_robots_that_see_otherwise_share_journeys(
     assert len(made) > 2
 
 
+def test_ground_covered_on_the_way_is_known_whoever_the_journey_was_made_for(
+    two_rooms: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    short = OutingConfig(shortest=2.0, longest=3.0, away=1.0)
+    blind = HomingConfig(outing=short, observations=ObservationConfig(parts=("home",)))
+    patches = []
+    for configs in ([HomingConfig(outing=short)], [blind, HomingConfig(outing=short)]):
+        monkeypatch.setattr(journeys_module, "SHELF", Shelf())
+        for config in configs:
+            env = _make(two_rooms, journeys=1, config=config)
+            observation, _ = env.reset(seed=1)
+        patches.append(env.observing.split(observation)["coverage"])
+    assert np.array_equal(*patches)
+    assert (patches[0] > 0).any()
+
+
 def test_new_journeys_are_all_different(two_rooms: World) -> None:
     env = _make(two_rooms)
     assert len({tuple(env.reset(seed=seed)[1]["pose"]) for seed in range(4)}) == 4

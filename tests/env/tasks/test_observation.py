@@ -133,7 +133,7 @@ def test_travel_and_time_are_read_back(number: float) -> None:
     confidence = np.float32(observe_confidence(number, CONFIG.home_drift, CONFIG.home_near))
     if number > 5.0:  # Nearer home the confidence is all but 1.
         assert CONFIG.travel_home(confidence) == pytest.approx(number, rel=1e-2)
-    shown = np.float32(observe_time(number, CONFIG.time_range))
+    shown = np.float32(observe_time(number, CONFIG.time_scale))
     assert CONFIG.time_left(shown) == pytest.approx(number, rel=1e-4)
     assert CONFIG.travel_home(-1.0) > 1e3
 

@@ -1,0 +1,75 @@
+"""The logarithmic scale on which lengths and times are shown, finest where they are short."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from albot_core.bits import bits_of, number_of
+from albot_core.compiled import kernel
+
+
+class LogScale(NamedTuple):
+    """A scale of lengths (m) or of times (s)."""
+
+    knee: float
+    """Up to here it is nearly linear."""
+    longest: float
+    """All that is as long or longer is shown alike."""
+    whole: float
+    """log(1 + longest / knee)."""
+
+
+def make_log_scale(knee: float, longest: float) -> LogScale:
+    """A scale with its knee here and its end there."""
+    return LogScale(float(knee), float(longest), math.log1p(longest / knee))
+
+
+@kernel()
+def scaled(length: float, scale: LogScale) -> float:
+    """A length as a number from -1 at 0 to 1 at the scale's longest and beyond."""
+    share = math.log1p(min(length, scale.longest) / scale.knee) / scale.whole
+    return min(2.0 * share - 1.0, 1.0)
+
+
+@kernel()
+def unscaled(number: float, scale: LogScale) -> float:
+    """The length that `scaled` made this number of."""
+    return scale.knee * math.expm1(0.5 * (number + 1) * scale.whole)
+
+
+@kernel()
+def scale_ranges(ranges: np.ndarray, scale: LogScale, shown: np.ndarray) -> None:
+    """Fill the first of `shown` with ranges (m): 1 at 0, -1 at the scale's longest and beyond.
+
+    What `scaled` does, negated, for many lengths at once: a number is 2^e m with m in
+    [1, 2), and log m = log √2 + 2 artanh t with t = (m - √2) / (m + √2), whose series
+    is cut where it is below 1e-7. The loop holds nothing but arithmetic in float32, for the
+    compiler to make vector instructions of.
+    """
+    one, half, root = np.float32(1.0), np.float32(0.5), np.float32(math.sqrt(2.0))
+    two, log_2 = np.float32(2.0), np.float32(math.log(2.0))
+    third, fifth, seventh = np.float32(1 / 3), np.float32(1 / 5), np.float32(1 / 7)
+    share, per_knee = np.float32(2.0 / scale.whole), 1.0 / scale.knee
+    for k in range(ranges.shape[0]):
+        bits = bits_of(np.float32(1.0 + min(ranges[k], scale.longest) * per_knee))
+        exponent = np.float32((bits >> np.int32(23)) - np.int32(127))
+        number = number_of((bits & np.int32(0x7FFFFF)) | np.int32(127 << 23))
+        t = (number - root) / (number + root)
+        s = t * t
+        log = (exponent + half) * log_2 + two * t * (one + s * (third + s * (fifth + s * seventh)))
+        shown[k] = min(max(one - share * log, -one), one)
+
+
+@kernel(arrays=True)
+def unscale_ranges(shown: np.ndarray, scale: LogScale) -> np.ndarray:
+    """The ranges (m) that `scale_ranges` made these numbers of.
+
+    One at a time: numpy's expm1 over arrays rounds otherwise where the processor has AVX-512.
+    """
+    ranges = np.empty(shown.shape[0])
+    for k in range(shown.shape[0]):
+        ranges[k] = unscaled(-np.float64(shown[k]), scale)
+    return ranges
