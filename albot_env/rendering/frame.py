@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from albot_core.geometry.directions import length_of
 from albot_core.geometry.types import Pose
 
 
@@ -76,4 +77,4 @@ def position_error(start: Pose, pose: Pose, belief: Pose) -> float:
     cos, sin = math.cos(start[2]), math.sin(start[2])
     x = start[0] + cos * belief[0] - sin * belief[1]
     y = start[1] + sin * belief[0] + cos * belief[1]
-    return math.hypot(x - pose[0], y - pose[1])
+    return length_of(x - pose[0], y - pose[1])

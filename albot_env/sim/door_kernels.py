@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
 from albot_env.sim.noise_kernels import draw, draw_share
 from albot_env.sim.plane_kernels import gap_to_ray, gap_to_sector
 from albot_env.sim.thing_arrays import Stage
@@ -85,11 +86,11 @@ def _is_barred(
 ) -> bool:
     """Whether a door would come too near to something if it turned so far (rad)."""
     own = stage.robots[i]
-    reach = radius + math.hypot(robot[3], robot[4]) * duration
+    reach = radius + length_of(robot[3], robot[4]) * duration
     barred = _comes_near(door, turn, robot[0], robot[1], reach)
     for w in range(own.walkers, own.walkers_end):
         walker = stage.walkers[w]
-        reach = walker.radius + math.hypot(walker.vx, walker.vy) * duration
+        reach = walker.radius + length_of(walker.vx, walker.vy) * duration
         barred = barred or _comes_near(door, turn, walker.x, walker.y, reach)
     for b in range(own.boxes, own.boxes_end):
         # Discs in a row cover a box.
@@ -103,7 +104,7 @@ def _is_barred(
         along = each - long
         while along < long:
             x, y = box.x + along * cos, box.y + along * sin
-            barred = barred or _comes_near(door, turn, x, y, math.hypot(each, short))
+            barred = barred or _comes_near(door, turn, x, y, length_of(each, short))
             along += 2 * each
     return barred
 

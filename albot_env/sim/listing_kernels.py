@@ -9,7 +9,7 @@ import numpy as np
 
 from albot_core.compiled import kernel
 from albot_core.parcel import Entry, Parcel, opened
-from albot_env.sim.plane_kernels import mounted
+from albot_env.sim.plane_kernels import mounted, stance_at
 from albot_env.sim.visibility import list_cell
 
 if TYPE_CHECKING:
@@ -72,10 +72,12 @@ def list_here(
 @kernel()
 def _list_about(listing: Listing, building: int, pose: np.ndarray) -> int:
     """The cell of a pose in a building, whose walls are listed now; -1 without room for them."""
-    index, (x, y) = listing.walls, listing.mount
+    index, (ahead, aside) = listing.walls, listing.mount
     frame = index.frames[building]
     columns, lines = int(frame[3]), int(frame[4])
-    x, y = mounted(pose, x, y)
+    x, y = pose[0], pose[1]
+    if ahead != 0.0 or aside != 0.0:  # Sines and cosines cost more than all else here.
+        x, y, _, _ = mounted(stance_at(pose), (ahead, aside, 1.0, 0.0))
     column, line = math.floor((x - frame[0]) / frame[2]), math.floor((y - frame[1]) / frame[2])
     inside = 0 <= column < columns and 0 <= line < lines
     cell = int(frame[5]) + int(line * columns + column if inside else lines * columns)

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
 
 
 @kernel()
@@ -21,13 +22,27 @@ def nearest_on(
     return x1 + share * along_x, y1 + share * along_y
 
 
+Stance = tuple[float, float, float, float]
+"""Where something is, x and y (m), and the cosine and sine of its heading."""
+
+
 @kernel()
-def mounted(pose: np.ndarray, x: float, y: float) -> tuple[float, float]:
-    """Where a thing is that is mounted at x, y on a robot at a pose."""
-    if x == 0.0 and y == 0.0:  # Sines and cosines cost more than all that is done with the place.
-        return pose[0], pose[1]
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    return pose[0] + cos * x - sin * y, pose[1] + sin * x + cos * y
+def stance_at(pose: np.ndarray) -> Stance:
+    """The stance of what is at a pose x, y, heading (m, rad)."""
+    return pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
+
+
+@kernel()
+def mounted(stance: Stance, mount: Stance) -> Stance:
+    """The stance of what is mounted on something; `mount` is told in its frame."""
+    x, y, cos, sin = stance
+    ahead, aside, its_cos, its_sin = mount
+    return (
+        x + cos * ahead - sin * aside,
+        y + sin * ahead + cos * aside,
+        cos * its_cos - sin * its_sin,
+        sin * its_cos + cos * its_sin,
+    )
 
 
 @kernel()
@@ -35,7 +50,7 @@ def gap_to_ray(x: float, y: float, angle: float, length: float) -> float:
     """Distance of a point from a segment that leaves the origin at an angle."""
     end_x, end_y = length * math.cos(angle), length * math.sin(angle)
     near_x, near_y = nearest_on(x, y, 0.0, 0.0, end_x, end_y)
-    return math.hypot(x - near_x, y - near_y)
+    return length_of(x - near_x, y - near_y)
 
 
 @kernel()
@@ -43,7 +58,7 @@ def gap_to_sector(x: float, y: float, first: float, turn: float, radius: float) 
     """Distance of a point from the sector about the origin that a ray sweeps."""
     ahead = (math.atan2(y, x) - first) * (1.0 if turn >= 0.0 else -1.0)
     if ahead % (2.0 * math.pi) <= abs(turn):
-        return max(0.0, math.hypot(x, y) - radius)
+        return max(0.0, length_of(x, y) - radius)
     gap = gap_to_ray(x, y, first, radius)
     return min(gap, gap_to_ray(x, y, first + turn, radius))
 

@@ -11,7 +11,6 @@ between them. Beams are taken in blocks, each with the walls that reach into it.
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,7 +27,7 @@ from albot_core.lanes import (
     question32,
     whole_lanes,
 )
-from albot_env.sim.plane_kernels import mounted
+from albot_env.sim.plane_kernels import Stance, mounted, stance_at
 from albot_env.sim.wall_index import Walls
 
 _GRAZING = 1000.0
@@ -50,12 +49,8 @@ class Fan(NamedTuple):
     to whole blocks: no range is found along what the last beam is followed by."""
     reach: float
     """Distance at and beyond which a range is infinite (m)."""
-    x: float
-    """Where on the robot the laser is (m)…"""
-    y: float
-    """…"""
-    heading: float
-    """…and the middle of the fan from the robot's heading (rad)."""
+    mount: Stance
+    """Where on the robot the laser is, and where the middle of the fan points."""
     behind: float
     """Nothing with both ends at x below this (m) is in any beam's way."""
 
@@ -107,7 +102,7 @@ def scan_poses(
     nothing = np.empty((0, 4))
     desk = make_desk(fan, index.walls.shape[0])
     for i in range(poses.shape[0]):
-        scan(fan, index, cells[i], nothing, 0, 0, poses[i], desk, ranges[i])
+        scan(fan, index, cells[i], nothing, 0, 0, stance_at(poses[i]), desk, ranges[i])
 
 
 @kernel()
@@ -118,17 +113,15 @@ def scan(
     things: np.ndarray,
     first: int,
     last: int,
-    pose: np.ndarray,
+    robot: Stance,
     desk: Desk,
     ranges: np.ndarray,
 ) -> None:
-    """Fill `ranges` (beams,) with what a robot at `pose` (3,) in a cell sees.
+    """Fill `ranges` (beams,) with what a robot in a cell sees.
 
     Beside the walls it sees the segments first to last of `things` (n, 4).
     """
-    x, y = mounted(pose, fan.x, fan.y)
-    heading = pose[2] + fan.heading
-    eye = x, y, math.cos(heading), math.sin(heading)
+    eye = mounted(robot, fan.mount)
     count = ZERO
     for m in index.members[index.spans[cell, 0] : index.spans[cell, 1]]:
         count += _take(index.walls, m, eye, fan.behind, desk.walls, count)
@@ -149,7 +142,7 @@ def scan(
 def _take(
     segments: np.ndarray,
     k: int,
-    eye: tuple[float, float, float, float],
+    eye: Stance,
     behind: float,
     walls: np.ndarray,
     count: int,

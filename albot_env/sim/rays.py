@@ -17,7 +17,9 @@ from albot_env.sim.wall_index import Locator, WallIndex
 
 def make_fan(geometry: LaserGeometry) -> Fan:
     """A laser's beams as the compiled ray caster takes them."""
-    middle = float(geometry.bearings.mean())
+    middle = float(geometry.bearings[0] + geometry.bearings[-1]) / 2
+    x, y, axis = geometry.mount
+    heading = axis + middle
     angles = geometry.bearings - middle
     directions = np.stack((np.cos(angles), np.sin(angles)))
     padded = np.zeros((3, math.ceil(geometry.beams / LANES32) * LANES32), np.float32)
@@ -31,9 +33,7 @@ def make_fan(geometry: LaserGeometry) -> Fan:
         directions=directions,
         padded=padded,
         reach=float(geometry.max_range),
-        x=float(geometry.mount[0]),
-        y=float(geometry.mount[1]),
-        heading=float(geometry.mount[2] + middle),
+        mount=(float(x), float(y), math.cos(heading), math.sin(heading)),
         behind=-1e-6 if half_turn else -np.inf,
     )
 

@@ -15,6 +15,7 @@ from albot_core.compiled import element, kernel
 from albot_core.parcel import Entry, Parcel, opened
 from albot_env.sim.noise_kernels import draw
 from albot_env.sim.odometer_kernels import ODOMETER_DRAWS, read
+from albot_env.sim.plane_kernels import stance_at
 from albot_env.sim.ray_kernels import Desk, Fan, make_desk, scan
 from albot_env.sim.scene_kernels import SCENE_DRAWS, Scenes, look
 from albot_env.sim.sonar_arrays import Sonars
@@ -136,8 +137,8 @@ def _sense_all(rows: np.ndarray, parcel: Parcel, desk: Desk, cones: Cones) -> No
         place = reading * draws
         read(counts[i], devices.odometer, key, place, sensed.motions[i])
         ranges, first, last = sensed.ranges[i], around.first[i], around.last[i]
-        cell = sensed.seeing[i]
-        scan(fan, around.opaque, cell, around.things, first, last, poses[i], desk, ranges)
+        cell, robot = sensed.seeing[i], stance_at(poses[i])
+        scan(fan, around.opaque, cell, around.things, first, last, robot, desk, ranges)
         errors = devices.normals, devices.dropout, fan.reach
         disturb(ranges, key, place + ODOMETER_DRAWS, *errors, desk.bits)
         if count > 0:
@@ -145,9 +146,7 @@ def _sense_all(rows: np.ndarray, parcel: Parcel, desk: Desk, cones: Cones) -> No
             nearby = solid.members[start:end]
             place = SONAR_PLACES + reading * count * SONAR_DRAWS
             things = around.things[first:last]
-            listen(
-                solid.walls, nearby, things, poses[i], sonars, key, place, cones, sensed.echoes[i]
-            )
+            listen(solid.walls, nearby, things, robot, sonars, key, place, cones, sensed.echoes[i])
         if devices.scenes.shape[0] > 0:
             scenes = _scenes_of(devices.scenes[sensed.buildings[i]])
             place = CAMERA_PLACES + reading * SCENE_DRAWS

@@ -10,6 +10,7 @@ from albot_core.compiled import kernel
 from albot_core.geometry.directions import length_of
 from albot_env.sim.cone_kernels import find_echoes
 from albot_env.sim.noise_kernels import draw
+from albot_env.sim.plane_kernels import Stance
 from albot_env.sim.sonar_arrays import Sonars
 from albot_env.sim.surface_kernels import Cones, Ear, gather, look
 
@@ -22,7 +23,7 @@ def listen(
     walls: np.ndarray,
     nearby: np.ndarray,
     things: np.ndarray,
-    pose: np.ndarray,
+    robot: Stance,
     sonars: Sonars,
     key: np.uint64,
     place: int,
@@ -35,15 +36,15 @@ def listen(
         walls: All walls of the world (n, 4) float64, world frame (m).
         nearby: Which of them may be in reach (int32).
         things: Surfaces that move (k, 4) float64, world frame (m).
-        pose: The robot's, world frame (3,).
+        robot: Where the robot is, world frame.
         sonars: The sonars.
         key: Key of the robot's stream.
         place: First of the places in it that the reading takes: SONAR_DRAWS for each sonar.
         cones: Room for so many surfaces, to work in.
         echoes: Filled; infinite where nothing came back.
     """
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    count = gather(walls, nearby, things, pose, (cos, sin), sonars.behind, cones.table)
+    _, _, cos, sin = robot
+    count = gather(walls, nearby, things, robot, sonars.behind, cones.table)
     mounts, heard = sonars.mounts, cones.echoes
     for s in range(mounts.shape[0]):
         look(cones, s, count, _ear(mounts, s, cos, sin), sonars)

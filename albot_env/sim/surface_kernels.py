@@ -16,6 +16,7 @@ import numpy as np
 from albot_core.bits import lowest, ones
 from albot_core.compiled import ZERO, kernel
 from albot_core.lanes import LANES, Lanes, Table, question, whole_lanes
+from albot_env.sim.plane_kernels import Stance
 from albot_env.sim.sonar_arrays import Sonars
 
 Ear = tuple[float, float, float, float]
@@ -69,21 +70,20 @@ def gather(
     walls: np.ndarray,
     nearby: np.ndarray,
     things: np.ndarray,
-    pose: np.ndarray,
-    turn: tuple[float, float],
+    robot: Stance,
     behind: float,
     table: np.ndarray,
 ) -> int:
     """Write the surfaces that may be in a cone of a robot's sonars into their table; how many.
 
-    `turn` is the cosine and sine of the robot's heading. Left out is what lies with both ends
-    farther behind the robot than `behind`, told as an x in its frame (m).
+    Left out is what lies with both ends farther behind the robot than `behind`, told as an x in its
+    frame (m).
     """
     count = ZERO
     for j in nearby:
-        count += _take(walls, j, pose, turn, behind, table, count)
+        count += _take(walls, j, robot, behind, table, count)
     for j in range(things.shape[0]):
-        count += _take(things, j, pose, turn, behind, table, count)
+        count += _take(things, j, robot, behind, table, count)
     for k in range(count, whole_lanes(count)):
         table[X1, k] = table[Y1, k] = table[X2, k] = table[Y2, k] = _FAR
     for first in range(0, count, LANES):
@@ -99,16 +99,15 @@ def gather(
 def _take(
     surfaces: np.ndarray,
     k: int,
-    pose: np.ndarray,
-    turn: tuple[float, float],
+    robot: Stance,
     behind: float,
     table: np.ndarray,
     column: int,
 ) -> int:
     """Write a surface into a column; 0 if it is behind."""
-    cos, sin = turn
-    x1, y1 = surfaces[k, 0] - pose[0], surfaces[k, 1] - pose[1]
-    x2, y2 = surfaces[k, 2] - pose[0], surfaces[k, 3] - pose[1]
+    x, y, cos, sin = robot
+    x1, y1 = surfaces[k, 0] - x, surfaces[k, 1] - y
+    x2, y2 = surfaces[k, 2] - x, surfaces[k, 3] - y
     table[X1, column], table[Y1, column], table[X2, column], table[Y2, column] = x1, y1, x2, y2
     return 1 if max(cos * x1 + sin * y1, cos * x2 + sin * y2) >= behind else 0
 

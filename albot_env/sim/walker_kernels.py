@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
 from albot_env.sim.door_kernels import gap_to_sweeps
 from albot_env.sim.noise_kernels import draw, draw_share
 from albot_env.sim.plane_kernels import nearest_on
@@ -91,7 +92,7 @@ def walk(stage: Stage, i: int, robot: np.ndarray, radius: float, duration: float
 
 @kernel()
 def _clipped(x: float, y: float, most: float) -> tuple[float, float]:
-    length = math.hypot(x, y)
+    length = length_of(x, y)
     return (x, y) if length <= most else (x * most / length, y * most / length)
 
 
@@ -104,8 +105,8 @@ def _away_from(
     x, y is the walker's place as seen from the other, who moves with vx, vy.
     """
     from_x, from_y = x - vx * _STRIDE, y - vy * _STRIDE
-    far, near = max(math.hypot(x, y), 1e-6), max(math.hypot(from_x, from_y), 1e-6)
-    stride = math.hypot(vx, vy) * _STRIDE
+    far, near = max(length_of(x, y), 1e-6), max(length_of(from_x, from_y), 1e-6)
+    stride = length_of(vx, vy) * _STRIDE
     b = max(math.sqrt(max((far + near) ** 2 - stride**2, 0.0)) / 2, 1e-6)
     # The gradient of b; the potential falls by exp(-b / σ).
     slope = (far + near) / (4 * b)
@@ -118,7 +119,7 @@ def _away_from(
     if ahead > 0.0:
         # One who stands to the left, or straight ahead, is passed on the right.
         side = 1.0 if ex * y - ey * x <= 1e-9 else -1.0
-        push = _SIDESTEP * ahead * math.hypot(gx, gy)
+        push = _SIDESTEP * ahead * length_of(gx, gy)
         gx, gy = gx + side * push * ey, gy - side * push * ex
     return gx, gy
 
@@ -162,7 +163,7 @@ def _direction(walker: Any, waypoints: np.ndarray) -> tuple[float, float]:
         along, length, x1, y1, x2, y2 = _progress(walker, waypoints)
     share = min(max(along, 0.0) + _AHEAD, length) / length
     to_x, to_y = x1 + share * (x2 - x1) - walker.x, y1 + share * (y2 - y1) - walker.y
-    far = max(math.hypot(to_x, to_y), 1e-6)
+    far = max(length_of(to_x, to_y), 1e-6)
     return to_x / far, to_y / far
 
 
@@ -178,7 +179,7 @@ def _progress(
         waypoints[onward, 0],
         waypoints[onward, 1],
     )
-    length = math.hypot(x2 - x1, y2 - y1)
+    length = length_of(x2 - x1, y2 - y1)
     along = ((walker.x - x1) * (x2 - x1) + (walker.y - y1) * (y2 - y1)) / length
     return along, length, x1, y1, x2, y2
 
@@ -199,7 +200,7 @@ def _take_next_leg(walker: Any) -> None:
 @kernel()
 def _lose_patience(walker: Any, duration: float) -> None:
     """Turn round one who has got nowhere for a while."""
-    slow = math.hypot(walker.vx, walker.vy) < _SLOW * walker.speed
+    slow = length_of(walker.vx, walker.vy) < _SLOW * walker.speed
     walker.idle = walker.idle + duration if slow else 0.0
     if walker.idle > _PATIENCE:
         walker.idle = 0.0
@@ -257,12 +258,12 @@ def _room(stage: Stage, i: int, w: int, robot: np.ndarray, radius: float) -> flo
     """How much more than needed a walker has to all sides (m); far below 0 on the robot."""
     walker = stage.walkers[w]
     size: float = walker.radius
-    gap = math.hypot(walker.x - robot[0], walker.y - robot[1]) - radius - size
+    gap = length_of(walker.x - robot[0], walker.y - robot[1]) - radius - size
     if gap <= 0.0:
         return gap - 1e6
     room = min(gap - _BERTH, gap_to_sweeps(stage, i, walker.x, walker.y) - size)
     for v in range(stage.robots[i].walkers, w):
         other = stage.walkers[v]
-        gap = math.hypot(walker.x - other.x, walker.y - other.y)
+        gap = length_of(walker.x - other.x, walker.y - other.y)
         room = min(room, gap - size - float(other.radius))
     return room

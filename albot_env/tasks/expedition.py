@@ -25,7 +25,7 @@ from albot_env.tasks.journeys import Journeys
 from albot_env.tasks.kernels import reckon
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.rest import Rest
-from albot_env.tasks.standing import new_standing, trail
+from albot_env.tasks.standing import new_standing, set_out, trail
 from albot_env.tasks.survey import Survey
 from albot_env.tasks.survey_kernel import Senses
 from albot_maps import World
@@ -141,8 +141,8 @@ class Expedition:
             self._senses.beliefs[row] = 0
             self._senses.ways_home[row, TRAVEL] = 0
         self._worlds[row], self.world_names[row] = world, world.name
-        standing.starts[row], standing.before[row] = start, start[:2]
-        standing.steps[row], standing.path_lengths[row] = 0, 0.0
+        set_out(row, start, standing)
+        standing.before[row], standing.path_lengths[row] = start[:2], 0.0
 
     def rest(self, row: int) -> Rest:
         """How a robot stands that has come to rest, and all that it knows."""

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
 from albot_core.parcel import Entry, Parcel, opened
 from albot_env.tasks.standing import follow
 from albot_maps.geodesic_kernel import FAR, first_anchor
@@ -70,7 +71,7 @@ def find_way(i: int, x: float, y: float, fields: Fields, homecoming: Any) -> Non
     if a == FAR:
         return
     ahead = anchors[a]
-    homecoming.distances[i] = (ahead[2] + math.hypot(u - ahead[0], v - ahead[1])) * cell
+    homecoming.distances[i] = (ahead[2] + length_of(u - ahead[0], v - ahead[1])) * cell
     homecoming.turns[i, 0] = ahead[0] * cell + corner[0]
     homecoming.turns[i, 1] = ahead[1] * cell + corner[1]
 
@@ -90,7 +91,7 @@ def success_weighted(success: float, geodesic: float, driven: float) -> float:
 def _aversion(pose: np.ndarray, turn: np.ndarray) -> float:
     """How far a robot looks away from a point, (1 - cos) / 2: 0 ahead, 1 right behind."""
     east, north = turn[0] - pose[0], turn[1] - pose[1]
-    away = math.hypot(east, north)
+    away = length_of(east, north)
     if away == 0.0:
         return 0.0
     return float(0.5 - 0.5 * (math.cos(pose[2]) * east + math.sin(pose[2]) * north) / away)
@@ -121,7 +122,7 @@ def appraise_homing(rows: np.ndarray, parcel: Parcel, elapsed: float) -> None:
             h.driven[i] += moved
             if h.declares[i]:
                 h.declared[i] = True
-                apart = math.hypot(pose[0] - start[0], pose[1] - start[1])
+                apart = length_of(pose[0] - start[0], pose[1] - start[1])
                 h.success[i] = apart <= radius
             after = 0.0 if h.declared[i] else h.distances[i]
             averse_after = 0.0 if h.declared[i] else h.aversions[i]

@@ -21,6 +21,7 @@ from albot_env.tasks.judging_kernel import TERMS, Judgement, Sheets, judge
 from albot_env.tasks.observation import ObservationConfig
 from albot_env.tasks.reward import PlaceWeights
 from albot_env.tasks.settings import chosen_config
+from albot_env.tasks.standing import set_out
 from albot_env.tasks.survey_kernel import Layout
 from albot_env.tasks.tour_plan import TourConfig
 from albot_env.tasks.tours import Stop, Tour, Tours
@@ -143,7 +144,7 @@ class Judging(Expedition):
         tour = self._tours.draw(world, start, rng)
         self._worlds[row], self.world_names[row] = world, world.name
         self._led[row] = tour
-        self._standing.starts[row], self._standing.steps[row] = start, 0
+        set_out(row, start, self._standing)
         count, sheets = len(tour.stops), self._sheets
         sheets.counts[row] = count
         sheets.same[row, :count, :count] = tour.same

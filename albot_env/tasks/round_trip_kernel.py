@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
 from albot_core.parcel import Entry, Parcel, opened
 from albot_env.tasks.homing_kernel import find_way, success_weighted
 from albot_env.tasks.kernels import observe_time
@@ -91,7 +91,7 @@ def appraise_round_trip(
         else:
             r.driven[i] += moved
             r.declared[i] = r.declares[i]
-            apart = math.hypot(pose[0] - start[0], pose[1] - start[1])
+            apart = length_of(pose[0] - start[0], pose[1] - start[1])
             enough = min(rules.ground, rules.share * standing.reachable[i])
             explored = findings.ground[i] * cell_area >= enough
             r.success[i] = r.declared[i] and explored and apart <= rules.radius

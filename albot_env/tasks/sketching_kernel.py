@@ -12,6 +12,7 @@ import numpy as np
 
 from albot_core.compiled import kernel
 from albot_core.exploration.sketch_kernels import draw_scan
+from albot_core.geometry.directions import length_of
 from albot_env.tasks.ground_kernels import Sight, is_time_to_look
 
 POINT, LENGTH = slice(0, 2), 2
@@ -112,7 +113,7 @@ def _has_jumped(before: np.ndarray, motion: np.ndarray, now: np.ndarray, jump: f
     cos, sin = math.cos(before[2]), math.sin(before[2])
     x = before[0] + cos * motion[0] - sin * motion[1]
     y = before[1] + sin * motion[0] + cos * motion[1]
-    return math.hypot(now[0] - x, now[1] - y) > jump
+    return length_of(now[0] - x, now[1] - y) > jump
 
 
 @kernel(arrays=True)

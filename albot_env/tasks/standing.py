@@ -8,6 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
+from albot_core.geometry.types import Pose
 from albot_env.tasks.survey_kernel import Findings, Senses
 
 
@@ -16,6 +18,8 @@ class Standing(NamedTuple):
 
     starts: np.ndarray
     """(n, 3) float64: where it set out (world frame): the origin of its map's frame."""
+    turns: np.ndarray
+    """(n, 2) float64: cosine and sine of the heading with which it set out."""
     steps: np.ndarray
     """(n,) int64: how many control steps it has taken."""
     reachable: np.ndarray
@@ -39,6 +43,7 @@ def new_standing(robots: int, terms: int) -> Standing:
     """The standing of robots that have done nothing, with so many terms of the reward."""
     return Standing(
         starts=np.zeros((robots, 3)),
+        turns=np.zeros((robots, 2)),
         steps=np.zeros(robots, np.int64),
         reachable=np.ones(robots),
         before=np.zeros((robots, 2)),
@@ -48,6 +53,13 @@ def new_standing(robots: int, terms: int) -> Standing:
         terms=np.zeros((robots, terms)),
         rewards=np.zeros(robots),
     )
+
+
+def set_out(row: int, start: Pose, standing: Standing) -> None:
+    """Let a robot stand where it sets out, before its first step."""
+    standing.starts[row] = start
+    standing.turns[row] = math.cos(start[2]), math.sin(start[2])
+    standing.steps[row] = 0
 
 
 @kernel()
@@ -60,13 +72,13 @@ def follow(
     """
     pose, belief, start = senses.poses[i], senses.beliefs[i], standing.starts[i]
     before, terms = standing.before[i], standing.terms[i]
-    driven = math.hypot(pose[0] - before[0], pose[1] - before[1])
+    driven = length_of(pose[0] - before[0], pose[1] - before[1])
     standing.path_lengths[i] += driven
     before[0], before[1] = pose[0], pose[1]
-    cos, sin = math.cos(start[2]), math.sin(start[2])
+    cos, sin = standing.turns[i]
     x = start[0] + cos * belief[0] - sin * belief[1]
     y = start[1] + sin * belief[0] + cos * belief[1]
-    standing.position_errors[i] = math.hypot(x - pose[0], y - pose[1])
+    standing.position_errors[i] = length_of(x - pose[0], y - pose[1])
     share = findings.ground[i] * cell_area / standing.reachable[i]
     standing.coverages[i] = min(1.0, share)
     for k in range(terms.shape[0]):

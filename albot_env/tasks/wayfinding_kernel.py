@@ -17,6 +17,7 @@ from albot_core.exploration.sketch_kernels import (
     nearest_reached,
     trace,
 )
+from albot_core.geometry.directions import length_of
 from albot_env.tasks.ground_kernels import Ground, is_covered
 from albot_env.tasks.sketching_kernel import LENGTH, POINT, Sketches, forget_way, grid_of
 
@@ -59,7 +60,7 @@ def find_homewards(sketches: Sketches, i: int, search: Search, home: np.ndarray)
     if last[0] < 0:
         return
     is_whole = _tell_way(part, low, grid.shape[0] // 2, trace(ways, before, last), search, way)
-    rest = STEP * math.hypot(last[0] - goal[0], last[1] - goal[1])
+    rest = STEP * length_of(last[0] - goal[0], last[1] - goal[1])
     way[LENGTH] = (ways[last] + rest) / STEP * search.cell
     if is_whole:
         way[POINT] = home[:2]

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from jaxtyping import Float64, Int32
 
+from albot_core.geometry.directions import length_of
 from albot_core.geometry.types import Segments
 from albot_maps.geodesic_kernel import FAR, first_anchor, spread
 from albot_maps.lattice import Lattice
@@ -59,7 +60,7 @@ class DistanceField:
             return math.inf
         x, y = ((place - self.corner) / self.cell).tolist()
         ahead = self.anchors[anchor]
-        return float((ahead[2] + math.hypot(x - ahead[0], y - ahead[1])) * self.cell)
+        return float((ahead[2] + length_of(x - ahead[0], y - ahead[1])) * self.cell)
 
     def way(self, place: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "turns 2"]:
         """Where the shortest way from a place (m) turns, the goal last; empty without one."""

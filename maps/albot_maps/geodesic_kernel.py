@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
 from albot_maps.flood_kernel import BLOCKED
 
 FAR = -1
@@ -21,7 +22,7 @@ def sees(
 ) -> bool:
     """Whether the straight line between two places is clear, but for a cell at its first end."""
     dx, dy = to_x - x, to_y - y
-    length = math.hypot(dx, dy)
+    length = length_of(dx, dy)
     count = math.ceil(2.0 * length)
     for k in range(1, count):
         share = k / count
@@ -116,11 +117,11 @@ def spread(
             if not (0 <= c < columns and 0 <= r < rows) or settled[i] or state[i] == BLOCKED:
                 continue
             a = anchor_of[here]
-            length = anchors[a, 2] + math.hypot(c - anchors[a, 0], r - anchors[a, 1])
+            length = anchors[a, 2] + length_of(c - anchors[a, 0], r - anchors[a, 1])
             if length >= lengths[i]:
                 continue
             if not sees(state, columns, rows, anchors[a, 0], anchors[a, 1], c, r):
-                length = lengths[here] + math.hypot(c - column, r - row)
+                length = lengths[here] + length_of(c - column, r - row)
                 if length >= lengths[i]:
                     continue
                 if number[here] == FAR:
@@ -153,7 +154,7 @@ def _begin(
         for row in range(max(0, bottom - SEARCHED), min(rows, bottom + SEARCHED + 2)):
             i = column * rows + row
             if state[i] != BLOCKED and sees(state, columns, rows, x, y, column, row):
-                anchor_of[i], lengths[i] = 0, math.hypot(column - x, row - y)
+                anchor_of[i], lengths[i] = 0, length_of(column - x, row - y)
                 _push(heap, keys, size, i, lengths[i])
                 size += 1
     return size
@@ -175,7 +176,7 @@ def first_anchor(
                 a = anchor_of[c * rows + r]
                 if a == FAR:
                     continue
-                length = anchors[a, 2] + math.hypot(x - anchors[a, 0], y - anchors[a, 1])
+                length = anchors[a, 2] + length_of(x - anchors[a, 0], y - anchors[a, 1])
                 if length < shortest:
                     best, shortest = a, length
         if best != FAR:

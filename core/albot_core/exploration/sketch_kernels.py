@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
 
 UNKNOWN, FREE, BLOCKED, WANTED = 0, 1, 2, 3
 """What cells are; wanted are those free ones of which any will do as the end of a way."""
@@ -253,7 +254,7 @@ def farthest_straight(
     count = cells.shape[0]
     away = np.empty(count)
     for k in range(count):
-        away[k] = np.hypot(cells[k, 0] + 0.5 - place[0], cells[k, 1] + 0.5 - place[1])
+        away[k] = length_of(cells[k, 0] + 0.5 - place[0], cells[k, 1] + 0.5 - place[1])
     here = int(np.argmin(away))
     for radius, least in ((radii[1], sights[0]), (radii[0], 0.0)):
         for k in range(count - 1, here - 1, -1):

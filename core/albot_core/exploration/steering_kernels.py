@@ -9,7 +9,7 @@ import numpy as np
 
 from albot_core.compiled import kernel
 from albot_core.exploration.braking_kernels import least_distance
-from albot_core.geometry.directions import wrapped
+from albot_core.geometry.directions import length_of, wrapped
 
 COUNT = 180
 """How many directions are weighed."""
@@ -73,7 +73,7 @@ def find_free_way(points: np.ndarray, radius: float, farthest: float, way: np.nd
 @kernel(arrays=True)
 def steer_towards(points: np.ndarray, x: float, y: float, s: Limits) -> tuple[float, float]:
     """The command of `steer` towards the target x, y (m, robot's frame)."""
-    distance, bearing = math.hypot(x, y), math.atan2(y, x)
+    distance, bearing = length_of(x, y), math.atan2(y, x)
     way = np.empty(COUNT)
     direction, least = bearing, math.inf
     for radius in (s.radius, s.tight):
@@ -93,7 +93,7 @@ def steer_towards(points: np.ndarray, x: float, y: float, s: Limits) -> tuple[fl
         return 0.0, turn_rate
     nearest = math.inf
     for i in range(points.shape[0]):
-        nearest = min(nearest, math.hypot(points[i, 0], points[i, 1]))
+        nearest = min(nearest, length_of(points[i, 0], points[i, 1]))
     room = min(way[COUNT // 2], distance + 0.2)
     speed = min(
         s.speed,
@@ -111,7 +111,7 @@ def brake_in_time(
     near = np.empty_like(points)
     count, held = 0, math.inf
     for i in range(points.shape[0]):
-        away = math.hypot(points[i, 0], points[i, 1])
+        away = length_of(points[i, 0], points[i, 1])
         if away < _FARTHEST:
             near[count, 0], near[count, 1] = points[i, 0], points[i, 1]
             count += 1

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.compiled import kernel
+from albot_core.geometry.directions import length_of
 
 TOLERANCE = 0.15
 """Distances that differ by this (m)…"""
@@ -51,7 +52,7 @@ def draw(points: np.ndarray, ranges: np.ndarray) -> None:
     for k in range(points.shape[0]):
         x, y = points[k, 0], points[k, 1]
         direction = _direction(x, y, ranges.shape[0])
-        distance = math.hypot(x, y)
+        distance = length_of(x, y)
         if ranges[direction] == 0.0 or distance < ranges[direction]:
             ranges[direction] = distance
 
@@ -95,7 +96,7 @@ def _tally(
         least, most = spans[direction, 0], spans[direction, 1]
         if most == 0.0:
             continue
-        distance = math.hypot(u, v)
+        distance = length_of(u, v)
         slack = TOLERANCE + SLANT * distance
         if distance < least - slack:
             counts[1] += 1.0
@@ -190,7 +191,7 @@ def _draw_nearer(
 @kernel()
 def _sight(spans: tuple[np.ndarray, np.ndarray], pose: np.ndarray) -> float:
     """How far each panorama looks past the other's origin, the less of the two (m)."""
-    apart = math.hypot(pose[0], pose[1])
+    apart = length_of(pose[0], pose[1])
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x, y = -cos * pose[0] - sin * pose[1], sin * pose[0] - cos * pose[1]
     past = math.inf

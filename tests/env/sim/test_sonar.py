@@ -15,6 +15,7 @@ from albot_core.geometry.poses import compose
 from albot_core.perception.reading import SonarGeometry
 from albot_env.sim import PIONEER_3DX, Sensors
 from albot_env.sim.fleet import Fleet
+from albot_env.sim.plane_kernels import stance_at
 from albot_env.sim.sensing_kernels import SONAR_PLACES
 from albot_env.sim.sonar import SONARS, SonarConfig
 from albot_env.sim.sonar_kernels import listen
@@ -43,7 +44,7 @@ def heard(
     everything = np.arange(len(walls), dtype=np.int32)
     where = np.array(pose, np.float64)
     cones, key = make_cones(len(walls) + len(things), len(echoes)), np.uint64(key)
-    listen(walls, everything, things, where, config.constants, key, place, cones, echoes)
+    listen(walls, everything, things, stance_at(where), config.constants, key, place, cones, echoes)
     return echoes
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from shapely import LineString
 
 from albot_env.benchmarks.laser import floor_plan
+from albot_env.sim.plane_kernels import stance_at
 from albot_env.sim.sonar import SONARS, SonarConfig, audible
 from albot_env.sim.sonar_kernels import listen
 from albot_env.sim.surface_kernels import make_cones
@@ -31,7 +32,7 @@ def differing(config: SonarConfig, walls: np.ndarray, poses: np.ndarray) -> int:
     for k, pose in enumerate(poses):
         first, last = tables.spans[cells[k]]
         for which, near in enumerate((tables.members[first:last], everything)):
-            at = walls, near, NOTHING, pose, sonars, np.uint64(7), count * k, cones
+            at = walls, near, NOTHING, stance_at(pose), sonars, np.uint64(7), count * k, cones
             listen(*at, echoes[which, k])
     return int((~np.isclose(*echoes, rtol=1e-12)).sum())
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from albot_core.perception.reading import SonarGeometry, SonarScan
 from albot_env.sim import SONARS
+from albot_env.sim.plane_kernels import stance_at
 from albot_env.sim.sonar_kernels import listen
 from albot_env.sim.surface_kernels import make_cones
 from albot_env.stress.echoes import check_sonar
@@ -81,7 +82,7 @@ def test_the_simulators_sonars_stay_within(seed: int):
     config = dataclasses.replace(SONARS["pioneer"], crosstalk=float(rng.integers(2)))
     echoes = np.empty(8)
     nearby = np.arange(8, dtype=np.int32)
-    robot = pose, config.constants, np.uint64(seed), 0
+    robot = stance_at(pose), config.constants, np.uint64(seed), 0
     listen(surfaces[:8], nearby, surfaces[8:], *robot, make_cones(12, 8), echoes)
     scan = SonarScan(ranges=echoes, geometry=config.geometry)
     assert check_sonar(surfaces, pose, scan, Limits()) == []
