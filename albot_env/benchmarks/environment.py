@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +17,21 @@ from albot_env.benchmarks.irsim import irsim_found, irsim_laser
 from albot_env.benchmarks.naive import NaiveEnv
 from albot_env.benchmarks.rates import Lap, Rate, best_rates
 from albot_env.sim.crew import Crew
+from albot_env.tasks.exploration import ExploreConfig
+from albot_env.tasks.observation import ObservationConfig
 from albot_maps import World, load_world
 
 ENVIRONMENT = "Albot/Explore-v0"
 WORLD = "random:office:3?rooms=10"
 """An office floor of 200 walls."""
 
+SENSORS = "laser", "sonar", "motion"
+"""What a robot observes that makes nothing of its readings."""
+
 _ENDLESS = 10**9
 _HOLD = 10
+_ACTIONS = 500
+"""Steps after which a robot's actions come again."""
 _RUN_IN = 100
 """Steps of each environment before the first that is timed: 10 s."""
 
@@ -42,6 +50,9 @@ class Case:
     """Steps in a turn, of all environments together."""
     threads: int = 1
     """Threads that share the work of a batch; 0 for as many as there are processors."""
+    parts: tuple[str, ...] | None = None
+    """What is observed (see `ObservationConfig.parts`); None for what the environment usually
+    shows."""
 
     @property
     def mode(self) -> str:
@@ -51,10 +62,10 @@ class Case:
     @property
     def name(self) -> str:
         """A name of its own."""
-        return f"{self.mode} {self.num_envs} {self.mapper} {self.threads}"
+        return f"{self.mode} {self.num_envs} {self.mapper} {self.threads} {self.parts}"
 
 
-HEAVIEST = Case(mapper="albot1", num_envs=256, steps=32768)
+HEAVIEST = Case(mapper="albot1", num_envs=256, steps=8192)
 """The case whose memory is measured."""
 
 CASES = (
@@ -62,30 +73,34 @@ CASES = (
     Case(mapper="none"),
     Case(mapper="odometry"),
     Case(mapper="albot1"),
-    Case(mapper="none", num_envs=256, steps=131072),
-    Case(mapper="none", num_envs=1024, steps=131072),
-    Case(mapper="albot1", num_envs=1024, steps=32768),
-    Case(mapper="none", num_envs=1024, steps=131072, threads=0),
-    Case(mapper="albot1", num_envs=1024, steps=32768, threads=0),
+    Case(mapper="none", num_envs=256, steps=16384, parts=SENSORS),
+    Case(mapper="none", num_envs=1024, steps=16384, parts=SENSORS),
+    Case(mapper="none", num_envs=256, steps=16384),
+    Case(mapper="none", num_envs=1024, steps=16384),
+    Case(mapper="albot1", num_envs=1024, steps=8192),
+    Case(mapper="none", num_envs=1024, steps=16384, threads=0),
+    Case(mapper="albot1", num_envs=1024, steps=8192, threads=0),
 )
 
 
-def measure_environments(cases: Sequence[Case] = CASES, rounds: int = 3) -> list[Row]:
+def measure_environments(cases: Sequence[Case] = CASES, rounds: int = 12) -> list[Row]:
     """Time robots that wander about in `Albot/Explore-v0`, alone and in batches.
 
-    On one core, and the largest batches on all cores, too.
+    On one core, and the largest batches on all cores, too; and batches that observe nothing but
+    what their sensors say. Turns are short, a tenth of a second or two: in some of many a machine
+    is left alone by its neighbours.
 
     In the same rounds: the same robot and laser as a loop over pymunk's queries, and, where
     it is installed, ir-sim's laser alone.
 
     Returns:
         For each `id`, `mode` (single or vector), `num_envs`, `threads`, `mapper` (None where
-        there is none to have), `segments` (walls of the world), `steps_per_second` of all
-        environments together (the best of `rounds` turns, compiled),
-        `steps_per_cpu_second` (the same by the time that a processor really worked: where it
-        is greater, the machine was busy), and `ratio`, that over the naive loop's. Of the
-        batch of 256 with `albot1` also `memory_mib`, by how much the process grew (where
-        the system tells; else 0).
+        there is none to have), `parts` (what is observed, None for what usually is), `segments`
+        (walls of the world), `steps_per_second` of all environments together (the best of
+        `rounds` turns, compiled), `steps_per_cpu_second` (the same by the time that a processor
+        really worked: where it is greater, the machine was busy), and `ratio`, that over the
+        naive loop's. Of the batch of 256 with `albot1` also `memory_mib`, by how much the
+        process grew (where the system tells; else 0).
     """
     world = load_world(WORLD)
     laps, memory = _laps(cases, world)
@@ -123,11 +138,10 @@ _NAIVE, _IRSIM = "pymunk in a Python loop", "ir-sim, its laser alone"
 def _rivals(world: World) -> dict[str, Lap]:
     """What ours is held against."""
     naive = NaiveEnv(world, LaserGeometry())
-    actions = _actions(100, 2)
-    rivals = {_NAIVE: _lap(naive.step, actions, 1)}
+    rivals = {_NAIVE: _lap(naive.step, _actions(2), 1, 100)}
     if irsim_found():
         scan = irsim_laser(world, LaserGeometry())
-        rivals[_IRSIM] = _lap(lambda _: scan(), actions[:30], 1)
+        rivals[_IRSIM] = _lap(lambda _: scan(), _actions(2), 1, 30)
     return rivals
 
 
@@ -138,15 +152,21 @@ def make_lap(case: Case, world: World) -> Lap:
     """
     count = case.num_envs
     env = make_single(case, world) if case.mode == "single" else make_batch(case, world)
-    robots = () if case.mode == "single" else (count,)
+    actions = _actions(2) if case.mode == "single" else _actions(count, 2)
     env.reset(seed=0)
-    _lap(env.step, _actions(_RUN_IN, *robots, 2), count)()
-    return _lap(env.step, _actions(max(1, case.steps // count), *robots, 2), count)
+    _lap(env.step, actions, count, _RUN_IN)()
+    return _lap(env.step, actions, count, max(1, case.steps // count))
 
 
 def make_single(case: Case, world: World) -> Any:
     """One environment, without an end."""
-    return gymnasium.make(ENVIRONMENT, world=world, mapper=case.mapper, max_episode_steps=_ENDLESS)
+    return gymnasium.make(
+        ENVIRONMENT,
+        world=world,
+        mapper=case.mapper,
+        config=_config(case),
+        max_episode_steps=_ENDLESS,
+    )
 
 
 def make_batch(case: Case, world: World) -> Any:
@@ -156,24 +176,35 @@ def make_batch(case: Case, world: World) -> Any:
         num_envs=case.num_envs,
         world=world,
         mapper=case.mapper,
+        config=_config(case),
         max_episode_steps=_ENDLESS,
         threads=case.threads,
     )
 
 
-def _lap(step: Callable[[np.ndarray], Any], actions: np.ndarray, environments: int) -> Lap:
+def _config(case: Case) -> ExploreConfig:
+    shown = ObservationConfig() if case.parts is None else ObservationConfig(parts=case.parts)
+    return ExploreConfig(observations=shown)
+
+
+def _lap(
+    step: Callable[[np.ndarray], Any], actions: np.ndarray, environments: int, steps: int
+) -> Lap:
+    """So many steps, with the actions that come after those of the lap before."""
+    ahead = cycle(actions)
+
     def lap() -> int:
-        for action in actions:
+        for action in islice(ahead, steps):
             step(action)
-        return environments * len(actions)
+        return environments * steps
 
     return lap
 
 
-def _actions(steps: int, *shape: int) -> np.ndarray:
+def _actions(*shape: int) -> np.ndarray:
     """Random actions, each kept for a second: robots that tremble on the spot map nothing."""
-    drawn = np.random.default_rng(0).uniform(-1, 1, (-(-steps // _HOLD), *shape))
-    return np.repeat(drawn, _HOLD, axis=0)[:steps].astype(np.float32)
+    drawn = np.random.default_rng(0).uniform(-1, 1, (_ACTIONS // _HOLD, *shape))
+    return np.repeat(drawn, _HOLD, axis=0).astype(np.float32)
 
 
 def _row(name: str, case: Case, rate: Rate) -> Row:
@@ -183,6 +214,7 @@ def _row(name: str, case: Case, rate: Rate) -> Row:
         "num_envs": case.num_envs,
         "threads": Crew(case.threads).size,
         "mapper": case.mapper,
+        "parts": None if case.parts is None else ", ".join(case.parts),
         "steps_per_second": rate.by_clock,
         "steps_per_cpu_second": rate.by_processor,
     }

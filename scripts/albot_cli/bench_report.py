@@ -61,10 +61,11 @@ def _environment(row: Figures) -> str:
     inside = f" with {row['mapper']}" if row["mapper"] else ""
     memory = f", {row['memory_mib']:.0f} MiB" if "memory_mib" in row else ""
     threads = f", {row['threads']} threads" if row["threads"] > 1 else ""
+    parts = f", which observes {row['parts']}" if row["parts"] else ""
     return (
         f"environment {row['num_envs']:7,d} {row['mode']:9s} {row['steps_per_second']:8,.0f} "
         f"steps/s ({row['steps_per_cpu_second']:,.0f} on a core of its own), "
-        f"{row['ratio']:,.2f} times pymunk's loop: {row['id']}{inside}, "
+        f"{row['ratio']:,.2f} times pymunk's loop: {row['id']}{inside}{parts}, "
         f"{row['segments']} walls{memory}{threads}"
     )
 

@@ -9,7 +9,7 @@ import pytest
 
 from albot_core.perception.reading import LaserGeometry
 from albot_env.benchmarks import environment
-from albot_env.benchmarks.environment import Case, make_lap, measure_environments
+from albot_env.benchmarks.environment import SENSORS, Case, make_lap, measure_environments
 from albot_env.benchmarks.irsim import irsim_found, irsim_laser
 from albot_env.benchmarks.naive import NaiveEnv
 from albot_env.benchmarks.rates import best_rates
@@ -21,6 +21,7 @@ CASES = (
     Case(mapper="none", steps=3),
     Case(mapper="none", num_envs=3, steps=6),
     Case(mapper="none", num_envs=3, steps=6, threads=2),
+    Case(mapper="none", num_envs=3, steps=6, parts=SENSORS),
 )
 
 
@@ -28,18 +29,22 @@ def test_a_row_for_every_case_and_every_rival(monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(environment, "WORLD", "random:maze:1")
     monkeypatch.setattr(environment, "HEAVIEST", CASES[0])
     rows = measure_environments(CASES, rounds=1)
-    ours = [(row["mode"], row["num_envs"], row["mapper"], row["threads"]) for row in rows[:4]]
-    one, many = ("single", 1, "none", 1), ("vector", 3, "none")
-    assert ours == [("vector", 2, "albot1", 1), one, (*many, 1), (*many, 2)]
+    keys = "mode", "num_envs", "mapper", "threads", "parts"
+    ours = [tuple(row[key] for key in keys) for row in rows[:5]]
+    one, many = ("single", 1, "none", 1, None), ("vector", 3, "none")
+    sensors = (*many, 1, "laser, sonar, motion")
+    assert ours == [
+        ("vector", 2, "albot1", 1, None), one, (*many, 1, None), (*many, 2, None), sensors,
+    ]  # fmt: skip
     names = [row["id"] for row in rows]
-    assert names[4] == "pymunk in a Python loop"
-    assert len(names) == 5 + irsim_found()
-    naive = float(rows[4]["steps_per_cpu_second"] or 0)
+    assert names[5] == "pymunk in a Python loop"
+    assert len(names) == 6 + irsim_found()
+    naive = float(rows[5]["steps_per_cpu_second"] or 0)
     for row in rows:
         assert row["segments"] == len(load_world("random:maze:1").walls)
         assert row["ratio"] == pytest.approx(float(row["steps_per_cpu_second"] or 0) / naive)
         assert float(row["steps_per_second"] or 0) > 0
-    assert ["memory_mib" in row for row in rows[:5]] == [True, False, False, False, False]
+    assert ["memory_mib" in row for row in rows[:5]] == [True, *[False] * 4]
 
 
 def test_the_world_has_about_200_walls() -> None:
