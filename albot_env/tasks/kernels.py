@@ -1,4 +1,4 @@
-"""Compiled loops of the tasks: finding rooms, reckoning beliefs, observing."""
+"""Compiled loops of the tasks: reckoning beliefs, observing."""
 
 from __future__ import annotations
 
@@ -9,29 +9,6 @@ import numpy as np
 from albot_core.compiled import kernel
 from albot_core.geometry.directions import length_of, wrapped
 from albot_env.tasks.log_scale import LogScale, scaled
-
-
-@kernel()
-def find_room(
-    x: float, y: float, corners: np.ndarray, spans: np.ndarray, first: int, last: int
-) -> int:
-    """The first of the rooms first to last whose outline holds the point, -1 where none does.
-
-    Room k's outline is corners[spans[k, 0]:spans[k, 1]]. A point is inside where a ray to
-    +x crosses the outline an odd number of times.
-    """
-    for room in range(first, last):
-        inside = False
-        before = spans[room, 1] - 1
-        for k in range(spans[room, 0], spans[room, 1]):
-            x1, y1 = corners[before, 0], corners[before, 1]
-            x2, y2 = corners[k, 0], corners[k, 1]
-            if (y1 > y) != (y2 > y) and x < x1 + (y - y1) / (y2 - y1) * (x2 - x1):
-                inside = not inside
-            before = k
-        if inside:
-            return room
-    return -1
 
 
 @kernel()

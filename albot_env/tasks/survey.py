@@ -20,7 +20,7 @@ from albot_env.tasks.ground import (
 )
 from albot_env.tasks.ground_kernels import Ground
 from albot_env.tasks.observation import ObservationConfig
-from albot_env.tasks.rooms import outlines_of
+from albot_env.tasks.rooms import NO_ROOMS, joined, outlines_of
 from albot_env.tasks.sketching_kernel import Sketches
 from albot_env.tasks.survey_kernel import Findings, Rooms, Senses, survey
 from albot_env.tasks.wayfinding import laid_sketch, no_sketches
@@ -69,8 +69,7 @@ class Survey:
         self._sketches = no_sketches(robots)
         self._plots = Register(robots, self._plot, self._forget_rooms)
         self._rooms = Rooms(
-            corners=np.empty((0, 2)),
-            spans=np.empty((0, 2), np.int64),
+            outlines=NO_ROOMS,
             worlds=np.zeros((robots, 2), np.int64),
             entered=np.zeros((robots, 0), np.bool_),
         )
@@ -149,19 +148,14 @@ class Survey:
 
     def _plot(self, world: World) -> _Plot:
         rooms = self._rooms
-        corners, spans = outlines_of(world.rooms)
-        first = len(rooms.spans)
-        self._rooms = rooms._replace(
-            corners=np.concatenate((rooms.corners, corners)),
-            spans=np.concatenate((rooms.spans, spans + len(rooms.corners))),
-        )
+        first, added = len(rooms.outlines.spans), outlines_of(world.rooms)
+        self._rooms = rooms._replace(outlines=joined(rooms.outlines, added))
         names = np.array([room.name for room in world.rooms], object)
         self._names = np.concatenate((self._names, names))
-        return _Plot((first, first + len(spans)), world.reachable_area)
+        return _Plot((first, first + len(added.spans)), world.reachable_area)
 
     def _forget_rooms(self) -> None:
-        rooms = self._rooms
-        self._rooms = rooms._replace(corners=rooms.corners[:0], spans=rooms.spans[:0])
+        self._rooms = self._rooms._replace(outlines=NO_ROOMS)
         self._names = self._names[:1]
 
     def look(

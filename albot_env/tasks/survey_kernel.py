@@ -20,7 +20,6 @@ from albot_env.tasks.ground_kernels import (
 from albot_env.tasks.kernels import (
     find_home,
     find_nearest,
-    find_room,
     observe_confidence,
     observe_exit,
     observe_home,
@@ -29,6 +28,7 @@ from albot_env.tasks.kernels import (
 )
 from albot_env.tasks.log_scale import LogScale, scale_ranges
 from albot_env.tasks.patch_kernels import cut_patch
+from albot_env.tasks.rooms import Outlines, find_room
 from albot_env.tasks.sketching_kernel import Pencil, Sketches, follow_sketch
 from albot_env.tasks.wayfinding_kernel import (
     Search,
@@ -42,10 +42,8 @@ from albot_env.tasks.wayfinding_kernel import (
 class Rooms(NamedTuple):
     """The rooms of all robots' worlds."""
 
-    corners: np.ndarray
-    """(corners, 2) float64: of all outlines one after another (m)."""
-    spans: np.ndarray
-    """(rooms, 2) int64: where each room's corners begin and end."""
+    outlines: Outlines
+    """Those of all worlds."""
     worlds: np.ndarray
     """(n, 2) int64: where the rooms of each robot's world begin and end."""
     entered: np.ndarray
@@ -166,7 +164,7 @@ def _survey_all(
         findings.new_ground[i] = new
         findings.ground[i] += new
         first = rooms.worlds[i, 0]
-        room = find_room(pose[0], pose[1], rooms.corners, rooms.spans, first, rooms.worlds[i, 1])
+        room = find_room(pose[0], pose[1], rooms.outlines, first, rooms.worlds[i, 1])
         room = room - first if room >= 0 else -1
         findings.room[i] = room
         findings.new_room[i] = room >= 0 and not rooms.entered[i, room]

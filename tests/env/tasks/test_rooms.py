@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from albot_env.tasks.kernels import find_room
-from albot_env.tasks.rooms import outlines_of
+from albot_env.tasks.rooms import find_room, outlines_of
 from albot_maps import World, load_world
 
 OFFICE = load_world("office-ring")
@@ -16,23 +15,23 @@ OFFICE = load_world("office-ring")
 
 def _room(world: World, x: float, y: float) -> str | None:
     """Name of the room at a point, None between rooms."""
-    corners, spans = outlines_of(world.rooms)
-    found = find_room(x, y, corners, spans, 0, len(spans))
+    found = find_room(x, y, outlines_of(world.rooms), 0, len(world.rooms))
     return world.rooms[found].name if found >= 0 else None
 
 
 def test_outlines_stand_one_after_another(two_rooms: World) -> None:
-    corners, spans = outlines_of(two_rooms.rooms)
+    corners, spans, bounds = outlines_of(two_rooms.rooms)
     assert spans.tolist() == [[0, 4], [4, 8]]
     for (begin, end), room in zip(spans, two_rooms.rooms, strict=True):
         assert np.array_equal(corners[begin:end], room.boundary)
+    assert np.array_equal(bounds[1, :2], two_rooms.rooms[1].boundary.min(axis=0))
+    assert np.array_equal(bounds[1, 2:], two_rooms.rooms[1].boundary.max(axis=0))
 
 
 def test_a_world_without_rooms_has_no_outlines() -> None:
-    corners, spans = outlines_of(())
-    assert corners.shape == (0, 2)
-    assert spans.shape == (0, 2)
-    assert find_room(0.0, 0.0, corners, spans, 0, 0) == -1
+    none = outlines_of(())
+    assert [array.shape for array in none] == [(0, 2), (0, 2), (0, 4)]
+    assert find_room(0.0, 0.0, none, 0, 0) == -1
 
 
 @given(st.floats(0, 30), st.floats(0, 30))
@@ -49,6 +48,6 @@ def test_rooms_by_name(two_rooms: World, x: float, name: str | None) -> None:
 
 
 def test_only_the_rooms_asked_for_are_looked_at(two_rooms: World) -> None:
-    corners, spans = outlines_of(two_rooms.rooms)
-    assert find_room(1.0, 2.0, corners, spans, 1, 2) == -1
-    assert find_room(7.0, 2.0, corners, spans, 1, 2) == 1
+    outlines = outlines_of(two_rooms.rooms)
+    assert find_room(1.0, 2.0, outlines, 1, 2) == -1
+    assert find_room(7.0, 2.0, outlines, 1, 2) == 1
