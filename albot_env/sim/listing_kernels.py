@@ -10,10 +10,15 @@ import numpy as np
 from albot_core.compiled import kernel
 from albot_core.parcel import Entry, Parcel, opened
 from albot_env.sim.plane_kernels import mounted, stance_at
-from albot_env.sim.visibility import list_cell
+from albot_env.sim.visibility import list_cell, list_first
 
 if TYPE_CHECKING:
     from albot_env.sim.wall_index import Walls
+
+
+BLOCK = 8
+"""Cells along each side of a block. A cell's list is chosen from its block's, which is far shorter
+than the building's."""
 
 
 class Listing(NamedTuple):
@@ -84,16 +89,39 @@ def _list_about(listing: Listing, building: int, pose: np.ndarray) -> int:
     if index.spans[cell, 0] >= 0:
         return cell
     first, last = int(frame[6]), int(frame[7])
-    if index.members.shape[0] - index.used[0] < last - first:
+    if index.members.shape[0] - index.used[0] < 2 * (last - first):
         return -1
-    index.spans[cell, 0] = index.used[0]
     if inside:
+        span = _list_block(listing, building, int(column) // BLOCK, int(line) // BLOCK)
+        index.spans[cell, 0] = index.used[0]
         x = frame[0] + frame[2] * (column + 0.5)
         y = frame[1] + frame[2] * (line + 0.5)
-        list_cell(index, first, last, x, y, frame[2], (listing.reach, listing.spread))
+        candidates = index.members[span[0] : span[1]]
+        list_cell(index, candidates, x, y, frame[2], (listing.reach, listing.spread))
     else:
+        index.spans[cell, 0] = index.used[0]
         for j in range(first, last):
             index.members[index.used[0]] = j
             index.used[0] += 1
     index.spans[cell, 1] = index.used[0]
     return cell
+
+
+@kernel()
+def _list_block(listing: Listing, building: int, column: int, line: int) -> tuple[int, int]:
+    """Where in `members` the list of a block of a building's cells is, which is made if need be.
+
+    What does not matter in all of the block does not in any of its cells.
+    """
+    index = listing.walls
+    frame = index.frames[building]
+    columns, lines = int(frame[3]), int(frame[4])
+    block = int(frame[5]) + columns * lines + 1 + line * -(-columns // BLOCK) + column
+    if index.spans[block, 0] < 0:
+        index.spans[block, 0] = index.used[0]
+        side = BLOCK * frame[2]
+        x, y = frame[0] + side * (column + 0.5), frame[1] + side * (line + 0.5)
+        reach = listing.reach, listing.spread
+        list_first(index, int(frame[6]), int(frame[7]), x, y, side, reach)
+        index.spans[block, 1] = index.used[0]
+    return index.spans[block, 0], index.spans[block, 1]

@@ -35,7 +35,7 @@ HalfPlane = tuple[float, float, float]
 
 
 @kernel(arrays=True)
-def list_cell(
+def list_first(
     index: Walls,
     first: int,
     last: int,
@@ -44,11 +44,24 @@ def list_cell(
     cell: float,
     reach: tuple[float, float],
 ) -> None:
-    """List the walls of a building that may matter in the cell about (x, y), near to far."""
+    """`list_cell` with all walls of a building, the first to the last, to choose from."""
+    list_cell(index, np.arange(np.int32(first), np.int32(last)), x, y, cell, reach)
+
+
+@kernel(arrays=True)
+def list_cell(
+    index: Walls,
+    candidates: np.ndarray,
+    x: float,
+    y: float,
+    cell: float,
+    reach: tuple[float, float],
+) -> None:
+    """List those walls of some that may matter in the cell about (x, y), near to far."""
     half, limit = cell / 2 + reach[1], reach[0] + cell * math.sqrt(0.5)
-    near, distances = np.empty(last - first, np.int64), np.empty(last - first)
+    near, distances = np.empty(len(candidates), np.int64), np.empty(len(candidates))
     count = 0
-    for j in range(first, last):
+    for j in candidates:
         near[count], distances[count] = j, _distance(index.walls[j], x, y)
         count += distances[count] <= limit
     order = np.empty(count, np.int64)

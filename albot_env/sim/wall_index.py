@@ -11,7 +11,7 @@ from jaxtyping import Float64, Int64
 
 from albot_core.geometry.types import Segments
 from albot_core.parcel import Packer
-from albot_env.sim.listing_kernels import Listing, list_here
+from albot_env.sim.listing_kernels import BLOCK, Listing, list_here
 
 CELL = 0.25
 """Side of the cells for which walls are listed (m)."""
@@ -33,7 +33,8 @@ class Walls(NamedTuple):
     its first cell, its first wall, and the one behind its last wall."""
     spans: np.ndarray
     """(cells, 2) int64: where in `members` a cell's list begins and ends; -1 before it is
-    made. Behind each building's cells, one more stands for everywhere else."""
+    made. Behind each building's cells, one more stands for everywhere else, and then come the
+    blocks of its cells."""
     members: np.ndarray
     """(room,) int32: walls, list after list."""
     used: np.ndarray
@@ -88,7 +89,7 @@ class WallIndex:
         neighbours = _neighbours(walls)
         neighbours[neighbours >= 0] += 2 * first
         grid = self._lay(walls)
-        cells = int(grid[3] * grid[4]) + 1
+        cells = grid[3] * grid[4] + 1 + math.ceil(grid[3] / BLOCK) * math.ceil(grid[4] / BLOCK)
         frame = np.array((*grid, len(old.spans), first, first + len(walls)))
         self.tables = old._replace(
             walls=np.concatenate((old.walls, walls)),
@@ -113,10 +114,10 @@ class WallIndex:
         return Listing(walls, float(self._reach), float(self._spread), self._mount)
 
     def make_room(self) -> None:
-        """Let there be room for the list of one more cell, whatever the building."""
+        """Let there be room for the lists of one more cell and block, whatever the building."""
         members = self.tables.members
-        if len(members) - self.tables.used[0] < self.most:
-            larger = np.empty(2 * len(members) + self.most, np.int32)
+        if len(members) - self.tables.used[0] < 2 * self.most:
+            larger = np.empty(2 * (len(members) + self.most), np.int32)
             larger[: len(members)] = members
             self.tables = self.tables._replace(members=larger)
 
