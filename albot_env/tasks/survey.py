@@ -89,7 +89,8 @@ class Survey:
     def rooms(self) -> np.ndarray:
         """Names of the rooms that the robots are in (robots,); empty between rooms."""
         room = self.findings.room
-        return self._names[np.where(room < 0, 0, room + self._rooms.worlds[:, 0] + 1)]
+        names: np.ndarray = self._names[(room + self._rooms.worlds[:, 0] + 1) * (room >= 0)]
+        return names
 
     def begin(self, row: int, world: World) -> float:
         """Let a robot begin anew in a world: nothing is covered or entered.

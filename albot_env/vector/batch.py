@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import Any, Generic
 
 import gymnasium
@@ -38,6 +39,7 @@ Steps = tuple[
     Bool[np.ndarray, "environments"],
     dict[str, Any],
 ]
+_NOBODY: Int64[np.ndarray, "none"] = np.zeros(0, np.int64)
 _STEPS = Range("a whole number from 1", 1.0, whole=True)
 
 
@@ -157,7 +159,7 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         self._begin(rows, settings)
         self._robots.look(None if mask.all() else rows)
         self._begun[rows], self._over[rows] = True, False
-        return self._observe(), self._infos(mask)
+        return self._observe(), self._infos(None if mask.all() else mask)
 
     def step(self, actions: Any) -> Steps:
         """Drive for 0.1 s.
@@ -166,12 +168,12 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
             InputError: An action is not in the action space.
             ResetNeeded: An environment has not been reset, or is over in `Disabled` mode.
         """
-        resetting = self._check_begun()
+        resetting = self._due()
         robots = self._robots
         if self._discrete:
             actions = robots.actions.chosen(actions, self.num_envs, self._task)
         robots.act(robots.actions.batch(actions, self.num_envs, self._task))
-        self._begin(np.flatnonzero(resetting), {})
+        self._begin(resetting, {})
         robots.look()
         self._begun[:] = True
         rewards = robots.rewards.copy()
@@ -183,7 +185,7 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         if self._mode is AutoresetMode.SAME_STEP and over.any():
             infos = self._start_over(over.copy())
         else:
-            infos = self._infos(np.ones(self.num_envs, np.bool_))
+            infos = self._infos()
         return self._observe(), rewards, terminated, truncated, infos
 
     @property
@@ -204,16 +206,16 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         """Let the threads go; called by `close`."""
         self._robots.close()
 
-    def _check_begun(self) -> Bool[np.ndarray, "environments"]:
-        """Which environments this step resets."""
-        if not self._begun.all():
+    def _due(self) -> Int64[np.ndarray, "some"]:
+        """The environments that this step resets."""
+        if np.count_nonzero(self._begun) < self.num_envs:  # A fourth of what `all` takes.
             raise gymnasium.error.ResetNeeded(f"{self._task}: reset before the first step")
         if self._mode is AutoresetMode.DISABLED and self._over.any():
             over = int(np.argmax(self._over))
             raise gymnasium.error.ResetNeeded(
                 f"{self._task}: environment {over} is over, reset it before the next step"
             )
-        return self._over & (self._mode is AutoresetMode.NEXT_STEP)
+        return self._over.nonzero()[0] if self._mode is AutoresetMode.NEXT_STEP else _NOBODY
 
     def _begin(self, rows: Int64[np.ndarray, "some"], options: dict[str, Any]) -> None:
         """Let some set out anew: none of them, and none can go on, where one cannot."""
@@ -246,7 +248,7 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         self._robots.look(rows)
         self._begun[:] = True
         self._over[:] = False
-        infos = self._infos(np.ones(self.num_envs, np.bool_))
+        infos = self._infos()
         infos |= {"final_obs": final_obs, "_final_obs": over.copy()}
         return infos | {"final_info": final, "_final_info": over.copy()}
 
@@ -259,27 +261,40 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         rows = self._robots.observations
         return rows if self._flat else self._scaling.split_rows(rows)
 
-    def _infos(self, mask: Bool[np.ndarray, "environments"]) -> dict[str, Any]:
-        """The infos as gymnasium batches them: zero and `_key` False where there is none."""
+    def _infos(self, mask: Bool[np.ndarray, "environments"] | None = None) -> dict[str, Any]:
+        """The infos of all, or of some, as gymnasium batches them.
+
+        Zero and `_key` False where there is none.
+        """
         robots = self._robots
-        names = {"world": robots.world_names.copy(), "room": robots.rooms}
-        infos = {"reward_terms": _masked(robots.terms, mask), "_reward_terms": mask.copy()}
-        infos |= _masked(robots.facts, mask)
-        for key, value in names.items():
-            value[~mask] = None
-            infos[key], infos[f"_{key}"] = value, mask.copy()
+        hidden = None if mask is None else ~mask
+        shown = np.ones(self.num_envs, np.bool_) if mask is None else mask
+        infos = {
+            "reward_terms": _masked(robots.terms, shown, hidden),
+            "_reward_terms": shown.copy(),
+        }
+        names = {"world": robots.world_names, "room": robots.rooms}
+        infos |= _masked(robots.facts, shown, hidden)
+        infos |= _masked(names, shown, hidden)
         return infos
 
 
 def _masked(
-    values: dict[str, np.ndarray], mask: Bool[np.ndarray, "environments"]
+    values: dict[str, np.ndarray],
+    shown: Bool[np.ndarray, "environments"],
+    hidden: Bool[np.ndarray, "environments"] | None,
 ) -> dict[str, Any]:
-    """Copies of the values where the mask says so, zeros elsewhere; and the mask beside each."""
+    """Copies of the values where they are shown, nothing where hidden; and the mask beside each."""
     infos: dict[str, Any] = {}
-    everything = bool(mask.all())
     for key, value in values.items():
         copy = value.copy()
-        if not everything:
-            copy[~mask] = 0
-        infos[key], infos[f"_{key}"] = copy, mask.copy()
+        if hidden is not None:
+            copy[hidden] = None if copy.dtype == object else 0
+        infos[key], infos[_mask_of(key)] = copy, shown.copy()
     return infos
+
+
+@cache
+def _mask_of(key: str) -> str:
+    """The key of a value's mask."""
+    return f"_{key}"
