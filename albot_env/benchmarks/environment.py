@@ -65,7 +65,7 @@ class Case:
         return f"{self.mode} {self.num_envs} {self.mapper} {self.threads} {self.parts}"
 
 
-HEAVIEST = Case(mapper="albot1", num_envs=256, steps=8192)
+HEAVIEST = Case(mapper="albot1", num_envs=256, steps=32768)
 """The case whose memory is measured."""
 
 CASES = (
@@ -73,22 +73,22 @@ CASES = (
     Case(mapper="none"),
     Case(mapper="odometry"),
     Case(mapper="albot1"),
-    Case(mapper="none", num_envs=256, steps=16384, parts=SENSORS),
-    Case(mapper="none", num_envs=1024, steps=16384, parts=SENSORS),
-    Case(mapper="none", num_envs=256, steps=16384),
-    Case(mapper="none", num_envs=1024, steps=16384),
-    Case(mapper="albot1", num_envs=1024, steps=8192),
-    Case(mapper="none", num_envs=1024, steps=16384, threads=0),
-    Case(mapper="albot1", num_envs=1024, steps=8192, threads=0),
+    Case(mapper="none", num_envs=256, steps=65536, parts=SENSORS),
+    Case(mapper="none", num_envs=1024, steps=65536, parts=SENSORS),
+    Case(mapper="none", num_envs=256, steps=65536),
+    Case(mapper="none", num_envs=1024, steps=65536),
+    Case(mapper="albot1", num_envs=1024, steps=32768),
+    Case(mapper="none", num_envs=1024, steps=65536, threads=0),
+    Case(mapper="albot1", num_envs=1024, steps=32768, threads=0),
 )
 
 
-def measure_environments(cases: Sequence[Case] = CASES, rounds: int = 12) -> list[Row]:
+def measure_environments(cases: Sequence[Case] = CASES, rounds: int = 6) -> list[Row]:
     """Time robots that wander about in `Albot/Explore-v0`, alone and in batches.
 
     On one core, and the largest batches on all cores, too; and batches that observe nothing but
-    what their sensors say. Turns are short, a tenth of a second or two: in some of many a machine
-    is left alone by its neighbours.
+    what their sensors say. Turns take some tenths of a second, so that in one of them the machine
+    may be left alone by its neighbours.
 
     In the same rounds: the same robot and laser as a loop over pymunk's queries, and, where
     it is installed, ir-sim's laser alone.
