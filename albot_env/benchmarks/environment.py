@@ -83,7 +83,7 @@ CASES = (
 )
 
 
-def measure_environments(cases: Sequence[Case] = CASES, rounds: int = 6) -> list[Row]:
+def measure_environments(rounds: int, cases: Sequence[Case] = CASES) -> list[Row]:
     """Time robots that wander about in `Albot/Explore-v0`, alone and in batches.
 
     On one core, and the largest batches on all cores, too; and batches that observe nothing but

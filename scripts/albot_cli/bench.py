@@ -17,6 +17,8 @@ from albot_core.errors import InputError
 from albot_core.logs.reader import read_log
 from albot_core.registry import mapper_names
 
+ROUNDS = 6
+"""Turns of the environments."""
 PARTS = ("laser", "mapper", "journey", "env", "processes", "learner", "generator", "startup")
 
 
@@ -32,8 +34,20 @@ PARTS = ("laser", "mapper", "journey", "env", "processes", "learner", "generator
     type=click.Path(path_type=Path),
     help="Page for the journey, in Markdown; its picture is written beside it.",
 )
+@click.option(
+    "--rounds",
+    type=click.IntRange(1),
+    help="Turns that each environment has, of which the best counts: on a busy machine more find "
+    "a quieter moment.  [default: 6]",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
-def command(parts: tuple[str, ...], log: Path | None, out: Path | None, as_json: bool) -> None:
+def command(
+    parts: tuple[str, ...],
+    log: Path | None,
+    out: Path | None,
+    rounds: int | None,
+    as_json: bool,
+) -> None:
     """Measure speed: laser, mappers, environments, a learner, random worlds and the start.
 
     The journey leads a mapper 10 km through one building, to see whether it slows down.
@@ -47,7 +61,9 @@ def command(parts: tuple[str, ...], log: Path | None, out: Path | None, as_json:
         if parts and "journey" not in parts:
             raise InputError("--out", "--part journey, whose page it is", ", ".join(parts))
         check_file(out)
-    measures = _measures(log)
+    if rounds is not None and parts and "env" not in parts:
+        raise InputError("--rounds", "--part env, whose rounds they are", ", ".join(parts))
+    measures = _measures(log, rounds or ROUNDS)
     chosen = parts or PARTS
     # The keys stand whether measured or not, so that programs can rely on them.
     figures: dict[str, Any] = {"machine": _machine(), "laser": [], "mapper": [], "env": []}
@@ -61,7 +77,7 @@ def command(parts: tuple[str, ...], log: Path | None, out: Path | None, as_json:
     click.echo(json.dumps(figures) if as_json else as_text(figures))
 
 
-def _measures(log: Path | None) -> dict[str, Callable[[], Any]]:
+def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     """How each part is measured. Imported here: the benchmarks need all of the simulator."""
     from albot_cli.startup import measure_startup
     from albot_env.benchmarks.environment import measure_environments
@@ -77,7 +93,7 @@ def _measures(log: Path | None) -> dict[str, Callable[[], Any]]:
         "laser": measure_laser,
         "mapper": lambda: measure_mappers(mapper_names(), readings) + measure_growth(),
         "journey": measure_journey,
-        "env": measure_environments,
+        "env": lambda: measure_environments(rounds=rounds),
         "processes": measure_processes,
         "learner": measure_learner,
         "generator": measure_generators,

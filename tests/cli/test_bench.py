@@ -64,7 +64,7 @@ def test_the_text_has_a_line_a_row() -> None:
 @pytest.mark.filterwarnings("ignore")  # ir-sim's own
 def test_environments_processes_and_learner_have_their_keys_and_lines() -> None:
     words = [word for part in ("env", "processes", "learner") for word in ("--part", part)]
-    figures: Any = bench(*words)
+    figures: Any = bench(*words, "--rounds", "1")
     rows = figures["env"]
     assert isinstance(rows, list)
     keys = {
@@ -73,6 +73,7 @@ def test_environments_processes_and_learner_have_their_keys_and_lines() -> None:
         "num_envs",
         "threads",
         "mapper",
+        "parts",
         "steps_per_second",
         "steps_per_cpu_second",
     }
@@ -138,6 +139,7 @@ def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:
         (["--part", "lazer"], "one of laser"),
         (["--log", "missing.log"], "a file that exists"),
         (["--part", "startup", "--out", "page.md"], "--part journey, whose page it is"),
+        (["--part", "startup", "--rounds", "2"], "--part env, whose rounds they are"),
     ],
 )
 def test_bad_input_is_one_line(args: list[str], message: str, tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ CASES = (
 def test_a_row_for_every_case_and_every_rival(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(environment, "WORLD", "random:maze:1")
     monkeypatch.setattr(environment, "HEAVIEST", CASES[0])
-    rows = measure_environments(CASES, rounds=1)
+    rows = measure_environments(1, CASES)
     keys = "mode", "num_envs", "mapper", "threads", "parts"
     ours = [tuple(row[key] for key in keys) for row in rows[:5]]
     one, many = ("single", 1, "none", 1, None), ("vector", 3, "none")
