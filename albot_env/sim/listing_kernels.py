@@ -10,7 +10,7 @@ import numpy as np
 from albot_core.compiled import kernel
 from albot_core.parcel import Entry, Parcel, opened
 from albot_env.sim.plane_kernels import mounted, stance_at
-from albot_env.sim.visibility import list_cell, list_first
+from albot_env.sim.visibility import list_cell, list_from_all
 
 if TYPE_CHECKING:
     from albot_env.sim.wall_index import Walls
@@ -122,6 +122,6 @@ def _list_block(listing: Listing, building: int, column: int, line: int) -> tupl
         side = BLOCK * frame[2]
         x, y = frame[0] + side * (column + 0.5), frame[1] + side * (line + 0.5)
         reach = listing.reach, listing.spread
-        list_first(index, int(frame[6]), int(frame[7]), x, y, side, reach)
+        list_from_all(index, int(frame[6]), int(frame[7]), x, y, side, reach)
         index.spans[block, 1] = index.used[0]
     return index.spans[block, 0], index.spans[block, 1]

@@ -35,7 +35,7 @@ HalfPlane = tuple[float, float, float]
 
 
 @kernel(arrays=True)
-def list_first(
+def list_from_all(
     index: Walls,
     first: int,
     last: int,

@@ -109,6 +109,7 @@ class Survey:
         self._rooms.entered[row] = False
         side = self._config.side(world_extent(world) + self._config.cell)
         self._covered = laid(self._covered, row, side, world_centre(world))
+        # Of a square without cells none is ever looked at.
         side = self._config.side(map_extent(world)) if self._has_ground else 0
         self._believed = laid(self._believed, row, side, (0.0, 0.0))
         if self._has_sketches:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
 from typing import Any, Generic
 
 import gymnasium
@@ -208,7 +207,7 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
 
     def _due(self) -> Int64[np.ndarray, "some"]:
         """The environments that this step resets."""
-        if np.count_nonzero(self._begun) < self.num_envs:  # A fourth of what `all` takes.
+        if not self._begun.all():
             raise gymnasium.error.ResetNeeded(f"{self._task}: reset before the first step")
         if self._mode is AutoresetMode.DISABLED and self._over.any():
             over = int(np.argmax(self._over))
@@ -290,11 +289,5 @@ def _masked(
         copy = value.copy()
         if hidden is not None:
             copy[hidden] = None if copy.dtype == object else 0
-        infos[key], infos[_mask_of(key)] = copy, shown.copy()
+        infos[key], infos[f"_{key}"] = copy, shown.copy()
     return infos
-
-
-@cache
-def _mask_of(key: str) -> str:
-    """The key of a value's mask."""
-    return f"_{key}"

@@ -38,7 +38,7 @@ PARTS = ("laser", "mapper", "journey", "env", "processes", "learner", "generator
     "--rounds",
     type=click.IntRange(1),
     help="Turns that each environment has, of which the best counts: on a busy machine more find "
-    "a quieter moment.  [default: 6]",
+    f"a quieter moment.  [default: {ROUNDS}]",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
