@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.geometry.types import Pose, Segments
-from albot_core.perception.reading import LaserGeometry, Reading, SonarGeometry
+from albot_core.sensing.reading import LaserGeometry, Reading, SonarGeometry
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

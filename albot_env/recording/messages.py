@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from albot_core.geometry.types import Pose, Segments
-from albot_core.perception.reading import LaserScan, SonarGeometry, SonarScan
+from albot_core.sensing.reading import LaserScan, SonarGeometry, SonarScan
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.schemas import PRIMITIVES
 

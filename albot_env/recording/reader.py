@@ -20,7 +20,7 @@ from zstandard import ZstdError
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
-from albot_core.perception.reading import (
+from albot_core.sensing.reading import (
     LaserGeometry,
     LaserScan,
     Reading,

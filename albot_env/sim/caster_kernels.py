@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from albot_core.compiled import kernel
+from albot_core.kernels.compiled import kernel
 
 PIVOT = 0.2
 """L: distance of the pivot behind the axle (m); nominal, as of a Pioneer 3-DX."""

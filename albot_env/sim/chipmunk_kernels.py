@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
 from albot_core.geometry.directions import wrapped
-from albot_core.parcel import Entry, Parcel, opened
+from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.compiled import kernel
 from albot_env.sim.chipmunk_calls import load, take_step, visit
 from albot_env.sim.drive_kernels import chord, ramped
 from albot_env.sim.odometer_kernels import roll

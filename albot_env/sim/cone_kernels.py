@@ -20,9 +20,9 @@ import math
 
 import numpy as np
 
-from albot_core.bits import lowest
-from albot_core.compiled import kernel
-from albot_core.lanes import LANES, Lanes, Table, first_of, question
+from albot_core.kernels.bits import lowest
+from albot_core.kernels.compiled import kernel
+from albot_core.kernels.simd import LANES, Lanes, Table, first_of, question
 from albot_env.sim.corner_kernels import corner_echo
 from albot_env.sim.sonar_arrays import Sonars
 from albot_env.sim.surface_kernels import (

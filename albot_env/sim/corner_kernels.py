@@ -16,10 +16,10 @@ import math
 
 import numpy as np
 
-from albot_core.bits import lowest
-from albot_core.compiled import kernel
 from albot_core.geometry.directions import turned
-from albot_core.lanes import LANES, Lanes, Table, first_of, question
+from albot_core.kernels.bits import lowest
+from albot_core.kernels.compiled import kernel
+from albot_core.kernels.simd import LANES, Lanes, Table, first_of, question
 from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY, Span
 
 _BEYOND = 1.0 + 1e-9

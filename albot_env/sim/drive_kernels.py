@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from albot_core.compiled import kernel
+from albot_core.kernels.compiled import kernel
 
 
 @kernel()

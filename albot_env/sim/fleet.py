@@ -15,8 +15,8 @@ from jaxtyping import Bool, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Pose, Segments
-from albot_core.parcel import Packer
-from albot_core.perception.reading import Readings
+from albot_core.kernels.arguments import Packer
+from albot_core.sensing.reading import Readings
 from albot_env.sim import chipmunk_kernels
 from albot_env.sim.chipmunk_kernels import Engine, Robots, advance
 from albot_env.sim.crew import Crew

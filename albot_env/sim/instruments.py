@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from albot_core.parcel import Packer
-from albot_core.perception.reading import Readings
+from albot_core.kernels.arguments import Packer
+from albot_core.sensing.reading import Readings
 from albot_env.sim.chipmunk_kernels import Robots
 from albot_env.sim.drive import RobotConfig
 from albot_env.sim.laser import normal_table

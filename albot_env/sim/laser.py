@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.special import ndtri
 
-from albot_core.perception.reading import LaserGeometry
 from albot_core.ranges import NOT_NEGATIVE, SHARE, check_fields
+from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.sensing_kernels import NORMALS
 
 

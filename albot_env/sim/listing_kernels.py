@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
-from albot_core.parcel import Entry, Parcel, opened
+from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.compiled import kernel
 from albot_env.sim.plane_kernels import mounted, stance_at
 from albot_env.sim.visibility import list_cell, list_from_all
 

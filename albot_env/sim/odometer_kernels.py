@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from albot_core.compiled import kernel
 from albot_core.geometry.directions import length_of, wrapped
+from albot_core.kernels.compiled import kernel
 from albot_env.sim.caster_kernels import swing
 from albot_env.sim.noise_kernels import draw, draw_normals
 

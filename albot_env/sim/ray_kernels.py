@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from albot_core.bits import lowest
-from albot_core.compiled import ZERO, kernel
 from albot_core.geometry.directions import turned
-from albot_core.lanes import (
+from albot_core.kernels.bits import lowest
+from albot_core.kernels.compiled import ZERO, kernel
+from albot_core.kernels.simd import (
     LANES,
     LANES32,
     Lanes,

@@ -9,8 +9,8 @@ from jaxtyping import Float64
 
 from albot_core.geometry.directions import turned
 from albot_core.geometry.types import Pose, Ranges, Segments
-from albot_core.lanes import LANES32
-from albot_core.perception.reading import LaserGeometry
+from albot_core.kernels.simd import LANES32
+from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.ray_kernels import Fan, scan_poses
 from albot_env.sim.wall_index import Locator, WallIndex
 

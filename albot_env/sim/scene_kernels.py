@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
+from albot_core.kernels.compiled import kernel
 from albot_env.sim.noise_kernels import draw, draw_normals
 
 SCENE_DRAWS = 6

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import element, kernel
-from albot_core.parcel import Entry, Parcel, opened
+from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.compiled import element, kernel
 from albot_env.sim.noise_kernels import draw
 from albot_env.sim.odometer_kernels import ODOMETER_DRAWS, read
 from albot_env.sim.plane_kernels import stance_at

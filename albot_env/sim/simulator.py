@@ -9,7 +9,7 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
-from albot_core.perception.reading import Reading
+from albot_core.sensing.reading import Reading
 from albot_env.sim.drive import PIONEER_3DX, STANDSTILL, RobotConfig, Wheels
 from albot_env.sim.drive_kernels import chord
 from albot_env.sim.fleet import Fleet, draw_key

@@ -9,8 +9,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from albot_core.perception.reading import SonarGeometry
 from albot_core.ranges import NOT_NEGATIVE, SHARE, Range, check_fields
+from albot_core.sensing.reading import SonarGeometry
 from albot_env.sim.laser import normal_table
 from albot_env.sim.sonar_arrays import Sonars
 from albot_env.sim.wall_index import WallIndex

@@ -11,7 +11,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Points
-from albot_core.perception.reading import Reading
+from albot_core.sensing.reading import Reading
 from albot_env.sim.simulator import Simulator
 
 

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.bits import lowest, ones
-from albot_core.compiled import ZERO, kernel
-from albot_core.lanes import LANES, Lanes, Table, question, whole_lanes
+from albot_core.kernels.bits import lowest, ones
+from albot_core.kernels.compiled import ZERO, kernel
+from albot_core.kernels.simd import LANES, Lanes, Table, question, whole_lanes
 from albot_env.sim.plane_kernels import Stance
 from albot_env.sim.sonar_arrays import Sonars
 

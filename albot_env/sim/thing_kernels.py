@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from albot_core.compiled import kernel
+from albot_core.kernels.compiled import kernel
 from albot_env.sim.chipmunk_calls import take_step, visit
 from albot_env.sim.chipmunk_kernels import (
     EACH_BODY,

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from albot_core.bits import lowest
-from albot_core.compiled import ZERO, kernel
 from albot_core.geometry.directions import length_of
-from albot_core.lanes import LANES, Lanes, Table, first_of, question, whole_lanes
+from albot_core.kernels.bits import lowest
+from albot_core.kernels.compiled import ZERO, kernel
+from albot_core.kernels.simd import LANES, Lanes, Table, first_of, question, whole_lanes
 
 if TYPE_CHECKING:
     from albot_env.sim.wall_index import Walls

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from albot_core.geometry.types import Segments
-from albot_core.parcel import Packer
+from albot_core.kernels.arguments import Packer
 from albot_env.sim.listing_kernels import BLOCK, Listing, list_here
 
 CELL = 0.25

@@ -15,7 +15,7 @@ from jaxtyping import Float64
 
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Poses, Ranges, Segments
-from albot_core.perception.reading import SonarScan
+from albot_core.sensing.reading import SonarScan
 from albot_env.stress.geometry import free_ways, nearest_in_cones, wall_distances
 from albot_env.stress.limits import Limits
 

@@ -13,16 +13,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from albot_core.albot1.config import PlacesConfig
-from albot_core.albot1.record import Event, Happening
-from albot_core.albot1.structure import compare, joined
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
-from albot_core.mapper import Mapper
-from albot_core.perception.panorama import Panorama, agreement
-from albot_core.perception.reading import Reading
-from albot_core.perception.view import ViewConfig, construct_view
-from albot_core.registry import make_mapper
+from albot_core.mappers.albot1.config import PlacesConfig
+from albot_core.mappers.albot1.record import Event, Happening
+from albot_core.mappers.albot1.structure import compare, joined
+from albot_core.mappers.mapper import Mapper
+from albot_core.mappers.registry import make_mapper
+from albot_core.sensing.panorama import Panorama, agreement
+from albot_core.sensing.reading import Reading
+from albot_core.sensing.view import ViewConfig, construct_view
 from albot_env.tasks.equipment import NO_MAPPER
 from albot_env.tasks.features import FEATURES
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
+from albot_core.kernels.compiled import kernel
 
 SETTLED = 1.0
 """So far a robot drives in a place until that is taken to be in the room where it is (m): about

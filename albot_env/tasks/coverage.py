@@ -11,8 +11,8 @@ from jaxtyping import Float32, Float64
 from albot_core.errors import InputError
 from albot_core.geometry.directions import angles_of
 from albot_core.geometry.types import Pose
-from albot_core.perception.reading import LaserGeometry, LaserScan
 from albot_core.ranges import POSITIVE, check_fields
+from albot_core.sensing.reading import LaserGeometry, LaserScan
 from albot_env.tasks.ground import laid, no_ground
 from albot_env.tasks.ground_kernels import (
     Ground,

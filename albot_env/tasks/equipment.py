@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.mapper import MapperBatch
-from albot_core.registry import make_mappers
+from albot_core.mappers.mapper import MapperBatch
+from albot_core.mappers.registry import make_mappers
 from albot_env.sim import Sensors, choose_sensors
 
 NO_MAPPER = "none"

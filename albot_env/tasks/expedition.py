@@ -13,8 +13,8 @@ from jaxtyping import Bool, Float32, Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
-from albot_core.mapper import TRAVEL
-from albot_core.perception.reading import Readings
+from albot_core.mappers.mapper import TRAVEL
+from albot_core.sensing.reading import Readings
 from albot_env.sim import PIONEER_3DX
 from albot_env.sim.crew import FEWEST, Crew
 from albot_env.sim.fleet import Fleet, draw_key

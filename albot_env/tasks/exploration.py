@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Int64
 
 from albot_core.geometry.types import Pose
-from albot_core.parcel import Packer
+from albot_core.kernels.arguments import Packer
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import ActionConfig, Numbers
 from albot_env.tasks.claiming import ClaimingActionConfig

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_core.compiled import kernel
-from albot_core.parcel import Entry, Parcel, opened
+from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.compiled import kernel
 from albot_env.tasks.claims_kernel import FALSE, RIGHT, forget_claims, judge_claim
 from albot_env.tasks.standing import follow
 

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.bits import lowest, ones
-from albot_core.compiled import kernel
 from albot_core.geometry.directions import length_of, turned
-from albot_core.lanes import Lanes, Table, question32
+from albot_core.kernels.bits import lowest, ones
+from albot_core.kernels.compiled import kernel
+from albot_core.kernels.simd import Lanes, Table, question32
 
 _CELLS = np.stack((np.arange(16) % 8, np.arange(16) // 8)).astype(np.float32)
 """Columns and rows of the first two rows of a block's cells."""

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_core.parcel import Packer
+from albot_core.kernels.arguments import Packer
 from albot_env.sim.fleet import draw_key
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import DeclaringActionConfig, Numbers

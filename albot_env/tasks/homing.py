@@ -18,7 +18,7 @@ class HomingEnv(SingleEnv[Homing]):
 
     Description:
         The robot of `Albot/Explore-v0` has set out somewhere and explored, by the gap
-        explorer of `albot_core.exploration`, for a way drawn from `OutingConfig`. Its mapper has
+        explorer of `albot_core.planning`, for a way drawn from `OutingConfig`. Its mapper has
         followed. Now it is to come back to where it set out, as straight as it can, and
         to declare that it is home. A step is 0.1 s.
 

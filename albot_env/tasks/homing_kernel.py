@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
 from albot_core.geometry.directions import length_of
-from albot_core.parcel import Entry, Parcel, opened
+from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.compiled import kernel
 from albot_env.tasks.standing import follow
 from albot_maps.geodesic_kernel import FAR, first_anchor
 

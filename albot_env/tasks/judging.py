@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.types import Pose, Segments
-from albot_core.parcel import Parcel
+from albot_core.kernels.arguments import Parcel
 from albot_core.ranges import SHARE, check_fields
 from albot_env.tasks.action import Numbers
 from albot_env.tasks.answer import AnswerConfig

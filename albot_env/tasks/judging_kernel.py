@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
-from albot_core.parcel import Entry, Parcel, opened
+from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.compiled import kernel
 from albot_env.tasks.kernels import find_home
 from albot_env.tasks.standing import Standing
 from albot_env.tasks.survey_kernel import Senses

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.bits import bits_of, number_of
-from albot_core.compiled import kernel
+from albot_core.kernels.bits import bits_of, number_of
+from albot_core.kernels.compiled import kernel
 
 
 class LogScale(NamedTuple):

@@ -17,8 +17,8 @@ from gymnasium import spaces
 from jaxtyping import Float, Float32, Float64
 
 from albot_core.errors import InputError
-from albot_core.perception.reading import LaserGeometry, SonarGeometry
 from albot_core.ranges import POSITIVE, check_fields
+from albot_core.sensing.reading import LaserGeometry, SonarGeometry
 from albot_env.tasks.coverage import CoverageConfig
 from albot_env.tasks.log_scale import LogScale, make_log_scale, unscale_ranges, unscaled
 from albot_env.tasks.survey_kernel import Layout, Scales

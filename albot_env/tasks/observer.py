@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from albot_core.errors import InputError
-from albot_core.mapper import EXIT, POINT, TRAVEL, Mapper
-from albot_core.perception.reading import Reading
+from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Mapper
+from albot_core.sensing.reading import Reading
 from albot_env.tasks.coverage import Coverage
 from albot_env.tasks.kernels import (
     find_nearest,

@@ -1,6 +1,6 @@
 """Outward journeys: how robots that are to find home got to where they are.
 
-A robot that is to go home has first explored, by the gap explorer of `albot_core.exploration`,
+A robot that is to go home has first explored, by the gap explorer of `albot_core.planning`,
 and so filled its map.
 """
 
@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.exploration.gap_explorer import GapExplorer, GapExplorerConfig
-from albot_core.exploration.senses import Senses
+from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
+from albot_core.planning.senses import Senses
 from albot_env.tasks.action import ActionConfig
 from albot_env.tasks.equipment import Equipment
 from albot_env.tasks.expedition import Expedition

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_core.compiled import kernel
-from albot_core.lanes import LANES
-from albot_core.word_lanes import Words, WordTable, question64
+from albot_core.kernels.compiled import kernel
+from albot_core.kernels.simd import LANES
+from albot_core.kernels.word_simd import Words, WordTable, question64
 from albot_env.tasks.ground_kernels import Ground
 
 _ONE = 2.0**32

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from albot_core.geometry.types import Pose
-from albot_core.mapper import WayHome
+from albot_core.mappers.mapper import WayHome
 from albot_env.sim.fleet import Halt
 from albot_env.tasks.survey import Surveyed
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
+from albot_core.kernels.compiled import kernel
 from albot_maps.world import Room
 
 

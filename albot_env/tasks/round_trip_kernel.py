@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
 from albot_core.geometry.directions import length_of
-from albot_core.parcel import Entry, Parcel, opened
+from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.compiled import kernel
 from albot_env.tasks.homing_kernel import find_way, success_weighted
 from albot_env.tasks.kernels import observe_time
 from albot_env.tasks.log_scale import LogScale

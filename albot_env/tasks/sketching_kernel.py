@@ -1,6 +1,6 @@
 """The compiled loops of sketching: what robots see of the ground, drawn as they go.
 
-What the cells of a sketch are, see `albot_core.exploration.sketch_kernels`.
+What the cells of a sketch are, see `albot_core.planning.sketch_kernels`.
 """
 
 from __future__ import annotations
@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
-from albot_core.exploration.sketch_kernels import draw_scan
 from albot_core.geometry.directions import length_of
+from albot_core.kernels.compiled import kernel
+from albot_core.planning.sketch_kernels import draw_scan
 from albot_env.tasks.ground_kernels import Sight, is_time_to_look
 
 POINT, LENGTH = slice(0, 2), 2

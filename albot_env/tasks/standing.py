@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
 from albot_core.geometry.directions import length_of
 from albot_core.geometry.types import Pose
+from albot_core.kernels.compiled import kernel
 from albot_env.tasks.survey_kernel import Findings, Senses
 
 

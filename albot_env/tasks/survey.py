@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64, UInt64
 
-from albot_core.parcel import Packer
-from albot_core.perception.reading import LaserGeometry
+from albot_core.kernels.arguments import Packer
+from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.register import Register
 from albot_env.tasks.ground import (
     laid,

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
-from albot_core.mapper import EXIT, POINT, TRAVEL
-from albot_core.parcel import Entry, Parcel, opened
+from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.compiled import kernel
+from albot_core.mappers.mapper import EXIT, POINT, TRAVEL
 from albot_env.tasks.ground_kernels import (
     Ground,
     Sight,
@@ -96,7 +96,7 @@ class Senses(NamedTuple):
     home_places: np.ndarray
     """(n, 3) float64: where they believe home to be (map frame)."""
     ways_home: np.ndarray
-    """(n, 7) float64: the ways home that they believe in (see `albot_core.mapper.WayHome`)."""
+    """(n, 7) float64: the ways home that they believe in (see `albot_core.mappers.mapper`)."""
     places: np.ndarray
     """(n, 2) bool: whether they are in a place that they know from before; have lost their way."""
     homes: np.ndarray

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float32, Float64
 
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Segments
-from albot_core.perception.reading import Reading
+from albot_core.sensing.reading import Reading
 from albot_env.sim.simulator import Simulator
 from albot_env.sim.start_stop import THESIS_STEPS, follow_leg
 from albot_env.tasks.arrivals import Notebook, question

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.exploration.sketch import NARROW, NEAR_BY
-from albot_core.exploration.wayfarer import JUMP, WORTH
 from albot_core.geometry.types import Points, Pose
-from albot_core.perception.reading import LaserScan
+from albot_core.planning.sketch import NARROW, NEAR_BY
+from albot_core.planning.wayfarer import JUMP, WORTH
 from albot_core.ranges import POSITIVE, check_fields
+from albot_core.sensing.reading import LaserScan
 from albot_env.tasks.coverage import Coverage, CoverageConfig
 from albot_env.tasks.sketching_kernel import Pencil, Sketches, begin_sketch, follow_sketch
 from albot_env.tasks.wayfinding_kernel import (

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.compiled import kernel
-from albot_core.exploration.sketch_kernels import (
+from albot_core.geometry.directions import length_of
+from albot_core.kernels.compiled import kernel
+from albot_core.planning.sketch_kernels import (
     FREE,
     STEP,
     WANTED,
@@ -17,7 +18,6 @@ from albot_core.exploration.sketch_kernels import (
     nearest_reached,
     trace,
 )
-from albot_core.geometry.directions import length_of
 from albot_env.tasks.ground_kernels import Ground, is_covered
 from albot_env.tasks.sketching_kernel import LENGTH, POINT, Sketches, forget_way, grid_of
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_core.compiled import kernel
+from albot_core.kernels.compiled import kernel
 
 BLOCKED = 1
 """A lattice point too near a wall."""

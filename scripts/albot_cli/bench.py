@@ -15,7 +15,7 @@ from albot_cli.outputs import check_file
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.logs.reader import read_log
-from albot_core.registry import mapper_names
+from albot_core.mappers.registry import mapper_names
 
 ROUNDS = 6
 """Turns of the environments."""
@@ -79,14 +79,14 @@ def command(
 
 def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     """How each part is measured. Imported here: the benchmarks need all of the simulator."""
+    from albot_benchmarks.environment import measure_environments
+    from albot_benchmarks.generator import measure_generators
+    from albot_benchmarks.journey import measure_journey
+    from albot_benchmarks.laser import measure_laser
+    from albot_benchmarks.learner import measure_learner
+    from albot_benchmarks.mapper import measure_growth, measure_mappers
+    from albot_benchmarks.processes import measure_processes
     from albot_cli.startup import measure_startup
-    from albot_env.benchmarks.environment import measure_environments
-    from albot_env.benchmarks.generator import measure_generators
-    from albot_env.benchmarks.journey import measure_journey
-    from albot_env.benchmarks.laser import measure_laser
-    from albot_env.benchmarks.learner import measure_learner
-    from albot_env.benchmarks.mapper import measure_growth, measure_mappers
-    from albot_env.benchmarks.processes import measure_processes
 
     readings = read_log(log).readings if log else None
     return {
@@ -102,6 +102,6 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
 
 
 def _machine() -> dict[str, Any]:
-    from albot_env.benchmarks.machine import calibrate, describe_machine
+    from albot_benchmarks.machine import calibrate, describe_machine
 
     return describe_machine() | {"calibration": calibrate()}

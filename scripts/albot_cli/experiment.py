@@ -10,14 +10,14 @@ import click
 from albot_cli.outputs import check_folder
 from albot_cli.progress import progress
 from albot_core.errors import InputError
-from albot_env.experiments.index import write_index
-from albot_env.experiments.registry import (
+from albot_experiments.index import write_index
+from albot_experiments.registry import (
     EXPERIMENTS,
     FIRST_SEED,
     Experiment,
     find_experiment,
 )
-from albot_env.experiments.report import Report, cell, rows
+from albot_experiments.report import Report, cell, rows
 
 ALL = "all"
 """The ID that stands for every experiment."""

@@ -18,7 +18,7 @@ from albot_core.evaluation.relations import read_relations
 from albot_core.logs.log import Log
 from albot_core.logs.reader import read_log
 from albot_core.logs.reference import read_reference
-from albot_core.registry import make_mapper, mapper_names
+from albot_core.mappers.registry import make_mapper, mapper_names
 
 _FILE = click.Path(path_type=Path)
 

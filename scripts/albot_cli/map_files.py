@@ -8,13 +8,13 @@ from pathlib import Path
 
 from albot_cli.mapping_run import MappingRun
 from albot_core.evaluation.trajectory import Trajectory, alignment
+from albot_core.export.geojson import write_geojson
+from albot_core.export.graphml import write_graphml
+from albot_core.export.picture import write_picture
+from albot_core.export.tum import write_tum
 from albot_core.files import write_text
 from albot_core.geometry.poses import compose
-from albot_core.logs.geojson import write_geojson
-from albot_core.logs.picture import write_picture
-from albot_core.logs.tum import write_tum
-from albot_core.mapfile import save_map
-from albot_core.topology.export import write_graphml
+from albot_core.mappers.map_file import save_map
 
 TRAJECTORY, SURFACES, PICTURE, MAP = "trajectory.tum", "surfaces.geojson", "map.png", "map.albot"
 NETWORK, EVENTS = "network.graphml", "events.txt"

@@ -6,7 +6,7 @@ import json
 
 import click
 
-from albot_core.registry import MAPPERS
+from albot_core.mappers.registry import MAPPERS
 
 
 @click.command()

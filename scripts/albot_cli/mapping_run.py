@@ -11,8 +11,8 @@ import numpy as np
 from albot_core.evaluation.relations import RelationError, Relations, relation_error
 from albot_core.evaluation.trajectory import Trajectory, TrajectoryError, trajectory_error
 from albot_core.logs.log import Log
-from albot_core.mapper import Mapper
-from albot_core.registry import make_mapper
+from albot_core.mappers.mapper import Mapper
+from albot_core.mappers.registry import make_mapper
 
 _WARM_UP = 2500
 """Scans by which a first mapper is led, so that the second finds its code compiled: so many that

@@ -96,7 +96,7 @@ def command(
 
 
 def _check_mapper(name: str) -> None:
-    from albot_core.registry import make_mapper
+    from albot_core.mappers.registry import make_mapper
 
     if name != "none":
         make_mapper(name)

@@ -24,7 +24,7 @@ def warm_up(mapper: str) -> None:
     if _is_compiled(sense.compiled):
         return
     click.echo("albot: compiling, for the first time only", err=True)
-    command = [sys.executable, "-m", "albot_core.precompile", mapper]
+    command = [sys.executable, "-m", "albot_core.kernels.precompile", mapper]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
         try:
             env = gymnasium.make(ENVIRONMENT, world="square-loop", mapper=NO_MAPPER)

@@ -9,10 +9,10 @@ import pytest
 
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import Outcome, run_trial
-from albot_core.exploration.approach import Approach
-from albot_core.exploration.senses import Senses
 from albot_core.geometry.poses import compose, inverse, transform_points
-from albot_core.perception.reading import LaserGeometry
+from albot_core.planning.approach import Approach
+from albot_core.planning.senses import Senses
+from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import RayCaster
 from albot_env.tasks.homecoming import HomingConfig
 from albot_env.tasks.outing import OutingConfig

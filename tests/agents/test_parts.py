@@ -11,13 +11,14 @@ from hypothesis import strategies as st
 
 from albot_agents.scripted.senses import make_sense
 from albot_core.errors import InputError
-from albot_core.exploration.braking_kernels import least_distance
-from albot_core.exploration.gaps import find_gaps
-from albot_core.exploration.patience import Patience
-from albot_core.exploration.prospects import Prospects
-from albot_core.exploration.senses import Senses
-from albot_core.exploration.sketch import Sketch
-from albot_core.exploration.sketch_kernels import (
+from albot_core.geometry.poses import relative
+from albot_core.planning.braking_kernels import least_distance
+from albot_core.planning.gaps import find_gaps
+from albot_core.planning.patience import Patience
+from albot_core.planning.prospects import Prospects
+from albot_core.planning.senses import Senses
+from albot_core.planning.sketch import Sketch
+from albot_core.planning.sketch_kernels import (
     BLOCKED,
     FREE,
     WANTED,
@@ -25,15 +26,14 @@ from albot_core.exploration.sketch_kernels import (
     straight_is_free,
     trace,
 )
-from albot_core.exploration.steering import (
+from albot_core.planning.steering import (
     DIRECTIONS,
     SteeringConfig,
     free_way,
     hold_back,
     steer,
 )
-from albot_core.geometry.poses import relative
-from albot_core.perception.reading import LaserGeometry
+from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import RayCaster
 from albot_env.tasks.observation import ObservationConfig
 from tests.env.conftest import drive

@@ -13,8 +13,8 @@ from click.testing import CliRunner, Result
 
 from albot_cli.main import albot
 from albot_core.evaluation.trajectory import Trajectory
+from albot_core.export.tum import write_tum
 from albot_core.geometry.poses import compose
-from albot_core.logs.tum import write_tum
 
 FILES = {"trajectory.tum", "surfaces.geojson", "map.png", "map.albot"}
 PLACES = {"network.graphml", "events.txt"}

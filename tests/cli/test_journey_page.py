@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from albot_benchmarks import journey
 from albot_cli.journey_page import page
 from albot_cli.main import albot
 from albot_core.errors import InputError
-from albot_env.benchmarks import journey
 
 MACHINE = {"processor": "a processor", "python": "3.12"}
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from albot_core.compiled import kernel
+from albot_core.kernels.compiled import kernel
 
 ROUNDS = 10
 

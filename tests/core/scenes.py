@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.geometry.poses import inverse, transform_segments
-from albot_core.perception.reading import LaserGeometry, LaserScan
+from albot_core.sensing.reading import LaserGeometry, LaserScan
 
 ROOM = np.array(
     [

@@ -6,11 +6,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from albot_core.albot1.mapper import Albot1
-from albot_core.albot1.record import Happening
 from albot_core.geometry.poses import relative
-from albot_core.perception.reading import LaserGeometry, LaserScan, Reading
-from albot_env.experiments.guided_tour import Journey
+from albot_core.mappers.albot1.mapper import Albot1
+from albot_core.mappers.albot1.record import Happening
+from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
+from albot_experiments.guided_tour import Journey
 
 
 def what_happened(mapper: Albot1) -> list[Happening]:

@@ -10,8 +10,8 @@ import numpy as np
 from albot_agents.agent import Action
 from albot_agents.scripted.driving import DrivingAgent
 from albot_agents.scripted.senses import sense_known_way
-from albot_core.exploration.wayfarer import Wayfarer
 from albot_core.geometry.poses import inverse
+from albot_core.planning.wayfarer import Wayfarer
 from albot_env.tasks.observation import ObservationConfig
 
 

@@ -9,8 +9,8 @@ from gymnasium.spaces import Box
 
 from albot_agents.agent import Action, filled
 from albot_agents.scripted.senses import SENSED, make_sense
-from albot_core.exploration.senses import Senses
-from albot_core.exploration.steering import Command
+from albot_core.planning.senses import Senses
+from albot_core.planning.steering import Command
 from albot_env.tasks.action import ActionConfig
 from albot_env.tasks.observation import ObservationConfig
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from albot_agents.agent import Action
 from albot_agents.scripted.driving import DrivingAgent
-from albot_core.exploration.gap_explorer import GapExplorer, GapExplorerConfig
+from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_env.tasks.observation import ObservationConfig
 
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from albot_agents.agent import Action
 from albot_agents.scripted.driving import DrivingAgent
-from albot_core.exploration.approach import Approach
 from albot_core.geometry.poses import inverse, transform_points
+from albot_core.planning.approach import Approach
 from albot_env.tasks.observation import ObservationConfig
 
 

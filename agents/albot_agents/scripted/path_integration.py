@@ -10,9 +10,9 @@ from gymnasium.spaces import Box
 
 from albot_agents.agent import Action
 from albot_agents.scripted.driving import DrivingAgent
-from albot_core.exploration.approach import Approach
 from albot_core.geometry.poses import compose, inverse
 from albot_core.geometry.types import Pose
+from albot_core.planning.approach import Approach
 from albot_env.tasks.observation import ObservationConfig
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from albot_core.exploration.senses import Senses
-from albot_core.exploration.wayfarer import KnownWay
+from albot_core.planning.senses import Senses
+from albot_core.planning.wayfarer import KnownWay
 from albot_env.tasks.observation import ObservationConfig
 
 SENSED = ("laser", "motion", "heading", "home")

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_points
 from albot_core.geometry.types import Poses
-from albot_core.perception.reading import LaserScan
+from albot_core.sensing.reading import LaserScan
 
 SMEAR = 0.01
 """Standard deviation (m) of the laser's own noise: what is straighter is not told apart."""

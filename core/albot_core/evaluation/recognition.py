@@ -26,12 +26,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from albot_core.albot1.config import PlacesConfig
-from albot_core.evaluation.agreement import agreement
-from albot_core.evaluation.outlooks import outlooks
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Poses
-from albot_core.perception.reading import Reading
+from albot_core.mappers.albot1.config import PlacesConfig
+from albot_core.matching.agreement import agreement
+from albot_core.matching.outlooks import outlooks
+from albot_core.sensing.reading import Reading
 
 APART = 10.0
 """Outlooks nearer along the way are not compared (m)."""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.compiled import kernel
+from albot_core.kernels.compiled import kernel
 
 
 @kernel()

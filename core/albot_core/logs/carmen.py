@@ -31,7 +31,7 @@ from albot_core.logs.corrected import Odometer, Sweep, raw_odometry
 from albot_core.logs.lasers import NO_RETURN, sick_laser, steady_mount
 from albot_core.logs.recording import Recording, Scan, good_beginning
 from albot_core.logs.text import LogText, is_number
-from albot_core.perception.reading import LaserGeometry
+from albot_core.sensing.reading import LaserGeometry
 
 NAME = "CARMEN (FLASER or ROBOTLASER1 lines)"
 KEYWORDS = ("ODOM", "FLASER", "ROBOTLASER1", "PARAM", "SYNC", "RAWLASER1", "RLASER", "TRUEPOS")

@@ -6,7 +6,7 @@ import numpy as np
 
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Poses
-from albot_core.perception.reading import LaserGeometry
+from albot_core.sensing.reading import LaserGeometry
 
 NO_RETURN = 30.0
 """Ranges at and beyond this (m) are taken for none: a SICK LMS sees no farther, and writes

@@ -11,7 +11,7 @@ from jaxtyping import Float64
 from albot_core.evaluation.trajectory import Trajectory, path_length
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Poses
-from albot_core.perception.reading import LaserGeometry, LaserScan, Reading
+from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Ranges
 from albot_core.logs.log import LeftOut, Log
-from albot_core.perception.reading import LaserGeometry
+from albot_core.sensing.reading import LaserGeometry
 
 Record = TypeVar("Record")
 

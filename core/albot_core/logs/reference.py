@@ -6,10 +6,10 @@ from pathlib import Path
 
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
+from albot_core.export.tum import read_tum
 from albot_core.files import read_bytes
 from albot_core.logs.reader import read_log
 from albot_core.logs.text import LogText, is_number
-from albot_core.logs.tum import read_tum
 
 
 def read_reference(path: Path) -> Trajectory:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_core.evaluation.crispness import SMEAR, laid_points, mean_map_entropy
 from albot_core.geometry.poses import transform_points
-from albot_core.perception.reading import LaserGeometry, LaserScan
+from albot_core.sensing.reading import LaserGeometry, LaserScan
 
 RNG = np.random.default_rng(5)
 WALL = np.stack((np.linspace(0, 8, 1600), np.zeros(1600)), axis=-1)

@@ -7,7 +7,7 @@ import pytest
 
 from albot_core.evaluation.recognition import Recognition, measure_recognition
 from albot_core.geometry.poses import compose, relative, transform_segments
-from albot_core.perception.reading import Reading
+from albot_core.sensing.reading import Reading
 from tests.core.scenes import scan_from
 
 

@@ -12,11 +12,11 @@ from PIL import Image
 
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
+from albot_core.export.geojson import write_geojson
+from albot_core.export.picture import write_picture
+from albot_core.export.tum import write_tum
 from albot_core.geometry.poses import wrap_angle
-from albot_core.logs.geojson import write_geojson
-from albot_core.logs.picture import write_picture
 from albot_core.logs.reference import read_reference
-from albot_core.logs.tum import write_tum
 
 FINITE = st.floats(-1e6, 1e6, allow_subnormal=False)
 

@@ -11,7 +11,7 @@ import pytest
 from mcap.reader import make_reader
 
 from albot_core.errors import InputError
-from albot_core.registry import make_mapper
+from albot_core.mappers.registry import make_mapper
 from albot_env.recording.episode import Moment, NullRecorder, Recorder
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.schemas import TOPICS

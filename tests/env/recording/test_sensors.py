@@ -12,7 +12,7 @@ import pytest
 from mcap.reader import make_reader
 
 from albot_core.errors import InputError
-from albot_core.perception.reading import (
+from albot_core.sensing.reading import (
     LaserGeometry,
     LaserScan,
     Reading,

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
+from albot_benchmarks.laser import measure_laser
 from albot_core.errors import InputError
-from albot_core.perception.reading import LaserGeometry
-from albot_env.benchmarks.laser import measure_laser
+from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import LaserConfig
 from albot_env.sim.laser import normal_table
 from albot_env.sim.sensing_kernels import disturb

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from albot_benchmarks.laser import floor_plan
 from albot_core.geometry.poses import compose, transform_segments
-from albot_core.perception.reading import LaserGeometry
-from albot_env.benchmarks.laser import floor_plan
+from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import PIONEER_3DX, RayCaster
 from albot_env.sim.space import Floor
 from albot_maps.world import World

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
-from albot_core.perception.reading import SonarGeometry
+from albot_core.sensing.reading import SonarGeometry
 from albot_env.sim import PIONEER_3DX, Sensors
 from albot_env.sim.fleet import Fleet
 from albot_env.sim.plane_kernels import stance_at

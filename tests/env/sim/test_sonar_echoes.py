@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from albot_core.perception.reading import SonarGeometry
+from albot_core.sensing.reading import SonarGeometry
 from albot_env.sim.sonar import SONARS, SonarConfig
 from albot_env.sim.sonar_kernels import SONAR_DRAWS
 from tests.env.sim.test_sonar import heard, one_sonar, wall

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import LineString
 
-from albot_env.benchmarks.laser import floor_plan
+from albot_benchmarks.laser import floor_plan
 from albot_env.sim.plane_kernels import stance_at
 from albot_env.sim.sonar import SONARS, SonarConfig, audible
 from albot_env.sim.sonar_kernels import listen

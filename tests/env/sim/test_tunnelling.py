@@ -10,8 +10,8 @@ import os
 import numpy as np
 import pytest
 
+from albot_benchmarks.laser import floor_plan
 from albot_core.geometry.types import Points, Segments
-from albot_env.benchmarks.laser import floor_plan
 from albot_env.sim import PIONEER_3DX, Sensors
 from albot_env.sim.drive import Wheels
 from albot_env.sim.fleet import Fleet

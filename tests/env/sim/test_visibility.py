@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_core.perception.reading import LaserGeometry
+from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import RayCaster
 from albot_env.sim.rays import index_for
 from albot_maps import load_world

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pymunk
 
-from albot_core.parcel import Parcel
+from albot_core.kernels.arguments import Parcel
 from albot_env.sim import ODOMETERS, PIONEER_3DX
 from albot_env.sim.chipmunk_kernels import Floors, Robots, advance
 from albot_env.sim.engine import Bridge

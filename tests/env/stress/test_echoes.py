@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from albot_core.perception.reading import SonarGeometry, SonarScan
+from albot_core.sensing.reading import SonarGeometry, SonarScan
 from albot_env.sim import SONARS
 from albot_env.sim.plane_kernels import stance_at
 from albot_env.sim.sonar_kernels import listen

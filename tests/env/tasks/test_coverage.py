@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.errors import InputError
-from albot_core.perception.reading import LaserGeometry, LaserScan
+from albot_core.sensing.reading import LaserGeometry, LaserScan
 from albot_env.tasks.coverage import Coverage, CoverageConfig
 from albot_env.tasks.ground import laid, no_ground
 from albot_env.tasks.ground_kernels import cover, is_covered

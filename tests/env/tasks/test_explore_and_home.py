@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.registry import make_mapper
+from albot_core.mappers.registry import make_mapper
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.sim.simulator import CONTROL_STEP

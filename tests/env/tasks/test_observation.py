@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from albot_agents.registry import make_agent
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
-from albot_core.registry import make_mapper
+from albot_core.mappers.registry import make_mapper
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks.coverage import Coverage

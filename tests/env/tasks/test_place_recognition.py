@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.perception.reading import Reading
+from albot_core.sensing.reading import Reading
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks import journeys, tours

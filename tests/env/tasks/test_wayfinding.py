@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.errors import InputError
-from albot_core.exploration.sketch import SketchConfig
 from albot_core.geometry.poses import relative
-from albot_core.perception.reading import LaserGeometry
+from albot_core.planning.sketch import SketchConfig
+from albot_core.sensing.reading import LaserGeometry
 from albot_env.tasks.coverage import Coverage, CoverageConfig
 from albot_env.tasks.exploration import ExploreConfig
 from albot_env.tasks.explore import ExploreEnv

@@ -85,7 +85,7 @@ def test_what_cannot_be_observed_is_refused() -> None:
 OTHER_KINDS = """
 import gymnasium
 from albot_core.errors import InputError
-from albot_core.perception.reading import LaserGeometry
+from albot_core.sensing.reading import LaserGeometry
 from albot_env.tasks.homecoming import HomingConfig
 
 def batch(name="Albot/Explore-v0", **settings):

@@ -1,0 +1,1 @@
+"""Compiled code: how functions are compiled, called and given their arguments."""

@@ -1,0 +1,140 @@
+"""How functions are compiled."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from llvmlite import ir
+from numba import njit, types
+from numba.core import cgutils, serialize
+from numba.core.dispatcher import Dispatcher
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
+
+from albot_core.kernels.sources import kernel_stamp
+
+ZERO: Any = np.int64(0)
+"""A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
+_WORD = ir.IntType(64)
+
+# What compiled code returns is wrapped with the help of a function of numba's that is written in
+# Python, and there Ctrl-C was raised that had been pressed meanwhile, where nobody looks for it:
+# the process ended with a SystemError, or a segmentation fault. From the second time on a cache
+# written in C answers, and Python finds the signal where the call has returned.
+_numba: Any = serialize
+_numba._numba_unpickle = cache(_numba._numba_unpickle)
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def kernel(*, arrays: bool = False, nogil: bool = False) -> Callable[[Function], Function]:
+    """A decorator: compiles a function to divide as numpy does, once until a kernel changes.
+
+    An array is handed on in seven registers, a view or a map in dozens. So the compiler is told to
+    put what is called where it is called, however long it is; not what makes arrays.
+
+    numba counts who holds an array, with instructions that lock the bus, each time one is handed
+    on, and in short functions that costs more than their work. Only functions that make or return
+    arrays need it, and those that call such with what they are given; all others do without.
+
+    Args:
+        arrays: Whether it makes, copies or returns arrays (numba's option `_nrt`).
+        nogil: Whether Python's other threads may run meanwhile.
+    """
+    options: dict[str, Any] = {"_nrt": arrays, "forceinline": not arrays}
+
+    def compiling(function: Function) -> Function:
+        compiled: Any = njit(cache=True, error_model="numpy", nogil=nogil, **options)(function)
+        if isinstance(compiled, Dispatcher):  # Not where numba is told to compile nothing.
+            _tie_to_all_kernels(compiled)
+        return cast(Function, compiled)
+
+    return compiling
+
+
+def _tie_to_all_kernels(dispatcher: Any) -> None:
+    # As the version, which numba reads first: what was kept of other kernels may name types that
+    # are gone, and could not even be opened to look for a stamp.
+    kept = dispatcher._cache._cache_file
+    kept._version = f"{kept._version} {kernel_stamp()}"
+
+
+def scratch(*shape: int, kind: Any = types.float64) -> Callable[[], np.ndarray]:
+    """What compiled code calls for a few numbers to work with, without asking for memory.
+
+    They stand on the stack and are gone when the function ends that asked for them, which must
+    not hand them back; they are nothing yet. The same ones each time it is called there.
+
+    Args:
+        shape: How many they are along each axis.
+        kind: What they are, as numba names it.
+    """
+
+    def _scratch(typing: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            tools: Any = cgutils
+            room = ir.ArrayType(context.get_data_type(kind), math.prod(shape))
+            lengths = [ir.Constant(_WORD, length) for length in shape]
+            return _array(context, builder, signature, tools.alloca_once(builder, room), lengths)
+
+        return types.Array(kind, len(shape), "C")(), generate
+
+    return cast(Callable[[], np.ndarray], intrinsic(_scratch))
+
+
+def array_at(*columns: int, kind: Any = types.float64) -> Callable[[int, int], np.ndarray]:
+    """What compiled code calls with an address and a length for the array that is there.
+
+    Nobody counts who holds it: who calls must know that it lives.
+
+    Args:
+        columns: How many elements it has along the axes after the first.
+        kind: What they are, as numba names it.
+    """
+
+    def _array_at(typing: Any, address: Any, rows: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            where = builder.inttoptr(values[0], context.get_data_type(kind).as_pointer())
+            lengths = [values[1], *(ir.Constant(_WORD, length) for length in columns)]
+            return _array(context, builder, signature, where, lengths)
+
+        return types.Array(kind, 1 + len(columns), "C")(types.int64, types.int64), generate
+
+    return cast(Callable[[int, int], np.ndarray], intrinsic(_array_at))
+
+
+def _element(typing: Any, array: Any, place: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        of = signature.args[0]
+        data = context.make_array(of)(context, builder, values[0]).data
+        size = context.get_abi_sizeof(context.get_data_type(of.dtype))
+        where = builder.gep(data, [values[1]], inbounds=True)
+        return builder.load_atomic(where, "unordered", size)
+
+    return array.dtype(array, types.int64), generate
+
+
+element = cast(Callable[[np.ndarray, int], Any], intrinsic(_element))
+"""`array[place]`, of a contiguous array with one axis, by a load of its own.
+
+Loops over places all over an array the compiler turns into instructions that gather many at once,
+which on some processors take longer than as many loads. It leaves loads alone that are atomic."""
+
+
+def _array(context: Any, builder: Any, signature: Any, where: Any, lengths: list[Any]) -> Any:
+    """The array of the signature's kind at a pointer, that nobody counts the holders of."""
+    kind = signature.return_type
+    element = context.get_data_type(kind.dtype)
+    size = ir.Constant(_WORD, context.get_abi_sizeof(element))
+    strides = [size]
+    for length in reversed(lengths[1:]):
+        strides.insert(0, builder.mul(strides[0], length))
+    array = context.make_array(kind)(context, builder)
+    data = builder.bitcast(where, element.as_pointer())
+    populate: Any = populate_array
+    populate(array, data=data, shape=lengths, strides=strides, itemsize=size, meminfo=None)
+    return array._getvalue()

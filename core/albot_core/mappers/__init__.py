@@ -1,0 +1,1 @@
+"""The mapping systems, behind one interface."""

@@ -1,0 +1,304 @@
+"""Albot1 in many robots at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+from albot_core.geometry.types import Segments
+from albot_core.kernels.arguments import Packer
+from albot_core.mappers.albot1.attending import Robot, attend
+from albot_core.mappers.albot1.config import Albot1Config
+from albot_core.mappers.albot1.exits import expect_exits, no_exits
+from albot_core.mappers.albot1.following import Lens, Robots, follow
+from albot_core.mappers.albot1.mapping import LOST, UPDATES
+from albot_core.mappers.albot1.memory import (
+    ALIVE,
+    empty_memory,
+    forget,
+    living,
+)
+from albot_core.mappers.albot1.memory_state import enlarged
+from albot_core.mappers.albot1.network import START, PlaceNetwork
+from albot_core.mappers.albot1.recognition import moved
+from albot_core.mappers.albot1.robot_state import (
+    STANDING,
+    check_standing,
+    rebuilt_arrays,
+    stored_arrays,
+)
+from albot_core.mappers.albot1.sight import copy_sight, empty_sight
+from albot_core.mappers.albot1.storage import COLUMNS, Arrays, addresses_of
+from albot_core.mappers.albot1.trail import AHEAD
+from albot_core.mappers.albot1.treading import follow_home
+from albot_core.mappers.albot1.wayfinding import way_lines
+from albot_core.mappers.mapper import EXIT, POINT, TRAVEL
+from albot_core.sensing.reading import LaserGeometry, Readings
+
+AFRESH = 0.2
+"""The way home is found anew after so much way (m)."""
+
+
+class Albot1Batch:
+    """Many robots with a perceptual map each, led by one compiled loop (a `MapperBatch`).
+
+    A single `Albot1` is a batch of one. Threads may update disjoint rows at the same time:
+    a robot's arrays are its own, also while they are exchanged for larger ones.
+
+    Args:
+        count: How many robots.
+        config: All thresholds; the defaults are the thesis's.
+    """
+
+    def __init__(self, count: int, config: Albot1Config | None = None) -> None:
+        self.config = config or Albot1Config()
+        self._limits = self.config.limits
+        self._arrays: list[Arrays] = []
+        self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
+        self._homes = np.zeros((count, 3))
+        self._places = np.zeros((count, 2), np.bool_)
+        self._ways_home = np.full((count, 7), np.nan)
+        self._next_exits = np.full((count, 4), np.nan)
+        self._found_at = np.full((count, 2), np.inf)
+        self._versions = [-1] * count
+        self._expecting = [-1] * count
+        self._robots = Robots(
+            table=np.zeros((count, COLUMNS), np.int64),
+            progress=np.zeros((count, 5), np.int64),
+            since=np.zeros((count, 3)),
+            poses=np.zeros((count, 3)),
+            surfaces=np.zeros(count, np.int64),
+            events=np.zeros(count, np.int64),
+            trod=np.zeros((count, 3)),
+            next_ids=np.zeros(count, np.int64),
+            current=np.zeros(count, np.int64),
+            displacements=np.zeros((count, 3)),
+            is_lost=np.zeros(count, np.bool_),
+            looked_from=np.full((count, 3), np.nan),
+        )
+        for network in self._networks:
+            trail = network.trail
+            parts = empty_memory(), empty_sight(), no_exits()
+            self._arrays.append(Arrays(*parts, trail.steps, trail.homewards.graph))
+        for row in range(count):
+            self._settle(row)
+        self._following = Packer(self._aids)
+
+    @classmethod
+    def default(cls, count: int) -> Albot1Batch:
+        """As `Albot1.default`."""
+        return cls(count, Albot1Config.improved())
+
+    @classmethod
+    def thesis(cls, count: int) -> Albot1Batch:
+        """As `Albot1.thesis`."""
+        return cls(count)
+
+    @property
+    def poses(self) -> Float64[np.ndarray, "robots 3"]:
+        """Where each robot believes to be, in its map's frame. Written over by updates."""
+        return self._robots.poses
+
+    @property
+    def homes(self) -> Float64[np.ndarray, "robots 3"]:
+        """Where home is believed to be, in each one's map's frame. Written over by updates."""
+        return self._homes
+
+    @property
+    def current_places(self) -> Int64[np.ndarray, "robots"]:
+        """The id of the place that each believes to be in. Written over."""
+        return self._robots.current
+
+    @property
+    def places(self) -> Bool[np.ndarray, "robots 2"]:
+        """Whether each knows its place from before; has lost its way. Written over."""
+        return self._places
+
+    @property
+    def ways_home(self) -> Float64[np.ndarray, "robots 7"]:
+        """The way home that each believes in, as of the last `find_ways`. Written over."""
+        return self._ways_home
+
+    def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Find the way home of those that have gone on (AFRESH), or whose network has changed.
+
+        The next exit is that of when the network last changed, as it does with each exit
+        crossed: within a place the way does not turn round for another exit. There is none where
+        the trail says that home is at hand, even if the place is taken for another than home.
+        """
+        gone = np.hypot(*(self._found_at[rows] - self.poses[rows, :2]).T) > AFRESH
+        for row, has_gone in zip(rows.tolist(), gone.tolist(), strict=True):
+            network = self._networks[row]
+            has_changed = self._versions[row] != network.version
+            if not (has_gone or has_changed):
+                continue
+            pose, way, sight = self.poses[row], self._ways_home[row], self._arrays[row].sight
+            if has_changed:
+                self._versions[row] = network.version
+                exits = way_lines(network, pose, START)
+                self._next_exits[row] = exits[0] if len(exits) else np.nan
+            self._found_at[row] = pose[:2]
+            ahead = follow_home(network, pose, sight.surfaces[: sight.size[0]])
+            way[POINT], way[TRAVEL] = ahead.point, ahead.length
+            way[EXIT] = np.nan if ahead.length < AHEAD else self._next_exits[row]
+
+    @property
+    def updates(self) -> Int64[np.ndarray, "robots"]:
+        """How often each has laid a view over its map. Written over by updates."""
+        return self._robots.progress[:, UPDATES]
+
+    @property
+    def surface_counts(self) -> Int64[np.ndarray, "robots"]:
+        """How many surfaces each remembers. Written over by updates."""
+        return self._robots.surfaces
+
+    @property
+    def lost(self) -> Int64[np.ndarray, "robots"]:
+        """At how many views no landmark was recognised and path integration stood in."""
+        return self._robots.progress[:, LOST]
+
+    def reset(self, row: int) -> None:
+        """Let one forget everything."""
+        memory, sight, exits, _, _ = self._arrays[row]
+        forget(memory)
+        exits.counts[:], exits.gate[:] = 0, 0
+        self._networks[row] = PlaceNetwork(self.config.places, self._networks[row].trail)
+        self._forget_ways(row)
+        sight.size[0] = 0
+        sight.pose[:] = 0.0
+        robots = self._robots
+        for array in (robots.progress, robots.since, robots.poses, robots.trod):
+            array[row] = 0
+        self._robots.surfaces[row] = 0
+
+    def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
+        """Let some take in their readings, which stand in the same rows."""
+        self.follow(rows, readings.ranges, readings.motions, readings.laser)
+
+    def follow(
+        self,
+        rows: Int64[np.ndarray, "some"],
+        ranges: Float64[np.ndarray, "robots beams"],
+        motions: Float64[np.ndarray, "robots 3"],
+        laser: LaserGeometry,
+    ) -> None:
+        """`update` with the arrays of readings that matter to the map."""
+        parcel = self._following.parcel(laser)
+        ranges, motions = np.ascontiguousarray(ranges), np.ascontiguousarray(motions)
+        done = follow(rows, 0, parcel, ranges, motions)
+        while done < len(rows):
+            self._enlarge(int(rows[done]))
+            done = follow(rows, done, parcel, ranges, motions)
+        for row in rows[self._robots.events[rows] > 0].tolist():
+            self._attend(row)
+
+    def network(self, row: int) -> PlaceNetwork:
+        """The network of places that one remembers (not a copy)."""
+        return self._networks[row]
+
+    def exits(self, row: int) -> Segments:
+        """The exits that one has seen and remembers, in its map's frame (a copy)."""
+        exits = self._arrays[row].exits
+        return exits.lines[: exits.counts[0]].copy()
+
+    def surfaces(self, row: int) -> Segments:
+        """The surfaces that one remembers, in its map's frame (a copy)."""
+        memory = self._arrays[row].memory
+        alive = living(memory)
+        return np.asarray(memory.surfaces[: len(alive)][alive])
+
+    def state(self, row: int) -> dict[str, np.ndarray]:
+        """Everything that one remembers, as arrays by name."""
+        memory, sight, exits, _, _ = self._arrays[row]
+        robots, network = self._robots, self._networks[row]
+        standing = {name: getattr(robots, name)[row].copy() for name in STANDING}
+        return standing | stored_arrays(memory, sight, exits, network)
+
+    def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
+        """Let one become the one that returned `state`.
+
+        Raises:
+            InputError: The arrays contradict each other.
+        """
+        check_standing(state)
+        memory, sight, exits, network = rebuilt_arrays(state, self.config.places)
+        trail = network.trail
+        self._arrays[row] = Arrays(memory, sight, exits, trail.steps, trail.homewards.graph)
+        self._networks[row] = network
+        self._forget_ways(row)
+        self._settle(row)
+        for name in STANDING:
+            getattr(self._robots, name)[row] = state[name]
+        self._robots.surfaces[row] = memory.counts[ALIVE]
+        moved(sight.pose, self._robots.since[row], self._robots.poses[row])
+
+    def _forget_ways(self, row: int) -> None:
+        """Another network: the way home must be found anew."""
+        self._versions[row] = self._expecting[row] = -1
+        self._stand(row)
+
+    def _stand(self, row: int) -> None:
+        """Note what the network says of home and of the present place."""
+        network = self._networks[row]
+        self._homes[row] = network.home
+        self._places[row] = network.is_familiar, network.lost_since > 0
+        robots = self._robots
+        robots.current[row], robots.is_lost[row] = network.current, network.lost_since > 0
+        robots.displacements[row] = network.displacement
+        robots.looked_from[row] = network.looked_from
+        if self.config.places.exits_expected and self._expecting[row] != network.version:
+            self._expecting[row] = network.version
+            expect_exits(self._arrays[row].exits, network.predicted_exits)
+
+    def _attend(self, row: int) -> None:
+        """See to what happened to one at its last reading."""
+        robot, events = self._robot(row), int(self._robots.events[row])
+        attend(robot, events, self._limits)
+        self._robots.surfaces[row] = robot.memory.counts[ALIVE]
+        self._stand(row)
+
+    def _robot(self, row: int) -> Robot:
+        robots, arrays = self._robots, self._arrays[row]
+        return Robot(
+            memory=arrays.memory,
+            sight=arrays.sight,
+            exits=arrays.exits,
+            network=self._networks[row],
+            progress=robots.progress[row],
+            pose=robots.poses[row],
+            next_id=int(robots.next_ids[row]),
+        )
+
+    def _settle(self, row: int) -> None:
+        """Tell the kernel where a robot's arrays are."""
+        self._robots.table[row] = addresses_of(self._arrays[row])
+
+    def _enlarge(self, row: int) -> None:
+        """Give one twice the room: its trail, or else its map and its view."""
+        arrays, trail = self._arrays[row], self._networks[row].trail
+        if trail.make_room():
+            arrays = arrays._replace(steps=trail.steps, graph=trail.homewards.graph)
+        else:
+            sight = empty_sight(2 * len(arrays.sight.slots))
+            copy_sight(arrays.sight, sight)
+            arrays = arrays._replace(memory=enlarged(arrays.memory), sight=sight)
+        self._arrays[row] = arrays
+        self._settle(row)
+
+    def _aids(self, laser: LaserGeometry) -> tuple[Any, ...]:
+        """What is followed with."""
+        return self._robots, self._lens(laser), self._limits
+
+    def _lens(self, laser: LaserGeometry) -> Lens:
+        """What views are constructed with from this laser's scans."""
+        view = self.config.view
+        return Lens(
+            directions=laser.directions,
+            mount=(float(laser.mount[0]), float(laser.mount[1])),
+            max_range=float(min(laser.max_range, view.max_range)),
+            thresholds=view.thresholds,
+            fit_lines=view.fit_lines,
+        )

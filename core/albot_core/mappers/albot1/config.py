@@ -1,0 +1,257 @@
+"""Every threshold of Albot1, with the thesis's values as defaults."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.errors import InputError
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
+from albot_core.sensing.view import ViewConfig
+
+TURN_STEP = math.radians(1.0)
+"""Turns are tried this far apart (rad)."""
+
+_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
+
+
+class Alike(NamedTuple):
+    """When two surfaces, and two places, are taken for the same (m, rad)."""
+
+    shortest: float
+    """Only surfaces from this length on are compared."""
+    gap: float
+    """Surfaces are the same only where they run no farther apart."""
+    angle: float
+    """Surfaces are the same only where they are turned no more apart."""
+    shift: float
+    """The place may be no farther from where it is looked for."""
+    turn: float
+    """The place may be turned no more from how it is looked for."""
+
+
+class Limits(NamedTuple):
+    """The thresholds as the compiled steps take them (m, rad)."""
+
+    view_spacing: float
+    view_turn: float
+    landmark_length: float
+    landmark_angle: float
+    landmark_cosine: float
+    turn_cosine: float
+    landmark_gap: float
+    fewest_landmarks: int
+    margin: float
+    eye_in_boundary: bool
+    remembered: bool
+    reach: float
+    motion_error: float
+    turn_error: float
+    exit_least: float
+    exit_most: float
+    look_spacing: float
+    look_turn: float
+    turns: np.ndarray
+    """(turns, 3) float64: the turns tried, as cosine, sine, and votes that each must make up."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacesConfig:
+    """Thresholds of the network of places (chapter 4). The defaults are the thesis's."""
+
+    shortest: float = 0.40
+    """Shorter surfaces are not compared (m; section 4.1.2)."""
+    gap: float = 0.40
+    """Two surfaces are the same only where they are no farther apart (m; section 4.1.2)…"""
+    angle: float = np.radians(5.0)
+    """…and turned no more apart (rad)."""
+    shift: float = np.inf
+    """A place is looked for no farther from where it was (m)…"""
+    turn: float = np.pi
+    """…and turned no more (rad). The thesis limits neither."""
+    fewest_matches: int = 4
+    """More surfaces must be the same (algorithm 6, line 11)…"""
+    least_share: float = 0.0
+    """…and they must make up this share of the smaller description."""
+    suspicion_share: float = 0.1
+    """The share of a place's surfaces of which more must be met again to arouse suspicion…"""
+    fewest_met: int = 2
+    """…but at least more than so many…"""
+    most_met: int = 8
+    """…and never more. The thesis says only that n grows with the place's size."""
+    by_position: bool = False
+    """A robot that enters a new place suspects those as well within whose surfaces it believes to
+    stand. Off: as the thesis."""
+    shift_here: float = 0.7
+    """They are looked for no farther from where they are believed to be (m)…"""
+    share_here: float = 0.7
+    """…and the same surfaces must make up this share of the smaller description."""
+    look_spacing: float = 0.7
+    """After a comparison the robot goes so far until the next (m)…"""
+    look_turn: float = np.radians(45.0)
+    """…or turns so far (rad)."""
+    exits_expected: bool = False
+    """Known exits are crossed where they are expected, though they are not seen. Off: as the
+    thesis."""
+    agreement: float = 0.40
+    """Where map and alignment differ by less (m), the map is left as it is."""
+    fewest_found: int = 7
+    """A robot that has lost its way needs so many surfaces to know a place again."""
+    most_described: int = 1024
+    """Surfaces of a place's description; those seen last are kept. Without an end to it, a
+    robot that drifts as it comes back would describe each wall again beside itself."""
+    events_kept: int = 512
+    """Events remembered; the oldest are forgotten first."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, POSITIVE, "shortest", "gap", "angle", "turn", "agreement", "shift_here")
+        check_fields(self, POSITIVE, "look_spacing", "look_turn")
+        check_fields(self, SHARE, "least_share", "suspicion_share", "share_here")
+        counts = "fewest_matches", "fewest_met", "most_met", "fewest_found"
+        check_fields(self, _FROM_ONE, *counts, "most_described", "events_kept")
+        if not self.shift > 0:
+            raise InputError("PlacesConfig.shift", "above 0", str(self.shift))
+
+    @property
+    def alike(self) -> Alike:
+        """The thresholds as the comparison takes them."""
+        return Alike(self.shortest, self.gap, self.angle, self.shift, self.turn)
+
+    @property
+    def alike_here(self) -> Alike:
+        """The same for a place within which the robot believes to stand."""
+        return self.alike._replace(shift=self.shift_here)
+
+    @classmethod
+    def improved(cls) -> PlacesConfig:
+        """The default mapper's thresholds: rooms are alike, so more is asked for."""
+        return cls(
+            gap=0.20,
+            shift=3.0,
+            turn=np.radians(20.0),
+            least_share=0.3,
+            by_position=True,
+            exits_expected=True,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Albot1Config:
+    """Thresholds of Albot1. The defaults are the thesis's, to the letter.
+
+    `Albot1Config.improved()` are those of the default mapper, `albot1`.
+    """
+
+    view: ViewConfig = field(default_factory=ViewConfig)
+    """Thresholds of view construction (section 3.1.3)."""
+    places: PlacesConfig = field(default_factory=PlacesConfig)
+    """Thresholds of the network of places (chapter 4)."""
+    view_spacing: float = 0.0
+    """A reading is a view only from this far from the last view's place on (m)…"""
+    view_turn: float = 0.0
+    """…or from this large a turn since on (rad); one nearer than both only moves the robot.
+
+    At 0 every reading is a view: a log's were taken as far apart as its robot stopped, or,
+    guided in continuous motion, every 10 cm or 1°, or 1 m or 10° (section 3.1.2).
+    """
+    landmark_length: float = 0.40
+    """Shorter surfaces are no landmarks (m; section 3.1.4)."""
+    landmark_angle: float = np.radians(5.0)
+    """Two surfaces are taken for one only below this angle (rad; algorithm 1, line 6)."""
+    landmark_gap: float = 0.40
+    """Two surfaces are taken for one only where their occluding or corner points are nearer
+    than this (m; algorithm 1, line 7)."""
+    fewest_landmarks: int = 3
+    """With fewer recognised landmarks the limiting point is reached (algorithm 4, line 12)."""
+    margin: float = 0.40
+    """What lies this near to the view's boundary counts as inside (m; algorithm 3, line 9)."""
+    eye_in_boundary: bool = False
+    """The robot's own place is a corner of the view's boundary. Off: as algorithm 3, line 7,
+    the surfaces' ends alone, so that where nothing stands at ±90° the ground between the
+    robot and its first and last surface counts as outside."""
+    remembered: bool = False
+    """Recognise what is remembered nearby, under the likeliest turn, and localise by all of it.
+
+    Off: as the thesis, landmarks are followed from view to view under the odometer's turn,
+    and one of them localises the robot. The fields below matter only where this is on.
+    """
+    turn_search: float = np.radians(20.0)
+    """How wrong the odometer's turn may be (rad)."""
+    turn_cost: float = np.radians(12.0)
+    """A turn this far from the odometer's must be worth one landmark more, and one twice as
+    far four (rad)."""
+    reach: float = 16.0
+    """Only surfaces nearer than this are recognised and localise the robot (m)."""
+    motion_error: float = 0.05
+    """Standard deviation of the odometer's translation between views (m)."""
+    turn_error: float = np.radians(5.0)
+    """Standard deviation of the turn that the search has found (rad)."""
+    exit_least: float = 0.65
+    """Narrower gaps are no exits (m)…"""
+    exit_most: float = 1.35
+    """…nor are wider ones (m): a doorway's typical size is about 1 m (section 4.1.1)."""
+
+    def __post_init__(self) -> None:
+        lengths = "landmark_length", "landmark_gap", "reach", "motion_error"
+        angles = "landmark_angle", "turn_cost", "turn_error"
+        check_fields(self, POSITIVE, *lengths, *angles, "exit_least", "exit_most")
+        check_fields(self, NOT_NEGATIVE, "view_spacing", "view_turn", "margin", "turn_search")
+        check_fields(self, _FROM_ONE, "fewest_landmarks")
+
+    @classmethod
+    def improved(cls) -> Albot1Config:
+        """The default mapper's thresholds.
+
+        Against the letter of the thesis, surfaces lie on the line of all their points; the
+        odometer's turn is doubted, because in real logs it is often off by more than the 5°
+        that recognition allows; and all recognised surfaces together localise the robot.
+        """
+        return cls(
+            view=ViewConfig(fit_lines=True),
+            places=PlacesConfig.improved(),
+            eye_in_boundary=True,
+            remembered=True,
+        )
+
+    @property
+    def limits(self) -> Limits:
+        """The thresholds as the compiled steps take them."""
+        return Limits(*(getattr(self, name) for name in Limits._fields))
+
+    @property
+    def landmark_cosine(self) -> float:
+        """The cosine of `landmark_angle`; below that of any angle where all are allowed."""
+        return math.cos(self.landmark_angle) if self.landmark_angle < math.pi else -2.0
+
+    @property
+    def turn_cosine(self) -> float:
+        """A cosine below which two headings are farther apart than any turn tried allows."""
+        widest = self.turn_search + TURN_STEP + self.landmark_angle
+        return math.cos(widest) if widest < math.pi else -2.0
+
+    @property
+    def look_spacing(self) -> float:
+        """How far the robot goes from one comparison of places to the next (m)."""
+        return self.places.look_spacing
+
+    @property
+    def look_turn(self) -> float:
+        """How far it turns (rad)."""
+        return self.places.look_turn
+
+    @property
+    def turns(self) -> Float64[np.ndarray, "turns 3"]:
+        """The turns tried, as `Limits` holds them."""
+        steps = int(self.turn_search / TURN_STEP + 0.5)
+        turns = [TURN_STEP * step for step in range(-steps, steps + 1)]
+        shares = [turn / self.turn_cost for turn in turns]
+        return np.array(
+            [
+                (math.cos(turn), math.sin(turn), share * share)
+                for turn, share in zip(turns, shares, strict=True)
+            ]
+        )

@@ -1,0 +1,133 @@
+"""Where compiled code finds the map, the last view and the exits of each of many robots.
+
+Robots remember more or less, so that their maps cannot stand in one array. Each has arrays
+of its own, which are exchanged for larger ones as its map grows; a kernel that leads many
+robots takes a table with the addresses of them all.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Int64
+from numba import types
+
+from albot_core.kernels.compiled import array_at, kernel
+from albot_core.mappers.albot1.exits import ROOM as EXITS
+from albot_core.mappers.albot1.exits import Exits
+from albot_core.mappers.albot1.homewards import Graph
+from albot_core.mappers.albot1.memory import Memory
+from albot_core.mappers.albot1.sight import Sight
+from albot_core.mappers.albot1.trail_kernels import Steps
+
+CAPACITY, ROOM, POINTS, LINKS = 0, 1, 2, 3
+"""Places in a robot's row of the table: surfaces its map has room for, surfaces its view has
+room for, and points and links that its trail has; after them the addresses of its memory's
+arrays, of its view's, of its exits', and of its trail's."""
+_MEMORY = 4
+_SIGHT = _MEMORY + len(Memory._fields)
+_EXITS = _SIGHT + len(Sight._fields)
+_STEPS = _EXITS + len(Exits._fields)
+_GRAPH = _STEPS + len(Steps._fields)
+COLUMNS = _GRAPH + len(Graph._fields)
+"""Length of a row of the table."""
+
+
+class Arrays(NamedTuple):
+    """The arrays of one robot."""
+
+    memory: Memory
+    """Its map."""
+    sight: Sight
+    """Its last view."""
+    exits: Exits
+    """The exits that it has seen."""
+    steps: Steps
+    """The points of its trail."""
+    graph: Graph
+    """The links between them."""
+
+
+def addresses_of(arrays: Arrays) -> Int64[np.ndarray, "columns"]:
+    """A robot's row of the table. It holds as long as the arrays live."""
+    addresses = [array.ctypes.data for part in arrays for array in part]
+    memory, sight, _, steps, graph = arrays
+    rooms = [len(memory.ids), len(sight.slots), len(steps.places), len(graph.spans)]
+    return np.array([*rooms, *addresses], np.int64)
+
+
+_numbers, _pairs, _lines = array_at(), array_at(2), array_at(4)
+_integers, _integer_pairs = array_at(kind=types.int64), array_at(2, kind=types.int64)
+_shorts, _short_pairs = array_at(kind=types.int32), array_at(2, kind=types.int32)
+_edges, _truths = array_at(2, kind=types.int8), array_at(kind=types.boolean)
+
+
+@kernel()
+def memory_at(table: np.ndarray) -> Memory:
+    """The memory whose arrays' addresses stand in a row of the table."""
+    capacity, at = table[CAPACITY], _MEMORY
+    return Memory(
+        _lines(table[at], capacity),
+        _edges(table[at + 1], capacity),
+        _integers(table[at + 2], capacity),
+        _shorts(table[at + 3], capacity),
+        _shorts(table[at + 4], capacity),
+        _short_pairs(table[at + 5], capacity),
+        _shorts(table[at + 6], capacity),
+        _shorts(table[at + 7], 2 * capacity),
+        _short_pairs(table[at + 8], 2 * capacity),
+        _integers(table[at + 9], 6),
+    )
+
+
+@kernel()
+def sight_at(table: np.ndarray) -> Sight:
+    """The view whose arrays' addresses stand in a row of the table."""
+    room, at = table[ROOM], _SIGHT
+    return Sight(
+        _lines(table[at], room),
+        _edges(table[at + 1], room),
+        _truths(table[at + 2], room),
+        _integers(table[at + 3], room),
+        _integers(table[at + 4], 1),
+        _numbers(table[at + 5], 3),
+    )
+
+
+@kernel()
+def exits_at(table: np.ndarray) -> Exits:
+    """The exits whose arrays' addresses stand in a row of the table."""
+    return Exits(
+        _lines(table[_EXITS], EXITS),
+        _numbers(table[_EXITS + 1], 5),
+        _integers(table[_EXITS + 2], 3),
+        _lines(table[_EXITS + 3], EXITS),
+    )
+
+
+@kernel()
+def steps_at(table: np.ndarray) -> Steps:
+    """The trail's points whose arrays' addresses stand in a row of the table."""
+    room, at = table[POINTS], _STEPS
+    return Steps(
+        _pairs(table[at], room),
+        _integers(table[at + 1], room),
+        _integers(table[at + 2], room),
+        _integers(table[at + 3], 2),
+    )
+
+
+@kernel()
+def graph_at(table: np.ndarray) -> Graph:
+    """The trail's links whose arrays' addresses stand in a row of the table."""
+    points, links, at = table[POINTS], table[LINKS], _GRAPH
+    return Graph(
+        _integers(table[at], 2),
+        _numbers(table[at + 1], points),
+        _integers(table[at + 2], points),
+        _integers(table[at + 3], points),
+        _integer_pairs(table[at + 4], links),
+        _numbers(table[at + 5], links),
+        _integer_pairs(table[at + 6], links),
+    )

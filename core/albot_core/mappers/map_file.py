@@ -1,0 +1,65 @@
+"""A mapper's whole memory as one file: the mapper's name and every array of its state."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from albot_core.archive import HEADER, ArchiveFormat
+from albot_core.errors import InputError
+from albot_core.mappers.mapper import Mapper
+from albot_core.mappers.registry import MAPPERS, make_mapper
+
+FORMAT = "albot-map"
+VERSION = 4
+
+_FILE = ArchiveFormat(name=FORMAT, version=VERSION, kind="map file", largest=1 << 30)
+
+
+def save_map(mapper: Mapper, path: str | Path) -> None:
+    """Write all that `mapper` remembers to `path`, whole or not at all."""
+    _FILE.write(Path(path), {"mapper": mapper.name}, mapper.state())
+
+
+def load_map(path: str | Path) -> Mapper:
+    """The mapper that was saved to `path`; its run continues as if never stopped.
+
+    Raises:
+        InputError: The file is missing or torn, is no map, is of another version, or holds
+            what its mapper's memory does not.
+    """
+    path = Path(path)
+    header, state = _FILE.read(path)
+    mapper = make_mapper(_mapper_name(path, header))
+    _check_state(path, mapper, state)
+    mapper.restore(state)
+    return mapper
+
+
+def _mapper_name(path: Path, header: dict[str, Any]) -> str:
+    """The mapper named in the header."""
+    name = header.get("mapper")
+    if not isinstance(name, str) or name not in MAPPERS:
+        found = repr(name)
+        raise InputError(path, f"a mapper, one of {', '.join(MAPPERS)}", found, place=HEADER)
+    return name
+
+
+def _check_state(path: Path, mapper: Mapper, state: dict[str, np.ndarray]) -> None:
+    """Raise InputError unless the arrays are of the names and kinds that the mapper keeps."""
+    kept = mapper.state()
+    for name in sorted(kept.keys() | state.keys()):
+        if name not in state:
+            raise InputError(path, f"the array {name}", "none", place=f"{name}.npy")
+        if name not in kept:
+            raise InputError(path, f"only arrays of {mapper.name}", name, place=f"{name}.npy")
+        mine, theirs = kept[name], state[name]
+        if (mine.dtype, mine.ndim) != (theirs.dtype, theirs.ndim):
+            raise InputError(
+                path,
+                f"{mine.ndim} dimensions of {mine.dtype}",
+                f"{theirs.ndim} of {theirs.dtype}",
+                place=f"{name}.npy",
+            )

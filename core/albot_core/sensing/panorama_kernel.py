@@ -1,0 +1,203 @@
+"""The compiled search for how one panorama lies best on another."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from albot_core.geometry.directions import length_of
+from albot_core.kernels.compiled import kernel
+
+TOLERANCE = 0.15
+"""Distances that differ by this (m)…"""
+SLANT = 0.03
+"""…and this share of the distance do not agree; those that differ by less do in part."""
+REACH = 1.0
+"""How far from a guess it is searched (m)…"""
+GRID = 0.5
+"""…in such steps (m)…"""
+TURN = math.radians(20.0)
+"""…and how far turned (rad)…"""
+TURN_STEP = math.radians(5.0)
+"""…in such steps (rad)."""
+FINEST = 0.03
+"""Steps are halved until they are less than this (m)."""
+THINNED = 3
+"""On the grid every so many directions are compared."""
+
+
+class Agreed(NamedTuple):
+    """How well two panoramas agree under a pose (see `panorama.Agreement`)."""
+
+    score: float
+    """What the search maximises: agreement less contradiction."""
+    agreed: float
+    contradicted: float
+    sight: float
+
+
+@kernel()
+def _direction(x: float, y: float, count: int) -> int:
+    """The direction in which a point lies."""
+    angle = math.atan2(y, x)
+    share = angle / (2.0 * math.pi)
+    return int((share - math.floor(share)) * count) % count
+
+
+@kernel()
+def draw(points: np.ndarray, ranges: np.ndarray) -> None:
+    """Set the ranges (directions,) to those of the nearest points (n, 2); zeros stay without."""
+    for k in range(points.shape[0]):
+        x, y = points[k, 0], points[k, 1]
+        direction = _direction(x, y, ranges.shape[0])
+        distance = length_of(x, y)
+        if ranges[direction] == 0.0 or distance < ranges[direction]:
+            ranges[direction] = distance
+
+
+@kernel()
+def _spread(ranges: np.ndarray, spans: np.ndarray) -> None:
+    """Fill `spans` (directions, 2) with least and greatest range of each direction and the next.
+
+    0 where nothing was seen: between two beams a wall lies somewhere between their ranges.
+    """
+    count = ranges.shape[0]
+    for k in range(count):
+        least, most = math.inf, 0.0
+        for beside in (k - 1, k, (k + 1) % count):
+            distance = ranges[beside]
+            if distance > 0.0:
+                least, most = min(least, distance), max(most, distance)
+        spans[k, 0], spans[k, 1] = (least, most) if ranges[k] > 0.0 else (0.0, 0.0)
+
+
+@kernel()
+def _tally(
+    spans: np.ndarray,
+    points: np.ndarray,
+    x: float,
+    y: float,
+    turn: float,
+    step: int,
+    counts: np.ndarray,
+) -> None:
+    """Add to `counts` how many points of one panorama agree, contradict, say nothing of another.
+
+    `x`, `y`, `turn` say where the points' frame lies in that of the `spans`.
+    """
+    cos, sin = math.cos(turn), math.sin(turn)
+    count = spans.shape[0]
+    for k in range(0, points.shape[0], step):
+        u = x + cos * points[k, 0] - sin * points[k, 1]
+        v = y + sin * points[k, 0] + cos * points[k, 1]
+        direction = _direction(u, v, count)
+        least, most = spans[direction, 0], spans[direction, 1]
+        if most == 0.0:
+            continue
+        distance = length_of(u, v)
+        slack = TOLERANCE + SLANT * distance
+        if distance < least - slack:
+            counts[1] += 1.0
+        else:
+            # Less and less the farther off, for the search to climb finely.
+            off = max(least - distance, distance - most, 0.0)
+            counts[0] += max(0.0, 1.0 - off / slack)
+            counts[2] += min(1.0, off / slack)
+
+
+@kernel()
+def _score(
+    spans: tuple[np.ndarray, np.ndarray],
+    points: tuple[np.ndarray, np.ndarray],
+    pose: np.ndarray,
+    step: int,
+    counts: np.ndarray,
+) -> float:
+    """Agreement less contradiction of both panoramas under a pose; tallies them in `counts`."""
+    counts[:] = 0.0
+    _tally(spans[0], points[1], pose[0], pose[1], pose[2], step, counts)
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    x, y = -cos * pose[0] - sin * pose[1], sin * pose[0] - cos * pose[1]
+    _tally(spans[1], points[0], x, y, -pose[2], step, counts)
+    total = counts[0] + counts[1] + counts[2]
+    return (counts[0] - counts[1]) / total if total > 0.0 else 0.0
+
+
+@kernel(arrays=True)
+def _points(ranges: np.ndarray) -> np.ndarray:
+    """Where the ranges end (n, 2)."""
+    points = np.empty((ranges.shape[0], 2))
+    seen = 0
+    for k in range(ranges.shape[0]):
+        if ranges[k] > 0.0:
+            angle = (k + 0.5) * 2.0 * math.pi / ranges.shape[0]
+            points[seen, 0] = ranges[k] * math.cos(angle)
+            points[seen, 1] = ranges[k] * math.sin(angle)
+            seen += 1
+    return points[:seen]
+
+
+@kernel(arrays=True)
+def agree_best(mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray) -> Agreed:
+    """Find how `theirs` lies best on `mine` (directions,), near to `pose`, which is set to it."""
+    spans = np.empty((mine.shape[0], 2)), np.empty((theirs.shape[0], 2))
+    _spread(mine, spans[0])
+    _spread(theirs, spans[1])
+    points = _points(mine), _points(theirs)
+    counts, tried, guess = np.zeros(3), np.empty(3), pose.copy()
+    best = -math.inf
+    for i in range(-int(REACH / GRID), int(REACH / GRID) + 1):
+        for j in range(-int(REACH / GRID), int(REACH / GRID) + 1):
+            for k in range(-int(TURN / TURN_STEP + 0.5), int(TURN / TURN_STEP + 0.5) + 1):
+                tried[0], tried[1] = guess[0] + i * GRID, guess[1] + j * GRID
+                tried[2] = guess[2] + k * TURN_STEP
+                score = _score(spans, points, tried, THINNED, counts)
+                if score > best:
+                    best = score
+                    pose[:] = tried
+    best = _draw_nearer(spans, points, pose, counts)
+    total = max(counts[0] + counts[1] + counts[2], 1.0)
+    return Agreed(best, counts[0] / total, counts[1] / total, _sight(spans, pose))
+
+
+@kernel()
+def _draw_nearer(
+    spans: tuple[np.ndarray, np.ndarray],
+    points: tuple[np.ndarray, np.ndarray],
+    pose: np.ndarray,
+    counts: np.ndarray,
+) -> float:
+    """Climb to the best pose nearby in ever smaller steps; return its score."""
+    best = _score(spans, points, pose, 1, counts)
+    step = 0.5 * GRID
+    while step > FINEST:
+        better = False
+        for axis in range(3):
+            for sign in (-1.0, 1.0):
+                before = pose[axis]
+                pose[axis] = before + sign * step * (TURN_STEP / GRID if axis == 2 else 1.0)
+                score = _score(spans, points, pose, 1, counts)
+                if score > best:
+                    best, better = score, True
+                else:
+                    pose[axis] = before
+        if not better:
+            step *= 0.5
+    return _score(spans, points, pose, 1, counts)
+
+
+@kernel()
+def _sight(spans: tuple[np.ndarray, np.ndarray], pose: np.ndarray) -> float:
+    """How far each panorama looks past the other's origin, the less of the two (m)."""
+    apart = length_of(pose[0], pose[1])
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    x, y = -cos * pose[0] - sin * pose[1], sin * pose[0] - cos * pose[1]
+    past = math.inf
+    for k in range(2):
+        to_x, to_y = (pose[0], pose[1]) if k == 0 else (x, y)
+        span = spans[k][_direction(to_x, to_y, spans[k].shape[0])]
+        if span[1] > 0.0:
+            past = min(past, span[0] - apart)
+    return past

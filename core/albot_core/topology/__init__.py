@@ -1,1 +1,0 @@
-"""Networks of places: what mapping systems that know places have in common."""

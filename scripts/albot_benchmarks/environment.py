@@ -1,0 +1,230 @@
+"""How many steps a second the environments take, beside what one would write first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import cycle, islice
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import albot_env  # noqa: F401  (registers the environments)
+from albot_benchmarks.irsim import irsim_found, irsim_laser
+from albot_benchmarks.naive import NaiveEnv
+from albot_benchmarks.rates import Lap, Rate, best_rates
+from albot_core.sensing.reading import LaserGeometry
+from albot_env.sim.crew import Crew
+from albot_env.tasks.exploration import ExploreConfig
+from albot_env.tasks.observation import ObservationConfig
+from albot_maps import World, load_world
+
+ENVIRONMENT = "Albot/Explore-v0"
+WORLD = "random:office:3?rooms=10"
+"""An office floor of 200 walls."""
+
+SENSORS = "laser", "sonar", "motion"
+"""What a robot observes that makes nothing of its readings."""
+
+_ENDLESS = 10**9
+_HOLD = 10
+_ACTIONS = 500
+"""Steps after which a robot's actions come again."""
+_RUN_IN = 100
+"""Steps of each environment before the first that is timed: 10 s."""
+
+Row = dict[str, float | int | str | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """An environment to be timed."""
+
+    mapper: str | None
+    """Name of the mapper inside, or `none`; None where there is none to have."""
+    num_envs: int = 1
+    """How many environments step together; 1 is one of `gymnasium.make`."""
+    steps: int = 2000
+    """Steps in a turn, of all environments together."""
+    threads: int = 1
+    """Threads that share the work of a batch; 0 for as many as there are processors."""
+    parts: tuple[str, ...] | None = None
+    """What is observed (see `ObservationConfig.parts`); None for what the environment usually
+    shows."""
+
+    @property
+    def mode(self) -> str:
+        """`single` or `vector`."""
+        return "single" if self.num_envs == 1 else "vector"
+
+    @property
+    def name(self) -> str:
+        """A name of its own."""
+        return f"{self.mode} {self.num_envs} {self.mapper} {self.threads} {self.parts}"
+
+
+HEAVIEST = Case(mapper="albot1", num_envs=256, steps=32768)
+"""The case whose memory is measured."""
+
+CASES = (
+    HEAVIEST,
+    Case(mapper="none"),
+    Case(mapper="odometry"),
+    Case(mapper="albot1"),
+    Case(mapper="none", num_envs=256, steps=65536, parts=SENSORS),
+    Case(mapper="none", num_envs=1024, steps=65536, parts=SENSORS),
+    Case(mapper="none", num_envs=256, steps=65536),
+    Case(mapper="none", num_envs=1024, steps=65536),
+    Case(mapper="albot1", num_envs=1024, steps=32768),
+    Case(mapper="none", num_envs=1024, steps=65536, threads=0),
+    Case(mapper="albot1", num_envs=1024, steps=32768, threads=0),
+)
+
+
+def measure_environments(rounds: int, cases: Sequence[Case] = CASES) -> list[Row]:
+    """Time robots that wander about in `Albot/Explore-v0`, alone and in batches.
+
+    On one core, and the largest batches on all cores, too; and batches that observe nothing but
+    what their sensors say. Turns take some tenths of a second, so that in one of them the machine
+    may be left alone by its neighbours.
+
+    In the same rounds: the same robot and laser as a loop over pymunk's queries, and, where
+    it is installed, ir-sim's laser alone.
+
+    Returns:
+        For each `id`, `mode` (single or vector), `num_envs`, `threads`, `mapper` (None where
+        there is none to have), `parts` (what is observed, None for what usually is), `segments`
+        (walls of the world), `steps_per_second` of all environments together (the best of
+        `rounds` turns, compiled), `steps_per_cpu_second` (the same by the time that a processor
+        really worked: where it is greater, the machine was busy), and `ratio`, that over the
+        naive loop's. Of the batch of 256 with `albot1` also `memory_mib`, by how much the
+        process grew (where the system tells; else 0).
+    """
+    world = load_world(WORLD)
+    laps, memory = _laps(cases, world)
+    rivals = _rivals(world)
+    rates = best_rates({**laps, **rivals}, rounds)
+    rows = [
+        _row(ENVIRONMENT, case, rates[case.name])
+        | ({"memory_mib": memory[case.name]} if case.name in memory else {})
+        for case in cases
+    ]
+    rows += [_row(name, Case(mapper=None), rates[name]) for name in rivals]
+    for row in rows:
+        row["segments"] = len(world.walls)
+        row["ratio"] = float(row["steps_per_cpu_second"] or 0) / rates[_NAIVE].by_processor
+    return rows
+
+
+def _laps(cases: Sequence[Case], world: World) -> tuple[dict[str, Lap], dict[str, float]]:
+    """Turns of the cases by name, and of the heaviest how much memory it takes (MiB)."""
+    laps: dict[str, Lap] = {}
+    memory: dict[str, float] = {}
+    # The heaviest comes first: those after it use what others have given back.
+    for case in sorted(cases, key=lambda case: case != HEAVIEST):
+        before = _resident_mib()
+        laps[case.name] = make_lap(case, world)
+        if case == HEAVIEST:
+            laps[case.name]()
+            memory[case.name] = _resident_mib() - before
+    return laps, memory
+
+
+_NAIVE, _IRSIM = "pymunk in a Python loop", "ir-sim, its laser alone"
+
+
+def _rivals(world: World) -> dict[str, Lap]:
+    """What ours is held against."""
+    naive = NaiveEnv(world, LaserGeometry())
+    rivals = {_NAIVE: _lap(naive.step, _actions(2), 1, 100)}
+    if irsim_found():
+        scan = irsim_laser(world, LaserGeometry())
+        rivals[_IRSIM] = _lap(lambda _: scan(), _actions(2), 1, 30)
+    return rivals
+
+
+def make_lap(case: Case, world: World) -> Lap:
+    """A turn of a case: random actions, from where the turn before has led.
+
+    What comes before the first has led away from the start: maps are not empty any more.
+    """
+    count = case.num_envs
+    env = make_single(case, world) if case.mode == "single" else make_batch(case, world)
+    actions = _actions(2) if case.mode == "single" else _actions(count, 2)
+    env.reset(seed=0)
+    _lap(env.step, actions, count, _RUN_IN)()
+    return _lap(env.step, actions, count, max(1, case.steps // count))
+
+
+def make_single(case: Case, world: World) -> Any:
+    """One environment, without an end."""
+    return gymnasium.make(
+        ENVIRONMENT,
+        world=world,
+        mapper=case.mapper,
+        config=_config(case),
+        max_episode_steps=_ENDLESS,
+    )
+
+
+def make_batch(case: Case, world: World) -> Any:
+    """A batch of environments without an end."""
+    return gymnasium.make_vec(
+        ENVIRONMENT,
+        num_envs=case.num_envs,
+        world=world,
+        mapper=case.mapper,
+        config=_config(case),
+        max_episode_steps=_ENDLESS,
+        threads=case.threads,
+    )
+
+
+def _config(case: Case) -> ExploreConfig:
+    shown = ObservationConfig() if case.parts is None else ObservationConfig(parts=case.parts)
+    return ExploreConfig(observations=shown)
+
+
+def _lap(
+    step: Callable[[np.ndarray], Any], actions: np.ndarray, environments: int, steps: int
+) -> Lap:
+    """So many steps, with the actions that come after those of the lap before."""
+    ahead = cycle(actions)
+
+    def lap() -> int:
+        for action in islice(ahead, steps):
+            step(action)
+        return environments * steps
+
+    return lap
+
+
+def _actions(*shape: int) -> np.ndarray:
+    """Random actions, each kept for a second: robots that tremble on the spot map nothing."""
+    drawn = np.random.default_rng(0).uniform(-1, 1, (_ACTIONS // _HOLD, *shape))
+    return np.repeat(drawn, _HOLD, axis=0).astype(np.float32)
+
+
+def _row(name: str, case: Case, rate: Rate) -> Row:
+    return {
+        "id": name,
+        "mode": case.mode,
+        "num_envs": case.num_envs,
+        "threads": Crew(case.threads).size,
+        "mapper": case.mapper,
+        "parts": None if case.parts is None else ", ".join(case.parts),
+        "steps_per_second": rate.by_clock,
+        "steps_per_cpu_second": rate.by_processor,
+    }
+
+
+def _resident_mib() -> float:
+    """Memory that this process holds (MiB)."""
+    status = Path("/proc/self/status")
+    if status.exists():
+        for line in status.read_text(encoding="ascii").splitlines():
+            if line.startswith("VmRSS:"):
+                return int(line.split()[1]) / 1024
+    return 0.0

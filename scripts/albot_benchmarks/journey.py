@@ -1,0 +1,105 @@
+"""What a reading costs, and what is remembered, along a journey of many kilometres."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from itertools import islice
+
+import numpy as np
+
+from albot_benchmarks.environment import WORLD
+from albot_benchmarks.patrol import patrol
+from albot_core.mappers.albot1.mapper import Albot1
+from albot_core.sensing.reading import Reading
+from albot_maps import load_world
+
+Row = dict[str, float | int | str]
+
+_CHUNK = 250
+"""Readings that are made ready before the mapper takes them in, which alone is timed."""
+_ADDITIONS = 50_000
+"""Additions in Python that are timed beside each chunk."""
+
+
+def measure_journey(
+    path_m: float = 10_000.0, stage_m: float = 500.0, world: str = WORLD, seed: int = 1000
+) -> list[Row]:
+    """Lead `albot1` from room to room of one building for hours: does a reading come to cost more?
+
+    Args:
+        path_m: Length of the journey, as its odometer has it (m).
+        stage_m: After so much of it there is a row (m).
+        world: The building's spec.
+        seed: Of the rooms and the sensors' errors.
+
+    Returns:
+        A row for each stage: `path_km` at its end; `us_per_reading`, the processor's time for
+        an update in that stage, and `ratio`, that over what a thousand additions in Python take,
+        measured in between; and what is remembered at its end: `surfaces` of the
+        perceptual map, `places`, their `exits` and `described` surfaces, `visits` and `events`,
+        `trail_points` and `trail_links`, and `memory_bytes` of the whole state.
+    """
+    mapper, building = Albot1.default(), load_world(world)
+    for reading in islice(patrol(building, np.random.default_rng(seed)), 4 * int(stage_m)):
+        mapper.update(reading)  # compiles
+    mapper.reset()
+    readings = patrol(building, np.random.default_rng(seed))
+    rows: list[Row] = []
+    path = 0.0
+    for end in np.arange(stage_m, path_m + stage_m / 2, stage_m):
+        count, seconds, additions = 0, 0.0, []
+        while path < end:
+            chunk = list(_stretch(readings, end - path))
+            began = time.process_time()
+            for reading in chunk:
+                mapper.update(reading)
+            seconds += time.process_time() - began
+            additions.append(_addition())
+            count += len(chunk)
+            path += sum(map(_length, chunk))
+        cost = {
+            "path_km": path / 1000,
+            "readings": count,
+            "us_per_reading": 1e6 * seconds / count,
+            "ratio": seconds / count / (1000 * float(np.mean(additions))),
+        }
+        rows.append({"name": mapper.name, "world": world} | cost | _remembered(mapper))
+    return rows
+
+
+def _stretch(readings: Iterator[Reading], way: float) -> Iterator[Reading]:
+    """The next readings, up to the one that completes so much way (m)."""
+    for reading in islice(readings, _CHUNK):
+        yield reading
+        way -= _length(reading)
+        if way <= 0:
+            return
+
+
+def _length(reading: Reading) -> float:
+    return float(np.hypot(*reading.motion[:2]))
+
+
+def _addition() -> float:
+    """The processor's time for an addition in Python (s)."""
+    began, total = time.process_time(), 0
+    for number in range(_ADDITIONS):
+        total += number
+    return (time.process_time() - began) / _ADDITIONS
+
+
+def _remembered(mapper: Albot1) -> Row:
+    """How much it remembers."""
+    state = mapper.state()
+    return {
+        "surfaces": len(mapper.surfaces),
+        "places": len(state["places.ids"]),
+        "exits": len(state["places.lines"]),
+        "described": len(state["places.surfaces"]),
+        "visits": len(state["places.visits"]) - 1,
+        "events": len(state["places.events"]),
+        "trail_points": len(state["places.trail"]),
+        "trail_links": len(state["places.trail_links"]),
+        "memory_bytes": sum(array.nbytes for array in state.values()),
+    }

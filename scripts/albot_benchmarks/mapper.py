@@ -1,0 +1,163 @@
+"""How many readings a second a mapper takes in, and that a large map costs no more."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from albot_core.geometry.poses import inverse, transform_segments
+from albot_core.geometry.types import Segments
+from albot_core.mappers.albot1.mapper import Albot1
+from albot_core.mappers.albot1.memory import add_surface, empty_memory
+from albot_core.mappers.albot1.memory_state import stored_memory
+from albot_core.mappers.mapper import Mapper, MapperBatch
+from albot_core.mappers.registry import make_mapper, make_mappers
+from albot_core.sensing.reading import Reading, Readings
+from albot_experiments.guided_tour import Journey, guided_tour
+from albot_maps import load_world
+
+_SIZES = (1_000, 100_000)
+_BATCH = 256
+"""Robots in a batch…"""
+_BATCH_STEPS = 20
+"""…and how many readings each takes in."""
+_SPREAD = 50.0
+"""Distance (m) between the copies of the floor that a large map remembers."""
+
+
+def measure_mappers(
+    names: Sequence[str], readings: Sequence[Reading] | None = None, rounds: int = 5
+) -> list[dict[str, float | int | str]]:
+    """Time mappers on a run of readings, by default on a simulated tour of `office-ring`.
+
+    Returns:
+        For each mapper its `name`, the `surfaces` of its map at the end, and
+        `readings_per_second` of its updates alone (the best of `rounds` runs, compiled).
+        Then what a `batch` of robots does, all taking in the same first few readings:
+        `batch_readings_per_second` of all robots, and `row_readings_per_second` where the
+        batch is asked for one robot at a time.
+    """
+    readings = readings or tour_readings()
+    rows: list[dict[str, float | int | str]] = []
+    for name in names:
+        mapper = make_mapper(name)
+        rate = _rate(mapper, readings, rounds)
+        alone = {"surfaces": len(mapper.surfaces), "readings_per_second": rate}
+        rows.append({"name": name} | alone | _batch_rates(name, readings, rounds))
+    return rows
+
+
+def measure_growth(rounds: int = 5) -> list[dict[str, float | int | str]]:
+    """Time `albot1` on the same tour with maps that remember ever more besides.
+
+    The floor is remembered many times over, in copies that lie apart; the robot is in one.
+    """
+    world, tour = load_world("office-ring"), _tour()
+    floor = transform_segments(inverse(tour.truth[0]), world.walls)
+    rows: list[dict[str, float | int | str]] = []
+    for size in _SIZES:
+        mapper = Albot1.default()
+        mapper.update(tour.readings[0])
+        known = knowing(mapper.state(), copies_of(floor, size))
+        best = 0.0
+        for _ in range(rounds):
+            mapper.restore(known)
+            best = max(best, _timed(mapper, tour.readings[1:]))
+        rows.append({"name": "albot1", "surfaces": size, "readings_per_second": best})
+    return rows
+
+
+def tour_readings() -> list[Reading]:
+    """What a robot senses when guided round `office-ring`, about 140 readings."""
+    return list(_tour().readings)
+
+
+def _tour() -> Journey:
+    world = load_world("office-ring")
+    return guided_tour(world, world.tours["single-loop"], np.random.default_rng(0))
+
+
+def copies_of(floor: Segments, count: int) -> Float64[np.ndarray, "copies 4"]:
+    """`count` walls: the floor's where it is, and again and again in copies that lie apart."""
+    copies = -(-count // len(floor))
+    side = int(np.ceil(np.sqrt(copies)))
+    offsets = [(i // side * _SPREAD, i % side * _SPREAD) for i in range(copies)]
+    return np.concatenate([floor + np.array([dx, dy, dx, dy]) for dx, dy in offsets])[:count]
+
+
+def knowing(state: dict[str, np.ndarray], surfaces: Segments) -> dict[str, np.ndarray]:
+    """The state of a mapper that also remembers `surfaces`."""
+    memory = empty_memory(len(state["memory.ids"]) + len(surfaces))
+    stable = np.full(2, 2, np.int8)
+    alive = state["memory.ids"] >= 0
+    for surface in (*state["memory.surfaces"][alive], *surfaces):
+        add_surface(memory, surface, stable)
+    return state | {f"memory.{name}": array for name, array in stored_memory(memory).items()}
+
+
+def _rate(mapper: Mapper, readings: Sequence[Reading], rounds: int) -> float:
+    """Readings a second, the best of several runs after one that compiles."""
+    best = 0.0
+    for _ in range(rounds + 1):
+        mapper.reset()
+        best = max(best, _timed(mapper, readings))
+    return best
+
+
+def _batch_rates(
+    name: str, readings: Sequence[Reading], rounds: int
+) -> dict[str, float | int | str]:
+    """What a batch does together, and one row at a time."""
+    mappers, shared = make_mappers(name, _BATCH), _shared(readings, _BATCH)
+    everyone = np.arange(_BATCH)
+    each = [everyone[row : row + 1] for row in range(_BATCH)]
+    return {
+        "batch": _BATCH,
+        "batch_readings_per_second": _batch_rate(mappers, shared, [everyone], rounds),
+        "row_readings_per_second": _batch_rate(mappers, shared, each, rounds),
+    }
+
+
+def _shared(readings: Sequence[Reading], count: int) -> list[Readings]:
+    """The first few readings, each for many robots at once, of one laser as a batch needs."""
+    laser = readings[0].laser.geometry
+    return [
+        Readings(
+            stamps=np.full(count, reading.stamp),
+            motions=np.tile(reading.motion, (count, 1)),
+            laser=laser,
+            ranges=np.tile(reading.laser.ranges, (count, 1)),
+        )
+        for reading in readings[:_BATCH_STEPS]
+        if reading.laser.geometry == laser
+    ]
+
+
+def _batch_rate(
+    mappers: MapperBatch,
+    readings: Sequence[Readings],
+    groups: Sequence[Int64[np.ndarray, "some"]],
+    rounds: int,
+) -> float:
+    """Readings a second of all robots, asked for in groups; the best of several runs."""
+    count, best = len(mappers.poses), 0.0
+    for _ in range(rounds):
+        for row in range(count):
+            mappers.reset(row)
+        started = time.perf_counter()
+        for reading in readings:
+            for rows in groups:
+                mappers.update(rows, reading)
+        seconds = time.perf_counter() - started
+        best = max(best, count * len(readings) / seconds)
+    return best
+
+
+def _timed(mapper: Mapper, readings: Sequence[Reading]) -> float:
+    started = time.perf_counter()
+    for reading in readings:
+        mapper.update(reading)
+    return len(readings) / (time.perf_counter() - started)

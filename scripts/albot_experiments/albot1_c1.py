@@ -1,0 +1,116 @@
+"""Experiment 1 of the Albot1 thesis's chapter 4: a network of places (section 4.2.1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_experiments.drawing import draw_network, draw_route
+from albot_experiments.guided_tour import guided_tour
+from albot_experiments.places_truth import PlacedJourney, place_journey
+from albot_experiments.report import Figures, Report
+from albot_experiments.seeds import one_by_one
+from albot_maps import World, load_world
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ID = "albot1-c1"
+TITLE = "Learning a network of places (Hossain 2014, section 4.2.1, figures 4.1 to 4.3)"
+WORLD, TOUR = "office-ring", "single-loop"
+PAPER: dict[str, Figures] = {
+    "path_m": 90.0,
+    "places": 6,
+    "links": 6,
+    "right_from_S": 1.0,
+    "right_from_A": 1.0,
+    "right_from_B": 1.0,
+}
+STARTS: Mapping[str, int] = {"S": 0, "A": 9, "B": 6}
+"""From which waypoint of the tour the robot sets out: in P1, P5 and P4."""
+LEAST_SHARE = 0.9
+"""In so many of the seeds the network must be right from all starts."""
+
+
+def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
+    """Guide the robot round the ring from each start, once a seed, and look at its network.
+
+    Raises:
+        InputError: No seeds.
+    """
+    world = load_world(WORLD)
+    placed: dict[str, list[PlacedJourney]] = {start: [] for start in STARTS}
+    for seed in one_by_one(seeds, progress):
+        for start, waypoint in STARTS.items():
+            tour = loop_from(world.tours[TOUR], waypoint)
+            journey = guided_tour(world, tour, np.random.default_rng(seed))
+            placed[start].append(place_journey("albot1", world, journey))
+    return _report(world, seeds, placed)
+
+
+def loop_from(
+    loop: Float64[np.ndarray, "waypoints 2"], start: int
+) -> Float64[np.ndarray, "tour 2"]:
+    """A closed tour from one of its waypoints round to it, and on a little way.
+
+    The robot goes on in the place that it set out from, as far as the way into it was left
+    out at the start: what it cannot have seen before it left it cannot recognise.
+    """
+    once = loop[:-1]
+    turned = np.concatenate((once[start:], once[: start + 1]))
+    return np.concatenate((turned, turned[1:3] if start else turned[1:2]))
+
+
+def _report(world: World, seeds: range, placed: dict[str, list[PlacedJourney]]) -> Report:
+    right = {start: [each.is_right(world) for each in runs] for start, runs in placed.items()}
+    everywhere = np.all(list(right.values()), axis=0)
+    runs = [each for several in placed.values() for each in several]
+    measured: dict[str, Figures] = {
+        "path_m": round(float(np.median([each.journey.path_length for each in runs])), 1),
+        "places": int(np.median([len(each.network.places) for each in runs])),
+        "links": int(np.median([len(each.network.links) for each in runs])),
+        **{f"right_from_{start}": round(float(np.mean(each)), 3) for start, each in right.items()},
+        "right_from_all": round(float(everywhere.mean()), 3),
+        "seeds": len(seeds),
+    }
+    return Report(
+        id=ID,
+        title=TITLE,
+        paper=PAPER,
+        measured=measured,
+        holds=bool(everywhere.mean() >= LEAST_SHARE),
+        text=_text(seeds),
+        pictures={"networks": _picture(world, {start: each[0] for start, each in placed.items()})},
+    )
+
+
+def _text(seeds: range) -> str:
+    return f"""
+A robot is guided start-stop round the loop of `{WORLD}`, through six exits and back to where
+it set out: in P1 (S), in P5 (A) or in P4 (B). It then goes on a little way, for it recognises
+a place by what it sees there again. `right_from_S` is the share of the seeds {seeds.start} to
+{seeds.stop - 1} in which the network at the end is right: every view more than 1 m from a
+doorway was taken in the one room that its place is, every room is one place, and the links
+are those that the six exits make. Reached where it is right from all three starts in
+{LEAST_SHARE:.0%} of the seeds.
+
+The picture shows the networks of the first seed: each place's description in a colour of its
+own, drawn where the map had it when the place was learned.
+"""
+
+
+def _picture(world: World, placed: dict[str, PlacedJourney]) -> Figure:
+    """The route, and the network from each start, as figures 4.1 to 4.3."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11, 11), layout="constrained")
+    route, *others = figure.subplots(2, 2).ravel()
+    draw_route(route, world, world.tours[TOUR])
+    route.set_title(f"{WORLD}: {TOUR}")
+    for axes, (start, each) in zip(others, placed.items(), strict=True):
+        draw_network(axes, world, each.network, each.journey.truth[0])
+        axes.set_title(f"from {start}")
+    return figure

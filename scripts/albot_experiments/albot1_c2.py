@@ -1,0 +1,152 @@
+"""Experiment 2 of the Albot1 thesis's chapter 4: recognising familiar places (section 4.2.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.geometry.poses import relative
+from albot_core.mappers.albot1.record import Event, Happening
+from albot_experiments.drawing import draw_network, draw_route
+from albot_experiments.guided_tour import guided_tour
+from albot_experiments.places_truth import PlacedJourney, place_journey
+from albot_experiments.report import Figures, Report
+from albot_experiments.seeds import one_by_one
+from albot_maps import World, load_world
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ID = "albot1-c2"
+TITLE = "Recognizing familiar places (Hossain 2014, section 4.2.2, figures 4.4 to 4.6)"
+WORLD, TOUR = "office-double", "double-loop"
+TAKEN_FOR_P7 = slice(19, 22)
+"""The tour's waypoints in the part of P1 that it does not know there, in P7."""
+PAPER: dict[str, Figures] = {
+    "path_m": 150.0,
+    "places": 7,
+    "links": 8,
+    "network_right": 1.0,
+    "story_told": 1.0,
+}
+LEAST_SHARE = 0.8
+"""In so many of the seeds the network must be right and the story be told."""
+
+Beat = tuple[Happening, str, str]
+"""What happens, the place that the robot believes to be in, and the other."""
+
+STORY: tuple[Beat, ...] = (
+    (Happening.NEW, "P1", "P2"),
+    (Happening.NEW, "P2", "P3"),
+    (Happening.NEW, "P3", "P4"),
+    (Happening.NEW, "P4", "P5"),
+    (Happening.NEW, "P5", "P6"),
+    (Happening.NEW, "P6", "P7"),
+    (Happening.ENTERED, "P7", "P6"),
+    (Happening.NEW, "P6", "P8"),
+    (Happening.NEW, "P8", "P9"),
+    (Happening.RECOGNIZED, "P9", "P2"),
+    (Happening.ENTERED, "P2", "P1"),
+    (Happening.RECOGNIZED, "P1", "P7"),
+)
+"""The thesis's. It enters P2 as a place yet unknown, here P9, and recognises it there."""
+
+
+def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
+    """Guide the robot along the double loop, once a seed, and look at its network.
+
+    Raises:
+        InputError: No seeds.
+    """
+    world = load_world(WORLD)
+    tour = and_on(world.tours[TOUR])
+    placed = []
+    for seed in one_by_one(seeds, progress):
+        journey = guided_tour(world, tour, np.random.default_rng(seed))
+        placed.append(place_journey("albot1", world, journey))
+    return _report(world, seeds, placed)
+
+
+def and_on(tour: Float64[np.ndarray, "waypoints 2"]) -> Float64[np.ndarray, "tour 2"]:
+    """The double loop, and on a little way: into P7, which it may then find to be P1."""
+    return np.concatenate((tour, tour[TAKEN_FOR_P7]))
+
+
+def story(events: Iterable[Event]) -> tuple[Beat, ...]:
+    """What happened, but for the suspicions that were not confirmed."""
+    quiet = (Happening.SET_OUT, Happening.REFUSED)
+    return tuple(
+        (event.what, f"P{event.place + 1}", f"P{event.other + 1}")
+        for event in events
+        if event.what not in quiet
+    )
+
+
+def _report(world: World, seeds: range, placed: list[PlacedJourney]) -> Report:
+    right = np.array([each.is_right(world) for each in placed])
+    told = np.array([story(each.events) == STORY for each in placed])
+    measured: dict[str, Figures] = {
+        "path_m": round(float(np.median([each.journey.path_length for each in placed])), 1),
+        "places": int(np.median([len(each.network.places) for each in placed])),
+        "links": int(np.median([len(each.network.links) for each in placed])),
+        "network_right": round(float(right.mean()), 3),
+        "story_told": round(float(told.mean()), 3),
+        "seeds": len(seeds),
+    }
+    order = np.argsort([_error(each) for each in placed], kind="stable")
+    middle = int(order[len(order) // 2])
+    return Report(
+        id=ID,
+        title=TITLE,
+        paper=PAPER,
+        measured=measured,
+        holds=bool((right & told).mean() >= LEAST_SHARE),
+        text=_text(seeds, seeds[middle], placed[middle]),
+        pictures={"network": _picture(world, placed[middle])},
+    )
+
+
+def _error(placed: PlacedJourney) -> float:
+    """How far the map has drifted at the end of the journey (m)."""
+    truth = placed.journey.truth
+    return float(np.hypot(*(relative(truth[0], truth[-1]) - placed.poses[-1])[:2]))
+
+
+def _text(seeds: range, seed: int, placed: PlacedJourney) -> str:
+    log = "\n".join(str(event) for event in placed.events)
+    return f"""
+A robot is guided start-stop along the tour `{TOUR}` of `{WORLD}`: once round the ring, into a
+part of P1 that it has not seen, where it must not know P1 again; back through E6, through P8
+into P2 from a side that it has not seen either, and through E1 into P1. There the tour ends;
+the robot goes on into the part of P1 that it took for a place of its own.
+
+`network_right` is the share of the seeds {seeds.start} to {seeds.stop - 1} in which the
+network at the end is right: every view more than 1 m from a doorway was taken in the one room
+that its place is, every room is one place, and the links are those that the eight exits make.
+`story_told` is the share in which it came about as in the thesis: P1 is not recognised and
+becomes P7; the exit known leads back to P6; P8 is new; P2 is recognised by its structure, P1
+by the exit, and P7 is found to be P1. Reached where both are so in {LEAST_SHARE:.0%} of the
+seeds.
+
+What happened with the seed whose map drifts as far as the median, {seed}:
+
+```
+{log}
+```
+"""
+
+
+def _picture(world: World, placed: PlacedJourney) -> Figure:
+    """The route and the network, as figures 4.4 and 4.6."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(13, 6.6), layout="constrained")
+    route, axes = figure.subplots(1, 2)
+    draw_route(route, world, world.tours[TOUR])
+    route.set_title(f"{WORLD}: {TOUR}")
+    draw_network(axes, world, placed.network, placed.journey.truth[0])
+    axes.set_title("network of places")
+    return figure

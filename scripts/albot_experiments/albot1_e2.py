@@ -1,0 +1,181 @@
+"""Experiment 2 of the Albot1 thesis: where home is, seen from afar (section 3.2.2)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from albot_core.geometry.poses import compose, relative, transform_points, wrap_angle
+from albot_core.geometry.types import Pose, Poses
+from albot_experiments.drawing import MARK, PATH, draw_floor
+from albot_experiments.guided_tour import Journey, guided_tour
+from albot_experiments.mapping import MAPPERS, map_readings
+from albot_experiments.report import Figures, Report
+from albot_experiments.seeds import one_by_one
+from albot_experiments.shape import median_and_worst
+from albot_maps import World, load_world
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ID = "albot1-e2"
+TITLE = "Orientation (Hossain 2014, section 3.2.2, figures 3.18 and 3.19, table 3.1)"
+WORLD, TOUR = "office-ring", "single-loop"
+TABLE = np.array(
+    [
+        (-75.5, 25.8, -70.1, 27.3),
+        (83.0, 19.6, 77.0, 16.95),
+        (114.0, 32.1, 117.5, 35.3),
+        (82.5, 21.6, 76.0, 23.0),
+    ]
+)
+"""Table 3.1: angle (°) and distance (m) of home in Albot1's map, and on the floor."""
+_OFF = np.abs(TABLE[:, :2] - TABLE[:, 2:])
+PAPER: dict[str, Figures] = {
+    "stops": len(TABLE),
+    "angle_error_deg": median_and_worst(_OFF[:, 0].tolist(), 2),
+    "distance_error_m": median_and_worst(_OFF[:, 1].tolist(), 2),
+}
+LARGEST_ANGLE, LARGEST_DISTANCE = np.radians(7.0), 3.2
+"""What no stop of any run may exceed (rad, m)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """Where the robot stops and tells where home is."""
+
+    name: str
+    backwards: bool
+    """Whether on the journey against the tour's direction."""
+    at: tuple[float, float]
+    """Place on the floor (m)."""
+
+
+STOPS = (
+    Stop(name="a", backwards=False, at=(3.6, 28.4)),
+    Stop(name="b", backwards=False, at=(24.8, 26.9)),
+    Stop(name="c", backwards=True, at=(28.2, 17.8)),
+    Stop(name="d", backwards=True, at=(10.6, 26.0)),
+)
+"""Two journeys with two stops each, 15 to 27 m from home, as in figure 3.19."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pointing:
+    """What one mapper says at one stop."""
+
+    stop: Stop
+    truth: Pose
+    """Where the robot was, in the world's frame."""
+    home: Pose
+    """Where home was, seen from there."""
+    believed: Pose
+    """Where it was believed to be, seen from there."""
+
+    @property
+    def angle_error(self) -> float:
+        """Between the directions of home as believed and as it was (rad)."""
+        turn = math.atan2(self.believed[1], self.believed[0]) - math.atan2(*self.home[1::-1])
+        return float(abs(wrap_angle(turn)))
+
+    @property
+    def distance_error(self) -> float:
+        """Between the distances of home as believed and as it was (m)."""
+        return float(abs(np.hypot(*self.believed[:2]) - np.hypot(*self.home[:2])))
+
+
+def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
+    """Guide the robot on both journeys, once a seed, and ask at every stop where home is.
+
+    Raises:
+        InputError: No seeds.
+    """
+    world = load_world(WORLD)
+    pointings: dict[str, list[Pointing]] = {name: [] for name in MAPPERS}
+    for seed in one_by_one(seeds, progress):
+        rng = np.random.default_rng(seed)
+        for backwards in (False, True):
+            tour = world.tours[TOUR][:: -1 if backwards else 1]
+            journey = guided_tour(world, tour, rng)
+            for name in MAPPERS:
+                home = map_readings(name, journey.readings).home
+                pointings[name] += [
+                    point(journey, home, stop) for stop in STOPS if stop.backwards is backwards
+                ]
+    return _report(seeds, world, pointings)
+
+
+def point(journey: Journey, home: Poses, stop: Stop) -> Pointing:
+    """Where home is and is believed to be, at the view nearest to the stop."""
+    view = journey.nearest_view(np.array(stop.at))
+    truth = journey.truth[view]
+    return Pointing(
+        stop=stop, truth=truth, home=relative(truth, journey.truth[0]), believed=home[view]
+    )
+
+
+def _report(seeds: range, world: World, pointings: dict[str, list[Pointing]]) -> Report:
+    measured: dict[str, Figures] = {"seeds": len(seeds), "stops": len(STOPS)}
+    measured |= _errors(pointings["albot1"])
+    for name in MAPPERS:
+        measured[f"{name}, all stops"] = _errors(pointings[name])
+        for stop in STOPS:
+            there = [pointing for pointing in pointings[name] if pointing.stop is stop]
+            measured[f"{name}, stop {stop.name}"] = _errors(there)
+    holds = all(
+        pointing.angle_error <= LARGEST_ANGLE and pointing.distance_error <= LARGEST_DISTANCE
+        for pointing in pointings["albot1"]
+    )
+    return Report(
+        id=ID,
+        title=TITLE,
+        paper=PAPER,
+        measured=measured,
+        holds=holds,
+        text=_text(seeds),
+        pictures={"home": _picture(world, pointings)},
+    )
+
+
+def _errors(pointings: list[Pointing]) -> dict[str, Figures]:
+    angles = [np.degrees(pointing.angle_error) for pointing in pointings]
+    away = [float(np.hypot(*pointing.home[:2])) for pointing in pointings]
+    return {
+        "home_m": round(float(np.median(away)), 1),
+        "angle_error_deg": median_and_worst(angles, 2),
+        "distance_error_m": median_and_worst([each.distance_error for each in pointings], 2),
+    }
+
+
+def _text(seeds: range) -> str:
+    return f"""
+A robot is guided start-stop, 1 m or 45° at a time, round `{WORLD}`: once along `{TOUR}` and once
+against it, each from home on. At two stops a journey it says where home is: the angle from
+its heading and the distance. Medians and worst over four stops and the seeds {seeds.start} to
+{seeds.stop - 1}; reached where the worst of `albot1` is within 7° and 3.2 m.
+
+In the picture every line ends where home was believed to be, drawn from where the robot
+truly was and headed.
+"""
+
+
+def _picture(world: World, pointings: dict[str, list[Pointing]]) -> Figure:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(15, 5.4), layout="constrained")
+    for axes, name in zip(figure.subplots(1, 3), MAPPERS, strict=True):
+        draw_floor(axes, world.walls)
+        for pointing in pointings[name]:
+            believed = compose(pointing.truth, pointing.believed)
+            axes.plot(*np.stack((pointing.truth, believed))[:, :2].T, color=PATH, lw=0.5)
+            axes.plot(*believed[:2], ".", color=PATH, ms=4)
+        home = transform_points(pointings[name][0].truth, pointings[name][0].home[:2])
+        axes.plot(*home, "o", mfc="none", mec=MARK, ms=12, mew=2)
+        for stop in STOPS:
+            axes.annotate(stop.name, stop.at, color=MARK, fontsize=13, weight="bold")
+        axes.set_title(name)
+    return figure

@@ -1,0 +1,88 @@
+"""Maps beside and upon the floors that they are maps of."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from albot_core.geometry.poses import compose, transform_points, transform_segments
+from albot_core.geometry.types import Points, Pose, Poses, Segments
+from albot_core.maps.place_graph import Network
+from albot_maps.world import World
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+FLOOR, SURFACE, PATH, MARK = "#c9ccd1", "#22262b", "#d1603d", "#0a8a5f"
+"""Colours of true walls, of what the robot remembers, of its way, and of what matters."""
+PLACES = ("#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f")
+"""Colours of places, by their ids; they come again after the eighth."""
+
+
+def draw_floor(axes: Axes, walls: Segments, colour: str = FLOOR, width: float = 0.8) -> None:
+    """Draw walls, in any one frame, and fit the axes to them."""
+    from matplotlib.collections import LineCollection
+
+    axes.add_collection(LineCollection(list(walls.reshape(-1, 2, 2)), colors=colour, lw=width))
+    axes.set(aspect="equal", xticks=[], yticks=[])
+    axes.autoscale_view()
+
+
+def draw_route(axes: Axes, world: World, way: Points) -> None:
+    """Draw a floor and a way over it, with a dot at its beginning and arrows along it."""
+    draw_floor(axes, world.walls, SURFACE)
+    axes.plot(way[:, 0], way[:, 1], color=PATH, lw=1.2)
+    axes.plot(*way[0], "o", color=MARK, ms=6)
+    for index in range(6, len(way) - 1, max(8, len(way) // 12)):
+        axes.annotate(
+            "",
+            tuple(way[index + 1]),
+            tuple(way[index]),
+            arrowprops={"arrowstyle": "-|>", "color": PATH, "lw": 1.2},
+        )
+
+
+def draw_map(axes: Axes, world: World, surfaces: Segments, poses: Poses, frame: Pose) -> None:
+    """Draw a map and the believed way, laid on the true walls.
+
+    Args:
+        axes: Where to draw.
+        world: The floor.
+        surfaces: What the robot remembers, in the map's frame.
+        poses: (views, 3): where it believed to be, in the map's frame.
+        frame: The map's frame as a pose in the world's.
+    """
+    draw_floor(axes, world.walls)
+    draw_floor(axes, transform_segments(frame, surfaces), SURFACE, 1.2)
+    way = compose(frame, poses)
+    axes.plot(way[:, 0], way[:, 1], color=PATH, lw=0.8)
+
+
+def draw_network(axes: Axes, world: World, network: Network, frame: Pose) -> None:
+    """Draw places in colours of their own, their exits, and the links between them.
+
+    Args:
+        axes: Where to draw.
+        world: The floor, drawn beneath.
+        network: The places, drawn where the map had them when they were learned.
+        frame: The map's frame as a pose in the world's.
+    """
+    draw_floor(axes, world.walls)
+    for one, other in network.links:
+        ends = [transform_points(frame, network.place(place).middle) for place in (one, other)]
+        axes.plot(*zip(*ends, strict=True), color=MARK, lw=1.2, ls=":")
+    for place in network.places:
+        colour = PLACES[place.id % len(PLACES)]
+        lay = compose(frame, place.frame)
+        draw_floor(axes, transform_segments(lay, place.surfaces), colour, 1.4)
+        for door in place.exits:
+            x1, y1, x2, y2 = transform_segments(lay, door.line[None])[0]
+            axes.plot((x1, x2), (y1, y2), color=colour, lw=3.0, alpha=0.6)
+        axes.annotate(
+            f"P{place.id + 1}",
+            tuple(transform_points(frame, place.middle)),
+            color=colour,
+            fontsize=12,
+            weight="bold",
+            ha="center",
+            bbox={"boxstyle": "round", "fc": "white", "ec": colour},
+        )

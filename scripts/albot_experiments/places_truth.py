@@ -1,0 +1,169 @@
+"""A network of places held against the rooms that its places truly are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Points, Poses
+from albot_core.mappers.albot1.mapper import Albot1
+from albot_core.mappers.albot1.record import Event, Happening
+from albot_core.mappers.registry import make_mapper
+from albot_core.maps.place_graph import Network
+from albot_experiments.guided_tour import Journey
+from albot_maps import World
+
+DOORWAY = 1.0
+"""So near to the middle of an exit a robot may be in the room on either side of it (m)."""
+NEARBY = 2.0
+"""An exit that the robot goes through is seen no farther from it (m)."""
+
+Line = Float64[np.ndarray, "4"]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Crossing:
+    """The robot found that it had gone through an exit."""
+
+    view: int
+    """The view at which it found it."""
+    exit: str
+    """The true exit's name."""
+    seen: Line
+    """Where the exit was seen, in the map's frame (m); NaN where it was not."""
+    expected: Line
+    """Where an exit of the place left was expected nearest to that (m); NaN where nowhere."""
+
+    @property
+    def gap(self) -> float:
+        """Distance between the middles of the exit seen and the one expected (m)."""
+        return between(self.seen, self.expected)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlacedJourney:
+    """A mapper with a network of places at the end of a journey."""
+
+    journey: Journey
+    mapper: Albot1
+    """The mapper after the last view."""
+    poses: Poses
+    """(views, 3): where it believed to be at every view, in the map's frame."""
+    places: Int64[np.ndarray, "views"]
+    """The id that the place believed to be in has at the end, for every view."""
+    crossings: tuple[Crossing, ...]
+    """The exits gone through, in order."""
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """What happened to the network."""
+        return self.mapper.events
+
+    @property
+    def network(self) -> Network:
+        """The network at the end."""
+        return self.mapper.network
+
+    def rooms(self, world: World) -> dict[int, frozenset[str]]:
+        """The rooms in which the robot truly was while it believed to be in each place.
+
+        Where it stood in a doorway says nothing.
+        """
+        doors = np.array([door.segment.reshape(2, 2).mean(axis=0) for door in world.exits])
+        rooms: dict[int, set[str]] = {}
+        for place, (x, y) in zip(self.places.tolist(), self.journey.truth[:, :2], strict=True):
+            room = world.room_at(x, y)
+            if room is not None and np.hypot(*(doors - (x, y)).T).min() > DOORWAY:
+                rooms.setdefault(place, set()).add(room)
+        return {place: frozenset(found) for place, found in rooms.items()}
+
+    def is_right(self, world: World) -> bool:
+        """Whether every place is one room, every room one place, and all exits join them."""
+        rooms = self.rooms(world)
+        names = [next(iter(found)) for found in rooms.values() if len(found) == 1]
+        if len(names) < len(rooms) or sorted(names) != sorted(room.name for room in world.rooms):
+            return False
+        network = self.network
+        if {place.id for place in network.places} != rooms.keys():
+            return False
+        room_of = dict(zip(rooms, names, strict=True))
+        links = {frozenset((room_of[one], room_of[other])) for one, other in network.links}
+        return links == {frozenset(door.rooms) for door in world.exits}
+
+
+def place_journey(name: str, world: World, journey: Journey) -> PlacedJourney:
+    """Lead a fresh mapper through a journey, and keep where it believed to be.
+
+    Raises:
+        InputError: The mapper is no Albot1.
+    """
+    mapper = make_mapper(name)
+    if not isinstance(mapper, Albot1):
+        raise InputError("mapper", "one of Albot1's", name)
+    poses, places = np.empty_like(journey.truth), np.zeros(len(journey.truth), np.int64)
+    crossings: list[Crossing] = []
+    place = known = 0
+    for view, reading in enumerate(journey.readings):
+        expected, before = mapper.predicted_exits, mapper.exits
+        mapper.update(reading)
+        events = mapper.events
+        new, known = events[known:], len(events)
+        for event in new:
+            if event.what in (Happening.NEW, Happening.ENTERED, Happening.LOST):
+                place = event.other
+        poses[view], places[view] = mapper.pose, place
+        if any(event.what in (Happening.NEW, Happening.ENTERED) for event in new):
+            line = _nearest(before, poses[view - 1 : view + 1, :2].mean(axis=0))
+            crossing = Crossing(
+                view=view,
+                exit=_true_exit(world, journey.truth[view - 1 : view + 1, :2].mean(axis=0)),
+                seen=line,
+                expected=_nearest(expected, middle(line)),
+            )
+            crossings.append(crossing)
+    same = same_in_the_end(mapper.events)
+    return PlacedJourney(
+        journey=journey,
+        mapper=mapper,
+        poses=poses,
+        places=np.array([same.get(place, place) for place in places.tolist()]),
+        crossings=tuple(crossings),
+    )
+
+
+def same_in_the_end(events: Iterable[Event]) -> Mapping[int, int]:
+    """The id that the place of every id lost has at the end: the least of those merged."""
+    same: dict[int, int] = {}
+    for event in events:
+        if event.what in (Happening.RECOGNIZED, Happening.FOLLOWED, Happening.FOUND):
+            kept, gone = sorted((event.place, event.other))
+            same[gone] = kept
+            same = {place: kept if into == gone else into for place, into in same.items()}
+    return same
+
+
+def middle(line: Line) -> Points:
+    """The middle of a line (m)."""
+    return np.asarray(0.5 * (line[:2] + line[2:]))
+
+
+def between(one: Line, other: Line) -> float:
+    """Distance between the middles of two lines (m)."""
+    return float(np.hypot(*(middle(one) - middle(other))))
+
+
+def _nearest(lines: Float64[np.ndarray, "lines 4"], point: Points) -> Line:
+    """The line with its middle nearest to a point, NaN where none is near."""
+    away = [float(np.hypot(*(middle(line) - point))) for line in lines]
+    if not away or not min(away) < NEARBY:
+        return np.full(4, np.nan)
+    return np.asarray(lines[int(np.argmin(away))])
+
+
+def _true_exit(world: World, point: Points) -> str:
+    away = [float(np.hypot(*(middle(door.segment) - point))) for door in world.exits]
+    return world.exits[int(np.argmin(away))].name

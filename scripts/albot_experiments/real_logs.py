@@ -1,0 +1,95 @@
+"""The public logs of experiment 6, and what is known of the floors on which they were made."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.evaluation.crispness import laid_points
+from albot_core.evaluation.registration import register
+from albot_core.evaluation.relations import Relations, read_relations
+from albot_core.evaluation.surfaces import sample_segments
+from albot_core.evaluation.trajectory import Trajectory, alignment, associate
+from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.logs.log import Log
+from albot_core.logs.reader import read_log
+from albot_core.logs.reference import read_reference
+from albot_core.logs.wean_map import read_wean_map
+from albot_experiments.data import data_folder
+
+_MOST = 200_000
+"""Points of a reference map."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RealLog:
+    """A log by its files' names, in the folder `logs` of the data."""
+
+    name: str
+    log: str
+    reference: str = ""
+    """Corrected poses; without, the log holds them itself, or there are none."""
+    relations: str = ""
+    """True relations between poses."""
+    floor: str = ""
+    """A map of the building, where no corrected poses are known."""
+
+
+LOGS = (
+    RealLog(
+        name="Intel",
+        log="intel_raw.json.gz",
+        reference="intel_reference.json.gz",
+        relations="intel.relations",
+    ),
+    RealLog(name="ACES", log="aces-corrected.log.gz"),
+    RealLog(name="Freiburg 101", log="freiburg-101-corrected.log.gz"),
+    RealLog(name="Wean 1", log="wean_robotdata1.log.xz", floor="wean_map.dat.gz"),
+    RealLog(name="Wean 2", log="wean_robotdata2.log.xz", floor="wean_map.dat.gz"),
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class KnownLog:
+    """A log and what is known of the truth."""
+
+    log: Log
+    truth: Trajectory | None
+    """Where the robot was."""
+    relations: Relations | None
+    floor: Points
+    """(n, 2): points of the walls: of the building's map, or where the scans lay them from where
+    the robot was."""
+
+    def frame_of(self, believed: Trajectory, surfaces: Segments) -> Pose:
+        """The map's frame on the floor: by the two paths, or by how the map fits the walls."""
+        frame = None if self.truth is None else alignment(believed, self.truth)
+        return register(sample_segments(surfaces, 0.2), self.floor) if frame is None else frame
+
+
+def read_real_log(real: RealLog) -> KnownLog:
+    """Read a log and what is known of it.
+
+    Raises:
+        InputError: There is no folder of data, or a file is missing or damaged.
+    """
+    folder = data_folder() / "logs"
+    log = read_log(folder / real.log)
+    truth = read_reference(folder / real.reference) if real.reference else log.reference_trajectory
+    return KnownLog(
+        log=log,
+        truth=truth,
+        relations=read_relations(folder / real.relations) if real.relations else None,
+        floor=read_wean_map(folder / real.floor) if real.floor else _laid(log, truth),
+    )
+
+
+def _laid(log: Log, truth: Trajectory | None) -> Points:
+    """The points of the scans, laid where the robot truly was."""
+    if truth is None:
+        raise InputError(log.name, "corrected poses, or a map of the building", "neither")
+    at, scans = associate(truth.stamps, log.stamps)
+    lasers = [log.readings[scan].laser for scan in scans]
+    return np.asarray(laid_points(lasers, truth.poses[at], _MOST))

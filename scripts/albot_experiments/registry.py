@@ -1,0 +1,116 @@
+"""The experiments by name."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+from albot_core.errors import InputError
+from albot_experiments.data import data_folder
+from albot_experiments.report import Report
+
+FIRST_SEED = 1000
+"""Reports begin with this seed. Those below are for development: what was chosen by looking at
+them is not reported on them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """An experiment of a paper."""
+
+    id: str
+    title: str
+    seeds: int
+    """How many seeds it runs over unless told otherwise."""
+    module: str
+    """Where its `run(seeds, progress)` stands."""
+    needs_data: bool = False
+    """Whether it reads real logs."""
+
+    def check(self) -> None:
+        """Raise InputError where what the experiment needs is not there."""
+        if self.needs_data:
+            data_folder()
+
+    def run(self, count: int, progress: Callable[[int], None]) -> Report:
+        """Run it over so many seeds, telling `progress` how many are done."""
+        seeds = range(FIRST_SEED, FIRST_SEED + count)
+        report: Report = importlib.import_module(self.module).run(seeds, progress)
+        return report
+
+
+EXPERIMENTS = {
+    experiment.id: experiment
+    for experiment in (
+        Experiment(
+            id="albot1-e1",
+            title="Albot1's map keeps the shape of the floor (Hossain 2014, section 3.2.1)",
+            seeds=20,
+            module="albot_experiments.albot1_e1",
+        ),
+        Experiment(
+            id="albot1-e2",
+            title="Albot1 knows where home is (Hossain 2014, section 3.2.2)",
+            seeds=20,
+            module="albot_experiments.albot1_e2",
+        ),
+        Experiment(
+            id="albot1-e3",
+            title="Albot1 bears a wrong odometer (Hossain 2014, section 3.2.3)",
+            seeds=20,
+            module="albot_experiments.albot1_e3",
+        ),
+        Experiment(
+            id="albot1-e4",
+            title="Albot1 maps without stopping (Hossain 2014, section 3.2.4)",
+            seeds=20,
+            module="albot_experiments.albot1_e4",
+        ),
+        Experiment(
+            id="albot1-e5",
+            title="Albot1 maps from few views (Hossain 2014, section 3.2.5)",
+            seeds=20,
+            module="albot_experiments.albot1_e5",
+        ),
+        Experiment(
+            id="albot1-e6",
+            title="Albot1 maps public logs (Hossain 2014, section 3.2.6)",
+            seeds=20,
+            module="albot_experiments.albot1_e6",
+            needs_data=True,
+        ),
+        Experiment(
+            id="albot1-c1",
+            title="Albot1 learns a network of places (Hossain 2014, section 4.2.1)",
+            seeds=20,
+            module="albot_experiments.albot1_c1",
+        ),
+        Experiment(
+            id="albot1-c2",
+            title="Albot1 recognizes familiar places (Hossain 2014, section 4.2.2)",
+            seeds=20,
+            module="albot_experiments.albot1_c2",
+        ),
+        Experiment(
+            id="albot1-c3",
+            title="Albot1 knows which exit comes next (Hossain 2014, section 4.2.3)",
+            seeds=20,
+            module="albot_experiments.albot1_c3",
+        ),
+    )
+}
+
+
+def find_experiment(name: str) -> Experiment:
+    """The experiment of that name.
+
+    Raises:
+        InputError: There is none.
+    """
+    if name in EXPERIMENTS:
+        return EXPERIMENTS[name]
+    near = get_close_matches(name, EXPERIMENTS, n=1)
+    hint = f"{name!r}; did you mean {near[0]!r}?" if near else repr(name)
+    raise InputError("experiment", f"one of {', '.join(sorted(EXPERIMENTS))}", hint)

@@ -1,0 +1,56 @@
+"""The learner's benchmark, in a hurry. No test of speed."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from albot_benchmarks import learner
+from albot_benchmarks.learner import measure_learner
+from albot_benchmarks.timed_batch import FreeBatch, TimedBatch
+from albot_env.tasks.observation import ObservationConfig
+from albot_env.vector.sb3 import make_sb3
+
+
+def test_every_run_is_timed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(learner, "WORLD", "square-loop")
+    figures = measure_learner(num_envs=4, steps=2, rollouts=1)
+    runs = [(run["id"], run["mapper"]) for run in figures["runs"]]
+    explore = "Albot/Explore-v0"
+    assert runs == [("free", None), (explore, "none"), (explore, "albot1")]
+    assert all(run["samples_per_second"] > 0 for run in figures["runs"])
+    assert all(0 < run["environment_share"] < 1 for run in figures["runs"])
+    assert (figures["num_envs"], figures["batch"], figures["epochs"]) == (4, 4096, 4)
+    assert figures["observation"] == ObservationConfig().flat_space.shape[0]
+
+
+def test_without_the_learner_the_part_says_what_is_missing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    missing = "torch and stable_baselines3: pip install 'albot-env[train]'"
+    assert measure_learner() == {"missing": missing}
+
+
+def test_a_free_batch_has_the_spaces_and_always_says_the_same() -> None:
+    batch = make_sb3("Albot/Explore-v0", 2, world="square-loop", mapper="none")
+    timed = TimedBatch(FreeBatch(batch))
+    assert timed.observation_space == batch.observation_space
+    first = timed.reset()
+    for _ in range(3):
+        observations, rewards, over, infos = timed.step(np.ones((2, 2), np.float32))
+        assert observations is first
+        assert (rewards.tolist(), over.tolist(), infos) == ([0, 0], [False, False], [{}, {}])
+    assert timed.seconds > 0
+
+
+def test_a_timed_batch_steps_as_the_batch_does() -> None:
+    settings = {"world": "square-loop", "mapper": "none"}
+    plain = make_sb3("Albot/Explore-v0", 2, **settings)
+    timed = TimedBatch(make_sb3("Albot/Explore-v0", 2, **settings))
+    plain.seed(1), timed.seed(1)
+    assert np.array_equal(plain.reset(), timed.reset())
+    actions = np.ones((2, 2), np.float32)
+    assert np.array_equal(plain.step(actions)[0], timed.step(actions)[0])

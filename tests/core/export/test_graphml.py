@@ -1,0 +1,94 @@
+"""The network as other programs read it."""
+
+from __future__ import annotations
+
+import json
+
+import networkx as nx
+import numpy as np
+import pytest
+from PIL import Image
+
+from albot_core.export.geojson import write_geojson
+from albot_core.export.graphml import network_to_graph, write_graphml
+from albot_core.export.picture import write_picture
+from albot_core.maps.place_graph import NOWHERE, Exit, Network, Place
+
+
+def exit_at(x: float, leads_to: int, exit_there: int) -> Exit:
+    return Exit(line=np.array([x, -0.5, x, 0.5]), leads_to=leads_to, exit_there=exit_there)
+
+
+def place(number: int, frame: tuple[float, ...], *exits: Exit) -> Place:
+    walls = np.array([[0.0, 0, 1, 0]] * (number + 1))
+    return Place(id=number, frame=np.array(frame, float), surfaces=walls, exits=exits)
+
+
+@pytest.fixture
+def network() -> Network:
+    """P1 and P3 joined by two exits, P4 behind P3; P3's frame is turned by a quarter."""
+    first = place(0, (0, 0, 0), exit_at(2, 2, 0), exit_at(4, 2, 1))
+    second = place(2, (10, 0, np.pi / 2), exit_at(1, 0, 0), exit_at(3, 0, 1), exit_at(5, 3, 0))
+    third = place(3, (20, 0, 0), exit_at(0, 2, 2))
+    return Network(places=(first, second, third), current=2, home=0)
+
+
+def test_the_graph_has_places_and_exits(network, tmp_path):
+    write_graphml(network, tmp_path / "a.graphml")
+    graph = nx.read_graphml(tmp_path / "a.graphml", node_type=int, force_multigraph=True)
+    assert dict(graph.nodes(data=True)) == dict(network_to_graph(network).nodes(data=True))
+    assert graph.nodes[2] == {
+        "label": "P3",
+        "x": 10.0,
+        "y": 3.0,
+        "surfaces": 3,
+        "exits": 3,
+        "current": True,
+        "home": False,
+    }
+    assert graph.number_of_edges() == 3
+    assert graph.number_of_edges(0, 2) == 2
+    assert {frozenset(pair) for pair in graph.edges()} == {frozenset(p) for p in network.links}
+    (last,) = graph.get_edge_data(2, 3).values()
+    # P3's exit at x = 5 in a frame that is turned to the left at (10, 0).
+    assert last["of"] == 2
+    assert [float(word) for word in last["line"].split()] == [10.5, 5.0, 9.5, 5.0]
+
+
+def test_the_same_network_is_the_same_bytes(network, tmp_path):
+    for name in ("a", "b"):
+        write_graphml(network, tmp_path / name)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_no_places_are_an_empty_graph(tmp_path):
+    write_graphml(NOWHERE, tmp_path / "a.graphml")
+    assert len(nx.read_graphml(tmp_path / "a.graphml")) == 0
+
+
+def test_places_stand_beside_the_surfaces_in_geojson(network, tmp_path):
+    path = tmp_path / "map.geojson"
+    write_geojson(np.array([[0.0, 0, 1, 0]]), path, network)
+    features = json.loads(path.read_text())["features"]
+    kinds = [feature["properties"].get("kind") for feature in features]
+    assert kinds == [None, *3 * ["place"], *6 * ["exit"]]
+    assert features[2]["geometry"] == {"type": "Point", "coordinates": [10, 3]}
+    assert features[2]["properties"] == {"kind": "place", "id": 2, "label": "P3"}
+    assert features[8]["geometry"]["coordinates"] == [[10.5, 5], [9.5, 5]]
+    assert features[8]["properties"] == {"kind": "exit", "of": 2, "leads_to": 3}
+
+
+def test_places_are_drawn_over_the_map(network, tmp_path):
+    images = []
+    for given in (NOWHERE, network):
+        path = tmp_path / "map.png"
+        believed = np.array([[0.0, 0, 0], [20, 5, 0]])
+        write_picture(
+            path, title="", surfaces=np.array([[0.0, 5, 20, 5]]), believed=believed, network=given
+        )
+        with Image.open(path) as picture:
+            images.append(np.asarray(picture.convert("RGB")).astype(int))
+    purple = [np.abs(image - (0x72, 0x58, 0xCC)).max(axis=-1) < 25 for image in images]
+    assert purple[0].sum() == 0
+    # Three nodes of 15 points across, at 100 dots an inch.
+    assert purple[1].sum() > 3 * 200

@@ -1,0 +1,260 @@
+"""Algorithm 4 end to end on a tiny room, and the laws that every mapper keeps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose, relative, transform_segments
+from albot_core.mappers.albot1.config import Albot1Config
+from albot_core.mappers.albot1.mapper import Albot1
+from albot_core.mappers.mapper import Mapper
+from albot_core.sensing.reading import LaserGeometry, Reading
+from tests.core.scenes import FURNITURE, ROOM, house_walk, scan_from, two_rooms
+
+PRESETS = [Albot1.default, Albot1.thesis]
+
+
+def walk(steps: int = 40) -> np.ndarray:
+    """A walk around in the room, from its middle along a circle."""
+    angles = np.linspace(0, 2 * np.pi, steps)
+    radius = 1.5
+    return np.stack((radius * np.sin(angles), radius * (1 - np.cos(angles)), angles), -1)
+
+
+def readings(
+    path: np.ndarray,
+    walls: np.ndarray = ROOM,
+    error: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    noise: float = 0.0,
+    seed: int = 0,
+) -> list[Reading]:
+    rng = np.random.default_rng(seed)
+    made = []
+    for i, pose in enumerate(path):
+        motion = relative(path[max(i - 1, 0)], pose) + (np.array(error) if i else 0.0)
+        scan = scan_from(pose, walls)
+        scan.ranges[:] += rng.normal(0.0, noise, len(scan.ranges)) if noise else 0.0
+        made.append(Reading(stamp=float(i), motion=motion, laser=scan))
+    return made
+
+
+def run(mapper: Albot1, readings: list[Reading]) -> np.ndarray:
+    poses = []
+    for reading in readings:
+        mapper.update(reading)
+        poses.append(mapper.pose)
+    return np.array(poses)
+
+
+@pytest.mark.parametrize("make", PRESETS)
+def test_it_is_a_mapper(make: type[Albot1]) -> None:
+    mapper = make()
+    assert isinstance(mapper, Mapper)
+    assert mapper.updates == 0
+    assert mapper.surfaces.shape == (0, 4)
+
+
+@pytest.mark.parametrize("make", PRESETS)
+def test_perfect_readings_give_the_true_poses(make: type[Albot1]) -> None:
+    path = walk()
+    poses = run(mapper := make(), readings(path))
+    truth = np.array([relative(path[0], pose) for pose in path])
+    # The letter lays surfaces from first to last point, which turns them by up to a beam.
+    assert np.abs(poses[:, :2] - truth[:, :2]).max() < (0.02 if make == Albot1.default else 0.25)
+    assert 1 < mapper.updates < len(path)
+
+
+def test_the_default_corrects_an_odometer_that_turns_wrongly() -> None:
+    path = walk()
+    wrong = readings(path, error=(0.02, 0.0, np.radians(8.0)), noise=0.01)
+    poses = run(mapper := Albot1.default(), wrong)
+    truth = relative(path[0], path[-1])
+    assert np.hypot(*(poses[-1] - truth)[:2]) < 0.15
+    assert mapper.lost == 0
+    # The letter cannot: its 5 degrees are less than the odometer's error.
+    letter = run(thesis := Albot1.thesis(), wrong)
+    assert np.hypot(*(letter[-1] - truth)[:2]) > 0.5
+    assert thesis.lost > 20
+
+
+def test_surfaces_lie_on_the_walls() -> None:
+    run(mapper := Albot1.default(), readings(walk(), noise=0.01))
+    assert len(mapper.surfaces) >= 10
+    for x1, y1, x2, y2 in mapper.surfaces:
+        middle = np.array([(x1 + x2) / 2, (y1 + y2) / 2])
+        start, along = ROOM[:, :2], ROOM[:, 2:] - ROOM[:, :2]
+        share = np.clip(((middle - start) * along).sum(1) / (along**2).sum(1), 0, 1)
+        assert np.hypot(*(start + share[:, None] * along - middle).T).min() < 0.12
+
+
+@pytest.mark.parametrize("make", PRESETS)
+def test_moving_the_whole_world_changes_nothing(make: type[Albot1]) -> None:
+    motion = np.array([13.0, -7.0, 1.1])
+    path = walk(20)
+    here, there = make(), make()
+    run(here, readings(path))
+    run(there, readings(compose(motion, path), transform_segments(motion, ROOM)))
+    assert here.surfaces.shape == there.surfaces.shape
+    assert np.allclose(here.surfaces, there.surfaces, atol=1e-6)
+
+
+@pytest.mark.parametrize("make", PRESETS)
+def test_the_same_readings_give_the_same_bits(make: type[Albot1]) -> None:
+    given = readings(walk(), noise=0.01)
+    one, other = make(), make()
+    assert np.array_equal(run(one, given), run(other, given))
+    assert np.array_equal(one.surfaces, other.surfaces)
+    one.reset()
+    assert one.surfaces.shape == (0, 4)
+    assert np.array_equal(run(one, given), run(other := make(), given))
+    assert np.array_equal(one.surfaces, other.surfaces)
+
+
+@pytest.mark.parametrize("make", PRESETS)
+@pytest.mark.parametrize("cut", [1, 7, 20])
+def test_a_restored_mapper_goes_on_as_if_never_stopped(make: type[Albot1], cut: int) -> None:
+    given = readings(walk(), noise=0.01)
+    whole = run(never_stopped := make(), given)
+    first = make()
+    run(first, given[:cut])
+    second = make()
+    second.restore(first.state())
+    assert np.array_equal(second.pose, whole[cut - 1])
+    assert np.array_equal(run(second, given[cut:]), whole[cut:])
+    assert np.array_equal(second.surfaces, never_stopped.surfaces)
+    assert second.updates == never_stopped.updates
+
+
+def test_the_state_shares_no_memory() -> None:
+    run(mapper := Albot1.default(), readings(walk(10)))
+    before = mapper.surfaces
+    for array in mapper.state().values():
+        array[...] = 0
+    assert np.array_equal(mapper.surfaces, before)
+
+
+def test_a_contradictory_state_is_refused_and_nothing_is_lost() -> None:
+    run(mapper := Albot1.default(), readings(walk(10)))
+    state, before = mapper.state(), mapper.surfaces
+    state["view.slots"][0] = 10**9
+    with pytest.raises(InputError, match="slots"):
+        mapper.restore(state)
+    assert np.array_equal(mapper.surfaces, before)
+
+
+def test_in_the_dark_path_integration_stands_in() -> None:
+    dark = np.zeros((0, 4))
+    path = walk(10)
+    poses = run(mapper := Albot1.default(), readings(path, dark))
+    assert np.allclose(poses[-1], relative(path[0], path[-1]))
+    assert mapper.lost == 9
+    assert np.allclose(compose(mapper.pose, mapper.home), np.zeros(3), atol=1e-12)
+
+
+def test_a_bare_corridor_is_followed_by_its_walls() -> None:
+    # Two side walls only: no landmark, so the way along is the odometer's, but the
+    # default still keeps to the middle and to the heading by the walls' lines.
+    corridor = np.array([[-50.0, -1.0, 50.0, -1.0], [-50.0, 1.0, 50.0, 1.0]])
+    path = np.zeros((15, 3))
+    path[:, 0] = np.arange(15) * 0.5
+    poses = run(mapper := Albot1.default(), readings(path, corridor, error=(0.0, 0.02, 0.05)))
+    assert np.abs(poses[-1, 1:]).max() < 0.05
+    assert mapper.lost == 14
+
+
+@pytest.mark.parametrize("make", PRESETS)
+def test_a_reading_near_the_last_view_only_moves_the_robot(make: type[Albot1]) -> None:
+    config = replace(make().config, view_spacing=0.5, view_turn=np.radians(12.0))
+    spaced, seldom = Albot1(config), make()
+    last, since, views = np.zeros(3), np.zeros(3), 0
+    for reading in readings(walk(120), noise=0.01, error=(0.002, 0.0, 0.003)):
+        since = compose(since, reading.motion) if views else since
+        laid = spaced.update(reading)
+        if views == 0 or np.hypot(*since[:2]) >= 0.5 or abs(since[2]) >= np.radians(12.0):
+            # What the mapper makes of a view is what one does that is given the views alone.
+            view = Reading(stamp=reading.stamp, motion=since, laser=reading.laser)
+            assert seldom.update(view) is laid
+            last, since, views = seldom.pose, np.zeros(3), views + 1
+        assert not (since.any() and laid)
+        np.testing.assert_allclose(spaced.pose, compose(last, since), atol=1e-9)
+        np.testing.assert_allclose(spaced.surfaces, seldom.surfaces, atol=1e-9)
+    assert 20 < views < 80
+    assert spaced.updates == seldom.updates > 1
+    assert spaced.lost == seldom.lost
+
+
+@pytest.mark.parametrize("spacing", [(0.0, 1.0), (1.0, 0.0)])
+def test_with_either_spacing_zero_every_reading_is_a_view(spacing: tuple[float, float]) -> None:
+    config = Albot1Config(remembered=True, view_spacing=spacing[0], view_turn=spacing[1])
+    one, other = Albot1(config), Albot1(Albot1Config(remembered=True))
+    given = readings(walk(20), noise=0.01)
+    assert np.array_equal(run(one, given), run(other, given))
+
+
+def test_lasers_may_differ_from_reading_to_reading() -> None:
+    fine = LaserGeometry(beams=361, spacing=np.radians(0.5))
+    path = walk(10)
+    mapper = Albot1.default()
+    for i, pose in enumerate(path):
+        scan = scan_from(pose, ROOM, fine if i % 2 else LaserGeometry())
+        motion = relative(path[max(i - 1, 0)], pose)
+        mapper.update(Reading(stamp=float(i), motion=motion, laser=scan))
+    assert np.hypot(*(mapper.pose - relative(path[0], path[-1]))[:2]) < 0.05
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"landmark_gap": 0.0},
+        {"fewest_landmarks": 0},
+        {"margin": -0.1},
+        {"reach": np.nan},
+        {"view_turn": -0.1},
+    ],
+)
+def test_impossible_thresholds_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(InputError, match=next(iter(wrong))):
+        Albot1Config(**wrong)  # type: ignore[arg-type]
+
+
+BIAS = np.array((0.0, 0.0, 0.003))
+
+
+def carried(seed: int) -> list[Reading]:
+    """A walk through two rooms in small steps; once the robot is carried elsewhere."""
+    path, house = house_walk(), np.concatenate((two_rooms(), FURNITURE))
+    steps = relative(path[:-1], path[1:])
+    parts = [compose(path[:-1], share * steps) for share in (0.0, 0.25, 0.5, 0.75)]
+    fine = np.concatenate(parts, axis=1).reshape(-1, 3)
+    rng, at, given = np.random.default_rng(seed), 0, []
+    for k in range(300):
+        before, at = at, (at + 1) % len(fine)
+        motion = relative(fine[before], fine[at])
+        if k == 150:
+            at, motion = int(rng.integers(len(fine))), np.zeros(3)
+        scan = scan_from(fine[at], house)
+        given.append(Reading(stamp=float(k), motion=motion + BIAS, laser=scan))
+    return given
+
+
+@pytest.mark.parametrize("seed", [3, 5])
+def test_a_lost_robot_finds_its_way_by_its_views_alone(seed: int) -> None:
+    spacing, turn = 0.3, np.radians(15.0)
+    spaced = Albot1(replace(Albot1Config.improved(), view_spacing=spacing, view_turn=turn))
+    seldom, since, lost = Albot1.default(), np.zeros(3), 0
+    for k, reading in enumerate(carried(seed)):
+        since = compose(since, reading.motion) if k else since
+        spaced.update(reading)
+        if k == 0 or np.hypot(*since[:2]) >= spacing or abs(since[2]) >= turn:
+            seldom.update(Reading(stamp=reading.stamp, motion=since, laser=reading.laser))
+            since = np.zeros(3)
+        told = [[(e.step, e.what, e.place, e.other) for e in m.events] for m in (spaced, seldom)]
+        assert told[0] == told[1]
+        assert spaced.is_lost == seldom.is_lost
+        np.testing.assert_allclose(spaced.pose, compose(seldom.pose, since), atol=1e-9)
+        lost += spaced.is_lost
+    assert lost > 0

@@ -1,0 +1,107 @@
+"""Experiment 3: its odometers are what it says, and it repeats itself."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from albot_cli.main import albot
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose
+from albot_experiments import albot1_e3 as e3
+from albot_experiments.guided_tour import Journey, guided_tour
+from albot_maps import load_world
+
+
+@pytest.fixture(scope="module")
+def journey() -> Journey:
+    world = load_world(e3.WORLD)
+    rng = np.random.default_rng(3)
+    return guided_tour(world, world.tours[e3.TOUR], rng, steps=e3.STEPS)
+
+
+def test_the_journey_is_the_theses(journey: Journey) -> None:
+    assert len(journey.readings) == e3.PAPER["views"]
+    assert 90 < journey.path_length < 105
+
+
+def test_the_drift_sets_the_corner_just_so_far_apart(journey: Journey) -> None:
+    corner = e3.common_corner(load_world(e3.WORLD), journey)
+    drifted = e3.drifting(journey, corner, 4.6)
+    assert e3.map_journey("odometry", drifted, corner).error == pytest.approx(4.6, abs=1e-6)
+    assert e3.map_journey("odometry", journey, corner).error != pytest.approx(4.6, abs=0.05)
+
+
+def test_an_impossible_drift_is_refused(journey: Journey) -> None:
+    corner = e3.common_corner(load_world(e3.WORLD), journey)
+    with pytest.raises(InputError, match="a drift that ends 500"):
+        e3.drifting(journey, corner, 500.0)
+
+
+def test_the_disturbance_stands_between_views(journey: Journey) -> None:
+    moved = e3.moved_by(journey, e3.DISTURBANCE)
+    for before, after in zip(journey.readings[1:], moved.readings[1:], strict=True):
+        assert np.allclose(after.motion - before.motion, e3.DISTURBANCE)
+    assert np.array_equal(journey.readings[0].motion, moved.readings[0].motion)
+
+
+def test_the_map_bears_what_the_odometer_does_not(journey: Journey) -> None:
+    corner = e3.common_corner(load_world(e3.WORLD), journey)
+    disturbed = e3.moved_by(e3.drifting(journey, corner, 4.6), e3.DISTURBANCE)
+    odometry = e3.map_journey("odometry", disturbed, corner)
+    albot1 = e3.map_journey("albot1", disturbed, corner)
+    assert odometry.error > 10
+    assert albot1.error < 2
+    # Integration of the motions is what the odometry mapper does.
+    pose = np.zeros(3)
+    for reading in disturbed.readings[1:]:
+        pose = compose(pose, reading.motion)
+    assert np.allclose(odometry.poses[-1], pose)
+
+
+def test_on_the_way_the_map_is_off_by_less_than_half_a_metre() -> None:
+    world = load_world(e3.WORLD)
+    off = []
+    for seed in (3, 4, 5):
+        rng = np.random.default_rng(seed)
+        journey = guided_tour(world, world.tours[e3.TOUR], rng, steps=e3.STEPS)
+        corner = e3.common_corner(world, journey)
+        disturbed = e3.moved_by(e3.drifting(journey, corner, 4.6), e3.DISTURBANCE)
+        off.append(e3.map_journey("albot1", disturbed, corner).on_the_way)
+    assert np.median(off) < 0.5
+
+
+def test_the_command_reports_in_json_and_writes_a_folder(tmp_path: Path) -> None:
+    runner = CliRunner()
+    args = ["experiment", "run", "albot1-e3", "--seeds", "1", "--json", "--out", str(tmp_path)]
+    outcome = runner.invoke(albot, args, catch_exceptions=False)
+    report = json.loads(outcome.stdout)
+    assert report["id"] == "albot1-e3"
+    assert report["paper"]["albot1_error_m"] == 0.4
+    assert report["measured"]["seeds"] == 1
+    assert isinstance(report["holds"], bool)
+    assert {path.name for path in tmp_path.iterdir()} == {"result.json", "report.md", "maps.png"}
+    assert json.loads((tmp_path / "result.json").read_text())["measured"] == report["measured"]
+
+
+def test_the_list_names_it() -> None:
+    outcome = CliRunner().invoke(albot, ["experiment", "list", "--json"], catch_exceptions=False)
+    assert "albot1-e3" in [row["id"] for row in json.loads(outcome.stdout)["experiments"]]
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (["albot1-e33"], "did you mean 'albot1-e3'"),
+        (["albot1-e3", "--seeds", "0"], "expected at least 1, found 0"),
+    ],
+)
+def test_bad_input_is_one_line(args: list[str], message: str) -> None:
+    outcome = CliRunner().invoke(albot, ["experiment", "run", *args])
+    assert isinstance(outcome.exception, InputError)
+    assert message in str(outcome.exception)
+    assert "\n" not in str(outcome.exception)

@@ -1,0 +1,55 @@
+"""Experiment 6: the logs are held against what is known, and asked for where they are not there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from albot_cli.main import albot
+from albot_core.errors import InputError
+from albot_core.logs.disturbed import disturbed
+from albot_experiments import albot1_e6 as e6
+from albot_experiments.real_logs import LOGS, KnownLog, read_real_log
+
+FREIBURG = LOGS[2]
+
+
+@pytest.mark.parametrize("name", ["albot1-e6", "all"])
+def test_without_data_it_says_what_it_needs(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    monkeypatch.delenv("ALBOT_DATA", raising=False)
+    with pytest.raises(InputError, match=r"^ALBOT_DATA: expected the folder .* found not set$"):
+        albot.main(["experiment", "run", name], standalone_mode=False)
+
+
+def test_a_folder_without_logs_is_refused(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("ALBOT_DATA", str(tmp_path))
+    with pytest.raises(InputError, match="a folder that holds logs/"):
+        e6.run(range(1))
+
+
+@pytest.fixture(scope="module")
+def known(data: Path) -> KnownLog:
+    return read_real_log(FREIBURG)
+
+
+def test_freiburg_keeps_a_reasonable_shape_and_its_odometer_none(known: KnownLog) -> None:
+    noisy = [disturbed(known.log, np.random.default_rng(1))]
+    ours, odometer = (e6.map_log(name, FREIBURG, known, noisy) for name in ("albot1", "odometry"))
+    assert ours.reasonable
+    assert ours.path_error is not None and ours.path_error < 0.5
+    assert ours.surface_error is not None and ours.surface_error < 0.1
+    assert len(ours.disturbed_errors) == 1
+    assert not odometer.reasonable
+    assert odometer.surface_error is not None and odometer.surface_error > 0.5
+
+
+def test_noise_is_small_and_its_own_each_time(known: KnownLog) -> None:
+    log = known.log
+    first, second = (disturbed(log, np.random.default_rng(seed)) for seed in (1, 2))
+    finite = np.isfinite(log.ranges)
+    off = first.ranges[finite] - log.ranges[finite]
+    assert off.std() == pytest.approx(0.005, rel=0.05)
+    assert not np.array_equal(first.odometry, second.odometry)
+    assert np.array_equal(first.ranges == np.inf, log.ranges == np.inf)

@@ -1,0 +1,137 @@
+"""Networks of places are judged by the rooms that the robot truly was in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from albot_core.errors import InputError
+from albot_core.mappers.albot1.record import Event, Happening
+from albot_experiments import albot1_c1 as c1
+from albot_experiments import albot1_c2 as c2
+from albot_experiments import albot1_c3 as c3
+from albot_experiments.guided_tour import Journey
+from albot_experiments.places_truth import (
+    Crossing,
+    PlacedJourney,
+    between,
+    place_journey,
+    same_in_the_end,
+)
+from albot_maps import World, load_world
+
+
+@pytest.fixture(scope="module")
+def ring() -> World:
+    return load_world("office-ring")
+
+
+@pytest.fixture(scope="module")
+def once_round(ring: World, ring_journey: Journey) -> PlacedJourney:
+    return place_journey("albot1", ring, ring_journey)
+
+
+def happened(what: Happening, place: int, other: int) -> Event:
+    return Event(step=1, what=what, place=place, other=other)
+
+
+def test_places_merged_one_after_the_other_are_one():
+    events = [
+        happened(Happening.NEW, 0, 1),
+        happened(Happening.RECOGNIZED, 7, 3),
+        happened(Happening.REFUSED, 5, 0),
+        happened(Happening.FOLLOWED, 3, 1),
+        happened(Happening.FOUND, 9, 7),
+    ]
+    assert same_in_the_end(events[:-1]) == {7: 1, 3: 1}
+    assert same_in_the_end([*events[:2], happened(Happening.FOUND, 9, 3)]) == {7: 3, 9: 3}
+
+
+def test_the_ring_is_learned(ring: World, once_round: PlacedJourney):
+    rooms = once_round.rooms(ring)
+    assert sorted(rooms.values(), key=sorted) == [frozenset({f"P{k}"}) for k in range(1, 7)]
+    assert once_round.is_right(ring)
+
+
+def test_a_wrong_network_is_not_right(ring: World, once_round: PlacedJourney):
+    everywhere = replace(once_round, places=np.zeros_like(once_round.places))
+    assert everywhere.rooms(ring) == {0: frozenset(f"P{k}" for k in range(1, 7))}
+    assert not everywhere.is_right(ring)
+    places = once_round.places.copy()
+    places[np.flatnonzero(places == 2)[8]] = 1
+    assert not replace(once_round, places=places).is_right(ring)
+    # One room twice, and two exits that were not gone through.
+    assert not replace(once_round, places=np.arange(len(places))).is_right(ring)
+    assert not once_round.is_right(load_world("office-double"))
+
+
+def test_every_crossing_is_that_of_a_true_exit(once_round: PlacedJourney):
+    assert [each.exit for each in once_round.crossings] == ["E1", "E2", "E3", "E4", "E5", "E6"]
+    for crossing in once_round.crossings:
+        doorway = 0.5 * np.hypot(*(crossing.seen[2:] - crossing.seen[:2]))
+        assert 0.3 < doorway < 0.7
+        away = np.hypot(*(once_round.poses[crossing.view, :2] - crossing.seen[:2]))
+        assert away < 2.0
+
+
+def test_only_a_mapper_of_places_can_be_judged(ring: World, once_round: PlacedJourney):
+    with pytest.raises(InputError, match="one of Albot1's, found odometry"):
+        place_journey("odometry", ring, once_round.journey)
+
+
+def test_distance_of_lines_is_that_of_their_middles():
+    assert between(np.array([0.0, 0.0, 2.0, 0.0]), np.array([4.0, 3.0, 4.0, 5.0])) == 5.0
+
+
+def test_a_loop_begins_anywhere_and_closes(ring: World):
+    loop = ring.tours["single-loop"]
+    whole = c1.loop_from(loop, 0)
+    assert np.array_equal(whole[: len(loop)], loop)
+    assert np.array_equal(whole[-1], loop[1])
+    other = c1.loop_from(loop, 6)
+    assert np.array_equal(other[0], loop[6])
+    assert np.array_equal(other[len(loop) - 1], loop[6])
+    assert len(np.unique(other, axis=0)) == len(loop) - 1
+
+
+def test_a_story_leaves_out_what_was_refused():
+    events = [
+        happened(Happening.SET_OUT, 0, -1),
+        happened(Happening.NEW, 0, 1),
+        happened(Happening.REFUSED, 1, 0),
+    ]
+    assert c2.story(events) == ((Happening.NEW, "P1", "P2"),)
+
+
+def test_a_second_lap_is_held_against_the_first(once_round: PlacedJourney):
+    line = np.array([0.0, -0.5, 0.0, 0.5])
+    nowhere = np.full(4, np.nan)
+    late = len(once_round.poses) - 1
+    crossings = (
+        Crossing(view=3, exit="E1", seen=line, expected=nowhere),
+        Crossing(view=9, exit="E2", seen=line, expected=nowhere),
+        Crossing(view=late - 2, exit="E1", seen=line + 3.0, expected=line + 2.0),
+        Crossing(view=late - 1, exit="E2", seen=line + 4.0, expected=nowhere),
+        Crossing(view=late, exit="E1", seen=line, expected=line),
+    )
+    lap = c3.second_lap(replace(once_round, crossings=crossings))
+    inf = np.inf
+    assert lap.aligned == pytest.approx([2**0.5, inf, inf, inf, inf, inf])
+    assert lap.unaligned == pytest.approx([18**0.5, 32**0.5, inf, inf, inf, inf])
+    assert lap.drift < 0.5
+
+
+def test_twice_round_is_a_lap_more(ring: World):
+    loop = ring.tours["single-loop"]
+    tour = c3.twice_round(loop)
+    assert np.array_equal(tour[: len(loop)], loop)
+    assert np.array_equal(tour[len(loop) - 1 : -1], loop)
+    assert np.array_equal(tour[-1], loop[1])
+
+
+@pytest.mark.parametrize("module", [c1, c2, c3])
+def test_no_seeds_are_refused(module):
+    with pytest.raises(InputError, match="at least one"):
+        module.run(range(0))

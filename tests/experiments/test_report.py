@@ -1,0 +1,89 @@
+"""Reports read well: figures in tables, pages over them, pictures small."""
+
+from __future__ import annotations
+
+import importlib
+import json
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+from PIL import Image
+
+from albot_experiments.index import index, write_index
+from albot_experiments.registry import EXPERIMENTS
+from albot_experiments.report import Report, rows
+
+PAGE = Path(__file__).parents[2] / "docs" / "experiments.md"
+SPREAD = {"median": 0.25, "worst": 1.5}
+REPORT = Report(
+    id="one-e1",
+    title="One",
+    paper={"error_m": SPREAD, "kept": True},
+    measured={
+        "kept": False,
+        "error_m": SPREAD,
+        "ring": {"views": 7, "error_m": SPREAD},
+        "hall": {"views": 9, "error_m": None},
+    },
+    holds=False,
+)
+
+
+def test_figures_are_named_after_what_they_stand_in() -> None:
+    assert rows(REPORT.measured)[:3] == [
+        ("kept", False),
+        ("error_m", "0.25 (worst 1.5)"),
+        ("ring, views", 7),
+    ]
+
+
+def test_groups_of_the_same_figures_make_one_table() -> None:
+    page = REPORT.as_markdown()
+    assert "| kept | yes | no |\n| error_m | 0.25 (worst 1.5) | 0.25 (worst 1.5) |" in page
+    assert (
+        "| | views | error_m |\n|---|---|---|\n| ring | 7 | 0.25 (worst 1.5) |\n| hall | 9 | – |"
+    ) in page
+    assert "Not reached." in page
+
+
+def test_the_page_links_every_report(tmp_path: Path) -> None:
+    written = write_index([REPORT], tmp_path / "runs")
+    assert written == tmp_path / "runs.md"
+    page = written.read_text()
+    assert "| [one-e1](runs/one-e1/report.md) | One | no |" in page
+    assert "| error_m | 0.25 (worst 1.5) | 0.25 (worst 1.5) |" in page
+    assert page == index([REPORT], "runs")
+
+
+def test_pictures_are_small_and_keep_their_colours(tmp_path: Path) -> None:
+    figure = Figure(figsize=(4, 4))
+    figure.add_axes((0, 0, 1, 1)).fill([0, 1, 1, 0], [0, 0, 1, 1], color="#0a8a5f")
+    report = Report(id="x", title="x", paper={}, measured={}, holds=True, pictures={"p": figure})
+    report.write(tmp_path)
+    with Image.open(tmp_path / "p.png") as picture:
+        assert picture.mode == "P"
+        assert picture.convert("RGB").getpixel((160, 160)) == (0x0A, 0x8A, 0x5F)
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_every_experiment_is_its_module(name: str) -> None:
+    experiment = EXPERIMENTS[name]
+    module = importlib.import_module(experiment.module)
+    assert name == experiment.id == module.ID
+    assert module.PAPER
+    assert experiment.seeds >= 20
+
+
+@pytest.mark.parametrize("name", EXPERIMENTS)
+def test_the_page_in_docs_says_what_the_report_says(name: str) -> None:
+    result = json.loads((PAGE.parent / "experiments" / name / "result.json").read_text())
+    module = importlib.import_module(EXPERIMENTS[name].module)
+    assert result["paper"] == module.PAPER
+    report = Report(title=module.TITLE, **result)
+    row = next(line for line in index([report], "experiments").splitlines() if name in line)
+    section = index([report], "experiments").split("## ")[1].split("![")[0].strip()
+    page = PAGE.read_text()
+    assert row in page
+    assert section in page
+    assert report.measured["seeds"] == EXPERIMENTS[name].seeds
