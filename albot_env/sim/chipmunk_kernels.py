@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.geometry.directions import wrapped
-from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_env.sim.chipmunk_calls import load, take_step, visit
 from albot_env.sim.drive_kernels import chord, ramped
@@ -75,18 +75,18 @@ class Floors(NamedTuple):
     """(n,) int64: for each robot, which of its floor's wheels are its own."""
 
 
-@Entry
+@KernelDispatcher
 @kernel(nogil=True)
 def advance(
-    chosen: np.ndarray, parcel: Parcel, acceleration: float, duration: float, steps: int
+    chosen: np.ndarray, arguments: KernelArguments, acceleration: float, duration: float, steps: int
 ) -> None:
     """Let some physics steps (s) pass on the floors chosen.
 
     In each the odometers count what the wheels roll, the wheels approach their targets at
-    an acceleration (m/s²), and the bodies move. The parcel holds `Engine`, `Floors`, `Robots`,
+    an acceleration (m/s²), and the bodies move. `arguments` holds `Engine`, `Floors`, `Robots`,
     the odometer's constants and the wheel base (m).
     """
-    engine, floors, robots, errors, base = opened(parcel)
+    engine, floors, robots, errors, base = unpack(arguments)
     gain = acceleration * duration
     for f in chosen:
         space, shelf = floors.spaces[f]

@@ -20,9 +20,9 @@ import math
 
 import numpy as np
 
-from albot_core.kernels.bits import lowest
+from albot_core.kernels.bits import lowest_bit
 from albot_core.kernels.compiled import kernel
-from albot_core.kernels.simd import LANES, Lanes, Table, first_of, question
+from albot_core.kernels.simd import LANES, FloatTable, FloatVector, first_bits, float64_predicate
 from albot_env.sim.corner_kernels import corner_echo
 from albot_env.sim.sonar_arrays import Sonars
 from albot_env.sim.surface_kernels import (
@@ -63,7 +63,7 @@ def _find_echo(table: np.ndarray, cone: Span, sonars: Sonars) -> tuple[float, fl
         for first in range(cone[0], cone[1], LANES):
             nearer = _nearest(table, first, (reach, float(cone[1] - first)))
             if nearer:
-                nearest = first + lowest(nearer)
+                nearest = first + lowest_bit(nearer)
                 reach = table[RANGE, nearest]
         if nearest < 0:
             break
@@ -87,8 +87,8 @@ def _wall(table: np.ndarray, j: int) -> tuple[float, float, float, float, float]
     return table[AX, j], table[AY, j], table[BX, j], table[BY, j], table[AREA, j]
 
 
-@question
-def _find_nearest_points(table: Table, *beam: Lanes) -> Lanes:
+@float64_predicate
+def _find_nearest_points(table: FloatTable, *beam: FloatVector) -> FloatVector:
     """Find of each wall where it echoes nearest if nothing hides it; which do so at all.
 
     Written are the tangents between which it could be heard (low >= high where it could not), and
@@ -108,28 +108,30 @@ def _find_nearest_points(table: Table, *beam: Lanes) -> Lanes:
     # With the perpendicular's foot behind the sonar, the nearer end of the span.
     behind = low.where(high, ny < 0.0)
     foot = (ny / nx).where(behind, nx > 0.0)
-    tangent = foot.most(low).least(high)
+    tangent = foot.maximum(low).minimum(high)
     heard = ((high - low) > HAIR) & (area > 0.0)
-    reach = area * (tangent * tangent + 1.0).root() / (nx + ny * tangent)
+    reach = area * (tangent * tangent + 1.0).sqrt() / (nx + ny * tangent)
     table[LOW], table[HIGH], table[TANGENT] = low, high, tangent
     table[RANGE] = reach.where(np.inf, heard)
     return heard
 
 
-@question
-def _nearest(table: Table, reach: Lanes, count: Lanes) -> Lanes:
+@float64_predicate
+def _nearest(table: FloatTable, reach: FloatVector, count: FloatVector) -> FloatVector:
     """Which walls of the first so many echo nearest, if nearer than a reach."""
     ranges = table[RANGE]
-    ranges = ranges.where(np.inf, ranges.places() < count)
-    return (ranges < reach) & (ranges <= ranges.minimum())
+    ranges = ranges.where(np.inf, ranges.lane_numbers() < count)
+    return (ranges < reach) & (ranges <= ranges.reduce_min())
 
 
-def _bounded(low: Lanes, high: Lanes, slope: Lanes, offset: Lanes) -> tuple[Lanes, Lanes]:
+def _bounded(
+    low: FloatVector, high: FloatVector, slope: FloatVector, offset: FloatVector
+) -> tuple[FloatVector, FloatVector]:
     """The part of intervals of t in which slope t + offset >= 0."""
     bound = -offset / slope
     may = (slope < 0.0) | (slope > 0.0) | (offset >= 0.0)
-    low = low.most(bound).where(low, slope > 0.0)
-    high = high.least(bound).where(high, slope < 0.0)
+    low = low.maximum(bound).where(low, slope > 0.0)
+    high = high.minimum(bound).where(high, slope < 0.0)
     return low, high.where(-np.inf, may)
 
 
@@ -180,16 +182,18 @@ def _nearer(
 ) -> int:
     """The first wall that hides another at a tangent, or -1; `probe` is what `_hiding` takes."""
     for first in range(cone[0], cone[1], LANES):
-        hiding = _hiding(table, first, probe) & first_of(cone[1] - first)
+        hiding = _hiding(table, first, probe) & first_bits(cone[1] - first)
         if first <= wall < first + LANES:
             hiding &= ~(1 << (wall - first))
         if hiding:
-            return first + lowest(hiding)
+            return first + lowest_bit(hiding)
     return -1
 
 
-@question
-def _hiding(table: Table, tangent: Lanes, nx: Lanes, ny: Lanes, area: Lanes) -> Lanes:
+@float64_predicate
+def _hiding(
+    table: FloatTable, tangent: FloatVector, nx: FloatVector, ny: FloatVector, area: FloatVector
+) -> FloatVector:
     """Which walls are nearer at a tangent than the one with this normal and area."""
     ax, ay, bx, by, its_area = (table[row] for row in (AX, AY, BX, BY, AREA))
     share = its_area * NEARER

@@ -17,9 +17,9 @@ import math
 import numpy as np
 
 from albot_core.geometry.directions import turned
-from albot_core.kernels.bits import lowest
+from albot_core.kernels.bits import lowest_bit
 from albot_core.kernels.compiled import kernel
-from albot_core.kernels.simd import LANES, Lanes, Table, first_of, question
+from albot_core.kernels.simd import LANES, FloatTable, FloatVector, first_bits, float64_predicate
 from albot_env.sim.surface_kernels import AREA, AX, AY, BX, BY, Span
 
 _BEYOND = 1.0 + 1e-9
@@ -51,9 +51,9 @@ def corner_echo(
     for first in range(cone[0], cone[1], LANES):
         bound = min(best[0], farthest)
         points = _ends_in(table, first, (slope, bound * bound))
-        points &= first_of(cone[1] - first) * (1 << LANES | 1)
+        points &= first_bits(cone[1] - first) * (1 << LANES | 1)
         while points:
-            lane = lowest(points)
+            lane = lowest_bit(points)
             j, end = first + lane % LANES, lane // LANES
             x, y = table[AX + 2 * end, j], table[AY + 2 * end, j]
             points &= ~_ends_at(table, first, (x, y))
@@ -66,24 +66,26 @@ def corner_echo(
     return best
 
 
-@question
-def _ends_in(table: Table, slope: Lanes, bound: Lanes) -> tuple[Lanes, Lanes]:
+@float64_predicate
+def _ends_in(
+    table: FloatTable, slope: FloatVector, bound: FloatVector
+) -> tuple[FloatVector, FloatVector]:
     """Which surfaces' ends a, and b, are in the cone, nearer than the square root of the bound."""
     return _is_in(table[AX], table[AY], slope, bound), _is_in(table[BX], table[BY], slope, bound)
 
 
-def _is_in(x: Lanes, y: Lanes, slope: Lanes, bound: Lanes) -> Lanes:
+def _is_in(x: FloatVector, y: FloatVector, slope: FloatVector, bound: FloatVector) -> FloatVector:
     rim = slope * x
     return (x > 0.0) & (y <= rim) & (y >= -rim) & (x * x + y * y < bound)
 
 
-@question
-def _ends_at(table: Table, x: Lanes, y: Lanes) -> tuple[Lanes, Lanes]:
+@float64_predicate
+def _ends_at(table: FloatTable, x: FloatVector, y: FloatVector) -> tuple[FloatVector, FloatVector]:
     """Which surfaces' ends a, and b, are the point (x, y)."""
     return _is_at(table[AX], table[AY], x, y), _is_at(table[BX], table[BY], x, y)
 
 
-def _is_at(x: Lanes, y: Lanes, px: Lanes, py: Lanes) -> Lanes:
+def _is_at(x: FloatVector, y: FloatVector, px: FloatVector, py: FloatVector) -> FloatVector:
     return (x <= px) & (x >= px) & (y <= py) & (y >= py)
 
 
@@ -111,9 +113,9 @@ def _opening(table: np.ndarray, cone: Span, block: int, x: float, y: float) -> t
     left, left_x, left_y = np.inf, 0.0, 0.0
     right, right_x, right_y = -np.inf, 0.0, 0.0
     for first in range(cone[0], cone[1], LANES):
-        touching = _touching(table, first, (x, y)) & first_of(cone[1] - first)
+        touching = _touching(table, first, (x, y)) & first_bits(cone[1] - first)
         while touching:
-            j = first + lowest(touching)
+            j = first + lowest_bit(touching)
             touching &= touching - 1
             for end in range(2):
                 px, py = table[AX + 2 * end, j] - x, table[AY + 2 * end, j] - y
@@ -129,13 +131,13 @@ def _opening(table: np.ndarray, cone: Span, block: int, x: float, y: float) -> t
     return right_x * left_y - right_y * left_x, right_x * left_x + right_y * left_y
 
 
-@question
-def _touching(table: Table, x: Lanes, y: Lanes) -> Lanes:
+@float64_predicate
+def _touching(table: FloatTable, x: FloatVector, y: FloatVector) -> FloatVector:
     """Which surfaces pass the point (x, y) no farther than _TOUCH (m)."""
     ax, ay, bx, by = table[AX] - x, table[AY] - y, table[BX] - x, table[BY] - y
     dx, dy, across = bx - ax, by - ay, ax * by - ay * bx
-    beside = (ax.least(bx) <= _TOUCH) & (ax.most(bx) >= -_TOUCH)
-    beside &= (ay.least(by) <= _TOUCH) & (ay.most(by) >= -_TOUCH)
+    beside = (ax.minimum(bx) <= _TOUCH) & (ax.maximum(bx) >= -_TOUCH)
+    beside &= (ay.minimum(by) <= _TOUCH) & (ay.maximum(by) >= -_TOUCH)
     return beside & (across * across <= (dx * dx + dy * dy) * (_TOUCH * _TOUCH))
 
 
@@ -144,12 +146,12 @@ def _is_hidden(table: np.ndarray, cone: Span, x: float, y: float) -> bool:
     """Whether a wall stands between the sonar and the point (x, y)."""
     hiding = 0
     for first in range(cone[0], cone[1], LANES):
-        hiding |= _hiding(table, first, (x, y)) & first_of(cone[1] - first)
+        hiding |= _hiding(table, first, (x, y)) & first_bits(cone[1] - first)
     return hiding != 0
 
 
-@question
-def _hiding(table: Table, x: Lanes, y: Lanes) -> Lanes:
+@float64_predicate
+def _hiding(table: FloatTable, x: FloatVector, y: FloatVector) -> FloatVector:
     """Which surfaces stand between the sonar and the point (x, y)."""
     ax, ay, bx, by, area = (table[row] for row in (AX, AY, BX, BY, AREA))
     between = (ax * y >= ay * x) & (by * x >= bx * y) & (area > 0.0)

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Pose, Segments
-from albot_core.kernels.arguments import Packer
+from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.sensing.reading import Readings
 from albot_env.sim import chipmunk_kernels
 from albot_env.sim.chipmunk_kernels import Engine, Robots, advance
@@ -227,8 +227,8 @@ class Fleet:
         among = among[things.present[among]]
         if len(among):
             things.command(among, engine, self.states, steps * PHYSICS_STEP)
-        parcel = self._driving[member].parcel(engine, tables)
-        advance(floors, parcel, acceleration, PHYSICS_STEP, steps)
+        arguments = self._driving[member].arguments(engine, tables)
+        advance(floors, arguments, acceleration, PHYSICS_STEP, steps)
         if len(among):
             things.observe(among, engine)
 
@@ -240,7 +240,7 @@ class Fleet:
         """Have bridges to pymunk for so many robots and things on a floor."""
         if bodies > self._bridged:
             self._bridges = [Bridge(bodies) for _ in range(self._crew.size)]
-            self._driving = [Packer(self._machinery) for _ in range(self._crew.size)]
+            self._driving = [ArgumentsCache(self._machinery) for _ in range(self._crew.size)]
             self._bridged = bodies
 
     def _machinery(self, engine: Engine, tables: chipmunk_kernels.Floors) -> tuple[Any, ...]:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from albot_core.kernels.arguments import Packer
+from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.sensing.reading import Readings
 from albot_env.sim.chipmunk_kernels import Robots
 from albot_env.sim.drive import RobotConfig
@@ -60,7 +60,7 @@ class Instruments:
         self._solid = audible(sonar)
         self._locator = Locator(self._opaque, self._solid)
         self._buildings = Register(count, self._take_in, self._forget)
-        self._sensing = Packer(self._surroundings)
+        self._sensing = ArgumentsCache(self._surroundings)
 
     @property
     def odometer(self) -> Float64[np.ndarray, "constants"]:
@@ -95,7 +95,7 @@ class Instruments:
     def sense(self, rows: Int64[np.ndarray, "some"], stage: Stage) -> None:
         """Take the readings of some robots, among the things on the stage."""
         tables = self._opaque.tables, self._solid.tables
-        sense(rows, self._sensing.parcel(*tables, stage, self._devices))
+        sense(rows, self._sensing.arguments(*tables, stage, self._devices))
 
     def _surroundings(
         self, opaque: Walls, solid: Walls, stage: Stage, devices: Devices

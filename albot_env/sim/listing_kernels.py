@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_env.sim.plane_kernels import mounted, stance_at
 from albot_env.sim.visibility import list_cell, list_from_all
@@ -34,11 +34,11 @@ class Listing(NamedTuple):
     """Where on the robot the mount is (m)."""
 
 
-@Entry
+@KernelDispatcher
 @kernel()
 def list_here(
     rows: np.ndarray,
-    parcel: Parcel,
+    arguments: KernelArguments,
     done: int,
     buildings: np.ndarray,
     poses: np.ndarray,
@@ -49,7 +49,7 @@ def list_here(
 
     Args:
         rows: The robots.
-        parcel: A `Listing` of what is seen, and one of what is heard; either may be of no
+        arguments: A `Listing` of what is seen, and one of what is heard; either may be of no
             building at all, and is left alone then.
         done: How many of the robots are done.
         buildings: The building of each robot (n,).
@@ -60,7 +60,7 @@ def list_here(
     Returns:
         How many of the rows are done: fewer than all when `members` is full.
     """
-    seen, heard = opened(parcel)
+    seen, heard = unpack(arguments)
     for k in range(done, rows.shape[0]):
         i = rows[k]
         if seen.walls.frames.shape[0]:

@@ -16,16 +16,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from albot_core.geometry.directions import turned
-from albot_core.kernels.bits import lowest
+from albot_core.kernels.bits import lowest_bit
 from albot_core.kernels.compiled import ZERO, kernel
 from albot_core.kernels.simd import (
     LANES,
     LANES32,
-    Lanes,
-    Table,
-    coarse_question,
-    question32,
-    whole_lanes,
+    FloatTable,
+    FloatVector,
+    float32_predicate,
+    mixed_predicate,
+    padded_length,
 )
 from albot_env.sim.plane_kernels import Stance, mounted, stance_at
 from albot_env.sim.wall_index import Walls
@@ -85,7 +85,7 @@ def make_desk(fan: Fan, room: int) -> Desk:
     """A desk for so many walls."""
     beams = np.empty((4, fan.padded.shape[1]), np.float32)
     beams[:NEAREST] = fan.padded
-    columns = 2 * whole_lanes(room) + _STRIP  # Some are taken twice, and a strip is asked whole.
+    columns = 2 * padded_length(room) + _STRIP  # Some are taken twice, and a strip is asked whole.
     walls, lines = np.empty((4, columns)), np.empty((4, columns), np.float32)
     return Desk(beams, walls, lines, np.empty(fan.beams, np.uint64))
 
@@ -165,13 +165,13 @@ def _line_up(fan: Fan, count: int, desk: Desk) -> int:
     walls for which float32 is too coarse.
     """
     walls, lines = desk.walls, desk.lines
-    lined_up = whole_lanes(count)
+    lined_up = padded_length(count)
     for k in range(count, lined_up):  # Points are seen edge-on.
         walls[AX, k] = walls[AY, k] = walls[BX, k] = walls[BY, k] = 0.0
     for first in range(0, count, LANES):
         odd = _draw_lines((walls, lines), (first, first), (fan.reach * fan.reach,))
         while odd:
-            lane = lowest(odd)
+            lane = lowest_bit(odd)
             odd &= odd - 1
             j = first + lane % LANES
             if lane < LANES:
@@ -183,8 +183,10 @@ def _line_up(fan: Fan, count: int, desk: Desk) -> int:
     return lined_up
 
 
-@coarse_question
-def _draw_lines(walls: Table, lines: Table, reach2: Lanes) -> tuple[Lanes, Lanes]:
+@mixed_predicate
+def _draw_lines(
+    walls: FloatTable, lines: FloatTable, reach2: FloatVector
+) -> tuple[FloatVector, FloatVector]:
     """Order the ends of walls, and find their lines.
 
     Given is the square of the laser's reach (m²). Answered is for which of them float32 is too
@@ -195,25 +197,25 @@ def _draw_lines(walls: Table, lines: Table, reach2: Lanes) -> tuple[Lanes, Lanes
     area = one - other
     flip = area < 0.0
     ax, ay, bx, by = ex.where(sx, flip), ey.where(sy, flip), sx.where(ex, flip), sy.where(ey, flip)
-    per_area = 1.0 / area.size()
+    per_area = 1.0 / area.abs()
     p, q = (by - ay) * per_area, (ax - bx) * per_area
     walls[AX], walls[AY], walls[BX], walls[BY] = ax, ay, bx, by
-    far = (ax * ax + ay * ay).most(bx * bx + by * by).least(reach2)
+    far = (ax * ax + ay * ay).maximum(bx * bx + by * by).minimum(reach2)
     graze = far * far * (p * p + q * q)
-    seen = area.size() > (one.size() + other.size()) * _EDGE_ON
+    seen = area.abs() > (one.abs() + other.abs()) * _EDGE_ON
     coarse = graze > _GRAZING * _GRAZING
     plain = seen & (graze <= _GRAZING * _GRAZING)
     first, last = _turned(ax, ay), _turned(bx, by)
     behind = first > last
-    lines[P], lines[Q] = p.coarse(), q.coarse()
-    lines[FROM] = first.where(np.inf, plain).coarse()
-    lines[TO] = (last * 0.0 + np.inf).where(last, behind).coarse()
+    lines[P], lines[Q] = p.to_float32(), q.to_float32()
+    lines[FROM] = first.where(np.inf, plain).to_float32()
+    lines[TO] = (last * 0.0 + np.inf).where(last, behind).to_float32()
     return seen & coarse, plain & behind
 
 
-def _turned(u: Lanes, v: Lanes) -> Lanes:
+def _turned(u: FloatVector, v: FloatVector) -> FloatVector:
     """What `turned` makes of directions."""
-    part = v / (u.size() + v.size()).most(1e-300)
+    part = v / (u.abs() + v.abs()).maximum(1e-300)
     behind = (2.0 - part).where(-2.0 - part, v >= 0.0)
     return part.where(behind, u >= 0.0)
 
@@ -239,8 +241,8 @@ def _raise_all(start: int, count: int, desk: Desk) -> None:
             _raise(beams, first, (*pair, *other))
 
 
-@question32
-def _reaching(lines: Table, first: Lanes, last: Lanes) -> Lanes:
+@float32_predicate
+def _reaching(lines: FloatTable, first: FloatVector, last: FloatVector) -> FloatVector:
     """Which walls do beams meet that lie between two directions."""
     return (lines[FROM] <= last) & (lines[TO] >= first)
 
@@ -251,7 +253,7 @@ def _take_next(walls: int, before: int) -> tuple[int, int]:
 
     To take one twice changes nothing, and costs less than to ask whether one is left.
     """
-    return lowest(walls) if walls else before, walls & (walls - 1)
+    return lowest_bit(walls) if walls else before, walls & (walls - 1)
 
 
 @kernel()
@@ -259,8 +261,8 @@ def _line(lines: np.ndarray, k: int) -> tuple[float, float, float, float]:
     return lines[P, k], lines[Q, k], lines[FROM, k], lines[TO, k]
 
 
-@question32
-def _raise(beams: Table, *lines: Lanes) -> Lanes:
+@float32_predicate
+def _raise(beams: FloatTable, *lines: FloatVector) -> FloatVector:
     """Raise the inverse ranges along a block of beams to those of walls, where they meet them."""
     u, v, w, nearest = beams[U], beams[V], beams[W], beams[NEAREST]
     for k in range(0, len(lines), 4):

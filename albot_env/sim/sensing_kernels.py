@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.kernels.arguments import Entry, Parcel, opened
-from albot_core.kernels.compiled import element, kernel
+from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
+from albot_core.kernels.compiled import kernel, load_element
 from albot_env.sim.noise_kernels import draw
 from albot_env.sim.odometer_kernels import ODOMETER_DRAWS, read
 from albot_env.sim.plane_kernels import stance_at
@@ -101,34 +101,34 @@ def disturb(
     for k in range(ranges.shape[0]):
         bits[k] = draw(key, place + k)
     for k in range(ranges.shape[0]):
-        ranges[k] += element(normals, bits[k] >> np.uint64(52))
+        ranges[k] += load_element(normals, bits[k] >> np.uint64(52))
     for k in range(ranges.shape[0]):
         reach = max(ranges[k], 0.0)
         lost = np.int64(bits[k] & np.uint64(0xFFFFFFFF)) < dropout
         ranges[k] = np.inf if lost or reach >= max_range else reach
 
 
-@Entry
+@KernelDispatcher
 @kernel(arrays=True, nogil=True)
-def sense(rows: np.ndarray, parcel: Parcel) -> None:
+def sense(rows: np.ndarray, arguments: KernelArguments) -> None:
     """Read the sensors of the robots `rows`, whose cells are known.
 
-    The parcel holds `poses` (n, 3), where they are; `counts` (n, …), what their odometers have
+    `arguments` holds `poses` (n, 3), where they are; `counts` (n, …), what their odometers have
     counted; `Surroundings`; `Devices`; and `Sensed`.
     """
-    _, _, around, devices, _ = opened(parcel)
+    _, _, around, devices, _ = unpack(arguments)
     most = 0
     for i in rows:
         most = max(most, around.last[i] - around.first[i])
     desk = make_desk(devices.fan, around.most_walls + most)
     cones = make_cones(around.most_walls + most, devices.sonars.mounts.shape[0])
-    _sense_all(rows, parcel, desk, cones)
+    _sense_all(rows, arguments, desk, cones)
 
 
 @kernel()
-def _sense_all(rows: np.ndarray, parcel: Parcel, desk: Desk, cones: Cones) -> None:
+def _sense_all(rows: np.ndarray, arguments: KernelArguments, desk: Desk, cones: Cones) -> None:
     """`sense`, with room to work in."""
-    poses, counts, around, devices, sensed = opened(parcel)
+    poses, counts, around, devices, sensed = unpack(arguments)
     fan, sonars, solid = devices.fan, devices.sonars, around.solid
     draws, count = ODOMETER_DRAWS + fan.beams, sonars.mounts.shape[0]
     for i in rows:

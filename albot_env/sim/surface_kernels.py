@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.kernels.bits import lowest, ones
+from albot_core.kernels.bits import lowest_bit, popcount
 from albot_core.kernels.compiled import ZERO, kernel
-from albot_core.kernels.simd import LANES, Lanes, Table, question, whole_lanes
+from albot_core.kernels.simd import LANES, FloatTable, FloatVector, float64_predicate, padded_length
 from albot_env.sim.plane_kernels import Stance
 from albot_env.sim.sonar_arrays import Sonars
 
@@ -60,7 +60,7 @@ NEARER = 1.0 + 1e-12
 def make_cones(most: int, sonars: int) -> Cones:
     """Room for so many surfaces around a robot with so many sonars."""
     # What is put together in the last columns spills over.
-    columns = max(sonars, 1) * whole_lanes(most) + LANES
+    columns = max(sonars, 1) * padded_length(most) + LANES
     bounds, echoes = np.zeros(sonars + 1, np.int64), np.empty((sonars, 2))
     return Cones(np.empty((ROWS, columns)), bounds, echoes)
 
@@ -84,7 +84,7 @@ def gather(
         count += _take(walls, j, robot, behind, table, count)
     for j in range(things.shape[0]):
         count += _take(things, j, robot, behind, table, count)
-    for k in range(count, whole_lanes(count)):
+    for k in range(count, padded_length(count)):
         table[X1, k] = table[Y1, k] = table[X2, k] = table[Y2, k] = _FAR
     for first in range(0, count, LANES):
         _measure(table, first, ())
@@ -112,16 +112,16 @@ def _take(
     return 1 if max(cos * x1 + sin * y1, cos * x2 + sin * y2) >= behind else 0
 
 
-@question
-def _measure(table: Table) -> Lanes:
+@float64_predicate
+def _measure(table: FloatTable) -> FloatVector:
     """Write the squares of the distances from the robot's middle."""
     x1, y1, x2, y2 = (table[row] for row in (X1, Y1, X2, Y2))
     dx, dy = x2 - x1, y2 - y1
     along = -(x1 * dx + y1 * dy) / (dx * dx + dy * dy)
-    along = along.most(0.0).least(1.0)  # Where both ends are one point it is NaN, and 0 then.
+    along = along.maximum(0.0).minimum(1.0)  # Where both ends are one point it is NaN, and 0 then.
     x, y = x1 + along * dx, y1 + along * dy
     squared = x * x + y * y
-    table[SQUARED], table[NEAREST] = squared, squared.minimum()
+    table[SQUARED], table[NEAREST] = squared, squared.reduce_min()
     return along <= 1.0
 
 
@@ -142,16 +142,18 @@ def look(cones: Cones, s: int, count: int, ear: Ear, sonars: Sonars) -> None:
             break  # Nor is anything after it in reach.
         answers = _turn(table, (first, end), (far * far, x, y, cos, sin, slope))
         closing = answers >> LANES
-        end += ones(answers ^ closing << LANES)
+        end += popcount(answers ^ closing << LANES)
         while closing:
-            lane = first + lowest(closing)
+            lane = first + lowest_bit(closing)
             reach = min(reach, NEARER * secant * table[FILLED, lane] / table[BLOCKED, lane])
             closing &= closing - 1
     cones.bounds[s + 1] = end
 
 
-@question
-def _turn(table: Table, together: Table, *view: Lanes) -> tuple[Lanes, Lanes]:
+@float64_predicate
+def _turn(
+    table: FloatTable, together: FloatTable, *view: FloatVector
+) -> tuple[FloatVector, FloatVector]:
     """Turn surfaces into a sonar's frame, and put those together that are in its cone.
 
     Answered is which these are: which are in reach and have an end ahead of the sonar, one within
@@ -165,13 +167,13 @@ def _turn(table: Table, together: Table, *view: Lanes) -> tuple[Lanes, Lanes]:
     in_order = area >= 0.0
     ax, bx = ax.where(bx, in_order), bx.where(ax, in_order)
     ay, by = ay.where(by, in_order), by.where(ay, in_order)
-    area = area.size()
+    area = area.abs()
     rise, other = slope * ax, slope * bx
-    inside = (table[SQUARED] <= far2) & (ax.most(bx) >= 0.0)
+    inside = (table[SQUARED] <= far2) & (ax.maximum(bx) >= 0.0)
     inside &= ((ay <= rise) | (by <= other)) & ((ay >= -rise) | (by >= -other))
     for row, lanes in ((AX, ax), (AY, ay), (BX, bx), (BY, by), (AREA, area)):
-        together[row] = lanes.together(inside)
+        together[row] = lanes.compress(inside)
     nx, ny = by - ay, ax - bx
-    least = nx - slope * ny.size()
+    least = nx - slope * ny.abs()
     table[FILLED], table[BLOCKED] = area, least
     return inside, (ay <= -rise) & (by >= other) & (least > 0.0) & inside

@@ -17,9 +17,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from albot_core.geometry.directions import length_of
-from albot_core.kernels.bits import lowest
+from albot_core.kernels.bits import lowest_bit
 from albot_core.kernels.compiled import ZERO, kernel
-from albot_core.kernels.simd import LANES, Lanes, Table, first_of, question, whole_lanes
+from albot_core.kernels.simd import (
+    LANES,
+    FloatTable,
+    FloatVector,
+    first_bits,
+    float64_predicate,
+    padded_length,
+)
 
 if TYPE_CHECKING:
     from albot_env.sim.wall_index import Walls
@@ -66,7 +73,7 @@ def list_cell(
         count += distances[count] <= limit
     order = np.empty(count, np.int64)
     _sort(distances, order)
-    screens = np.empty((9, whole_lanes(count)))
+    screens = np.empty((9, padded_length(count)))
     in_use = ZERO
     for k in order:
         j = near[k]
@@ -114,9 +121,9 @@ def _hidden(wall: np.ndarray, screens: np.ndarray, count: int) -> bool:
         piece = x, y, wall[0], wall[1], wall[2], wall[3]
         end = done
         for first in range(0, count, LANES):
-            shading = _shading(screens, first, piece) & first_of(count - first)
+            shading = _shading(screens, first, piece) & first_bits(count - first)
             while shading:
-                end = max(end, _end_of_shadow(screens, first + lowest(shading), wall))
+                end = max(end, _end_of_shadow(screens, first + lowest_bit(shading), wall))
                 shading &= shading - 1
         if end <= done:
             return False
@@ -124,8 +131,10 @@ def _hidden(wall: np.ndarray, screens: np.ndarray, count: int) -> bool:
     return True
 
 
-@question
-def _shading(screens: Table, x: Lanes, y: Lanes, *wall: Lanes) -> Lanes:
+@float64_predicate
+def _shading(
+    screens: FloatTable, x: FloatVector, y: FloatVector, *wall: FloatVector
+) -> FloatVector:
     """In which shadows a point of a wall is.
 
     A wall that goes along a screen's line, as those of the chain may that casts the shadow, is not.
@@ -137,7 +146,7 @@ def _shading(screens: Table, x: Lanes, y: Lanes, *wall: Lanes) -> Lanes:
     return beyond
 
 
-def _depth(screens: Table, plane: int, x: Lanes, y: Lanes) -> Lanes:
+def _depth(screens: FloatTable, plane: int, x: FloatVector, y: FloatVector) -> FloatVector:
     """How deep in a half-plane a point is (m)."""
     nx, ny, offset = (screens[3 * plane + row] for row in range(3))
     return nx * x + ny * y - offset

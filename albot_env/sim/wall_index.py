@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from albot_core.geometry.types import Segments
-from albot_core.kernels.arguments import Packer
+from albot_core.kernels.arguments import ArgumentsCache
 from albot_env.sim.listing_kernels import BLOCK, Listing, list_here
 
 CELL = 0.25
@@ -132,7 +132,7 @@ class Locator:
 
     def __init__(self, seen: WallIndex, heard: WallIndex) -> None:
         self._seen, self._heard = seen, heard
-        self._listing = Packer(lambda a, b: (seen.listing(a), heard.listing(b)))
+        self._listing = ArgumentsCache(lambda a, b: (seen.listing(a), heard.listing(b)))
 
     def locate(
         self,
@@ -145,8 +145,8 @@ class Locator:
         """Fill `seeing` and `hearing` for `rows` with the cells of robots; lists are made."""
         done = 0
         while done < len(rows):
-            parcel = self._listing.parcel(self._seen.tables, self._heard.tables)
-            done = list_here(rows, parcel, done, buildings, poses, seeing, hearing)
+            arguments = self._listing.arguments(self._seen.tables, self._heard.tables)
+            done = list_here(rows, arguments, done, buildings, poses, seeing, hearing)
             if done < len(rows):
                 self._seen.make_room()
                 self._heard.make_room()

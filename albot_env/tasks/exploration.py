@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Int64
 
 from albot_core.geometry.types import Pose
-from albot_core.kernels.arguments import Packer
+from albot_core.kernels.arguments import ArgumentsCache
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import ActionConfig, Numbers
 from albot_env.tasks.claiming import ClaimingActionConfig
@@ -52,7 +52,7 @@ class Exploration(Expedition):
         super().__init__(
             robots, equipment, actions=config.actions, observations=config.observations
         )
-        self._reckoning = Packer(self._books)
+        self._reckoning = ArgumentsCache(self._books)
         self._weights = config.weights.values
         mappers = self._mappers
         self._claims = Claims(
@@ -85,7 +85,7 @@ class Exploration(Expedition):
         super().act(numbers)
 
     def _appraise(self, rows: Int64[np.ndarray, "some"]) -> None:
-        appraise(rows, self._reckoning.parcel(self._claims), CONTROL_STEP)
+        appraise(rows, self._reckoning.arguments(self._claims), CONTROL_STEP)
 
     def _books(self, claims: Claims) -> tuple[Any, ...]:
         """What the appraisal takes."""

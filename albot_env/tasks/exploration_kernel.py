@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_env.tasks.claims_kernel import FALSE, RIGHT, forget_claims, judge_claim
 from albot_env.tasks.standing import follow
@@ -13,15 +13,15 @@ TERMS = ("coverage", "room", "place_recognized", "place_mistaken", "collision", 
 """The reward's terms, in the order of the columns of `Standing.terms`."""
 
 
-@Entry
+@KernelDispatcher
 @kernel(nogil=True)
-def appraise(rows: np.ndarray, parcel: Parcel, elapsed: float) -> None:
+def appraise(rows: np.ndarray, arguments: KernelArguments, elapsed: float) -> None:
     """Bring the standing of robots up to date after a survey, at the end of a step (s).
 
-    The parcel holds the weights (terms,) of the reward, the area (m²) of a cell of ground,
+    `arguments` holds the weights (terms,) of the reward, the area (m²) of a cell of ground,
     whether each robot touched something (n,), `Senses`, `Findings`, `Standing` and `Claims`.
     """
-    weights, cell_area, collided, senses, findings, standing, claims = opened(parcel)
+    weights, cell_area, collided, senses, findings, standing, claims = unpack(arguments)
     for i in rows:
         follow(i, cell_area, senses, findings, standing)
         terms = standing.terms[i]

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.geometry.directions import length_of, turned
-from albot_core.kernels.bits import lowest, ones
+from albot_core.kernels.bits import lowest_bit, popcount
 from albot_core.kernels.compiled import kernel
-from albot_core.kernels.simd import Lanes, Table, question32
+from albot_core.kernels.simd import FloatTable, FloatVector, float32_predicate
 
 _CELLS = np.stack((np.arange(16) % 8, np.arange(16) // 8)).astype(np.float32)
 """Columns and rows of the first two rows of a block's cells."""
@@ -103,12 +103,12 @@ def cover(
             if hidden:
                 seen = _seen(hidden, (8 * x, 8 * y), eye, 1.0 / cell, sight, ranges)
                 grid[word] |= np.uint64(seen)
-                new += ones(seen)
+                new += popcount(seen)
     return new
 
 
-@question32
-def _near(cells: Table, *eye: Lanes) -> tuple[Lanes, ...]:
+@float32_predicate
+def _near(cells: FloatTable, *eye: FloatVector) -> tuple[FloatVector, ...]:
     """Which cells of a block are within the square of a distance of the eye, and not behind it.
 
     Told by two rows at a time. `eye` is the laser's place (cells from the middle of the block's
@@ -135,7 +135,7 @@ def _seen(
     x, y, cos, sin = eye
     parts, shown = beams.shape[0], 0
     while cells:
-        place = lowest(cells)
+        place = lowest_bit(cells)
         cells &= cells - 1
         dx, dy = corner[0] + (place & 7) - x, corner[1] + (place >> 3) - y
         u, v = cos * dx + sin * dy, cos * dy - sin * dx

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_core.kernels.arguments import Packer
+from albot_core.kernels.arguments import ArgumentsCache
 from albot_env.sim.fleet import draw_key
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import DeclaringActionConfig, Numbers
@@ -71,7 +71,7 @@ class Homing(Expedition):
             robots, equipment, actions=config.actions, observations=config.observations
         )
         self._config = config
-        self._reckoning = Packer(self._books)
+        self._reckoning = ArgumentsCache(self._books)
         self.journeys = self._outings = Outings(
             self.task, equipment, config.observations, config.outing, journeys
         )
@@ -118,7 +118,7 @@ class Homing(Expedition):
         self._outings.close()
 
     def _appraise(self, rows: Int64[np.ndarray, "some"]) -> None:
-        appraise_homing(rows, self._reckoning.parcel(self._fields), CONTROL_STEP)
+        appraise_homing(rows, self._reckoning.arguments(self._fields), CONTROL_STEP)
 
     def _books(self, fields: Fields) -> tuple[Any, ...]:
         """What the appraisal takes."""

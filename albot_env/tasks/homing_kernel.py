@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from albot_core.geometry.directions import length_of
-from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_env.tasks.standing import follow
 from albot_maps.geodesic_kernel import FAR, first_anchor
@@ -97,17 +97,17 @@ def _aversion(pose: np.ndarray, turn: np.ndarray) -> float:
     return float(0.5 - 0.5 * (math.cos(pose[2]) * east + math.sin(pose[2]) * north) / away)
 
 
-@Entry
+@KernelDispatcher
 @kernel(nogil=True)
-def appraise_homing(rows: np.ndarray, parcel: Parcel, elapsed: float) -> None:
+def appraise_homing(rows: np.ndarray, arguments: KernelArguments, elapsed: float) -> None:
     """Bring the standing of robots up to date after a survey, at the end of a step (s).
 
-    The parcel holds the weights (terms,) and the discount of the reward, how near home (m)
+    `arguments` holds the weights (terms,) and the discount of the reward, how near home (m)
     counts as home, the area (m²) of a cell of ground, whether each robot touched something
     (n,), `Fields`, `Senses`, `Findings`, `Standing` and `Homecoming`.
     """
-    weights, discount, radius, cell_area, collided, fields, senses, findings, standing, h = opened(
-        parcel
+    weights, discount, radius, cell_area, collided, fields, senses, findings, standing, h = unpack(
+        arguments
     )
     for i in rows:
         moved = follow(i, cell_area, senses, findings, standing)

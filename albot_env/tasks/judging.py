@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.types import Pose, Segments
-from albot_core.kernels.arguments import Parcel
+from albot_core.kernels.arguments import KernelArguments
 from albot_core.ranges import SHARE, check_fields
 from albot_env.tasks.action import Numbers
 from albot_env.tasks.answer import AnswerConfig
@@ -128,7 +128,7 @@ class Judging(Expedition):
         weights = config.weights.values, config.recall
         nothing = question(np.empty((0, len(FEATURES)), np.float32), most)
         rest = nothing, self._sheets, self._senses, self._standing, self._judgement
-        self._books = Parcel((*weights, *rest))
+        self._books = KernelArguments((*weights, *rest))
 
     def check_start(self, world: World, start: Pose) -> None:
         """Refuse a start that is none, and a world through which no tour leads.

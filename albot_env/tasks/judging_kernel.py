@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_env.tasks.kernels import find_home
 from albot_env.tasks.standing import Standing
@@ -76,16 +76,16 @@ class Judgement(NamedTuple):
     """(n,) float64: simulated time since it set out (s)."""
 
 
-@Entry
+@KernelDispatcher
 @kernel(arrays=True, nogil=True)
-def judge(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
+def judge(rows: np.ndarray, arguments: KernelArguments, observations: np.ndarray) -> None:
     """Judge the answers of robots `rows`, and show them where they have arrived next.
 
-    Each one's observation goes into its row of `observations`. The parcel holds the weights
+    Each one's observation goes into its row of `observations`. `arguments` holds the weights
     (terms,) of the reward, the recall that is wanted for success, what is observed when
     all is judged (length,), `Sheets`, `Senses`, `Standing` and `Judgement`.
     """
-    weights, wanted, nothing, sheets, senses, standing, j = opened(parcel)
+    weights, wanted, nothing, sheets, senses, standing, j = unpack(arguments)
     for i in rows:
         answered, last = standing.steps[i], sheets.counts[i] - 1
         terms, tallies = standing.terms[i], j.tallies[i]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.kernels.bits import bits_of, number_of
+from albot_core.kernels.bits import float32_bits, float32_from_bits
 from albot_core.kernels.compiled import kernel
 
 
@@ -54,9 +54,9 @@ def scale_ranges(ranges: np.ndarray, scale: LogScale, shown: np.ndarray) -> None
     third, fifth, seventh = np.float32(1 / 3), np.float32(1 / 5), np.float32(1 / 7)
     share, per_knee = np.float32(2.0 / scale.whole), 1.0 / scale.knee
     for k in range(ranges.shape[0]):
-        bits = bits_of(np.float32(1.0 + min(ranges[k], scale.longest) * per_knee))
+        bits = float32_bits(np.float32(1.0 + min(ranges[k], scale.longest) * per_knee))
         exponent = np.float32((bits >> np.int32(23)) - np.int32(127))
-        number = number_of((bits & np.int32(0x7FFFFF)) | np.int32(127 << 23))
+        number = float32_from_bits((bits & np.int32(0x7FFFFF)) | np.int32(127 << 23))
         t = (number - root) / (number + root)
         s = t * t
         log = (exponent + half) * log_2 + two * t * (one + s * (third + s * (fifth + s * seventh)))

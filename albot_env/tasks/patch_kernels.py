@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.kernels.compiled import kernel
-from albot_core.kernels.simd import LANES
-from albot_core.kernels.word_simd import Words, WordTable, question64
+from albot_core.kernels.simd import LANES, UInt64Table, UInt64Vector, uint64_predicate
 from albot_env.tasks.ground_kernels import Ground
 
 _ONE = 2.0**32
@@ -65,23 +64,23 @@ def _show(covered: int, rest: int, patch: np.ndarray, place: int) -> None:
             patch[begin + lane] = _SIGNS[signs, lane]
 
 
-@question64
+@uint64_predicate
 def _are_covered(
-    grids: WordTable,
-    begin: Words,
-    size: Words,
-    words: Words,
-    x: Words,
-    y: Words,
-    step_x: Words,
-    step_y: Words,
-) -> Words:
+    grids: UInt64Table,
+    begin: UInt64Vector,
+    size: UInt64Vector,
+    words: UInt64Vector,
+    x: UInt64Vector,
+    y: UInt64Vector,
+    step_x: UInt64Vector,
+    step_y: UInt64Vector,
+) -> UInt64Vector:
     """Which cells of a row of a patch are covered, of eight whose first is at x, y.
 
     Places and steps are fixed-point cells of a grid; that begins so many words from the first
     one's, has so many cells along a side and so many words a row.
     """
-    x, y = x.onwards(step_x), y.onwards(step_y)
+    x, y = x.stepped(step_x), y.stepped(step_y)
     on_grid = (x >> 32 < size) & (y >> 32 < size)
     word = grids.at(begin + (y >> 35) * words + (x >> 35), on_grid)
-    return (word >> ((y >> 29) & 56 | (x >> 32) & 7)).odd()
+    return (word >> ((y >> 29) & 56 | (x >> 32) & 7)).is_odd()

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_core.kernels.arguments import Packer
+from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, check_fields
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.action import DeclaringActionConfig, Numbers
@@ -78,7 +78,7 @@ class RoundTrip(Expedition):
         )
         self._config = config
         self._ways = HomeFields()
-        self._reckoning = Packer(self._books)
+        self._reckoning = ArgumentsCache(self._books)
         self._fields = no_fields(robots)
         self._trips = RoundTrips(
             budgets=np.ones(robots, np.int64),
@@ -109,8 +109,8 @@ class RoundTrip(Expedition):
         super().act(numbers)
 
     def _appraise(self, rows: Int64[np.ndarray, "some"]) -> None:
-        parcel = self._reckoning.parcel(self._fields)
-        appraise_round_trip(rows, parcel, CONTROL_STEP, self.observations)
+        arguments = self._reckoning.arguments(self._fields)
+        appraise_round_trip(rows, arguments, CONTROL_STEP, self.observations)
 
     def _books(self, fields: Fields) -> tuple[Any, ...]:
         """What the appraisal takes."""

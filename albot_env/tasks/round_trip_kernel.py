@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.geometry.directions import length_of
-from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_env.tasks.homing_kernel import find_way, success_weighted
 from albot_env.tasks.kernels import observe_time
@@ -64,20 +64,20 @@ class Rules(NamedTuple):
     """…and where in observations it stands; -1 where it is not shown."""
 
 
-@Entry
+@KernelDispatcher
 @kernel(nogil=True)
 def appraise_round_trip(
-    rows: np.ndarray, parcel: Parcel, elapsed: float, observations: np.ndarray
+    rows: np.ndarray, arguments: KernelArguments, elapsed: float, observations: np.ndarray
 ) -> None:
     """Bring the standing of robots up to date after a survey, at the end of a step (s).
 
-    The time left is filled into each one's row of `observations`. The parcel holds the
+    The time left is filled into each one's row of `observations`. `arguments` holds the
     weights (terms,) and the discount of the reward, `Rules`, the area (m²) of a cell of ground,
     whether each robot touched something (n,), `Fields`, `Senses`, `Findings`, `Standing` and
     `RoundTrips`.
     """
-    weights, discount, rules, cell_area, collided, fields, senses, findings, standing, r = opened(
-        parcel
+    weights, discount, rules, cell_area, collided, fields, senses, findings, standing, r = unpack(
+        arguments
     )
     for i in rows:
         moved = follow(i, cell_area, senses, findings, standing)

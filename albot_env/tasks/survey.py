@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int64, UInt64
 
-from albot_core.kernels.arguments import Packer
+from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.register import Register
 from albot_env.tasks.ground import (
@@ -83,7 +83,7 @@ class Survey:
             moved=np.zeros((robots, 2)),
         )
         """What was found out at the last look."""
-        self._surveying = Packer(self._plans)
+        self._surveying = ArgumentsCache(self._plans)
 
     @property
     def rooms(self) -> np.ndarray:
@@ -168,8 +168,8 @@ class Survey:
     ) -> None:
         """Note what robots find out by their readings, and fill in what they observe."""
         changing = self._covered, self._believed, self._rooms, senses, self._sketches
-        parcel = self._surveying.parcel(*changing)
-        survey(rows, parcel, observations)
+        arguments = self._surveying.arguments(*changing)
+        survey(rows, arguments, observations)
 
     def _plans(
         self,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.kernels.arguments import Entry, Parcel, opened
+from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL
 from albot_env.tasks.ground_kernels import (
@@ -126,31 +126,31 @@ class Findings(NamedTuple):
     """(n, 2) float64: way and turning since each last looked at the ground (m, rad)."""
 
 
-@Entry
+@KernelDispatcher
 @kernel(arrays=True, nogil=True)
-def survey(rows: np.ndarray, parcel: Parcel, observations: np.ndarray) -> None:
+def survey(rows: np.ndarray, arguments: KernelArguments, observations: np.ndarray) -> None:
     """Survey the robots `rows`; each's observation goes into its row of `observations`.
 
-    The parcel holds `Sight`, the `Ground` truly covered, that believed to be, `Rooms`, `Scales`,
+    `arguments` holds `Sight`, the `Ground` truly covered, that believed to be, `Rooms`, `Scales`,
     `Layout`, `Senses`, `Findings`, `Pencil`, `Search` and `Sketches`.
     """
-    contents = opened(parcel)
+    contents = unpack(arguments)
     s, senses = contents[4], contents[6]
     nearest = np.empty(s.sectors)
     frontier = np.empty(s.sectors if s.sectors else senses.ranges.shape[1])
-    _survey_all(rows, parcel, observations, nearest, frontier)
+    _survey_all(rows, arguments, observations, nearest, frontier)
 
 
 @kernel()
 def _survey_all(
     rows: np.ndarray,
-    parcel: Parcel,
+    arguments: KernelArguments,
     observations: np.ndarray,
     nearest: np.ndarray,
     frontier: np.ndarray,
 ) -> None:
     """`survey`, with room for the nearest ranges and the frontiers by sector (m)."""
-    contents = opened(parcel)
+    contents = unpack(arguments)
     sight, covered, believed, rooms, s, layout, senses, findings = contents[:8]
     pencil, search, sketches = contents[8:]
     for i in rows:

@@ -1,8 +1,8 @@
-"""Parcels: many arrays that compiled code takes in one piece.
+"""Kernel arguments: many arrays that compiled code takes as one address.
 
-To unpack the arguments of a compiled call costs most of a microsecond for each array, far
-more than many a call's work. A parcel is unpacked once; then its address is all there is to
-take.
+numba unpacks each array that Python passes to a compiled call, which costs most of a microsecond
+an array: far more than the work of many a call. `KernelArguments` are unpacked once, when they are
+made. Then a call takes one address, and the kernel gets the arrays back by `unpack`.
 """
 
 from __future__ import annotations
@@ -32,76 +32,77 @@ _LINE = 64
 """Contents begin at a multiple of so many bytes."""
 
 
-class Parcel:
-    """Arrays and numbers, in tuples, that compiled code gets back by `opened`.
+class KernelArguments:
+    """Arrays and numbers, in nested tuples, that compiled code gets back by `unpack`.
 
-    What stands in the arrays may change; which arrays they are may not.
+    The values in the arrays may change; which arrays they are may not.
 
     Args:
-        contents: A tuple of them.
+        contents: A tuple of arrays, numbers and such tuples.
     """
 
     def __init__(self, contents: tuple[Any, ...]) -> None:
         kind = typeof(contents)  # type: ignore[no-untyped-call]
         self._kept = contents
         self._room = np.empty(_size_of(kind) + _LINE, np.uint8)
-        self.kind = ParcelType(kind)
-        """What compiled code takes it for."""
+        self.kind = KernelArgumentsType(kind)
+        """The numba type."""
         self.address = -(-self._room.ctypes.data // _LINE) * _LINE
-        """Where the contents are, as compiled code holds them."""
+        """Where the contents are stored, in compiled code's own layout."""
         _pack(contents, self.address)
 
-    def __reduce__(self) -> tuple[type[Parcel], tuple[Any, ...]]:
+    def __reduce__(self) -> tuple[type[KernelArguments], tuple[Any, ...]]:
         """A copy holds the copied contents, at an address of its own."""
-        return Parcel, (self._kept,)
+        return KernelArguments, (self._kept,)
 
 
-class Packer:
-    """Has a parcel at hand, packed anew only when it is asked for with other parts.
+class ArgumentsCache:
+    """Keeps the last `KernelArguments`, and makes new ones only for other parts.
 
     Args:
-        arrange: Makes the contents of the parts.
+        arrange: Makes the contents from the parts.
     """
 
     def __init__(self, arrange: Callable[..., tuple[Any, ...]]) -> None:
         self._arrange = arrange
-        self._packed: tuple[tuple[Any, ...], Parcel] | None = None
+        self._packed: tuple[tuple[Any, ...], KernelArguments] | None = None
 
-    def parcel(self, *parts: Any) -> Parcel:
-        """The parcel with these parts, which are known by which objects they are."""
+    def arguments(self, *parts: Any) -> KernelArguments:
+        """The arguments made from these parts; parts are compared by identity, not by value."""
         packed = self._packed
         if packed is None or any(map(is_not, parts, packed[0])):
             # In one assignment, for threads that ask at the same time.
-            self._packed = packed = parts, Parcel(self._arrange(*parts))
+            self._packed = packed = parts, KernelArguments(self._arrange(*parts))
         return packed[1]
 
 
-class Entry:
-    """A way into compiled code that takes a parcel, for Python: a decorator over `kernel`.
+class KernelDispatcher:
+    """Calls compiled code that takes `KernelArguments`, from Python: a decorator over `kernel`.
 
-    numba asks what all arguments are each time, and to find out of a parcel takes longer than many
-    a call's work. Here it asks only when the parcel's contents are of another type than the time
-    before; so all other arguments must be of the same types each time, arrays contiguous.
+    numba works out the types of all arguments at each call, which takes longer for
+    `KernelArguments` than the work of many a call. This dispatcher does so only when the contents'
+    type differs from the call before; so all other arguments must have the same types at each
+    call, and arrays must be contiguous.
 
     Args:
-        compiled: The compiled code; compiled code itself must call this.
+        compiled: The compiled code; compiled code itself must call this, not the dispatcher.
     """
 
     def __init__(self, compiled: Callable[..., Any]) -> None:
         self.compiled: Any = compiled
         """The compiled code."""
-        self._known: tuple[ParcelType | None, Callable[..., Any]] = None, compiled
+        self._known: tuple[KernelArgumentsType | None, Callable[..., Any]] = None, compiled
         update_wrapper(self, compiled)
 
-    def __call__(self, rows: np.ndarray, parcel: Parcel, *others: Any) -> Any:
-        """Run it for some rows."""
+    def __call__(self, rows: np.ndarray, arguments: KernelArguments, *others: Any) -> Any:
+        """Run the compiled code for these rows."""
         kind, run = self._known
-        if kind is not parcel.kind:
-            run = self._find(rows, parcel, *others)
-        return run(rows, parcel, *others)
+        if kind is not arguments.kind:
+            run = self._find(rows, arguments, *others)
+        return run(rows, arguments, *others)
 
     def _find(self, *arguments: Any) -> Callable[..., Any]:
-        """What runs with such arguments, compiled if need be."""
+        """The machine code for arguments of these types, compiled if need be."""
         signature = tuple(map(typeof, arguments))
         self.compiled.compile(signature)
         found: Callable[..., Any] = self.compiled.overloads[signature].entry_point
@@ -109,45 +110,45 @@ class Entry:
         return found
 
 
-class ParcelType(types.Type):
-    """The compiler's type of parcels with contents of one type."""
+class KernelArgumentsType(types.Type):
+    """The numba type of kernel arguments whose contents have one type."""
 
     def __init__(self, contents: Any) -> None:
         self.contents = contents
-        super().__init__(name=f"Parcel({contents})")
+        super().__init__(name=f"KernelArguments({contents})")
 
 
 @cache
 def _size_of(kind: Any) -> int:
-    """Bytes that contents of a type take."""
+    """Bytes that contents of a numba type take."""
     context = cpu_target.target_context
     size: int = context.get_abi_sizeof(context.get_value_type(kind))
     return size
 
 
-@typeof_impl.register(Parcel)
-def _kind_of(parcel: Parcel, _: Any) -> ParcelType:
-    return parcel.kind
+@typeof_impl.register(KernelArguments)
+def _kind_of(arguments: KernelArguments, _: Any) -> KernelArgumentsType:
+    return arguments.kind
 
 
-@register_model(ParcelType)
-class _ParcelModel(models.PrimitiveModel):
-    """Compiled code holds a parcel as its address."""
+@register_model(KernelArgumentsType)
+class _ArgumentsModel(models.PrimitiveModel):
+    """Compiled code holds kernel arguments as their address."""
 
-    def __init__(self, manager: Any, kind: ParcelType) -> None:
+    def __init__(self, manager: Any, kind: KernelArgumentsType) -> None:
         super().__init__(manager, kind, ir.IntType(64))  # type: ignore[no-untyped-call]
 
 
-@unbox(ParcelType)  # type: ignore[no-untyped-call, untyped-decorator]
-def _take(_: ParcelType, parcel: Any, context: Any) -> NativeValue:
-    address = context.pyapi.object_getattr_string(parcel, "address")
+@unbox(KernelArgumentsType)  # type: ignore[no-untyped-call, untyped-decorator]
+def _take(_: KernelArgumentsType, arguments: Any, context: Any) -> NativeValue:
+    address = context.pyapi.object_getattr_string(arguments, "address")
     number = context.pyapi.long_as_longlong(address)
     context.pyapi.decref(address)
     return NativeValue(number)  # type: ignore[no-untyped-call]
 
 
 def _store(typing: Any, contents: Any, address: Any) -> Any:
-    """Write contents to an address."""
+    """Write the contents to an address."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         value = _unowned(context, builder, signature.args[0], values[0])
@@ -158,7 +159,7 @@ def _store(typing: Any, contents: Any, address: Any) -> Any:
 
 
 def _unowned(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    """The same value, whose arrays nobody counts the owners of: the parcel keeps them."""
+    """The same value without reference counts: the `KernelArguments` keep the arrays alive."""
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value)
         array.meminfo = array.meminfo.type(None)
@@ -174,18 +175,19 @@ def _unowned(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     return value
 
 
-def _opened(typing: Any, parcel: Any) -> Any:
-    """What is in a parcel."""
+def _unpack(typing: Any, arguments: Any) -> Any:
+    """The contents, as compiled code's own tuples and arrays."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         kind = context.get_value_type(signature.return_type)
         contents = builder.load(builder.inttoptr(values[0], kind.as_pointer()))
         return impl_ret_borrowed(context, builder, signature.return_type, contents)  # type: ignore[no-untyped-call]
 
-    return parcel.contents(parcel), generate
+    return arguments.contents(arguments), generate
 
 
-opened: Any = intrinsic(_opened)
+unpack: Any = intrinsic(_unpack)
+"""In compiled code: the contents of `KernelArguments`, as the tuple they were made from."""
 _stored: Any = intrinsic(_store)
 
 

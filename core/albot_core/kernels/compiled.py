@@ -1,10 +1,19 @@
-"""How functions are compiled."""
+"""How functions are compiled, and how long what was compiled is kept.
+
+numba keeps compiled code beside the source, and looks only at the file that a function stands in.
+A function that it calls, or a constant that it takes, may have changed in another file, or be gone,
+after an update in place. So all compiled code is tied to a digest of all files with kernels.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterable
 from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -14,8 +23,6 @@ from numba.core import cgutils, serialize
 from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
-
-from albot_core.kernels.sources import kernel_stamp
 
 ZERO: Any = np.int64(0)
 """A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
@@ -107,7 +114,7 @@ def array_at(*columns: int, kind: Any = types.float64) -> Callable[[int, int], n
     return cast(Callable[[int, int], np.ndarray], intrinsic(_array_at))
 
 
-def _element(typing: Any, array: Any, place: Any) -> Any:
+def _load_element(typing: Any, array: Any, place: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         of = signature.args[0]
         data = context.make_array(of)(context, builder, values[0]).data
@@ -118,7 +125,7 @@ def _element(typing: Any, array: Any, place: Any) -> Any:
     return array.dtype(array, types.int64), generate
 
 
-element = cast(Callable[[np.ndarray, int], Any], intrinsic(_element))
+load_element = cast(Callable[[np.ndarray, int], Any], intrinsic(_load_element))
 """`array[place]`, of a contiguous array with one axis, by a load of its own.
 
 Loops over places all over an array the compiler turns into instructions that gather many at once,
@@ -138,3 +145,42 @@ def _array(context: Any, builder: Any, signature: Any, where: Any, lengths: list
     populate: Any = populate_array
     populate(array, data=data, shape=lengths, strides=strides, itemsize=size, meminfo=None)
     return array._getvalue()
+
+
+PACKAGES = ("albot_core", "albot_maps", "albot_env")
+"""Where compiled functions stand."""
+_MARKS = (b"numba", b"albot_core.kernels.compiled")
+_IMPORTED = re.compile(rb"^\s*(?:from|import) ([\w.]+)", re.MULTILINE)
+
+
+@cache
+def kernel_stamp() -> str:
+    """A digest of all files of ours that compiled functions are made of."""
+    folders = []
+    for package in PACKAGES:
+        spec = find_spec(package)
+        folders += (spec.submodule_search_locations or []) if spec is not None else []
+    return digest(map(Path, folders))
+
+
+def digest(packages: Iterable[Path]) -> str:
+    """A digest of the files that have to do with compiled functions, and of what these import.
+
+    Args:
+        packages: The folders of the packages, named as these are; others are not looked into.
+    """
+    sources = {}
+    for package in packages:
+        for path in package.rglob("*.py"):
+            parts = package.name, *path.relative_to(package).with_suffix("").parts
+            sources[".".join(parts).removesuffix(".__init__").encode()] = path.read_bytes()
+    waiting = [name for name, text in sources.items() if any(mark in text for mark in _MARKS)]
+    reached = set(waiting)
+    while waiting:
+        found = {name for name in _IMPORTED.findall(sources[waiting.pop()]) if name in sources}
+        waiting += found - reached
+        reached |= found
+    summed = hashlib.sha256()
+    for name in sorted(reached):
+        summed.update(name + b"\0" + hashlib.sha256(sources[name]).digest())
+    return summed.hexdigest()

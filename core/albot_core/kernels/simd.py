@@ -1,9 +1,16 @@
-"""Vectors in compiled code: columns of a table, eight or sixteen of them at a time.
+"""SIMD vectors in compiled code: eight or sixteen columns of a table at a time.
 
-The compiler makes vector instructions of a loop only where it has made sure, each time the loop
-is entered, that what is written does not overlap what is read, which costs more than such
-short loops. So a function of vectors is written with Python's operators on `Lanes`, and
-`question` makes of it what compiled code can call, `question32` where less exact will do.
+The compiler turns a loop into vector instructions only after a check, each time the loop is
+entered, that what is written does not overlap what is read. That check costs more than loops as
+short as ours. So vector code is written with Python's operators on `FloatVector` (or
+`UInt64Vector`), and a decorator makes of it a function that compiled code can call:
+
+| decorator | columns of |
+|---|---|
+| `float64_predicate` | 8 float64 |
+| `float32_predicate` | 16 float32, where less exact will do |
+| `mixed_predicate` | 8, of a float64 array and of a float32 array beside it |
+| `uint64_predicate` | 8 uint64, looked up at places of their own |
 """
 
 from __future__ import annotations
@@ -22,199 +29,267 @@ from numba.extending import intrinsic
 from albot_core.kernels.compiled import kernel
 
 LANES, LANES32 = 8, 16
-"""Columns that are looked at together, of float64 and of float32."""
+"""Columns in a vector of float64 (or uint64), and of float32."""
 
 Arrays = np.ndarray | tuple[np.ndarray, ...]
-Question = Callable[[Arrays, int | tuple[int, ...], tuple[Any, ...]], int]
-"""What compiled code calls: see `question`."""
+Predicate = Callable[[Arrays, int | tuple[int, ...], tuple[Any, ...]], int]
+"""What compiled code calls: see `float64_predicate`."""
 
 _WORD = ir.IntType(64)
+_UINT64S = ir.VectorType(ir.IntType(64), LANES)
+_BOOLS = ir.VectorType(ir.IntType(1), LANES)
 
 
-class Lanes:
-    """Numbers or truths, one for each column, known when the code runs; operators act on all."""
+class FloatVector:
+    """Floats, or booleans (a mask), one a lane, known when the code runs; operators act on all."""
 
     def __init__(self, builder: Any, value: Any) -> None:
         self._builder, self.value = builder, value
 
-    def __add__(self, other: Lanes | float) -> Lanes:
-        return self._lanes(self._builder.fadd(self.value, self._like(other)))
+    def __add__(self, other: FloatVector | float) -> FloatVector:
+        return self._vector(self._builder.fadd(self.value, self._like(other)))
 
-    def __sub__(self, other: Lanes | float) -> Lanes:
-        return self._lanes(self._builder.fsub(self.value, self._like(other)))
+    def __sub__(self, other: FloatVector | float) -> FloatVector:
+        return self._vector(self._builder.fsub(self.value, self._like(other)))
 
-    def __rsub__(self, other: float) -> Lanes:
-        return self._lanes(self._builder.fsub(self._like(other), self.value))
+    def __rsub__(self, other: float) -> FloatVector:
+        return self._vector(self._builder.fsub(self._like(other), self.value))
 
-    def __neg__(self) -> Lanes:
-        return self._lanes(self._builder.fneg(self.value))
+    def __neg__(self) -> FloatVector:
+        return self._vector(self._builder.fneg(self.value))
 
-    def __truediv__(self, other: Lanes) -> Lanes:
-        return self._lanes(self._builder.fdiv(self.value, other.value))
+    def __truediv__(self, other: FloatVector) -> FloatVector:
+        return self._vector(self._builder.fdiv(self.value, other.value))
 
-    def __rtruediv__(self, other: float) -> Lanes:
-        return self._lanes(self._builder.fdiv(self._like(other), self.value))
+    def __rtruediv__(self, other: float) -> FloatVector:
+        return self._vector(self._builder.fdiv(self._like(other), self.value))
 
-    def __mul__(self, other: Lanes | float) -> Lanes:
-        return self._lanes(self._builder.fmul(self.value, self._like(other)))
+    def __mul__(self, other: FloatVector | float) -> FloatVector:
+        return self._vector(self._builder.fmul(self.value, self._like(other)))
 
-    def __lt__(self, other: Lanes | float) -> Lanes:
-        return self._compared("<", other)
+    def __lt__(self, other: FloatVector | float) -> FloatVector:
+        return self._compare("<", other)
 
-    def __le__(self, other: Lanes | float) -> Lanes:
-        return self._compared("<=", other)
+    def __le__(self, other: FloatVector | float) -> FloatVector:
+        return self._compare("<=", other)
 
-    def __gt__(self, other: Lanes | float) -> Lanes:
-        return self._compared(">", other)
+    def __gt__(self, other: FloatVector | float) -> FloatVector:
+        return self._compare(">", other)
 
-    def __ge__(self, other: Lanes | float) -> Lanes:
-        return self._compared(">=", other)
+    def __ge__(self, other: FloatVector | float) -> FloatVector:
+        return self._compare(">=", other)
 
-    def __and__(self, other: Lanes) -> Lanes:
-        return self._lanes(self._builder.and_(self.value, other.value))
+    def __and__(self, other: FloatVector) -> FloatVector:
+        return self._vector(self._builder.and_(self.value, other.value))
 
-    def __or__(self, other: Lanes) -> Lanes:
-        return self._lanes(self._builder.or_(self.value, other.value))
+    def __or__(self, other: FloatVector) -> FloatVector:
+        return self._vector(self._builder.or_(self.value, other.value))
 
-    def _compared(self, how: str, other: Lanes | float) -> Lanes:
+    def _compare(self, how: str, other: FloatVector | float) -> FloatVector:
         """NaN compares as false."""
-        return self._lanes(self._builder.fcmp_ordered(how, self.value, self._like(other)))
+        return self._vector(self._builder.fcmp_ordered(how, self.value, self._like(other)))
 
-    def _like(self, other: Lanes | float) -> Any:
-        if isinstance(other, Lanes):
+    def _like(self, other: FloatVector | float) -> Any:
+        if isinstance(other, FloatVector):
             return other.value
         return ir.Constant(self.value.type, [float(other)] * self.value.type.count)
 
-    def _lanes(self, value: Any) -> Lanes:
-        return Lanes(self._builder, value)
+    def _vector(self, value: Any) -> FloatVector:
+        return FloatVector(self._builder, value)
 
-    def where(self, other: Lanes | float, truths: Lanes) -> Lanes:
-        """These numbers where something is true, others elsewhere."""
-        return self._lanes(self._builder.select(truths.value, self.value, self._like(other)))
+    def where(self, other: FloatVector | float, mask: FloatVector) -> FloatVector:
+        """These numbers where the mask is true, the others elsewhere."""
+        return self._vector(self._builder.select(mask.value, self.value, self._like(other)))
 
-    def coarse(self) -> Lanes:
-        """The nearest numbers of float32."""
+    def minimum(self, other: FloatVector | float) -> FloatVector:
+        """The lesser of both in each lane; the other where one is NaN."""
+        return self.where(other, self < other)
+
+    def maximum(self, other: FloatVector | float) -> FloatVector:
+        """The greater of both in each lane; the other where one is NaN."""
+        return self.where(other, self > other)
+
+    def abs(self) -> FloatVector:
+        """Without their signs."""
+        return self._vector(_call_llvm(self._builder, "llvm.fabs", self.value))
+
+    def sqrt(self) -> FloatVector:
+        """Their square roots."""
+        return self._vector(_call_llvm(self._builder, "llvm.sqrt", self.value))
+
+    def to_float32(self) -> FloatVector:
+        """The nearest float32 numbers."""
         kind = ir.VectorType(ir.FloatType(), self.value.type.count)
-        return self._lanes(self._builder.fptrunc(self.value, kind))
+        return self._vector(self._builder.fptrunc(self.value, kind))
 
-    def together(self, truths: Lanes) -> Lanes:
-        """Those where something is true, in their order, in the first lanes; any in the rest."""
-        anything = self.value.type(ir.Undefined)
-        name = "llvm.experimental.vector.compress"
-        return self._lanes(_built_in(self._builder, name, self.value, truths.value, anything))
-
-    def places(self) -> Lanes:
+    def lane_numbers(self) -> FloatVector:
         """The numbers of the lanes, from 0."""
         kind = self.value.type
-        return self._lanes(ir.Constant(kind, [float(lane) for lane in range(kind.count)]))
+        return self._vector(ir.Constant(kind, [float(lane) for lane in range(kind.count)]))
 
-    def minimum(self) -> Lanes:
-        """The least of them all, in every lane."""
+    def compress(self, mask: FloatVector) -> FloatVector:
+        """Those where the mask is true, in order, in the first lanes; undefined in the rest."""
+        undefined = self.value.type(ir.Undefined)
+        name = "llvm.experimental.vector.compress"
+        return self._vector(_call_llvm(self._builder, name, self.value, mask.value, undefined))
+
+    def reduce_min(self) -> FloatVector:
+        """The least of all lanes, in every lane."""
         least, count = self, self.value.type.count
         order = ir.VectorType(ir.IntType(32), count)
         apart = count // 2
         while apart:
             partners = ir.Constant(order, [lane ^ apart for lane in range(count)])
             value = self._builder.shuffle_vector(least.value, least.value, partners)
-            least, apart = least.least(self._lanes(value)), apart // 2
+            least, apart = least.minimum(self._vector(value)), apart // 2
         return least
 
-    def size(self) -> Lanes:
-        """Without their signs."""
-        return self._lanes(_built_in(self._builder, "llvm.fabs", self.value))
 
-    def root(self) -> Lanes:
-        """Their square roots."""
-        return self._lanes(_built_in(self._builder, "llvm.sqrt", self.value))
-
-    def least(self, other: Lanes | float) -> Lanes:
-        """The lesser of both in each lane."""
-        return self.where(other, self < other)
-
-    def most(self, other: Lanes | float) -> Lanes:
-        """The greater of both in each lane."""
-        return self.where(other, self > other)
-
-
-def _built_in(builder: Any, name: str, *values: Any) -> Any:
-    """What one of the compiler's own functions makes of vectors."""
+def _call_llvm(builder: Any, name: str, *values: Any) -> Any:
+    """The result of one of LLVM's own functions (intrinsics) on vectors."""
     first = values[0].type
     kind = ir.FunctionType(first, [value.type for value in values])
     width = "f32" if first.element == ir.FloatType() else "f64"
     tools: Any = cgutils
-    named = f"{name}.v{first.count}{width}"
-    called = tools.get_or_insert_function(builder.module, kind, named)
-    return builder.call(called, values)
+    function = tools.get_or_insert_function(builder.module, kind, f"{name}.v{first.count}{width}")
+    return builder.call(function, values)
 
 
-Answer = Lanes | tuple[Lanes, ...]
-"""Truths that answer a question, or several."""
-
-
-class Table:
-    """Some columns of a table whose rows are numbers: `table[row]` are their lanes."""
+class FloatTable:
+    """Some columns of a table of floats: `table[row]` is the vector of that row."""
 
     def __init__(self, builder: Any, kind: Any, data: Any, length: Any, first: Any) -> None:
         self._builder, self._kind, self._data = builder, kind, data
         self._length, self._first = length, first
 
-    def __getitem__(self, row: int) -> Lanes:
-        return Lanes(self._builder, self._builder.load(self._place(row), align=4))
+    def __getitem__(self, row: int) -> FloatVector:
+        return FloatVector(self._builder, self._builder.load(self._pointer(row), align=4))
 
-    def __setitem__(self, row: int, lanes: Lanes) -> None:
-        self._builder.store(lanes.value, self._place(row), align=4)
+    def __setitem__(self, row: int, vector: FloatVector) -> None:
+        self._builder.store(vector.value, self._pointer(row), align=4)
 
-    def _place(self, row: int) -> Any:
+    def _pointer(self, row: int) -> Any:
         builder = self._builder
         offset = builder.add(builder.mul(self._length, self._length.type(row)), self._first)
         place = builder.gep(self._data, [offset], inbounds=True)
         return builder.bitcast(place, self._kind.as_pointer())
 
 
-def question(ask: Callable[..., Answer]) -> Question:
-    """What compiled code calls to ask something of eight columns at once.
+class UInt64Vector:
+    """Whole numbers from 0 to 2^64 - 1, or booleans (a mask); arithmetic is modulo 2^64."""
+
+    def __init__(self, builder: Any, value: Any) -> None:
+        self._builder, self.value = builder, value
+
+    def __add__(self, other: UInt64Vector) -> UInt64Vector:
+        return UInt64Vector(self._builder, self._builder.add(self.value, other.value))
+
+    def __mul__(self, other: UInt64Vector) -> UInt64Vector:
+        return UInt64Vector(self._builder, self._builder.mul(self.value, other.value))
+
+    def __and__(self, other: UInt64Vector | int) -> UInt64Vector:
+        return UInt64Vector(self._builder, self._builder.and_(self.value, _uint64s(other)))
+
+    def __or__(self, other: UInt64Vector) -> UInt64Vector:
+        return UInt64Vector(self._builder, self._builder.or_(self.value, other.value))
+
+    def __rshift__(self, other: UInt64Vector | int) -> UInt64Vector:
+        """By less than 64."""
+        return UInt64Vector(self._builder, self._builder.lshr(self.value, _uint64s(other)))
+
+    def __lt__(self, other: UInt64Vector) -> UInt64Vector:
+        return UInt64Vector(
+            self._builder, self._builder.icmp_unsigned("<", self.value, other.value)
+        )
+
+    def stepped(self, step: UInt64Vector) -> UInt64Vector:
+        """These numbers plus 0, 1, 2, … steps, from the first lane on."""
+        lanes = ir.Constant(_UINT64S, list(range(LANES)))
+        return self + UInt64Vector(self._builder, self._builder.mul(step.value, lanes))
+
+    def is_odd(self) -> UInt64Vector:
+        """A mask: whether each is odd."""
+        return UInt64Vector(self._builder, self._builder.trunc(self.value, _BOOLS))
+
+
+class UInt64Table:
+    """A table of uint64, whose rows stand one after another."""
+
+    def __init__(self, builder: Any, kind: Any, data: Any, length: Any, first: Any) -> None:
+        self._builder, self._begin = builder, builder.gep(data, [first], inbounds=True)
+
+    def at(self, places: UInt64Vector, mask: UInt64Vector) -> UInt64Vector:
+        """The numbers at some places from the first column on; 0 where the mask is false."""
+        builder = self._builder
+        chosen = builder.select(mask.value, places.value, _uint64s(0))
+        numbers = _UINT64S(ir.Undefined)
+        for lane in map(ir.IntType(32), range(LANES)):
+            place = builder.extract_element(chosen, lane)
+            number = builder.load(builder.gep(self._begin, [place], inbounds=True))
+            numbers = builder.insert_element(numbers, number, lane)
+        return UInt64Vector(builder, builder.select(mask.value, numbers, _uint64s(0)))
+
+
+def _uint64s(other: UInt64Vector | int) -> Any:
+    return (
+        other.value if isinstance(other, UInt64Vector) else ir.Constant(_UINT64S, [other] * LANES)
+    )
+
+
+Masks = FloatVector | tuple[FloatVector, ...]
+"""What a predicate returns: one mask, or several."""
+
+
+def float64_predicate(function: Callable[..., Masks]) -> Predicate:
+    """Makes a function that compiled code calls to test eight columns of float64 at once.
 
     Args:
-        ask: Answers it: `ask(table, *numbers)`, the numbers being the same in all lanes. It
-            may write rows of the table, too, and give several answers.
+        function: The test: `function(table, *numbers)`, where each number is the same in all
+            lanes. It may also write rows of the table, and return several masks.
 
     Returns:
-        A function for compiled code of an array (rows, whole lanes), contiguous float64; of the
-        first of the columns, or a tuple of them, for each of which `ask` is given a table; and of
-        a tuple of float64, the numbers. Its answer is an int64 with a bit for each column, the
-        first's the lowest; those of a second answer follow, and so on.
+        A function for compiled code of: an array (rows, a multiple of LANES), contiguous float64,
+        or a tuple of such; the first of the columns, or a tuple of firsts, for each of which
+        `function` is given a table; a tuple of float64, the numbers. It returns an int64 with a
+        bit for each column, the first column's the lowest; the bits of a second mask follow, and
+        so on.
     """
-    return make_question(ask, (types.float64,), LANES)
+    return _make_predicate(function, (types.float64,), LANES)
 
 
-def question32(ask: Callable[..., Answer]) -> Question:
-    """`question` of sixteen columns of float32, by numbers that are float32, too."""
-    return make_question(ask, (types.float32,), LANES32)
+def float32_predicate(function: Callable[..., Masks]) -> Predicate:
+    """As `float64_predicate`, for sixteen columns of float32; the numbers are float32, too."""
+    return _make_predicate(function, (types.float32,), LANES32)
 
 
-def coarse_question(ask: Callable[..., Answer]) -> Question:
-    """`question` of two arrays and the firsts of both; the second's numbers are float32."""
-    return make_question(ask, (types.float64, types.float32), LANES)
+def mixed_predicate(function: Callable[..., Masks]) -> Predicate:
+    """As `float64_predicate`, for two arrays with a first each; the second array is float32."""
+    return _make_predicate(function, (types.float64, types.float32), LANES)
 
 
-def make_question(
-    ask: Callable[..., Any],
+def uint64_predicate(function: Callable[..., UInt64Vector]) -> Predicate:
+    """As `float64_predicate`, for eight columns of uint64; the numbers are uint64, too."""
+    return _make_predicate(function, (types.uint64,), LANES, UInt64Vector, UInt64Table)
+
+
+def _make_predicate(
+    function: Callable[..., Any],
     elements: tuple[Any, ...],
     count: int,
-    lanes: Any = Lanes,
-    table: Any = Table,
-) -> Question:
-    """`question` of columns of another kind.
+    vector: Any = FloatVector,
+    table: Any = FloatTable,
+) -> Predicate:
+    """A predicate of any kind.
 
     Args:
-        ask: Answers it.
-        elements: What the arrays hold, as numba names it; the first holds what the numbers are.
-        count: How many columns it is asked of.
-        lanes: What `ask` is given for numbers.
-        table: What it is given for tables.
+        function: The test.
+        elements: The arrays' dtypes, as numba names them; the first is the numbers', too.
+        count: How many columns are tested at once.
+        vector: The class of what `function` is given for numbers.
+        table: The class of what it is given for arrays.
     """
 
-    def _asked(typing: Any, array: Any, first: Any, given: Any) -> Any:
+    def _test(typing: Any, array: Any, first: Any, given: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             arrays, firsts, numbers = map(partial(_parts, builder), values, signature.args)
             tables = []
@@ -225,11 +300,11 @@ def make_question(
                 column = context.cast(builder, begin, its, types.int64)
                 tables.append(table(builder, kind, rows.data, length, column))
             kind = ir.VectorType(context.get_data_type(elements[0]), count)
-            same = [lanes(builder, everywhere(builder, kind, number)) for number, _ in numbers]
-            answer = ask(*tables, *same)
+            same = [vector(builder, _broadcast(builder, kind, number)) for number, _ in numbers]
+            masks = function(*tables, *same)
             bits = _WORD(0)
-            for k, truths in enumerate(answer if isinstance(answer, tuple) else (answer,)):
-                own = builder.zext(builder.bitcast(truths.value, ir.IntType(count)), _WORD)
+            for k, mask in enumerate(masks if isinstance(masks, tuple) else (masks,)):
+                own = builder.zext(builder.bitcast(mask.value, ir.IntType(count)), _WORD)
                 bits = builder.or_(bits, builder.shl(own, _WORD(k * count)))
             return bits
 
@@ -240,8 +315,8 @@ def make_question(
             return None  # Numba then says that there is no such function for these arguments.
         return types.int64(array, first, given), generate
 
-    _asked.__name__ = ask.__name__
-    return cast(Question, intrinsic(_asked))
+    _test.__name__ = function.__name__
+    return cast(Predicate, intrinsic(_test))
 
 
 def _parts(builder: Any, value: Any, kind: Any) -> list[tuple[Any, Any]]:
@@ -252,21 +327,21 @@ def _parts(builder: Any, value: Any, kind: Any) -> list[tuple[Any, Any]]:
     return [(builder.extract_value(value, place), part) for place, part in enumerate(elements)]
 
 
-def everywhere(builder: Any, kind: Any, number: Any) -> Any:
-    """A vector of this kind with a number in all lanes, as the compiler knows them."""
-    nothing, place = kind(ir.Undefined), ir.IntType(32)
-    one = builder.insert_element(nothing, number, place(0))
-    nowhere = ir.Constant(ir.VectorType(place, kind.count), [0] * kind.count)
-    return builder.shuffle_vector(one, nothing, nowhere)
+def _broadcast(builder: Any, kind: Any, number: Any) -> Any:
+    """A vector of this kind with a number in all lanes."""
+    undefined, place = kind(ir.Undefined), ir.IntType(32)
+    one = builder.insert_element(undefined, number, place(0))
+    zeros = ir.Constant(ir.VectorType(place, kind.count), [0] * kind.count)
+    return builder.shuffle_vector(one, undefined, zeros)
 
 
 @kernel()
-def whole_lanes(count: int) -> int:
-    """The length of rows that hold so many columns, for questions."""
+def padded_length(count: int) -> int:
+    """The least multiple of LANES that holds so many columns: the length of a table's rows."""
     return (count + LANES - 1) // LANES * LANES
 
 
 @kernel()
-def first_of(count: int) -> int:
-    """Ones in the bits of the first `count` columns, up to LANES of them."""
+def first_bits(count: int) -> int:
+    """A mask with the bits of the first `count` columns set, at most LANES of them."""
     return (1 << min(count, LANES)) - 1

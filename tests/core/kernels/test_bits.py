@@ -6,23 +6,23 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from albot_core.kernels.bits import bits_of, lowest, number_of, ones
+from albot_core.kernels.bits import float32_bits, float32_from_bits, lowest_bit, popcount
 from albot_core.kernels.compiled import kernel
 
 
 @kernel()
 def _counted(bits: int) -> tuple[int, int]:
-    return lowest(bits), ones(bits)
+    return lowest_bit(bits), popcount(bits)
 
 
 @kernel()
 def _bits(number: np.float32) -> np.int32:
-    return bits_of(number)
+    return float32_bits(number)
 
 
 @kernel()
 def _number(bits: np.int32) -> np.float32:
-    return number_of(bits)
+    return float32_from_bits(bits)
 
 
 @given(st.integers(1, 2**63 - 1))

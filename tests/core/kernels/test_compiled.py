@@ -13,8 +13,14 @@ import pytest
 from numba import types
 from numba.core.errors import TypingError
 
-from albot_core.kernels.compiled import array_at, element, kernel, scratch
-from albot_core.kernels.sources import digest, kernel_stamp
+from albot_core.kernels.compiled import (
+    array_at,
+    digest,
+    kernel,
+    kernel_stamp,
+    load_element,
+    scratch,
+)
 from tests.core import interrupted
 
 _grid, _few = scratch(2, 3), scratch(4, kind=types.int8)
@@ -55,7 +61,7 @@ def _double(address: int, rows: int, truths: int) -> int:
 @kernel()
 def _pick(numbers: np.ndarray, places: np.ndarray, picked: np.ndarray) -> None:
     for k in range(places.shape[0]):
-        picked[k] = element(numbers, places[k])
+        picked[k] = load_element(numbers, places[k])
 
 
 @kernel()

@@ -13,31 +13,33 @@ from albot_core.kernels.compiled import kernel
 from albot_core.kernels.simd import (
     LANES,
     LANES32,
-    Lanes,
-    Table,
-    coarse_question,
-    first_of,
-    question,
-    question32,
-    whole_lanes,
+    FloatTable,
+    FloatVector,
+    UInt64Table,
+    UInt64Vector,
+    first_bits,
+    float32_predicate,
+    float64_predicate,
+    mixed_predicate,
+    padded_length,
+    uint64_predicate,
 )
-from albot_core.kernels.word_simd import Words, WordTable, question64
 
 NUMBERS = st.floats(-1e6, 1e6) | st.just(np.nan)
 TABLES = arrays(np.float64, (4, 2 * LANES), elements=NUMBERS)
 
 
-@question
-def _compared(table: Table, limit: Lanes) -> Lanes:
+@float64_predicate
+def _compared(table: FloatTable, limit: FloatVector) -> FloatVector:
     a, b = table[0], table[1]
     return (a < b) & (a <= limit) | (b > a * 2.0) & (b >= limit)
 
 
-@question
-def _reckoned(table: Table, x: Lanes, y: Lanes) -> Lanes:
+@float64_predicate
+def _reckoned(table: FloatTable, x: FloatVector, y: FloatVector) -> FloatVector:
     a, b = table[0], table[1]
-    table[2] = (a * x + b - y).size().root() / (b.size() + 1.0)
-    table[3] = a.least(b) - a.most(b).where(x, a > 0.0)
+    table[2] = (a * x + b - y).abs().sqrt() / (b.abs() + 1.0)
+    table[3] = a.minimum(b) - a.maximum(b).where(x, a > 0.0)
     return a > b
 
 
@@ -79,9 +81,9 @@ def test_what_is_reckoned_is_to_the_bit_what_numpy_reckons(
     np.testing.assert_array_equal(table[:, :LANES], before[:, :LANES])
 
 
-@question32
-def _raised(table: Table, slope: Lanes, offset: Lanes) -> Lanes:
-    table[1] = (table[0] * slope + offset).most(table[1])
+@float32_predicate
+def _raised(table: FloatTable, slope: FloatVector, offset: FloatVector) -> FloatVector:
+    table[1] = (table[0] * slope + offset).maximum(table[1])
     return table[0] >= 0.0
 
 
@@ -100,15 +102,15 @@ def test_sixteen_columns_of_less_exact_numbers_are_asked_alike(table: np.ndarray
 
 
 def test_rows_are_long_enough_and_bits_those_of_the_first_columns() -> None:
-    assert [whole_lanes(count) for count in (0, 1, 8, 9)] == [0, 8, 8, 16]
-    assert [first_of(count) for count in (1, 7, 8, 20)] == [1, 127, 255, 255]
+    assert [padded_length(count) for count in (0, 1, 8, 9)] == [0, 8, 8, 16]
+    assert [first_bits(count) for count in (1, 7, 8, 20)] == [1, 127, 255, 255]
 
 
-@question
-def _packed(table: Table, packed: Table, limit: Lanes) -> Lanes:
+@float64_predicate
+def _packed(table: FloatTable, packed: FloatTable, limit: FloatVector) -> FloatVector:
     numbers = table[0]
-    packed[1] = numbers.together(numbers > limit)
-    packed[2] = numbers.minimum()
+    packed[1] = numbers.compress(numbers > limit)
+    packed[2] = numbers.reduce_min()
     return numbers > limit
 
 
@@ -143,9 +145,9 @@ def test_other_tables_are_refused() -> None:
         _ask(np.zeros((8, 4)).T, 0, 1.0)
 
 
-@coarse_question
-def _rounded(table: Table, coarse: Table, limit: Lanes) -> Lanes:
-    coarse[1] = (table[0] + table[1]).coarse()
+@mixed_predicate
+def _rounded(table: FloatTable, coarse: FloatTable, limit: FloatVector) -> FloatVector:
+    coarse[1] = (table[0] + table[1]).to_float32()
     return table[0] > limit
 
 
@@ -167,10 +169,12 @@ def test_a_second_table_is_of_less_exact_numbers(table: np.ndarray, first: int, 
     assert np.count_nonzero(coarse) == np.count_nonzero(coarse[1, to : to + LANES])
 
 
-@question64
-def _looked_up(table: WordTable, first: Words, step: Words, end: Words) -> Words:
-    places = first.onwards(step)
-    return (table.at(places >> 3, places >> 3 < end) >> (places & 7 | (places & 8) + step)).odd()
+@uint64_predicate
+def _looked_up(
+    table: UInt64Table, first: UInt64Vector, step: UInt64Vector, end: UInt64Vector
+) -> UInt64Vector:
+    places = first.stepped(step)
+    return (table.at(places >> 3, places >> 3 < end) >> (places & 7 | (places & 8) + step)).is_odd()
 
 
 @kernel()

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pymunk
 
-from albot_core.kernels.arguments import Parcel
+from albot_core.kernels.arguments import KernelArguments
 from albot_env.sim import ODOMETERS, PIONEER_3DX
 from albot_env.sim.chipmunk_kernels import Floors, Robots, advance
 from albot_env.sim.engine import Bridge
@@ -115,10 +115,10 @@ class Scene:
         self.robots.targets[0] = PIONEER_3DX.wheels_for(speed, turn_rate)
         errors = ODOMETERS["ideal"].constants(PIONEER_3DX.wheel_base)
         base, acceleration = PIONEER_3DX.wheel_base, PIONEER_3DX.acceleration
-        parcel = Parcel((engine, self.tables, self.robots, errors, base))
+        arguments = KernelArguments((engine, self.tables, self.robots, errors, base))
         for _ in range(number):
             self.things.command(here, engine, self.robots.states, CONTROL_STEP)
-            advance(here, parcel, acceleration, PHYSICS_STEP, SUBSTEPS)
+            advance(here, arguments, acceleration, PHYSICS_STEP, SUBSTEPS)
             self.things.observe(here, engine)
 
     def body(self, index: int) -> pymunk.Body:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.types import Segments
-from albot_core.kernels.arguments import Packer
+from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.mappers.albot1.attending import Robot, attend
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.exits import expect_exits, no_exits
@@ -85,7 +85,7 @@ class Albot1Batch:
             self._arrays.append(Arrays(*parts, trail.steps, trail.homewards.graph))
         for row in range(count):
             self._settle(row)
-        self._following = Packer(self._aids)
+        self._following = ArgumentsCache(self._aids)
 
     @classmethod
     def default(cls, count: int) -> Albot1Batch:
@@ -186,12 +186,12 @@ class Albot1Batch:
         laser: LaserGeometry,
     ) -> None:
         """`update` with the arrays of readings that matter to the map."""
-        parcel = self._following.parcel(laser)
+        arguments = self._following.arguments(laser)
         ranges, motions = np.ascontiguousarray(ranges), np.ascontiguousarray(motions)
-        done = follow(rows, 0, parcel, ranges, motions)
+        done = follow(rows, 0, arguments, ranges, motions)
         while done < len(rows):
             self._enlarge(int(rows[done]))
-            done = follow(rows, done, parcel, ranges, motions)
+            done = follow(rows, done, arguments, ranges, motions)
         for row in rows[self._robots.events[rows] > 0].tolist():
             self._attend(row)
 

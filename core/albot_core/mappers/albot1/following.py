@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.kernels.arguments import Parcel, opened
+from albot_core.kernels.arguments import KernelArguments, unpack
 from albot_core.kernels.compiled import ZERO, kernel, scratch
 from albot_core.mappers.albot1.config import Limits
 from albot_core.mappers.albot1.crossing import cross_exit
@@ -258,29 +258,33 @@ def _follow(
 
 @kernel(arrays=True, nogil=True)
 def follow(
-    rows: np.ndarray, first: int, parcel: Parcel, ranges: np.ndarray, motions: np.ndarray
+    rows: np.ndarray,
+    first: int,
+    arguments: KernelArguments,
+    ranges: np.ndarray,
+    motions: np.ndarray,
 ) -> int:
     """Let the robots in rows[first:] take in their readings; return how many rows are done.
 
     That is all of them, but where the next has too little room for what it sees: then it has
     taken in nothing yet. `ranges` (n, beams) and `motions` (n, 3) are the readings of all robots;
-    the parcel holds `Robots`, `Lens` and `Limits`.
+    `arguments` holds `Robots`, `Lens` and `Limits`.
     """
-    robots, _, limits = opened(parcel)
+    robots, _, limits = unpack(arguments)
     beams, views, capacity = ranges.shape[1], ranges.shape[1], ZERO
     for k in range(first, rows.shape[0]):
         views = max(views, robots.table[rows[k], ROOM])
         capacity = max(capacity, robots.table[rows[k], CAPACITY])
     outlook = make_outlook(views, capacity, limits.turns.shape[0])
     bench = make_bench(beams)
-    return _follow_all(rows, first, parcel, ranges, motions, _desk(beams), bench, outlook)
+    return _follow_all(rows, first, arguments, ranges, motions, _desk(beams), bench, outlook)
 
 
 @kernel()
 def _follow_all(
     rows: np.ndarray,
     first: int,
-    parcel: Parcel,
+    arguments: KernelArguments,
     ranges: np.ndarray,
     motions: np.ndarray,
     current: Sight,
@@ -288,7 +292,7 @@ def _follow_all(
     outlook: Outlook,
 ) -> int:
     """`follow`, with a view to work on and room to work in."""
-    robots, lens, limits = opened(parcel)
+    robots, lens, limits = unpack(arguments)
     for k in range(first, rows.shape[0]):
         row = rows[k]
         if not _follow(
