@@ -41,7 +41,7 @@ MATCHES = 16
 LARGEST = 28
 """Of what is seen around only so many surfaces are compared, the longest."""
 
-_ALIKE = PlacesConfig.improved().alike
+_ALIKE = PlacesConfig().alike
 _VIEW = ViewConfig(fit_lines=True)
 
 

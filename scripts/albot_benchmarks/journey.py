@@ -40,7 +40,7 @@ def measure_journey(
         perceptual map, `places`, their `exits` and `described` surfaces, `visits` and `events`,
         `trail_points` and `trail_links`, and `memory_bytes` of the whole state.
     """
-    mapper, building = Albot1.default(), load_world(world)
+    mapper, building = Albot1(), load_world(world)
     for reading in islice(patrol(building, np.random.default_rng(seed)), 4 * int(stage_m)):
         mapper.update(reading)  # compiles
     mapper.reset()

@@ -59,7 +59,7 @@ def measure_growth(rounds: int = 5) -> list[dict[str, float | int | str]]:
     floor = transform_segments(inverse(tour.truth[0]), world.walls)
     rows: list[dict[str, float | int | str]] = []
     for size in _SIZES:
-        mapper = Albot1.default()
+        mapper = Albot1()
         mapper.update(tour.readings[0])
         known = knowing(mapper.state(), copies_of(floor, size))
         best = 0.0

@@ -123,7 +123,7 @@ def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:
     # The copies lie apart: no two share a wall.
     assert len(np.unique(walls, axis=0)) == len(walls)
     readings = tour_readings()
-    mapper = Albot1.default()
+    mapper = Albot1()
     mapper.update(readings[0])
     few = len(mapper.surfaces)
     mapper.restore(knowing(mapper.state(), walls))

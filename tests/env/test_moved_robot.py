@@ -18,7 +18,7 @@ def what_happened(mapper: Albot1) -> list[Happening]:
 
 
 def test_a_moved_robot_knows_it_and_finds_out_where_it_is(ring_journey: Journey):
-    mapper = Albot1.default()
+    mapper = Albot1()
     for reading in ring_journey.readings[:109]:
         mapper.update(reading)
     assert not mapper.is_lost
@@ -36,7 +36,7 @@ def test_a_moved_robot_knows_it_and_finds_out_where_it_is(ring_journey: Journey)
 
 
 def test_one_that_is_lost_can_be_saved(ring_journey: Journey):
-    mapper, other = Albot1.default(), Albot1.default()
+    mapper, other = Albot1(), Albot1()
     for reading in (*ring_journey.readings[:109], *ring_journey.readings[65:67]):
         mapper.update(reading)
     assert mapper.is_lost
@@ -50,7 +50,7 @@ def test_one_that_is_lost_can_be_saved(ring_journey: Journey):
 
 
 def test_a_blackout_is_borne(ring_journey: Journey):
-    mapper = Albot1.default()
+    mapper = Albot1()
     for view, reading in enumerate(ring_journey.readings[:80]):
         dark = LaserScan(ranges=np.full(181, np.inf), geometry=reading.laser.geometry)
         laser = dark if 40 <= view < 44 else reading.laser
@@ -62,7 +62,7 @@ def test_a_blackout_is_borne(ring_journey: Journey):
 
 
 def test_one_misread_view_is_not_a_move(ring_journey: Journey):
-    mapper = Albot1.default()
+    mapper = Albot1()
     for view, reading in enumerate(ring_journey.readings[:80]):
         laser = ring_journey.readings[5].laser if view == 60 else reading.laser
         mapper.update(Reading(stamp=reading.stamp, motion=reading.motion, laser=laser))
@@ -70,7 +70,7 @@ def test_one_misread_view_is_not_a_move(ring_journey: Journey):
 
 
 def test_nobody_who_is_only_driven_is_lost(ring_journey: Journey):
-    for mapper in (Albot1.default(), Albot1.thesis()):
+    for mapper in (Albot1(), Albot1.thesis()):
         for reading in ring_journey.readings:
             mapper.update(reading)
         assert Happening.LOST not in what_happened(mapper)
@@ -80,7 +80,7 @@ def test_nobody_who_is_only_driven_is_lost(ring_journey: Journey):
 @given(seed=st.integers(0, 2**32 - 1), thesis=st.booleans())
 def test_any_readings_leave_a_finite_map(seed: int, thesis: bool):
     rng = np.random.default_rng(seed)
-    mapper = Albot1.thesis() if thesis else Albot1.default()
+    mapper = Albot1.thesis() if thesis else Albot1()
     for view in range(30):
         beams = int(rng.choice([2, 5, 61, 181]))
         geometry = LaserGeometry(

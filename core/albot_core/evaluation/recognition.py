@@ -106,7 +106,7 @@ def measure_recognition(
         believed: Where a mapper believed it to be, in its map's frame; by default as its
             odometer says.
     """
-    alike = PlacesConfig.improved().alike._replace(shift=NEAR, turn=np.pi)
+    alike = PlacesConfig().alike._replace(shift=NEAR, turn=np.pi)
     found = outlooks(readings, _motions(readings, believed), alike)
     where, ways = truth[[one.at for one in found], :2], np.array([one.way for one in found])
     claims, right, queries = [], [], 0

@@ -37,8 +37,8 @@ MAPPERS = {
             name="albot1",
             summary="Albot1's perceptual map, with our recognition and localisation.",
             paper=_HOSSAIN,
-            factory="albot_core.mappers.albot1.mapper:Albot1.default",
-            batch="albot_core.mappers.albot1.batch:Albot1Batch.default",
+            factory="albot_core.mappers.albot1.mapper:Albot1",
+            batch="albot_core.mappers.albot1.batch:Albot1Batch",
         ),
         MapperEntry(
             name="albot1-thesis",

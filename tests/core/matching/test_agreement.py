@@ -10,7 +10,7 @@ from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.structure import described
 from albot_core.matching.agreement import CELLS, agreement, look_through, put_walls
 
-ALIKE = PlacesConfig.improved().alike._replace(shift=3.0, turn=np.pi)
+ALIKE = PlacesConfig().alike._replace(shift=3.0, turn=np.pi)
 ROOM = np.array(
     [[-3, -2, 4, -2], [4, -2, 4, 3], [4, 3, 1, 3], [1, 3, 1, 5], [-3, 5, -3, -2]], float
 )

@@ -50,7 +50,7 @@ class Albot1Batch:
 
     Args:
         count: How many robots.
-        config: All thresholds; the defaults are the thesis's.
+        config: All thresholds; by default those of `albot1`.
     """
 
     def __init__(self, count: int, config: Albot1Config | None = None) -> None:
@@ -88,14 +88,9 @@ class Albot1Batch:
         self._following = ArgumentsCache(self._aids)
 
     @classmethod
-    def default(cls, count: int) -> Albot1Batch:
-        """As `Albot1.default`."""
-        return cls(count, Albot1Config.improved())
-
-    @classmethod
     def thesis(cls, count: int) -> Albot1Batch:
         """As `Albot1.thesis`."""
-        return cls(count)
+        return cls(count, Albot1Config.thesis())
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:

@@ -1,4 +1,4 @@
-"""Every threshold of Albot1, with the thesis's values as defaults."""
+"""Every threshold of Albot1. The defaults are those of `albot1`; `thesis()` those of the thesis."""
 
 from __future__ import annotations
 
@@ -61,31 +61,32 @@ class Limits(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class PlacesConfig:
-    """Thresholds of the network of places (chapter 4). The defaults are the thesis's."""
+    """Thresholds of the network of places (chapter 4)."""
 
     shortest: float = 0.40
     """Shorter surfaces are not compared (m; section 4.1.2)."""
-    gap: float = 0.40
-    """Two surfaces are the same only where they are no farther apart (m; section 4.1.2)…"""
+    gap: float = 0.20
+    """Two surfaces are the same only where they are no farther apart (m; thesis: 0.40,
+    section 4.1.2)…"""
     angle: float = np.radians(5.0)
     """…and turned no more apart (rad)."""
-    shift: float = np.inf
+    shift: float = 3.0
     """A place is looked for no farther from where it was (m)…"""
-    turn: float = np.pi
+    turn: float = np.radians(20.0)
     """…and turned no more (rad). The thesis limits neither."""
     fewest_matches: int = 4
     """More surfaces must be the same (algorithm 6, line 11)…"""
-    least_share: float = 0.0
-    """…and they must make up this share of the smaller description."""
+    least_share: float = 0.3
+    """…and they must make up this share of the smaller description (thesis: any)."""
     suspicion_share: float = 0.1
     """The share of a place's surfaces of which more must be met again to arouse suspicion…"""
     fewest_met: int = 2
     """…but at least more than so many…"""
     most_met: int = 8
     """…and never more. The thesis says only that n grows with the place's size."""
-    by_position: bool = False
+    by_position: bool = True
     """A robot that enters a new place suspects those as well within whose surfaces it believes to
-    stand. Off: as the thesis."""
+    stand. Off in the thesis."""
     shift_here: float = 0.7
     """They are looked for no farther from where they are believed to be (m)…"""
     share_here: float = 0.7
@@ -94,8 +95,8 @@ class PlacesConfig:
     """After a comparison the robot goes so far until the next (m)…"""
     look_turn: float = np.radians(45.0)
     """…or turns so far (rad)."""
-    exits_expected: bool = False
-    """Known exits are crossed where they are expected, though they are not seen. Off: as the
+    exits_expected: bool = True
+    """Known exits are crossed where they are expected, though they are not seen. Off in the
     thesis."""
     agreement: float = 0.40
     """Where map and alignment differ by less (m), the map is left as it is."""
@@ -127,26 +128,29 @@ class PlacesConfig:
         return self.alike._replace(shift=self.shift_here)
 
     @classmethod
-    def improved(cls) -> PlacesConfig:
-        """The default mapper's thresholds: rooms are alike, so more is asked for."""
+    def thesis(cls) -> PlacesConfig:
+        """The thesis's thresholds. They ask for less, though rooms are alike."""
         return cls(
-            gap=0.20,
-            shift=3.0,
-            turn=np.radians(20.0),
-            least_share=0.3,
-            by_position=True,
-            exits_expected=True,
+            gap=0.40,
+            shift=np.inf,
+            turn=np.pi,
+            least_share=0.0,
+            by_position=False,
+            exits_expected=False,
         )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Albot1Config:
-    """Thresholds of Albot1. The defaults are the thesis's, to the letter.
+    """Thresholds of Albot1. `Albot1Config.thesis()` are the thesis's, to the letter.
 
-    `Albot1Config.improved()` are those of the default mapper, `albot1`.
+    The defaults depart from it in five ways. Surfaces lie on the line of all their points. The
+    robot's own place belongs to the boundary of its view. The odometer's turn is searched
+    anew, because in real logs it is often off by more than the 5° that recognition allows. All
+    recognised surfaces together localise the robot. Places are compared more strictly.
     """
 
-    view: ViewConfig = field(default_factory=ViewConfig)
+    view: ViewConfig = field(default_factory=lambda: ViewConfig(fit_lines=True))
     """Thresholds of view construction (section 3.1.3)."""
     places: PlacesConfig = field(default_factory=PlacesConfig)
     """Thresholds of the network of places (chapter 4)."""
@@ -169,14 +173,14 @@ class Albot1Config:
     """With fewer recognised landmarks the limiting point is reached (algorithm 4, line 12)."""
     margin: float = 0.40
     """What lies this near to the view's boundary counts as inside (m; algorithm 3, line 9)."""
-    eye_in_boundary: bool = False
-    """The robot's own place is a corner of the view's boundary. Off: as algorithm 3, line 7,
-    the surfaces' ends alone, so that where nothing stands at ±90° the ground between the
-    robot and its first and last surface counts as outside."""
-    remembered: bool = False
+    eye_in_boundary: bool = True
+    """The robot's own place is a corner of the view's boundary. Off in the thesis: there the
+    boundary joins the surfaces' ends alone (algorithm 3, line 7), so that where nothing stands at
+    ±90° the ground between the robot and its first and last surface counts as outside."""
+    remembered: bool = True
     """Recognise what is remembered nearby, under the likeliest turn, and localise by all of it.
 
-    Off: as the thesis, landmarks are followed from view to view under the odometer's turn,
+    Off in the thesis: there landmarks are followed from view to view under the odometer's turn,
     and one of them localises the robot. The fields below matter only where this is on.
     """
     turn_search: float = np.radians(20.0)
@@ -203,18 +207,13 @@ class Albot1Config:
         check_fields(self, _FROM_ONE, "fewest_landmarks")
 
     @classmethod
-    def improved(cls) -> Albot1Config:
-        """The default mapper's thresholds.
-
-        Against the letter of the thesis, surfaces lie on the line of all their points; the
-        odometer's turn is doubted, because in real logs it is often off by more than the 5°
-        that recognition allows; and all recognised surfaces together localise the robot.
-        """
+    def thesis(cls) -> Albot1Config:
+        """The thesis's thresholds, to the letter."""
         return cls(
-            view=ViewConfig(fit_lines=True),
-            places=PlacesConfig.improved(),
-            eye_in_boundary=True,
-            remembered=True,
+            view=ViewConfig(),
+            places=PlacesConfig.thesis(),
+            eye_in_boundary=False,
+            remembered=False,
         )
 
     @property

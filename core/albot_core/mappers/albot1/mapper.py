@@ -29,23 +29,18 @@ class Albot1:
     them and lays the view that it then has over its map. What the view covers is forgotten.
 
     Args:
-        config: All thresholds; the defaults are the thesis's.
+        config: All thresholds; by default those of `albot1`.
         name: The name under which the mapper is known.
     """
 
-    def __init__(self, config: Albot1Config | None = None, name: str = "albot1-thesis") -> None:
+    def __init__(self, config: Albot1Config | None = None, name: str = "albot1") -> None:
         self._name = name
         self._robot = Albot1Batch(1, config)
 
     @classmethod
-    def default(cls) -> Albot1:
-        """`albot1`: the thesis's process with our recognition and localisation."""
-        return cls(Albot1Config.improved(), "albot1")
-
-    @classmethod
     def thesis(cls) -> Albot1:
         """`albot1-thesis`: the thesis to the letter."""
-        return cls()
+        return cls(Albot1Config.thesis(), "albot1-thesis")
 
     @property
     def config(self) -> Albot1Config:

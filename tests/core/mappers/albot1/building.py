@@ -41,7 +41,7 @@ class Walker:
     """A robot that goes from room to room; its map lies at `drift` off the building."""
 
     def __init__(self, config: PlacesConfig | None = None) -> None:
-        self.network = PlaceNetwork(config or PlacesConfig.improved())
+        self.network = PlaceNetwork(config or PlacesConfig())
         self.room: Room = (0, 0)
         self.step = 1
         self.rooms: list[Room | None] = [None, (0, 0)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,11 @@ from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading, Readin
 
 LASER = LaserGeometry(beams=61, spacing=np.radians(3.0))
 SPACED = {"view_spacing": 0.3, "view_turn": np.radians(15.0)}
-CONFIGS = [Albot1Config(), Albot1Config.improved(), Albot1Config(remembered=True, **SPACED)]
+CONFIGS = [
+    Albot1Config.thesis(),
+    Albot1Config(),
+    replace(Albot1Config.thesis(), remembered=True, **SPACED),
+]
 
 
 def hall(poses: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -181,5 +186,5 @@ def test_mappers_without_a_batch_are_led_one_by_one() -> None:
 
 
 def test_the_kernel_knows_where_each_network_looked_from() -> None:
-    batch = Albot1Batch.default(1)
+    batch = Albot1Batch(1)
     np.testing.assert_array_equal(batch._robots.looked_from[0], batch.network(0).looked_from)

@@ -9,7 +9,7 @@ from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.doubt import contradiction
 from albot_core.mappers.albot1.sight import Sight, empty_sight
 
-LIMITS = Albot1Config().limits
+LIMITS = Albot1Config.thesis().limits
 AHEAD = (4.0, -3.0, 4.0, 3.0)
 """A wall of 6 m, 4 m ahead (m)."""
 

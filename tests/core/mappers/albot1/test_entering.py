@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -38,7 +40,7 @@ def seeing(*surfaces: tuple[float, ...]) -> Sight:
 
 @pytest.fixture
 def limits() -> Limits:
-    return Albot1Config.improved().limits
+    return Albot1Config().limits
 
 
 def test_what_is_remembered_stays_where_it_is(limits: Limits) -> None:
@@ -92,6 +94,6 @@ def test_plain_walls_are_not_recognised_by_their_ends(limits: Limits) -> None:
 
 def test_to_the_letter_the_view_takes_the_place_of_what_it_covers() -> None:
     memory = remembering(WALL)
-    enter(memory, seeing(WALL), Albot1Config(eye_in_boundary=True).limits)
+    enter(memory, seeing(WALL), replace(Albot1Config.thesis(), eye_in_boundary=True).limits)
     (wall,) = seen_in_visit(memory)
     assert not np.allclose(wall, WALL, atol=0.01)

@@ -29,12 +29,12 @@ from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import ViewConfig, construct_view
 from tests.core.scenes import OUTSIDE, scan_from, two_rooms
 
-LIMITS = Albot1Config.improved().limits
+LIMITS = Albot1Config().limits
 
 
 def seen_exits(pose: tuple[float, ...], walls: np.ndarray) -> np.ndarray:
     """The exits that are seen from a pose, in the walls' frame (n, 4)."""
-    mapper = Albot1.default()
+    mapper = Albot1()
     scan = scan_from(np.array(pose, float), walls)
     mapper.update(Reading(stamp=0.0, motion=np.zeros(3), laser=scan))
     return transform_segments(np.array(pose, float), mapper.exits)

@@ -15,7 +15,7 @@ from albot_core.mappers.mapper import Mapper
 from albot_core.sensing.reading import LaserGeometry, Reading
 from tests.core.scenes import FURNITURE, ROOM, house_walk, scan_from, two_rooms
 
-PRESETS = [Albot1.default, Albot1.thesis]
+PRESETS = [Albot1, Albot1.thesis]
 
 
 def walk(steps: int = 40) -> np.ndarray:
@@ -64,14 +64,14 @@ def test_perfect_readings_give_the_true_poses(make: type[Albot1]) -> None:
     poses = run(mapper := make(), readings(path))
     truth = np.array([relative(path[0], pose) for pose in path])
     # The letter lays surfaces from first to last point, which turns them by up to a beam.
-    assert np.abs(poses[:, :2] - truth[:, :2]).max() < (0.02 if make == Albot1.default else 0.25)
+    assert np.abs(poses[:, :2] - truth[:, :2]).max() < (0.02 if make == Albot1 else 0.25)
     assert 1 < mapper.updates < len(path)
 
 
 def test_the_default_corrects_an_odometer_that_turns_wrongly() -> None:
     path = walk()
     wrong = readings(path, error=(0.02, 0.0, np.radians(8.0)), noise=0.01)
-    poses = run(mapper := Albot1.default(), wrong)
+    poses = run(mapper := Albot1(), wrong)
     truth = relative(path[0], path[-1])
     assert np.hypot(*(poses[-1] - truth)[:2]) < 0.15
     assert mapper.lost == 0
@@ -82,7 +82,7 @@ def test_the_default_corrects_an_odometer_that_turns_wrongly() -> None:
 
 
 def test_surfaces_lie_on_the_walls() -> None:
-    run(mapper := Albot1.default(), readings(walk(), noise=0.01))
+    run(mapper := Albot1(), readings(walk(), noise=0.01))
     assert len(mapper.surfaces) >= 10
     for x1, y1, x2, y2 in mapper.surfaces:
         middle = np.array([(x1 + x2) / 2, (y1 + y2) / 2])
@@ -130,7 +130,7 @@ def test_a_restored_mapper_goes_on_as_if_never_stopped(make: type[Albot1], cut: 
 
 
 def test_the_state_shares_no_memory() -> None:
-    run(mapper := Albot1.default(), readings(walk(10)))
+    run(mapper := Albot1(), readings(walk(10)))
     before = mapper.surfaces
     for array in mapper.state().values():
         array[...] = 0
@@ -138,7 +138,7 @@ def test_the_state_shares_no_memory() -> None:
 
 
 def test_a_contradictory_state_is_refused_and_nothing_is_lost() -> None:
-    run(mapper := Albot1.default(), readings(walk(10)))
+    run(mapper := Albot1(), readings(walk(10)))
     state, before = mapper.state(), mapper.surfaces
     state["view.slots"][0] = 10**9
     with pytest.raises(InputError, match="slots"):
@@ -149,7 +149,7 @@ def test_a_contradictory_state_is_refused_and_nothing_is_lost() -> None:
 def test_in_the_dark_path_integration_stands_in() -> None:
     dark = np.zeros((0, 4))
     path = walk(10)
-    poses = run(mapper := Albot1.default(), readings(path, dark))
+    poses = run(mapper := Albot1(), readings(path, dark))
     assert np.allclose(poses[-1], relative(path[0], path[-1]))
     assert mapper.lost == 9
     assert np.allclose(compose(mapper.pose, mapper.home), np.zeros(3), atol=1e-12)
@@ -161,7 +161,7 @@ def test_a_bare_corridor_is_followed_by_its_walls() -> None:
     corridor = np.array([[-50.0, -1.0, 50.0, -1.0], [-50.0, 1.0, 50.0, 1.0]])
     path = np.zeros((15, 3))
     path[:, 0] = np.arange(15) * 0.5
-    poses = run(mapper := Albot1.default(), readings(path, corridor, error=(0.0, 0.02, 0.05)))
+    poses = run(mapper := Albot1(), readings(path, corridor, error=(0.0, 0.02, 0.05)))
     assert np.abs(poses[-1, 1:]).max() < 0.05
     assert mapper.lost == 14
 
@@ -189,8 +189,10 @@ def test_a_reading_near_the_last_view_only_moves_the_robot(make: type[Albot1]) -
 
 @pytest.mark.parametrize("spacing", [(0.0, 1.0), (1.0, 0.0)])
 def test_with_either_spacing_zero_every_reading_is_a_view(spacing: tuple[float, float]) -> None:
-    config = Albot1Config(remembered=True, view_spacing=spacing[0], view_turn=spacing[1])
-    one, other = Albot1(config), Albot1(Albot1Config(remembered=True))
+    config = replace(
+        Albot1Config.thesis(), remembered=True, view_spacing=spacing[0], view_turn=spacing[1]
+    )
+    one, other = Albot1(config), Albot1(replace(Albot1Config.thesis(), remembered=True))
     given = readings(walk(20), noise=0.01)
     assert np.array_equal(run(one, given), run(other, given))
 
@@ -198,7 +200,7 @@ def test_with_either_spacing_zero_every_reading_is_a_view(spacing: tuple[float, 
 def test_lasers_may_differ_from_reading_to_reading() -> None:
     fine = LaserGeometry(beams=361, spacing=np.radians(0.5))
     path = walk(10)
-    mapper = Albot1.default()
+    mapper = Albot1()
     for i, pose in enumerate(path):
         scan = scan_from(pose, ROOM, fine if i % 2 else LaserGeometry())
         motion = relative(path[max(i - 1, 0)], pose)
@@ -244,8 +246,8 @@ def carried(seed: int) -> list[Reading]:
 @pytest.mark.parametrize("seed", [3, 5])
 def test_a_lost_robot_finds_its_way_by_its_views_alone(seed: int) -> None:
     spacing, turn = 0.3, np.radians(15.0)
-    spaced = Albot1(replace(Albot1Config.improved(), view_spacing=spacing, view_turn=turn))
-    seldom, since, lost = Albot1.default(), np.zeros(3), 0
+    spaced = Albot1(replace(Albot1Config(), view_spacing=spacing, view_turn=turn))
+    seldom, since, lost = Albot1(), np.zeros(3), 0
     for k, reading in enumerate(carried(seed)):
         since = compose(since, reading.motion) if k else since
         spaced.update(reading)

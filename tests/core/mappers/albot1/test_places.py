@@ -36,7 +36,7 @@ def noisy() -> list[Reading]:
 
 
 def led(readings: list[Reading]) -> Albot1:
-    mapper = Albot1.default()
+    mapper = Albot1()
     for reading in readings:
         mapper.update(reading)
     return mapper
@@ -74,7 +74,7 @@ def test_the_way_home_leads_through_the_door(noisy):
 def test_there_is_no_exit_on_the_way_where_home_is_at_hand():
     """Two steps beyond the door the place is another one, but home is in view behind it."""
     path = np.column_stack((np.arange(1.4, 4.1, 0.2), np.zeros(14), np.zeros(14)))
-    mapper, ways = Albot1.default(), []
+    mapper, ways = Albot1(), []
     for reading in readings_in(HOUSE, path):
         mapper.update(reading)
         if mapper.network.current == 1:
@@ -97,7 +97,7 @@ def same_state(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> None
 @pytest.mark.parametrize("cut", [1, 5, 6, 7, 13, 30, 50])
 def test_a_run_restored_in_the_middle_goes_on_bit_for_bit(noisy, cut):
     whole, first = led(noisy), led(noisy[:cut])
-    second = Albot1.default()
+    second = Albot1()
     second.restore(first.state())
     np.testing.assert_array_equal(second.pose, first.pose)
     np.testing.assert_array_equal(second.home, first.home)
@@ -109,7 +109,7 @@ def test_a_run_restored_in_the_middle_goes_on_bit_for_bit(noisy, cut):
 
 
 def test_a_batch_does_what_a_single_one_does(noisy):
-    batch, singles = Albot1Batch.default(3), [Albot1.default() for _ in range(3)]
+    batch, singles = Albot1Batch(3), [Albot1() for _ in range(3)]
     path = readings_in(HOUSE, house_walk()[::-1].copy(), seed=2)
     for k, reading in enumerate(noisy):
         rows = np.array([row for row in (2, 0, 1) if (k + row) % 5])
@@ -177,6 +177,6 @@ def test_a_damaged_memory_is_refused_and_nothing_is_lost(noisy, name, damage):
 def test_a_reset_forgets_the_places(noisy):
     mapper = led(noisy[:30])
     mapper.reset()
-    same_state(mapper.state(), Albot1.default().state())
+    same_state(mapper.state(), Albot1().state())
     assert mapper.network.links == ()
     assert len(mapper.exits) == 0

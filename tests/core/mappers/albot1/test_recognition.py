@@ -11,7 +11,7 @@ from albot_core.mappers.albot1.recognition import ANGLE, END, GAP, recognize_lan
 from albot_core.mappers.albot1.sight import NOT_RECOGNIZED, Sight, empty_sight
 from albot_core.sensing.surfaces import CORNER, NO_EDGE
 
-LIMITS = Albot1Config().limits
+LIMITS = Albot1Config.thesis().limits
 WALLS = np.array([[3.0, -2.0, 3.0, -0.5], [4.0, 1.0, 2.0, 2.0]])
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +13,7 @@ from albot_core.geometry.poses import compose, inverse, transform_segments, wrap
 from albot_core.mappers.albot1.config import Alike, PlacesConfig
 from albot_core.mappers.albot1.structure import MOST_COMPARED, _pair, compare, described, joined
 
-ANYWHERE = PlacesConfig(gap=0.2).alike
+ANYWHERE = replace(PlacesConfig.thesis(), gap=0.2).alike
 NOWHERE = np.zeros(3)
 
 

@@ -46,7 +46,7 @@ def test_where_it_believes_to_stand_within_a_place_it_suspects_that(drift, learn
     # In a place that it knows, and as in the thesis, where it stands arouses no suspicion.
     if known:
         assert AROUND not in suspicions(network, walker.pose())
-    letter = led(RING, PlacesConfig())
+    letter = led(RING, PlacesConfig.thesis())
     assert AROUND not in suspicions(letter.network, letter.pose())
 
 

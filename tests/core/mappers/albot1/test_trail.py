@@ -145,7 +145,7 @@ def test_the_way_home_is_never_forgotten_however_long() -> None:
 def test_the_waypoint_is_ahead_on_the_way_and_none_near_home(
     displacement: tuple[float, float, float],
 ) -> None:
-    network = PlaceNetwork(PlacesConfig())
+    network = PlaceNetwork(PlacesConfig.thesis())
     network.displacement = np.array(displacement)
     for k in range(1, 13):
         pose = compose(network.displacement, np.array((0.5 * k, 0.0, 0.0)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -39,7 +41,9 @@ def slow_match(seen: Rows, expected: Rows, correction: np.ndarray, limits: Limit
 @given(st.integers(0, 10**6), st.sampled_from([5.0, 30.0, 180.0, 400.0]))
 def test_the_nearest_point_and_the_nearest_line_are_matched(seed: int, angle: float) -> None:
     rng = np.random.default_rng(seed)
-    limits = Albot1Config(remembered=True, landmark_angle=np.radians(angle)).limits
+    limits = replace(
+        Albot1Config.thesis(), remembered=True, landmark_angle=np.radians(angle)
+    ).limits
     surfaces = some_surfaces(8, 2.0, rng)
     seen = rows_of(surfaces + rng.normal(0, 0.08, surfaces.shape), rng)
     expected = rows_of(surfaces, rng)
@@ -54,7 +58,7 @@ def test_the_nearest_point_and_the_nearest_line_are_matched(seed: int, angle: fl
 
 @pytest.mark.parametrize(("turn", "matched"), [(4.99, True), (5.01, False)])
 def test_surfaces_turned_5_degrees_are_not_one(turn: float, matched: bool) -> None:
-    limits = Albot1Config.improved().limits
+    limits = Albot1Config().limits
     cos, sin = np.cos(np.radians(turn)), np.sin(np.radians(turn))
     seen, expected = np.empty((1, 10)), np.empty((1, 8))
     describe(np.array((0.0, 0.0, cos, sin)), seen[0])

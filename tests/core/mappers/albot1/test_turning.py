@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -46,7 +48,9 @@ def slow_votes(seen: Rows, expected: Rows, limits: Limits) -> np.ndarray:
 @given(st.integers(0, 10**6), st.floats(-0.3, 0.3), st.sampled_from([5.0, 20.0, 175.0]))
 def test_it_is_the_turn_with_most_votes(seed: int, turn: float, angle: float) -> None:
     rng = np.random.default_rng(seed)
-    limits = Albot1Config(remembered=True, landmark_angle=np.radians(angle)).limits
+    limits = replace(
+        Albot1Config.thesis(), remembered=True, landmark_angle=np.radians(angle)
+    ).limits
     surfaces = some_surfaces(6, 4.0, rng)
     turned = np.array(
         [moved_ends(row, np.zeros(3), np.cos(turn), np.sin(turn)) for row in surfaces]
@@ -60,6 +64,6 @@ def test_it_is_the_turn_with_most_votes(seed: int, turn: float, angle: float) ->
 
 
 def test_with_nothing_to_go_by_the_odometer_is_right() -> None:
-    limits = Albot1Config.improved().limits
+    limits = Albot1Config().limits
     nothing = rows_of(np.empty((0, 4)), np.random.default_rng(0))
     assert likeliest_turn(*nothing, *nothing, limits, np.empty((2, len(limits.turns)))) == 0.0

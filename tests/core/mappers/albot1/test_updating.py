@@ -14,7 +14,7 @@ from albot_core.mappers.albot1.sight import NOT_RECOGNIZED, Sight, empty_sight
 from albot_core.mappers.albot1.updating import is_covered, update_map
 from albot_core.sensing.surfaces import CORNER, NO_EDGE
 
-LIMITS = Albot1Config().limits
+LIMITS = Albot1Config.thesis().limits
 EDGES = np.full(2, CORNER, np.int8)
 # Seen from the origin: three sides of a box 4 m deep and 4 m wide.
 BOX = np.array([[0.0, -2.0, 4.0, -2.0], [4.0, -2.0, 4.0, 2.0], [4.0, 2.0, 0.0, 2.0]])

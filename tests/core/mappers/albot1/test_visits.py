@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -60,7 +62,7 @@ def test_visits_bear_other_numbers_and_nothing_else_changes() -> None:
 
 
 def test_the_first_visit_to_each_place_is_kept_and_the_present_one() -> None:
-    network = PlaceNetwork(PlacesConfig())
+    network = PlaceNetwork(PlacesConfig.thesis())
     network.sites |= {key: Site(id=key, frame=np.zeros(3)) for key in (1, 2)}
     network.visits = [-1, 0, 1, 0, 1, 2, 1, 0]
     network.displacements = [np.full(3, k) for k in range(8)]
@@ -74,7 +76,7 @@ def test_the_first_visit_to_each_place_is_kept_and_the_present_one() -> None:
 
 
 def test_of_visits_of_which_nothing_was_met_the_last_to_each_place_is_suspected() -> None:
-    network = PlaceNetwork(PlacesConfig())
+    network = PlaceNetwork(PlacesConfig.thesis())
     network.visits = [-1, 0, 1, 0, 1, 0, 2]
     met = np.array((0, 0, 3, 0, 0, 0, 9), np.int32)
     needed = np.array((9, -1, -1, -1, -1, -1, 9), np.int32)
@@ -82,7 +84,7 @@ def test_of_visits_of_which_nothing_was_met_the_last_to_each_place_is_suspected(
 
 
 def test_a_place_is_described_by_what_was_seen_of_it_last() -> None:
-    config = PlacesConfig(most_described=3)
+    config = replace(PlacesConfig.thesis(), most_described=3)
     site = Site(id=0, frame=np.zeros(3))
     walls = np.array([(0.0, k, 2.0, k) for k in range(5)])
     site.describe(walls[:3], config)
@@ -104,7 +106,7 @@ def test_a_robot_that_forgets_visits_maps_as_one_that_does_not(
     runs = []
     for every in (2, 10**9):
         monkeypatch.setattr(attending, "VISITS_LOOKED_AFTER", every)
-        mapper, seen, visits = Albot1.default(), [], []
+        mapper, seen, visits = Albot1(), [], []
         for lap in range(4):
             for k, (scan, motion) in enumerate(zip(scans, motions, strict=True)):
                 way = back if lap and k == 0 else motion
@@ -141,7 +143,7 @@ def test_it_is_time_to_look_once_the_robot_has_gone_or_turned_so_far(
 def test_places_are_compared_when_it_is_time_and_nowhere_between(
     gate: int, is_lost: bool, gone: float
 ) -> None:
-    batch = Albot1Batch(1, Albot1Config.improved())
+    batch = Albot1Batch(1, Albot1Config())
     robots, memory, exits = batch._robots, empty_memory(), no_exits()
     robots.is_lost[0], robots.looked_from[0] = is_lost, 0.0
     exits.counts[1] = gate
