@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.stats import binomtest
 
 from albot_core.errors import InputError
 
-_Z = 1.959963984540054
-"""The standard normal distribution lies within ± this with a probability of 95 %."""
 _RESAMPLES = 10_000
 
 
@@ -23,11 +21,8 @@ def wilson(successes: int, trials: int) -> tuple[float, float]:
     """
     if not 0 <= successes <= trials or trials == 0:
         raise InputError("wilson", "successes out of at least one trial", f"{successes}/{trials}")
-    share = successes / trials
-    spread = 1 + _Z**2 / trials
-    centre = (share + _Z**2 / (2 * trials)) / spread
-    half = _Z / spread * math.sqrt(share * (1 - share) / trials + _Z**2 / (4 * trials**2))
-    return max(0.0, centre - half), min(1.0, centre + half)
+    interval = binomtest(successes, trials).proportion_ci(0.95, method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def bootstrap(
