@@ -21,7 +21,7 @@ from albot_agents.trained.agent_file import SUFFIX, AgentFile, read_agent
 from albot_agents.trained.shipped import shipped_agents
 from albot_agents.trained.trained_agent import TrainedAgent
 from albot_core.errors import InputError
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 
 EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
 ROUND_TRIP, PLACES = "Albot/ExploreAndHome-v0", "Albot/PlaceRecognition-v0"

@@ -15,11 +15,10 @@ from jaxtyping import Bool, Float32, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_core.ranges import Range
-from albot_env.tasks.equipment import Equipment, equip
-from albot_env.tasks.journeys import Journeys, Ticket
-from albot_env.tasks.settings import Settings, wants_discrete, wants_flat
-from albot_env.tasks.single import METADATA, Robots
-from albot_env.tasks.start import choose_start, choose_world
+from albot_env.tasks.core.journeys import Journeys, Ticket
+from albot_env.tasks.core.settings import Equipment, Settings, equip, wants_discrete, wants_flat
+from albot_env.tasks.core.single import METADATA, Robots
+from albot_env.tasks.core.start import choose_start, choose_world
 from albot_env.vector.settings import (
     Worlds,
     choose_mask,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Unpack
 
-from albot_env.tasks.judging import Judging, JudgingConfig
+from albot_env.tasks.place_recognition.task import Judging, JudgingConfig
 from albot_env.vector.batch import BatchEnv, BatchSettings
 from albot_env.vector.settings import Worlds
 

@@ -17,8 +17,8 @@ from albot_benchmarks.naive import NaiveEnv
 from albot_benchmarks.rates import Lap, Rate, best_rates
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.crew import Crew
-from albot_env.tasks.exploration import ExploreConfig
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.explore.task import ExploreConfig
 from albot_maps import World, load_world
 
 ENVIRONMENT = "Albot/Explore-v0"

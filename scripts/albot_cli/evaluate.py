@@ -112,8 +112,8 @@ def command(
 
 def _way_out(task: str, text: str) -> Any:
     """The task's configuration with a way out of a length `A..B` (m)."""
-    from albot_env.tasks.homecoming import Homing, HomingConfig
-    from albot_env.tasks.outing import OutingConfig
+    from albot_env.tasks.homing.outward_journey import OutingConfig
+    from albot_env.tasks.homing.task import Homing, HomingConfig
 
     if task != Homing.task:
         raise InputError("--outward", f"{Homing.task}, which has a way out", task)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from albot_agents.agent import Agent
     from albot_cli.stage import Stage
-    from albot_env.tasks.explore import ExploreEnv
+    from albot_env.tasks.explore.env import ExploreEnv
 
 SENSORS = ("laser", "odometer", "sonar", "scenes")
 """Options that choose a sensor's preset, named as the environment's arguments."""
@@ -156,7 +156,7 @@ def _run(
     from albot_agents.registry import check_agent, find_agent, make_agent
     from albot_cli.stage import open_stage
     from albot_env.recording.writer import EpisodeWriter
-    from albot_env.tasks.explore import ENVIRONMENT, ExploreEnv
+    from albot_env.tasks.explore.env import ENVIRONMENT, ExploreEnv
 
     settings = {"world": world, "mapper": mapper, "movables": not no_movables, **sensors}
     check_agent(agent, ENVIRONMENT)

@@ -18,8 +18,8 @@ def warm_up(mapper: str) -> None:
     import gymnasium
 
     from albot_env.sim.sensing_kernels import sense
-    from albot_env.tasks.equipment import NO_MAPPER
-    from albot_env.tasks.explore import ENVIRONMENT
+    from albot_env.tasks.core.settings import NO_MAPPER
+    from albot_env.tasks.explore.env import ENVIRONMENT
 
     if _is_compiled(sense.compiled):
         return

@@ -10,8 +10,8 @@ import numpy as np
 from albot_agents.agent import choose
 from albot_agents.episode import begin_episode
 from albot_agents.registry import make_agent
-from albot_env.tasks.homecoming import HomingConfig
-from albot_env.tasks.outing import OutingConfig
+from albot_env.tasks.homing.outward_journey import OutingConfig
+from albot_env.tasks.homing.task import HomingConfig
 from tests.env.quick import IDS
 
 assert "Albot/Homing-v0" in IDS

@@ -14,8 +14,8 @@ from albot_core.planning.approach import Approach
 from albot_core.planning.senses import Senses
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import RayCaster
-from albot_env.tasks.homecoming import HomingConfig
-from albot_env.tasks.outing import OutingConfig
+from albot_env.tasks.homing.outward_journey import OutingConfig
+from albot_env.tasks.homing.task import HomingConfig
 
 OUT = HomingConfig(outing=OutingConfig(shortest=6.0, longest=6.0, away=3.0))
 
@@ -45,7 +45,7 @@ def test_path_integration_comes_home_by_a_true_odometer_and_not_by_a_bad_one() -
 def test_path_integration_looks_at_the_belief_only_once() -> None:
     """What a mapper makes of it later does not matter: two agents, one told nonsense."""
     from albot_agents.registry import make_agent
-    from albot_env.tasks.homing import HomingEnv
+    from albot_env.tasks.homing.env import HomingEnv
 
     env = HomingEnv("square-loop", mapper="none", config=OUT, observation="dict", sonar="none")
     actions = []

@@ -35,7 +35,7 @@ from albot_core.planning.steering import (
 )
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import RayCaster
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 from tests.env.conftest import drive
 
 LASER = LaserGeometry()

@@ -16,7 +16,7 @@ from albot_agents.task import (
     task_names,
 )
 from albot_core.errors import InputError
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 
 WHERE = Where("a.yml")
 

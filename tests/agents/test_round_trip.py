@@ -10,7 +10,7 @@ from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import run_trial
 from albot_agents.registry import make_agent
 from albot_core.errors import InputError
-from albot_env.tasks.round_trip import RoundTripConfig
+from albot_env.tasks.explore_and_home.task import RoundTripConfig
 
 
 def test_it_explores_and_is_home_in_time() -> None:

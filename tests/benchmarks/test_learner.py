@@ -10,7 +10,7 @@ import pytest
 from albot_benchmarks import learner
 from albot_benchmarks.learner import measure_learner
 from albot_benchmarks.timed_batch import FreeBatch, TimedBatch
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.vector.sb3 import make_sb3
 
 

@@ -268,7 +268,7 @@ def test_in_a_terminal_the_map_is_drawn(display: dict[str, str], tmp_path: Path)
 
 def test_nothing_heavy_is_loaded_before_it_is_needed() -> None:
     code = (
-        "import sys, albot_cli.play, albot_env.tasks.explore, albot_agents.registry;"
+        "import sys, albot_cli.play, albot_env.tasks.explore.env, albot_agents.registry;"
         "print([m for m in ('pygame', 'matplotlib', 'torch', 'pandas') if m in sys.modules])"
     )
     done = subprocess.run(

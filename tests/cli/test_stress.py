@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from albot_cli.main import main
-from albot_env.tasks.explore import ExploreEnv
+from albot_env.tasks.explore.env import ExploreEnv
 
 KEYS = {
     "worlds", "agents", "episodes", "steps", "seconds", "steps_per_second", "violations",
@@ -24,7 +24,7 @@ ALBOT = [sys.executable, "-c", "from albot_cli.main import main; main()"]
 
 BROKEN = """
 import os, signal
-from albot_env.tasks.explore import ExploreEnv
+from albot_env.tasks.explore.env import ExploreEnv
 
 whole = ExploreEnv.step
 

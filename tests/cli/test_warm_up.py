@@ -80,7 +80,7 @@ def test_an_interruption_takes_the_process_with_it(
 
 
 def test_a_kernel_that_has_run_is_compiled() -> None:
-    from albot_env.tasks.log_scale import make_log_scale, scaled
+    from albot_env.tasks.core.observation_parts import make_log_scale, scaled
 
     scaled(1.0, make_log_scale(1.0, 2.0))
     assert module._is_compiled(scaled)

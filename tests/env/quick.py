@@ -11,10 +11,10 @@ import numpy as np
 
 import albot_env
 from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
-from albot_env.tasks.homecoming import HomingConfig
-from albot_env.tasks.judging import JudgingConfig
-from albot_env.tasks.outing import OutingConfig
-from albot_env.tasks.tour_plan import TourConfig
+from albot_env.tasks.homing.outward_journey import OutingConfig
+from albot_env.tasks.homing.task import HomingConfig
+from albot_env.tasks.place_recognition.task import JudgingConfig
+from albot_env.tasks.place_recognition.tours import TourConfig
 from albot_maps import load_world
 
 assert albot_env.__doc__  # Importing it registers the environments.

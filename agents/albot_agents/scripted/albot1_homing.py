@@ -12,7 +12,7 @@ from albot_agents.scripted.driving import DrivingAgent
 from albot_agents.scripted.senses import sense_known_way
 from albot_core.geometry.poses import inverse
 from albot_core.planning.wayfarer import Wayfarer
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 
 
 class Albot1Homing(DrivingAgent[Wayfarer]):

@@ -11,8 +11,8 @@ from albot_agents.agent import Action, filled
 from albot_agents.scripted.senses import SENSED, make_sense
 from albot_core.planning.senses import Senses
 from albot_core.planning.steering import Command
-from albot_env.tasks.action import ActionConfig
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.actions import ActionConfig
+from albot_env.tasks.core.observation import ObservationConfig
 
 
 @runtime_checkable

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from albot_agents.agent import Action
 from albot_agents.scripted.driving import DrivingAgent
 from albot_core.planning.frontier import FrontierExplorer
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 
 
 class NearestFrontier(DrivingAgent[FrontierExplorer]):

@@ -11,7 +11,7 @@ from albot_agents.agent import Action
 from albot_agents.scripted.driving import DrivingAgent
 from albot_core.geometry.poses import inverse, transform_points
 from albot_core.planning.approach import Approach
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 
 
 class Oracle(DrivingAgent[Approach]):

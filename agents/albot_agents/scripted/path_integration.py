@@ -13,7 +13,7 @@ from albot_agents.scripted.driving import DrivingAgent
 from albot_core.geometry.poses import compose, inverse
 from albot_core.geometry.types import Pose
 from albot_core.planning.approach import Approach
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 
 
 class PathIntegration(DrivingAgent[Approach]):

@@ -7,9 +7,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from albot_env.tasks.answer import NEW
-from albot_env.tasks.features import FEATURES
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.place_recognition.spaces import FEATURES, NEW
 
 WEIGHTS = {"agreed": 1.0, "sight": 0.5, "share": 0.3, "place": 0.2, "shift": -0.3}
 """What each feature of an arrival adds to how well it fits (see `Notebook.arrive`)."""

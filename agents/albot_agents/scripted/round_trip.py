@@ -12,7 +12,7 @@ from albot_agents.agent import Action
 from albot_agents.scripted.albot1_homing import Albot1Homing
 from albot_agents.scripted.gap_explorer import GapExplorerAgent
 from albot_agents.scripted.senses import sense_time_left, sense_travel_home
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 
 
 class RoundTripAgent:

@@ -9,7 +9,7 @@ import numpy as np
 
 from albot_core.planning.senses import Senses
 from albot_core.planning.wayfarer import KnownWay
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 
 SENSED = ("laser", "motion", "heading", "home")
 """The parts of an observation that `make_sense` makes sense of."""

@@ -30,7 +30,7 @@ from albot_env.stress.checks import (
 )
 from albot_env.stress.echoes import check_sonar
 from albot_env.stress.limits import Limits
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 from albot_maps import World, load_world
 
 ENVIRONMENT = "Albot/Explore-v0"

@@ -17,7 +17,7 @@ from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import TrainingPlan
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 from albot_maps.formats.yaml_document import shown
 
 FORMAT = ArchiveFormat(name="albot-agent", version=1, kind="agent file", largest=1 << 24)

@@ -13,7 +13,7 @@ from albot_agents.plain import differences, plain
 from albot_agents.trained.agent_file import AgentFile
 from albot_agents.trained.network import CANDIDATES, Network
 from albot_core.errors import InputError
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
 
 
 class TrainedAgent:

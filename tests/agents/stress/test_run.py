@@ -19,9 +19,9 @@ from albot_agents.stress.run import Outcome, run_episode
 from albot_cli.main import main
 from albot_env.recording.reader import EpisodeReader
 from albot_env.stress.limits import Limits
-from albot_env.tasks import single
-from albot_env.tasks.expedition import Expedition
-from albot_env.tasks.explore import ExploreEnv
+from albot_env.tasks.core import single
+from albot_env.tasks.core.robots import Expedition
+from albot_env.tasks.explore.env import ExploreEnv
 from albot_maps import World, load_world, load_worlds
 from albot_maps.generators.spec import KINDS
 

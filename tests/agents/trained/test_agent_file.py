@@ -25,8 +25,8 @@ from albot_agents.trained.card import read_evaluation, write_card
 from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_core.errors import InputError
-from albot_env.tasks.homecoming import HomingConfig
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.homing.task import HomingConfig
 from tests.env.quick import STROLL
 
 TASK = "Albot/Homing-v0"

@@ -11,10 +11,10 @@ import albot_env  # noqa: F401  (registers the environments)
 from albot_agents.training import stock
 from albot_agents.training.stock import lay_in
 from albot_core.errors import InputError
-from albot_env.tasks import journeys
-from albot_env.tasks.homecoming import HomingConfig
-from albot_env.tasks.journeys import Shelf
-from albot_env.tasks.outing import OutingConfig
+from albot_env.tasks.core import journeys
+from albot_env.tasks.core.journeys import Shelf
+from albot_env.tasks.homing.outward_journey import OutingConfig
+from albot_env.tasks.homing.task import HomingConfig
 from albot_maps import World, WorldSet
 
 TASK = "Albot/Homing-v0"

@@ -11,7 +11,7 @@ from gymnasium.utils.env_checker import check_env
 
 import albot_env
 from albot_core.errors import InputError
-from albot_env.tasks.action import DRIVING, ActionConfig, DeclaringActionConfig
+from albot_env.tasks.core.actions import DRIVING, ActionConfig, DeclaringActionConfig
 from tests.env.quick import DRIVEN, SETTINGS
 
 assert albot_env.__doc__

@@ -7,19 +7,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from albot_env.tasks.claiming import ClaimingActionConfig
-from albot_env.tasks.claims_kernel import (
+from albot_env.tasks.explore.claims import (
     AGAIN,
     FALSE,
     MOST,
     NOTHING,
     RIGHT,
+    ClaimingActionConfig,
     Claims,
     forget_claims,
     judge_claim,
 )
-from albot_env.tasks.exploration import ExploreConfig
-from albot_env.tasks.explore import ExploreEnv
+from albot_env.tasks.explore.env import ExploreEnv
+from albot_env.tasks.explore.task import ExploreConfig
 from albot_maps import World
 
 CLAIMING = ExploreConfig(actions=ClaimingActionConfig())

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_core.sensing.reading import LaserGeometry, LaserScan
-from albot_env.tasks.coverage import Coverage, CoverageConfig
-from albot_env.tasks.ground import laid, no_ground
-from albot_env.tasks.ground_kernels import cover, is_covered
+from albot_env.tasks.core.coverage import CoverageConfig, laid, no_ground
+from albot_env.tasks.core.coverage_kernels import cover, is_covered
+from tests.env.tasks.oracles import Coverage
 
 CONFIG = CoverageConfig()
 NOWHERE = LaserScan(ranges=np.full(181, np.inf), geometry=LaserGeometry())

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_env.tasks.exploration import ExploreConfig
-from albot_env.tasks.observation import ObservationConfig
-from albot_env.tasks.reward import ExploreWeights
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.explore.reward import ExploreWeights
+from albot_env.tasks.explore.task import ExploreConfig
 
 AHEAD = np.array((1.0, 0.0), np.float32)
 STILL = np.zeros(2, np.float32)

@@ -13,15 +13,14 @@ from albot_core.mappers.registry import make_mapper
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.sim.simulator import CONTROL_STEP
-from albot_env.tasks.coverage import Coverage
-from albot_env.tasks.explore_and_home import ExploreAndHomeEnv
-from albot_env.tasks.log_scale import make_log_scale, scaled
-from albot_env.tasks.observation import ObservationConfig
-from albot_env.tasks.observer import observe
-from albot_env.tasks.reward import RoundTripWeights
-from albot_env.tasks.round_trip import RoundTripConfig
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.observation_parts import make_log_scale, scaled
+from albot_env.tasks.explore_and_home.env import ExploreAndHomeEnv
+from albot_env.tasks.explore_and_home.reward import RoundTripWeights
+from albot_env.tasks.explore_and_home.task import RoundTripConfig
 from albot_maps import World
 from tests.env.quick import drawn_actions
+from tests.env.tasks.oracles import Coverage, observe
 
 STILL = np.array((0, 0, -1), np.float32)
 AHEAD = np.array((1, 0, -1), np.float32)

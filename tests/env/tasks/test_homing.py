@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
-from albot_env.tasks import journeys as journeys_module
-from albot_env.tasks.homecoming import HomingConfig
-from albot_env.tasks.homing import HomingEnv
-from albot_env.tasks.homing_kernel import success_weighted
-from albot_env.tasks.journeys import Shelf
-from albot_env.tasks.observation import ObservationConfig
-from albot_env.tasks.outing import OutingConfig, Outings
-from albot_env.tasks.reward import HomingWeights
+from albot_env.tasks.core import journeys as journeys_module
+from albot_env.tasks.core.journeys import Shelf
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.way_home import success_weighted
+from albot_env.tasks.homing.env import HomingEnv
+from albot_env.tasks.homing.outward_journey import OutingConfig, Outings
+from albot_env.tasks.homing.reward import HomingWeights
+from albot_env.tasks.homing.task import HomingConfig
 from albot_maps import World
 from tests.env.quick import STROLL, drawn_actions
 

@@ -17,13 +17,11 @@ from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.registry import make_mapper
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
-from albot_env.tasks.coverage import Coverage
-from albot_env.tasks.exploration import ExploreConfig
-from albot_env.tasks.kernels import observe_confidence, observe_time
-from albot_env.tasks.observation import HOMEWARD, ObservationConfig
-from albot_env.tasks.observer import observe, observe_ranges
-from albot_env.tasks.wayfinding import Wayfinding
+from albot_env.tasks.core.observation import HOMEWARD, ObservationConfig
+from albot_env.tasks.core.observation_parts import observe_confidence, observe_time
+from albot_env.tasks.explore.task import ExploreConfig
 from tests.env.conftest import drive
+from tests.env.tasks.oracles import Coverage, Wayfinding, observe, observe_ranges
 
 CONFIG = ObservationConfig()
 

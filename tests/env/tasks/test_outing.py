@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from albot_env.sim import choose_sensors
-from albot_env.tasks.action import ActionConfig
-from albot_env.tasks.equipment import Equipment
-from albot_env.tasks.expedition import Expedition
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.actions import ActionConfig
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.robots import Expedition
+from albot_env.tasks.core.settings import Equipment
 from albot_maps import World
 
 

@@ -15,13 +15,14 @@ from albot_core.errors import InputError
 from albot_core.sensing.reading import Reading
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
-from albot_env.tasks import journeys, tours
-from albot_env.tasks.arrivals import Notebook
-from albot_env.tasks.features import FEATURES
-from albot_env.tasks.judging import JudgingConfig
-from albot_env.tasks.place_recognition import PlaceRecognitionEnv
-from albot_env.tasks.reward import PlaceWeights
-from albot_env.tasks.tour_plan import Stops, TourConfig
+from albot_env.tasks.core import journeys
+from albot_env.tasks.place_recognition import tours
+from albot_env.tasks.place_recognition.arrivals import Notebook
+from albot_env.tasks.place_recognition.env import PlaceRecognitionEnv
+from albot_env.tasks.place_recognition.reward import PlaceWeights
+from albot_env.tasks.place_recognition.spaces import FEATURES
+from albot_env.tasks.place_recognition.task import JudgingConfig
+from albot_env.tasks.place_recognition.tours import Stops, TourConfig
 from albot_maps import Exit, World, load_world
 from albot_maps.generators.spec import KINDS
 from tests.env.quick import JUDGED

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from albot_env.tasks.rooms import find_room, outlines_of
+from albot_env.tasks.core.rooms import find_room, outlines_of
 from albot_maps import World, load_world
 
 OFFICE = load_world("office-ring")

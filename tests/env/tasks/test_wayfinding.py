@@ -14,13 +14,14 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
 from albot_core.planning.sketch import SketchConfig
 from albot_core.sensing.reading import LaserGeometry
-from albot_env.tasks.coverage import Coverage, CoverageConfig
-from albot_env.tasks.exploration import ExploreConfig
-from albot_env.tasks.explore import ExploreEnv
-from albot_env.tasks.homecoming import HomingConfig
-from albot_env.tasks.observation import HOMEWARD, ObservationConfig
-from albot_env.tasks.wayfinding import Wayfinding, WayfindingConfig
+from albot_env.tasks.core.coverage import CoverageConfig
+from albot_env.tasks.core.observation import HOMEWARD, ObservationConfig
+from albot_env.tasks.core.wayfinding import WayfindingConfig
+from albot_env.tasks.explore.env import ExploreEnv
+from albot_env.tasks.explore.task import ExploreConfig
+from albot_env.tasks.homing.task import HomingConfig
 from tests.core.scenes import scan_from
+from tests.env.tasks.oracles import Coverage, Wayfinding
 
 CONFIG = WayfindingConfig()
 ANY = np.inf

@@ -16,8 +16,8 @@ import pytest
 import albot_env
 import albot_maps
 from albot_core.errors import InputError
-from albot_env.tasks.exploration import ExploreConfig
-from albot_env.tasks.observation import ObservationConfig
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.explore.task import ExploreConfig
 from albot_maps import WorldSet
 
 assert albot_env.__doc__  # Importing it registers the environments.
@@ -86,7 +86,7 @@ OTHER_KINDS = """
 import gymnasium
 from albot_core.errors import InputError
 from albot_core.sensing.reading import LaserGeometry
-from albot_env.tasks.homecoming import HomingConfig
+from albot_env.tasks.homing.task import HomingConfig
 
 def batch(name="Albot/Explore-v0", **settings):
     return gymnasium.make_vec(name, num_envs=2, **{"world": "square-loop", **settings})

@@ -1,0 +1,1 @@
+"""What all tasks share: batched robots, their observations, actions, statistics and starts."""

@@ -1,0 +1,282 @@
+"""Compiled loops over the ground: covering it, finding its frontier.
+
+A grid of ground is a square of cells, a bit each. Eight by eight cells share a word, so that
+what lies around a robot lies together in memory: column x, row y is bit 8 (y % 8) + x % 8 of
+word (x // 8) + words a row × (y // 8).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from albot_core.geometry.directions import length_of, turned
+from albot_core.kernels.bits import lowest_bit, popcount
+from albot_core.kernels.compiled import kernel
+from albot_core.kernels.simd import LANES, FloatVector, FloatTable, float32_predicate
+from albot_core.kernels.simd import UInt64Vector, UInt64Table, uint64_predicate
+
+_CELLS = np.stack((np.arange(16) % 8, np.arange(16) // 8)).astype(np.float32)
+"""Columns and rows of the first two rows of a block's cells."""
+_SOFT = 0.01
+"""How much farther (cells) than they may be cells are taken for near, before they are looked at
+with float64."""
+
+
+class Ground(NamedTuple):
+    """The grids of ground of robots; a row each. Ground beyond a robot's grid is never covered."""
+
+    grids: np.ndarray
+    """(n, words) uint64: a bit for each cell, set where covered."""
+    sides: np.ndarray
+    """(n,) int64: cells along each side; a multiple of eight."""
+    centres: np.ndarray
+    """(n, 2) float64: the middles of the grids (m)."""
+    cell: float
+    """Side of a cell (m)."""
+
+
+class Sight(NamedTuple):
+    """What of the ground a laser shows."""
+
+    radius: float
+    """Ground farther from the laser is not covered (m)."""
+    x: float
+    """Where on the robot the laser is (m)…"""
+    y: float
+    """…"""
+    first: float
+    """Where its first beam points from the robot's heading (rad)…"""
+    spacing: float
+    """…and how far it is from each beam to the next (rad)."""
+    beams: np.ndarray
+    """(parts,) int64: the beam that points into each part of the full turn (see `turned`);
+    -1 where none does."""
+    ahead: float
+    """No beam points to where the cosine of the bearing from the robot's heading is less."""
+
+
+@kernel()
+def is_time_to_look(motion: np.ndarray, spacing: float, turn: float, moved: np.ndarray) -> bool:
+    """Add a motion to what was `moved` (m, rad) since the last look; whether one is due."""
+    moved[0] += length_of(motion[0], motion[1])
+    moved[1] += abs(motion[2])
+    if moved[0] < spacing and moved[1] < turn:
+        return False
+    moved[0] = moved[1] = 0.0
+    return True
+
+
+@kernel()
+def cover(
+    ground: Ground,
+    i: int,
+    pose: np.ndarray,
+    turn: tuple[float, float],
+    sight: Sight,
+    ranges: np.ndarray,
+) -> int:
+    """Mark the cells of robot i whose middles a scan taken at `pose` shows.
+
+    A middle is seen where it is no farther than the radius, and than the range of the beam
+    that points its way. Cells outside the grid are left out. `turn` is the cosine and sine of
+    the pose's heading. Returns how many were new.
+    """
+    side, cell, centre = ground.sides[i], ground.cell, ground.centres[i]
+    cos, sin = turn
+    # The laser's place, in cells from the middle of cell (0, 0).
+    eye_x = (pose[0] + cos * sight.x - sin * sight.y - centre[0]) / cell + side / 2 - 0.5
+    eye_y = (pose[1] + sin * sight.x + cos * sight.y - centre[1]) / cell + side / 2 - 0.5
+    eye, radius = (eye_x, eye_y, cos, sin), sight.radius / cell
+    first, last = max(0, math.ceil(eye_x - radius)), min(side - 1, math.floor(eye_x + radius))
+    low, high = max(0, math.ceil(eye_y - radius)), min(side - 1, math.floor(eye_y + radius))
+    grid, words, new = ground.grids[i], side // 8, 0
+    far, least = radius + _SOFT, radius * min(sight.ahead, 0.0) - _SOFT
+    within = np.float32(cos), np.float32(sin), np.float32(far * far), np.float32(least)
+    for y in range(low >> 3, (high >> 3) + 1):
+        for x in range(first >> 3, (last >> 3) + 1):
+            word = y * words + x
+            # By now most cells are covered, and need not be looked at.
+            near = _near(_CELLS, 0, (np.float32(eye_x - 8 * x), np.float32(eye_y - 8 * y), *within))
+            hidden = int(~grid[word]) & near
+            if hidden:
+                seen = _seen(hidden, (8 * x, 8 * y), eye, 1.0 / cell, sight, ranges)
+                grid[word] |= np.uint64(seen)
+                new += popcount(seen)
+    return new
+
+
+@float32_predicate
+def _near(cells: FloatTable, *eye: FloatVector) -> tuple[FloatVector, ...]:
+    """Which cells of a block are within the square of a distance of the eye, and not behind it.
+
+    Told by two rows at a time. `eye` is the laser's place (cells from the middle of the block's
+    first cell), the cosine and sine of the robot's heading, that square, and how far ahead cells
+    are at least. With float32, so that both must leave a hair (see `_SOFT`).
+    """
+    x, y, cos, sin, far2, least = eye
+    dx, dy = cells[0] - x, cells[1] - y
+    rows = [dy + row for row in range(0, 8, 2)]
+    return tuple((dx * dx + dy * dy <= far2) & (cos * dx + sin * dy >= least) for dy in rows)
+
+
+@kernel()
+def _seen(
+    cells: int,
+    corner: tuple[int, int],
+    eye: tuple[float, float, float, float],
+    per_cell: float,
+    sight: Sight,
+    ranges: np.ndarray,
+) -> int:
+    """Which of some cells of a block, told by its first column and row, a scan shows."""
+    beams, radius = sight.beams, sight.radius * per_cell
+    x, y, cos, sin = eye
+    parts, shown = beams.shape[0], 0
+    while cells:
+        place = lowest_bit(cells)
+        cells &= cells - 1
+        dx, dy = corner[0] + (place & 7) - x, corner[1] + (place >> 3) - y
+        u, v = cos * dx + sin * dy, cos * dy - sin * dx
+        beam = beams[min(int((turned(u, v) + 2.0) * 0.25 * parts), parts - 1)]
+        if beam < 0:
+            continue
+        reach = min(ranges[beam] * per_cell, radius)
+        if dx * dx + dy * dy <= reach * reach:
+            shown |= 1 << place
+    return shown
+
+
+@kernel()
+def find_frontier(
+    ground: Ground,
+    i: int,
+    pose: np.ndarray,
+    sight: Sight,
+    ranges: np.ndarray,
+    frontier: np.ndarray,
+) -> None:
+    """Fill `frontier` with how far (m) robot i's uncovered ground is in as many equal sectors.
+
+    Along the middle beam; infinitely far where the beam ends before. It begins where the cells
+    on the beam and to both its sides are uncovered: beside a wall there are some whose middles
+    lie within it.
+    """
+    grid, side, cell, centre = ground.grids[i], ground.sides[i], ground.cell, ground.centres[i]
+    heading = pose[2] + sight.first
+    eye_x = pose[0] + math.cos(pose[2]) * sight.x - math.sin(pose[2]) * sight.y - centre[0]
+    eye_y = pose[1] + math.sin(pose[2]) * sight.x + math.cos(pose[2]) * sight.y - centre[1]
+    half, sectors = side / 2, frontier.shape[0]
+    for k in range(sectors):
+        beam = (2 * k + 1) * ranges.shape[0] // (2 * sectors)
+        bearing = heading + beam * sight.spacing
+        cos, sin = math.cos(bearing), math.sin(bearing)
+        frontier[k] = math.inf
+        reach = min(ranges[beam], side * cell) - cell
+        for step in range(1, int(reach / cell) + 1):
+            x, y = eye_x / cell + half + step * cos, eye_y / cell + half + step * sin
+            if not (
+                _is_covered(grid, side, x, y)
+                or _is_covered(grid, side, x - sin, y + cos)
+                or _is_covered(grid, side, x + sin, y - cos)
+            ):
+                frontier[k] = step * cell
+                break
+
+
+@kernel()
+def is_covered(ground: Ground, i: int, x: float, y: float) -> bool:
+    """Whether a point (m) is on ground that robot i has covered."""
+    side, half = ground.sides[i], ground.sides[i] / 2
+    x, y = (x - ground.centres[i, 0]) / ground.cell, (y - ground.centres[i, 1]) / ground.cell
+    return _is_covered(ground.grids[i], side, x + half, y + half)
+
+
+@kernel()
+def _is_covered(grid: np.ndarray, side: int, x: float, y: float) -> bool:
+    """Whether a point (cells from the corner of the square) is on covered ground."""
+    if not (0.0 <= x < side and 0.0 <= y < side):
+        return False
+    column, row = int(x), int(y)
+    word = grid[(row >> 3) * (side // 8) + (column >> 3)]
+    return bool((word >> np.uint64(((row & 7) << 3) | (column & 7))) & np.uint64(1))
+
+
+_ONE = 2.0**32
+"""A cell in fixed-point numbers, in which loops over cells need no conversions: a negative
+cell, taken as unsigned, is beyond every grid."""
+_LANES = np.uint64(LANES)
+_PATTERNS = (np.arange(1 << LANES)[:, np.newaxis] >> np.arange(LANES) & 1) * 2.0 - 1.0
+_SIGNS = _PATTERNS.astype(np.float32)
+"""What is shown of cells in lanes, by which of them are covered: 1 for those, else -1."""
+
+
+@kernel()
+def cut_patch(
+    ground: Ground,
+    i: int,
+    pose: np.ndarray,
+    turn: tuple[float, float],
+    patch_cell: float,
+    width: int,
+    patch: np.ndarray,
+) -> None:
+    """Fill `patch`, row by row of `width` cells, with robot i's ground: 1 covered, -1 not.
+
+    The cells, of side `patch_cell` (m), lie around `pose`: row 0 farthest ahead of it, column 0
+    farthest to its left. `turn` is the cosine and sine of the pose's heading.
+    """
+    side, cell, centre = ground.sides[i], ground.cell, ground.centres[i]
+    begin, size, words = np.uint64(i * ground.grids.shape[1]), np.uint64(side), np.uint64(side // 8)
+    cos, sin = turn[0] * patch_cell / cell, turn[1] * patch_cell / cell
+    middle_x = (pose[0] - centre[0]) / cell + side / 2
+    middle_y = (pose[1] - centre[1]) / cell + side / 2
+    left = (width - 1) / 2
+    step_x, step_y = np.uint64(np.int64(sin * _ONE)), np.uint64(np.int64(-cos * _ONE))
+    for row in range(width):
+        forward = (width - 1) / 2 - row
+        x = np.uint64(np.int64((middle_x + cos * forward - sin * left) * _ONE))
+        y = np.uint64(np.int64((middle_y + sin * forward + cos * left) * _ONE))
+        for first in range(0, width, LANES):
+            line = x, y, step_x, step_y
+            covered = _are_covered(ground.grids, 0, (begin, size, words, *line))
+            _show_cells(covered, width - first, patch, row * width + first)
+            x += _LANES * step_x
+            y += _LANES * step_y
+
+
+@kernel()
+def _show_cells(covered: int, rest: int, patch: np.ndarray, place: int) -> None:
+    """Write into a patch cells in lanes, at most `rest`, by which of them are covered."""
+    begin, signs = np.uint64(place), np.uint64(covered)
+    if rest >= LANES:
+        # A loop whose length is known, over places that cannot be negative, is two instructions.
+        for lane in range(_LANES):
+            patch[begin + lane] = _SIGNS[signs, lane]
+    else:
+        for lane in range(np.uint64(rest)):
+            patch[begin + lane] = _SIGNS[signs, lane]
+
+
+@uint64_predicate
+def _are_covered(
+    grids: UInt64Table,
+    begin: UInt64Vector,
+    size: UInt64Vector,
+    words: UInt64Vector,
+    x: UInt64Vector,
+    y: UInt64Vector,
+    step_x: UInt64Vector,
+    step_y: UInt64Vector,
+) -> UInt64Vector:
+    """Which cells of a row of a patch are covered, of eight whose first is at x, y.
+
+    Places and steps are fixed-point cells of a grid; that begins so many words from the first
+    one's, has so many cells along a side and so many words a row.
+    """
+    x, y = x.stepped(step_x), y.stepped(step_y)
+    on_grid = (x >> 32 < size) & (y >> 32 < size)
+    word = grids.at(begin + (y >> 35) * words + (x >> 35), on_grid)
+    return (word >> ((y >> 29) & 56 | (x >> 32) & 7)).is_odd()

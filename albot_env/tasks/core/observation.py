@@ -1,0 +1,265 @@
+"""Observations: what the robot could know, scaled to [-1, 1] without any statistics.
+
+This is their form: which parts there are, how long each is and how it is scaled. The survey
+fills them in for many robots at once, `observe` (see `observer`) for one.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from jaxtyping import Float, Float32, Float64
+
+from albot_core.errors import InputError
+from albot_core.ranges import POSITIVE, check_fields
+from albot_core.sensing.reading import LaserGeometry, SonarGeometry
+from albot_env.tasks.core.coverage import CoverageConfig
+from albot_env.tasks.core.observation_kernels import Layout, Scales
+from albot_env.tasks.core.observation_parts import (
+    LogScale,
+    make_log_scale,
+    unscale_ranges,
+    unscaled,
+)
+from albot_env.tasks.core.wayfinding import WayfindingConfig
+
+_TIME_KNEE = 0.05
+"""Share of the longest time up to which the scale of times is nearly linear."""
+
+Parts = dict[str, Float32[np.ndarray, "..."]]
+"""An observation by part."""
+
+PARTS = (
+    "laser", "sonar", "motion", "heading", "home", "confidence", "place", "exit", "way", "shortcut",
+    "coverage", "frontier", "onward", "time_left",
+)  # fmt: skip
+"""All parts that there are, in the order in which they stand in the flat observation."""
+ROUND_TRIP = tuple(part for part in PARTS if part not in ("shortcut", "onward"))
+"""What a robot is shown that is to explore and be home in time."""
+HOMEWARD = tuple(part for part in ROUND_TRIP if part not in ("frontier", "time_left"))
+"""What a robot is shown that is to find home: no time that does not press, no frontiers."""
+USUAL = tuple(part for part in HOMEWARD if part not in ("confidence", "exit", "way"))
+"""What others are shown: to find the way home costs time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObservationConfig:
+    """How readings and beliefs become numbers in [-1, 1]."""
+
+    laser: LaserGeometry = field(default_factory=LaserGeometry)
+    """Where the laser's beams point."""
+    laser_range: float = 30.0
+    """Range shown as -1, as nothing at all is (m)."""
+    sonar: SonarGeometry | None = field(default_factory=SonarGeometry)
+    """Where the sonars point; None on a robot without."""
+    sonar_range: float = 4.0
+    """Range of an echo shown as -1, as none at all is (m)."""
+    laser_knee: float = 0.5
+    """Range of either up to which the scale is nearly linear; logarithmic beyond (m)."""
+    home_range: float = 100.0
+    """Distance from home shown as 1 (m)."""
+    home_knee: float = 1.0
+    """Distance from home up to which the scale is nearly linear; logarithmic beyond (m)."""
+    step_length: float = 0.15
+    """Travel in one step shown as 1, straight ahead or sideways (m)."""
+    step_turn: float = 0.3
+    """Turn in one step shown as 1 (rad)."""
+    home_drift: float = 0.05
+    """Standard deviation of where home is believed to be, for each metre of the travel that the
+    belief rests on: that of Albot0's path integration (Schmidt, Wong and Yeap)."""
+    home_near: float = 1.0
+    """The confidence is that home is no farther than this from where it is believed (m)."""
+    time_range: float = 600.0
+    """Time left shown as 1 (s), as more is, and as a time without end."""
+    laser_sectors: int | None = None
+    """Equal sectors of which the laser part shows the shortest range; None for every beam."""
+    parts: tuple[str, ...] = USUAL
+    """What is shown, of `PARTS`; the order does not matter. Robots without sonars lack `sonar`."""
+    coverage: CoverageConfig = field(default_factory=CoverageConfig)
+    """The egocentric patch of ground covered."""
+    wayfinding: WayfindingConfig = field(default_factory=WayfindingConfig)
+    """How ways over the ground are searched for."""
+
+    def __post_init__(self) -> None:
+        ranges = "laser_range", "sonar_range", "laser_knee", "home_range", "home_knee"
+        check_fields(self, POSITIVE, *ranges, "home_drift", "home_near", "step_length", "step_turn")
+        check_fields(self, POSITIVE, "time_range")
+        self._check_parts()
+        sectors = self.laser_sectors
+        if sectors is not None and not 1 <= sectors <= self.laser.beams:
+            expected = f"1 to the laser's {self.laser.beams} beams"
+            raise InputError("ObservationConfig.laser_sectors", expected, str(sectors))
+
+    def _check_parts(self) -> None:
+        """Refuse parts that are none, none at all, and one that is named twice."""
+        place, known = "ObservationConfig.parts", ", ".join(PARTS)
+        for part in self.parts:
+            if part not in PARTS:
+                close = difflib.get_close_matches(str(part), PARTS, n=1)
+                hint = f" (did you mean {close[0]}?)" if close else ""
+                raise InputError(place, f"some of {known}", f"{part}{hint}")
+        if not self.parts or len(set(self.parts)) < len(self.parts):
+            raise InputError(place, f"some of {known}, each once", str(list(self.parts)))
+
+    def fitted(self, laser: LaserGeometry, sonar: SonarGeometry | None) -> ObservationConfig:
+        """The same for a robot with these sensors."""
+        return replace(self, laser=laser, sonar=sonar)
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shape of each part that is shown, in the order of the flat observation."""
+        side = self.coverage.patch_cells
+        sonars = 0 if self.sonar is None else len(self.sonar.bearings)
+        shapes: dict[str, tuple[int, ...]] = {
+            "laser": (self.laser_sectors or self.laser.beams,),
+            "sonar": (sonars,),
+            "motion": (3,),
+            "heading": (2,),
+            "home": (3,),
+            "confidence": (1,),
+            "place": (2,),
+            "exit": (6,),
+            "way": (4,),
+            "shortcut": (4,),
+            "coverage": (1, side, side),
+            "frontier": (self.laser_sectors or self.laser.beams,),
+            "onward": (4,),
+            "time_left": (1,),
+        }
+        return {part: shapes[part] for part in PARTS if part in self.parts and shapes[part] != (0,)}
+
+    @property
+    def layout(self) -> Layout:
+        """Where each part begins in the flat observation."""
+        begins, at = dict.fromkeys(PARTS, -1), 0
+        for part, shape in self.shapes.items():
+            begins[part] = at
+            at += int(np.prod(shape))
+        return Layout(**begins)
+
+    @property
+    def shows_way_home(self) -> bool:
+        """Whether something is shown for which the way home must be found."""
+        return not {"confidence", "exit", "way", "shortcut"}.isdisjoint(self.parts)
+
+    @property
+    def shows_ground(self) -> bool:
+        """Whether something is shown for which the robot must keep what it believes covered."""
+        return not {"coverage", "frontier", "onward"}.isdisjoint(self.parts)
+
+    @property
+    def shows_ways_over_ground(self) -> bool:
+        """Whether something is shown for which the ground must be sketched."""
+        return not {"shortcut", "onward"}.isdisjoint(self.parts)
+
+    def require(self, parts: Collection[str], who: str) -> None:
+        """Refuse to do without parts that somebody needs.
+
+        Raises:
+            InputError: One of the parts is not shown, or the laser only by sectors.
+        """
+        missing = [part for part in parts if part not in self.shapes]
+        shown = ", ".join(self.shapes)
+        if missing:
+            raise InputError(who, f"observations with the part {missing[0]}", shown)
+        if "laser" in parts and self.laser_sectors is not None:
+            raise InputError(who, "every beam of the laser", f"{self.laser_sectors} sectors")
+
+    @property
+    def dict_space(self) -> spaces.Space[Any]:
+        """The space of observations by part."""
+        return spaces.Dict(
+            {name: spaces.Box(-1, 1, shape, np.float32) for name, shape in self.shapes.items()}
+        )
+
+    @property
+    def flat_space(self) -> spaces.Box:
+        """The space of observations in one row."""
+        length = sum(int(np.prod(shape)) for shape in self.shapes.values())
+        return spaces.Box(-1, 1, (length,), np.float32)
+
+    @property
+    def laser_scale(self) -> LogScale:
+        """The scale of the laser's ranges (m)."""
+        return make_log_scale(self.laser_knee, self.laser_range)
+
+    @property
+    def sonar_scale(self) -> LogScale:
+        """The scale of the sonars' ranges (m)."""
+        return make_log_scale(self.laser_knee, self.sonar_range)
+
+    @property
+    def home_scale(self) -> LogScale:
+        """The scale of distances (m) along the way."""
+        return make_log_scale(self.home_knee, self.home_range)
+
+    @property
+    def time_scale(self) -> LogScale:
+        """The scale of times left (s)."""
+        return make_log_scale(_TIME_KNEE * self.time_range, self.time_range)
+
+    @property
+    def scales(self) -> Scales:
+        """What the compiled survey goes by."""
+        coverage = self.coverage
+        return Scales(
+            spacing=coverage.spacing,
+            turn=coverage.turn,
+            patch_cell=coverage.patch_cell,
+            patch_cells=coverage.patch_cells,
+            laser=self.laser_scale,
+            sonar=self.sonar_scale,
+            step_length=self.step_length,
+            step_turn=self.step_turn,
+            home=self.home_scale,
+            home_drift=self.home_drift,
+            home_near=self.home_near,
+            sectors=self.laser_sectors or 0,
+        )
+
+    def split(self, flat: Float[np.ndarray, "length"]) -> Parts:
+        """The parts of a flat observation.
+
+        Raises:
+            InputError: The observation has another length.
+        """
+        rows = self.split_rows(flat[np.newaxis])
+        return {name: part[0] for name, part in rows.items()}
+
+    def split_rows(self, rows: Float[np.ndarray, "observations length"]) -> Parts:
+        """The parts of many flat observations, each part of all of them in one array.
+
+        Raises:
+            InputError: The observations have another length.
+        """
+        sizes = [int(np.prod(shape)) for shape in self.shapes.values()]
+        if rows.shape[1] != sum(sizes):
+            raise InputError("observation", f"shape ({sum(sizes)},)", str(rows.shape[1:]))
+        pieces = np.split(rows, np.cumsum(sizes)[:-1], axis=1)
+        return {
+            name: piece.reshape(len(rows), *shape)
+            for (name, shape), piece in zip(self.shapes.items(), pieces, strict=True)
+        }
+
+    def ranges(self, laser: Float[np.ndarray, "beams"]) -> Float64[np.ndarray, "beams"]:
+        """The ranges (m) that the `laser` part stands for, `laser_range` where nothing was."""
+        return np.asarray(unscale_ranges(laser, self.laser_scale))
+
+    def travel_home(self, scaled: float | np.floating) -> float:
+        """The travel (m) that the `confidence` part stands for; infinite at -1."""
+        outside = max((1.0 - float(scaled)) / 2, 1e-9)
+        return self.home_near / self.home_drift / math.sqrt(max(-2 * math.log(outside), 1e-12))
+
+    def time_left(self, scaled: float | np.floating) -> float:
+        """The time (s) that the `time_left` part stands for, `time_range` at the most."""
+        return float(unscaled(float(scaled), self.time_scale))
+
+    def home_distance(self, scaled: float | np.floating) -> float:
+        """The distance (m) that the last number of the `home` part stands for."""
+        return float(unscaled(float(scaled), self.home_scale))

@@ -1,0 +1,314 @@
+"""The compiled loops of sketching: what robots see of the ground, drawn as they go.
+
+What the cells of a sketch are, see `albot_core.planning.sketch_kernels`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from albot_core.geometry.directions import length_of
+from albot_core.kernels.compiled import kernel
+from albot_core.planning.sketch_kernels import (
+    FREE,
+    STEP,
+    WANTED,
+    draw_scan,
+    farthest_straight,
+    flood,
+    nearest_reached,
+    trace,
+)
+from albot_env.tasks.core.coverage_kernels import Ground, Sight, is_covered, is_time_to_look
+
+POINT, LENGTH = slice(0, 2), 2
+"""What `Sketches` holds of a way: a point ahead on it, and how long it is."""
+
+
+class Pencil(NamedTuple):
+    """How sketches are drawn."""
+
+    cell: float
+    """Side of a cell (m)."""
+    reach: float
+    """What lies farther away is not drawn (m)."""
+    jump: float
+    """A belief that moves farther than this (m) from what the odometer says begins a new sheet."""
+    spacing: float
+    """How far the robot comes between two looks (m)…"""
+    turn: float
+    """…unless it turns by this much before (rad)."""
+    every: int
+    """Steps from each search for ways to the next."""
+
+
+class Sketches(NamedTuple):
+    """The sketches of robots, in their maps' frames, and the ways found on them; a row each."""
+
+    grids: np.ndarray
+    """(n, cells) int8: what each cell is, row by row, x along a row."""
+    sides: np.ndarray
+    """(n,) int64: cells along each side; the map's origin is in the middle."""
+    ages: np.ndarray
+    """(n,) int64: steps since each was begun."""
+    moved: np.ndarray
+    """(n, 2) float64: way and turning since each was drawn on last (m, rad)."""
+    beliefs: np.ndarray
+    """(n, 3) float64: where each robot believed to be at the last step (map frame)."""
+    homewards: np.ndarray
+    """(n, 3) float64: the point ahead on the shortest way home that is not known to be barred
+    (map frame, m), and how long that way is, close to things twice as long (m); NaN and
+    infinite where there is none."""
+    onwards: np.ndarray
+    """(n, 3) float64: the same of the shortest way, over ground seen to be free, to ground that
+    is not covered."""
+
+
+@kernel()
+def begin_sketch(sketches: Sketches, i: int) -> None:
+    """Let robot i know nothing of the ground."""
+    side = sketches.sides[i]
+    sketches.grids[i, : side * side] = 0
+    sketches.ages[i] = 0
+    sketches.moved[i] = math.inf
+    forget_way(sketches.homewards[i])
+    forget_way(sketches.onwards[i])
+
+
+@kernel(arrays=True)
+def follow_sketch(
+    sketches: Sketches,
+    i: int,
+    pencil: Pencil,
+    sight: Sight,
+    motion: np.ndarray,
+    belief: np.ndarray,
+    ranges: np.ndarray,
+) -> bool:
+    """Draw what robot i sees; return whether it is time to search for ways.
+
+    A belief that has jumped begins a new sheet: what is drawn is not where it was.
+    """
+    if sketches.ages[i] and _has_jumped(sketches.beliefs[i], motion, belief, pencil.jump):
+        begin_sketch(sketches, i)
+    sketches.beliefs[i] = belief
+    if is_time_to_look(motion, pencil.spacing, pencil.turn, sketches.moved[i]):
+        _draw(grid_of(sketches, i), pencil, sight, belief, ranges)
+    is_time = sketches.ages[i] % pencil.every == 0
+    sketches.ages[i] += 1
+    return bool(is_time)
+
+
+@kernel()
+def forget_way(way: np.ndarray) -> None:
+    """There is no such way."""
+    way[POINT] = math.nan
+    way[LENGTH] = math.inf
+
+
+@kernel(arrays=True)
+def grid_of(sketches: Sketches, i: int) -> np.ndarray:
+    """Robot i's cells (side, side), to be read and written."""
+    side = sketches.sides[i]
+    return sketches.grids[i, : side * side].reshape((side, side))
+
+
+@kernel()
+def _has_jumped(before: np.ndarray, motion: np.ndarray, now: np.ndarray, jump: float) -> bool:
+    """Whether a belief is elsewhere than the odometer's motion leads to."""
+    cos, sin = math.cos(before[2]), math.sin(before[2])
+    x = before[0] + cos * motion[0] - sin * motion[1]
+    y = before[1] + sin * motion[0] + cos * motion[1]
+    return length_of(now[0] - x, now[1] - y) > jump
+
+
+@kernel(arrays=True)
+def _draw(
+    grid: np.ndarray, pencil: Pencil, sight: Sight, belief: np.ndarray, ranges: np.ndarray
+) -> None:
+    """Draw a scan, where all of it is on the sheet."""
+    cos, sin = math.cos(belief[2]), math.sin(belief[2])
+    eye = np.array(
+        (
+            belief[0] + cos * sight.x - sin * sight.y,
+            belief[1] + sin * sight.x + cos * sight.y,
+            belief[2] + sight.first,
+        )
+    )
+    farthest = max(abs(eye[0]), abs(eye[1])) + pencil.reach + pencil.cell
+    if farthest < (grid.shape[0] // 2) * pencil.cell:
+        bearings = np.arange(ranges.shape[0]) * sight.spacing
+        draw_scan(grid, pencil.cell, eye, ranges, bearings, pencil.reach)
+
+
+_NOWHERE = (-1, -1)
+"""The goal of a search for wanted cells."""
+
+
+class Search(NamedTuple):
+    """How ways are searched for (see `WayfindingConfig`); lengths in m."""
+
+    cell: float
+    radii: tuple[float, float]
+    """How near ways come to what is blocked, and where they are twice as long, in cells."""
+    margin: float
+    first: float
+    last: float
+    narrow: float
+    """Stretches shorter than this may lead close past things."""
+    ahead: float
+    at_goal: float
+    """A way that ends no farther from home than this leads there."""
+    worth: float
+
+
+@kernel(arrays=True)
+def find_homewards(sketches: Sketches, i: int, search: Search, home: np.ndarray) -> None:
+    """Find robot i's shortest way home (map frame, m); ground not seen yet counts as free."""
+    way, belief, grid = sketches.homewards[i], sketches.beliefs[i], grid_of(sketches, i)
+    forget_way(way)
+    start, end = _cell(grid, belief, search.cell), _cell(grid, home, search.cell)
+    low, high = _box(grid, start, end, int(search.margin / search.cell))
+    if not (_is_inside(start, low, high, search) and _is_inside(end, low, high, search)):
+        return
+    part = grid[low[0] : high[0], low[1] : high[1]].copy()
+    before = np.empty(part.shape, np.int64)
+    here, goal = (start[0] - low[0], start[1] - low[1]), (end[0] - low[0], end[1] - low[1])
+    ways, last = flood(part, here, search.radii, before, True, goal)
+    if last[0] < 0:  # Home is believed to be in or beside something: as near by as can be.
+        last = nearest_reached(ways, goal[0], goal[1], int(search.at_goal / search.cell))
+    if last[0] < 0:
+        return
+    is_whole = _tell_way(part, low, grid.shape[0] // 2, trace(ways, before, last), search, way)
+    rest = STEP * length_of(last[0] - goal[0], last[1] - goal[1])
+    way[LENGTH] = (ways[last] + rest) / STEP * search.cell
+    if is_whole:
+        way[POINT] = home[:2]
+
+
+@kernel(arrays=True)
+def find_onwards(sketches: Sketches, i: int, search: Search, covered: Ground) -> None:
+    """Find robot i's shortest way, over ground seen to be free, to ground not covered.
+
+    It looks near by first, which is much faster, and twice as far where all of that is covered
+    and there is more beyond.
+    """
+    way, grid = sketches.onwards[i], grid_of(sketches, i)
+    forget_way(way)
+    start = _cell(grid, sketches.beliefs[i], search.cell)
+    around, goes_on = search.first, True
+    while goes_on:
+        low, high = _box(grid, start, start, int(around / search.cell))
+        if not _is_inside(start, low, high, search):
+            return
+        part = grid[low[0] : high[0], low[1] : high[1]].copy()
+        _mark_uncovered(part, low, grid.shape[0] // 2, search.cell, covered, i)
+        before = np.empty(part.shape, np.int64)
+        here = start[0] - low[0], start[1] - low[1]
+        ways, last = flood(part, here, search.radii, before, False, _NOWHERE)
+        if last[0] >= 0:
+            _tell_way(part, low, grid.shape[0] // 2, trace(ways, before, last), search, way)
+            way[LENGTH] = ways[last] / STEP * search.cell
+            return
+        goes_on = around < search.last and _comes_to_the_edge(ways, int(search.radii[1]))
+        around = min(2 * around, search.last)
+
+
+@kernel(arrays=True)
+def pick_shortcut(sketches: Sketches, i: int, search: Search, known: float) -> np.ndarray:
+    """The point ahead (map frame, m) on a way home that is worth leaving the known one for.
+
+    It is NaN where the known way home, so long (m), is not much longer.
+    """
+    way = sketches.homewards[i]
+    return way[POINT] if search.worth * way[LENGTH] < known else np.full(2, np.nan)
+
+
+@kernel(arrays=True)
+def pick_onward(sketches: Sketches, i: int) -> np.ndarray:
+    """The point ahead (map frame, m) on the way to ground not covered; NaN for none."""
+    return sketches.onwards[i, POINT]
+
+
+@kernel()
+def _mark_uncovered(
+    part: np.ndarray, low: tuple[int, int], half: int, cell: float, covered: Ground, i: int
+) -> None:
+    """Mark the free cells of a part of a sketch that are not covered, and could be.
+
+    `low` is the part's first cell, `half` how many cells before the map's origin a sketch begins.
+    """
+    extent = covered.sides[i] / 2 * covered.cell
+    for row in range(part.shape[0]):
+        y = (low[0] + row - half + 0.5) * cell
+        for column in range(part.shape[1]):
+            x = (low[1] + column - half + 0.5) * cell
+            could_be = part[row, column] == FREE and max(abs(x), abs(y)) < extent
+            if could_be and not is_covered(covered, i, x, y):
+                part[row, column] = WANTED
+
+
+@kernel()
+def _comes_to_the_edge(ways: np.ndarray, border: int) -> bool:
+    """Whether a flood came to the edge of where it may: there may be more beyond."""
+    first, last = border, ways.shape[0] - 1 - border
+    for k in range(first, last + 1):
+        if max(ways[first, k], ways[last, k], ways[k, first], ways[k, last]) >= 0:
+            return True
+    return False
+
+
+@kernel()
+def _tell_way(
+    part: np.ndarray,
+    low: tuple[int, int],
+    half: int,
+    cells: np.ndarray,
+    search: Search,
+    way: np.ndarray,
+) -> bool:
+    """Fill in the point ahead on a way of `cells` of a part; whether that is its end.
+
+    Unknown cells that the way leads over are free to look across. `low` and `half` are as for
+    `_mark_uncovered`.
+    """
+    place = cells[0, 0] + 0.5, cells[0, 1] + 0.5
+    sights = search.narrow / search.cell, search.ahead / search.cell
+    chosen = farthest_straight(part, place, cells, sights, search.radii, True)
+    way[0] = (cells[chosen, 1] + low[1] - half + 0.5) * search.cell
+    way[1] = (cells[chosen, 0] + low[0] - half + 0.5) * search.cell
+    return bool(chosen == cells.shape[0] - 1)
+
+
+@kernel()
+def _cell(grid: np.ndarray, place: np.ndarray, cell: float) -> tuple[int, int]:
+    """Row and column of a place (map frame, m)."""
+    half = grid.shape[0] // 2
+    # The origin is a corner of cells: rounding must not decide in which of them it is.
+    column, row = math.floor(place[0] / cell + 1e-6), math.floor(place[1] / cell + 1e-6)
+    return row + half, column + half
+
+
+@kernel()
+def _box(
+    grid: np.ndarray, one: tuple[int, int], other: tuple[int, int], margin: int
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """First and last rows and columns about two cells, as far as the sheet reaches."""
+    side = grid.shape[0]
+    low = max(0, min(one[0], other[0]) - margin), max(0, min(one[1], other[1]) - margin)
+    high_row = min(side, max(one[0], other[0]) + margin + 1)
+    high_column = min(side, max(one[1], other[1]) + margin + 1)
+    return low, (high_row, high_column)
+
+
+@kernel()
+def _is_inside(
+    place: tuple[int, int], low: tuple[int, int], high: tuple[int, int], search: Search
+) -> bool:
+    """Whether a cell is where a flood may come to in a part."""
+    border = int(search.radii[1])
+    rows = low[0] + border <= place[0] < high[0] - border
+    return bool(rows and low[1] + border <= place[1] < high[1] - border)

@@ -1,0 +1,72 @@
+"""`Albot/Explore-v0`: cover a building that was never seen before."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Unpack
+
+from albot_env.tasks.core.single import SingleEnv, SingleSettings
+from albot_env.tasks.explore.task import Exploration, ExploreConfig
+from albot_maps import World, WorldSet
+
+ENVIRONMENT = Exploration.task
+
+
+class ExploreEnv(SingleEnv[Exploration]):
+    """A robot explores a building with a mapper inside.
+
+    Description:
+        A Pioneer 3-DX with a laser, sonars and a noisy odometer sets out with an empty map. It
+        is to cover as much ground and enter as many rooms as it can. A step is 0.1 s.
+
+    Action space:
+        `Box(-1, 1, (2,), float32)`: speed and turn rate, as shares of `ActionConfig`. With
+        `ExploreConfig(actions=ClaimingActionConfig())` a third number claims, above 0.5: "I have
+        been here before, it is the place that my map says". The first claim in a room counts,
+        until it is left for another; it is right where the robot had been there and the mapper's
+        present place was first met there (see `claims_kernel`).
+        Anything else, out of range or not a number, is an `InputError`.
+
+    Observation space:
+        With `observation="dict"` the parts that `observer.observe` tells of, by default
+        the same in one row (`ObservationConfig.split` takes it apart). All float32 in
+        [-1, 1]. They are a function of the readings alone.
+
+    Rewards:
+        The sum of the terms of `ExploreWeights`; each stands in `info["reward_terms"]`.
+
+    Starting state:
+        At rest at one of the world's starts, drawn at random;
+        `reset(options={"start": k})` sets out from the k-th, `{"start": (x, y, heading)}`
+        from a pose. With several worlds (`random:office:0..99`) each reset draws one;
+        `{"world": k}` asks for the k-th.
+
+    Episode end:
+        Never by itself; truncated after `max_episode_steps` (6000, ten minutes), which
+        `gymnasium.make` takes.
+
+    Info:
+        The truth, for evaluation: `world` (its name), `pose`, `start` and `belief`
+        (m, rad; the belief in the map's frame, which lies at the true start), `position_error` (m),
+        `room` (empty between rooms), `rooms_entered`, `coverage` (share of the reachable
+        ground), `collided`, `path_length` (m), `time` (s), `updates`, `surfaces`,
+        `re_entries`, `right_claims`, `false_claims`, `reward_terms`.
+
+    Args:
+        world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
+        config: What actions ask for, how observations are scaled, what is rewarded.
+        settings: See `SingleSettings`.
+
+    Raises:
+        InputError: As for `SingleEnv`.
+    """
+
+    def __init__(
+        self,
+        world: str | Path | World | WorldSet = "office-ring",
+        *,
+        config: ExploreConfig | None = None,
+        **settings: Unpack[SingleSettings],
+    ) -> None:
+        super().__init__(partial(Exploration, config=config), world, **settings)

@@ -1,0 +1,104 @@
+"""The exploration: an expedition to cover ground and enter rooms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+from jaxtyping import Int64
+
+from albot_core.geometry.types import Pose
+from albot_core.kernels.arguments import ArgumentsCache
+from albot_env.sim.simulator import CONTROL_STEP
+from albot_env.tasks.core.actions import ActionConfig, Numbers
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.robots import Expedition
+from albot_env.tasks.core.settings import Equipment, chosen_config
+from albot_env.tasks.explore.claims import MOST, ClaimingActionConfig, Claims
+from albot_env.tasks.explore.reward import TERMS, ExploreWeights, appraise
+from albot_maps import World
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExploreConfig:
+    """What actions ask for, how observations are scaled, and what is rewarded."""
+
+    actions: ActionConfig = field(default_factory=ActionConfig)
+    """What actions ask for; with `ClaimingActionConfig` they also claim to know the place."""
+    observations: ObservationConfig = field(default_factory=ObservationConfig)
+    """How observations are scaled, and which ground counts as covered."""
+    weights: ExploreWeights = field(default_factory=ExploreWeights)
+    """What the reward's terms are worth."""
+
+
+class Exploration(Expedition):
+    """Robots that are to cover as much ground and enter as many rooms as they can.
+
+    Args:
+        robots: How many.
+        equipment: What they set out with.
+        config: What actions ask for, how observations are scaled, what is rewarded.
+    """
+
+    task: ClassVar[str] = "Albot/Explore-v0"
+    terms_of_reward: ClassVar[tuple[str, ...]] = TERMS
+
+    def __init__(self, robots: int, equipment: Equipment, config: ExploreConfig | None) -> None:
+        config = chosen_config(config, ExploreConfig, self.task)
+        super().__init__(
+            robots, equipment, actions=config.actions, observations=config.observations
+        )
+        self._reckoning = ArgumentsCache(self._books)
+        self._weights = config.weights.values
+        mappers = self._mappers
+        self._claims = Claims(
+            claims=np.zeros(robots, np.bool_),
+            places=np.full(robots, -1) if mappers is None else mappers.current_places,
+            met_in=np.full((robots, MOST), -1),
+            place=np.full(robots, -1),
+            since=np.zeros(robots),
+            room=np.full(robots, -1),
+            returned=np.zeros(robots, np.bool_),
+            judged=np.zeros(robots, np.bool_),
+            recognized=np.zeros((robots, 0), np.bool_),
+            counts=np.zeros((robots, 3), np.int64),
+        )
+
+    def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
+        """Let a robot set out anew with an empty map; look around before all else."""
+        super().begin(row, world, start, rng)
+        self._claims.claims[row] = False
+        known = self._claims.recognized
+        if known.shape[1] < len(world.rooms):
+            more = np.zeros((len(known), len(world.rooms) - known.shape[1]), np.bool_)
+            wider = np.concatenate((known, more), axis=1)
+            self._claims = self._claims._replace(recognized=wider)
+
+    def act(self, numbers: Numbers) -> None:
+        """One control step of all robots with these actions, of which some may claim something."""
+        if isinstance(self.actions, ClaimingActionConfig):
+            self._claims.claims[:] = self.actions.declares(numbers)
+        super().act(numbers)
+
+    def _appraise(self, rows: Int64[np.ndarray, "some"]) -> None:
+        appraise(rows, self._reckoning.arguments(self._claims), CONTROL_STEP)
+
+    def _books(self, claims: Claims) -> tuple[Any, ...]:
+        """What the appraisal takes."""
+        return (
+            self._weights,
+            self._cell_area,
+            self.collided,
+            self._senses,
+            self._survey.findings,
+            self._standing,
+            claims,
+        )
+
+    @property
+    def facts(self) -> dict[str, np.ndarray]:
+        """The truth in numbers, for `info`: a row for each robot."""
+        returns, right, false = self._claims.counts.T
+        claims = {"re_entries": returns, "right_claims": right, "false_claims": false}
+        return super().facts | claims

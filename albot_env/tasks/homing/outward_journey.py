@@ -1,0 +1,136 @@
+"""Outward journeys: how robots that are to find home got to where they are.
+
+A robot that is to go home has first explored, by the gap explorer of `albot_core.planning`,
+and so filled its map.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
+from albot_core.planning.senses import Senses
+from albot_env.tasks.core.actions import ActionConfig
+from albot_env.tasks.core.journeys import Journeys, Ticket
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.robots import Expedition, Rest
+from albot_env.tasks.core.settings import Equipment
+from albot_maps import ROBOT_RADIUS, World
+from albot_maps.geodesic import DistanceField
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutingConfig:
+    """How long outward journeys are."""
+
+    shortest: float = 30.0
+    """The length of a journey is drawn from this (m)…"""
+    longest: float = 100.0
+    """…to this, each as likely."""
+    away: float = 5.0
+    """It goes on where the way home from its end would be shorter (m)."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not 0 <= value < math.inf:
+                raise InputError(f"OutingConfig.{name}", "a length (m)", str(value))
+        if self.shortest > self.longest:
+            expected = f"at least shortest, {self.shortest:g}"
+            raise InputError("OutingConfig.longest", expected, f"{self.longest:g}")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outing:
+    """An outward journey that is over."""
+
+    world: World
+    """Where it was."""
+    rest: Rest
+    """The robot at its end."""
+    field: DistanceField
+    """How far it is home from everywhere."""
+    cut_short: bool
+    """Whether the robot got stuck before it came as far as it was to."""
+
+
+class Outings(Journeys[Outing]):
+    """Makes outward journeys, and keeps them.
+
+    Args:
+        task: Id of the environment, for the errors.
+        equipment: What the robots set out with.
+        observations: How they look at the ground that they cover.
+        config: How long journeys are.
+        count: How many different ones there are from a start; 0 for a new one each time.
+
+    Raises:
+        InputError: There are fewer journeys than none.
+    """
+
+    _STEPS_PER_METRE = 40
+    """Steps after which the robot is stuck, for each metre of a journey…"""
+    _STEPS = 400
+    """…and besides."""
+
+    def __init__(
+        self,
+        task: str,
+        equipment: Equipment,
+        observations: ObservationConfig,
+        config: OutingConfig,
+        count: int,
+    ) -> None:
+        seen = observations.coverage, observations.laser_range
+        super().__init__(task, (replace(equipment, threads=1), *seen, config), count)
+        self._config = config
+        # Robots share journeys that are shown more of the ground than those they were made for.
+        parts = dict.fromkeys((*observations.parts, "coverage"))
+        self._scout = Expedition(
+            1,
+            replace(equipment, threads=1),
+            actions=ActionConfig(),
+            observations=replace(observations, parts=tuple(parts)),
+        )
+        self._explorer = GapExplorer(GapExplorerConfig(near=observations.coverage.radius))
+
+    def close(self) -> None:
+        """Let the scout go."""
+        self._scout.close()
+
+    def travel(self, ticket: Ticket) -> Outing:
+        """Make a journey."""
+        world, start, number = ticket
+        rng = np.random.default_rng((number, *start.view(np.uint64).tolist()))
+        wanted = float(rng.uniform(self._config.shortest, self._config.longest))
+        field = DistanceField(world.walls, ROBOT_RADIUS, start[:2])
+        scout, explorer = self._scout, self._explorer
+        scout.begin(0, world, start, rng)
+        explorer.reset(rng)
+        scout.look()
+        arrived, left = False, self._STEPS + int(self._STEPS_PER_METRE * wanted)
+        while left and not arrived:
+            scout.drive(explorer.command(self._senses())[np.newaxis])
+            scout.look()
+            away = field.distance(scout.poses[0, :2]) >= self._config.away
+            arrived, left = bool(away and scout.path_lengths[0] >= wanted), left - 1
+        while not scout.at_rest:
+            scout.drive(np.zeros((1, 2)))
+            scout.look()
+        if math.isinf(field.distance(scout.poses[0, :2])):
+            field = DistanceField(world.walls, ROBOT_RADIUS, start[:2], tight=True)
+        return Outing(world=world, rest=scout.rest(0), field=field, cut_short=not arrived)
+
+    def _senses(self) -> Senses:
+        """What the scout knows now."""
+        scout = self._scout
+        reading = scout.readings[0]
+        return Senses(
+            ranges=np.minimum(reading.laser.ranges, scout.observing.laser_range),
+            laser=scout.geometry,
+            pose=scout.beliefs[0].copy(),
+            motion=reading.motion.copy(),
+        )

@@ -1,0 +1,189 @@
+"""Arrivals: what a robot remembers of the places where it stopped, and how they compare.
+
+All of it is a function of the readings alone: the mapper, which saw nothing else, says where
+the robot believes to be, the laser what stands around.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32, Float64
+
+from albot_core.geometry.poses import compose, transform_points, transform_segments
+from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.mappers.albot1.config import PlacesConfig
+from albot_core.mappers.albot1.record import Event, Happening
+from albot_core.mappers.albot1.structure import compare, joined
+from albot_core.mappers.mapper import Mapper
+from albot_core.mappers.registry import make_mapper
+from albot_core.sensing.panorama import Panorama, agreement
+from albot_core.sensing.reading import Reading
+from albot_core.sensing.view import ViewConfig, construct_view
+from albot_env.tasks.core.settings import NO_MAPPER
+from albot_env.tasks.place_recognition.spaces import FEATURES
+
+FARTHEST = 50.0
+"""Believed distance shown as 1 (m)."""
+LONGEST = 500.0
+"""Way shown as 1 (m)."""
+PAST = 3.0
+"""Sight past the other's place shown as 1 (m); as much short of it is -1."""
+SHIFT = 3.0
+"""Correction of the believed distance shown as 1 (m)."""
+TURN = math.radians(45.0)
+"""Correction of the believed heading shown as 1 (rad)."""
+MATCHES = 16
+"""Surfaces in common shown as 1."""
+LARGEST = 28
+"""Of what is seen around only so many surfaces are compared, the longest."""
+
+_ALIKE = PlacesConfig().alike
+_VIEW = ViewConfig(fit_lines=True)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Arrival:
+    """What a robot remembers of a place where it stopped and looked around."""
+
+    belief: Pose
+    """Where it believed to be (map frame)."""
+    way: float
+    """How far it had driven, by its odometer (m)."""
+    panorama: Panorama
+    """What stood around, by the directions of the map."""
+    surfaces: Segments
+    """The longest surfaces around, by the directions of the map (m)."""
+    place: int
+    """The id of the mapper's place at the time; -1 where it knows no places."""
+
+
+class Notebook:
+    """Follows a robot by its readings and notes down where it arrives.
+
+    Args:
+        mapper: Name of the mapper inside, or `none`.
+
+    Raises:
+        InputError: There is no such mapper.
+    """
+
+    def __init__(self, mapper: str) -> None:
+        self._mapper: Mapper | None = None if mapper == NO_MAPPER else make_mapper(mapper)
+        self._belief = np.zeros(3)
+        self._way = 0.0
+        self._begun = False
+        self.arrivals: list[Arrival] = []
+        """All arrivals so far."""
+
+    @property
+    def belief(self) -> Pose:
+        """Where the robot believes to be (map frame)."""
+        return self._belief.copy() if self._mapper is None else self._mapper.pose.copy()
+
+    @property
+    def surfaces(self) -> Segments:
+        """The surfaces that the mapper remembers (map frame, m)."""
+        return np.empty((0, 4)) if self._mapper is None else self._mapper.surfaces.copy()
+
+    def follow(self, reading: Reading) -> None:
+        """Take in a reading on the way."""
+        if self._begun:
+            self._belief = compose(self._belief, reading.motion)
+            self._way += math.hypot(reading.motion[0], reading.motion[1])
+        self._begun = True
+        if self._mapper is not None:
+            self._mapper.update(reading)
+
+    def arrive(self, readings: Sequence[Reading]) -> Float32[np.ndarray, "arrivals features"]:
+        """Take in the readings of a look around, and compare the place with all before.
+
+        Returns:
+            What tells of each arrival before, in order, in numbers from -1 to 1.
+        """
+        points: list[Points] = []
+        seen: Segments = np.empty((0, 4))
+        for reading in readings:
+            self.follow(reading)
+            around = np.array((0.0, 0.0, self.belief[2]))
+            points.append(transform_points(around, reading.laser.points))
+            view = transform_segments(around, construct_view(reading.laser, _VIEW).surfaces)
+            seen = joined(seen, view, _ALIKE)
+        network = None if self._mapper is None else self._mapper.network
+        known = None if network is None else network.current
+        arrival = Arrival(
+            belief=self.belief,
+            way=self._way,
+            panorama=Panorama.of(np.concatenate(points)),
+            surfaces=_longest(seen),
+            place=-1 if known is None else known,
+        )
+        same = self._same_places()
+        compared = [
+            self._compare(arrival, other, len(self.arrivals) - k, same)
+            for k, other in enumerate(self.arrivals)
+        ]
+        self.arrivals.append(arrival)
+        return np.reshape(np.array(compared, np.float32), (-1, len(FEATURES)))
+
+    def _compare(
+        self, here: Arrival, there: Arrival, ago: int, same: dict[int, int]
+    ) -> Float64[np.ndarray, "features"]:
+        """What tells whether two arrivals were at one place, in numbers from -1 to 1.
+
+        `distance` between the believed places, -1 at 0 and 1 at `FARTHEST`, logarithmic;
+        `agreed` and `contradicted`, the shares of `panorama.agreement`, -1 for none and 1 for
+        all; `sight` past each other's place (m), 0 where it ends there; `shift` and `turn` that
+        lay the panoramas best on each other, against what is believed, -1 for none;
+        `matches` and `share` of the structure (`albot1.structure.compare`), -1 for none; `place`:
+        1 where the mapper takes both for the same place, -1 where for two, 0 where it knows
+        none; `recency`: 1 for the arrival just before, towards -1 the longer ago; `way` driven
+        since, -1 for none.
+        """
+        apart = np.array((*(there.belief - here.belief)[:2], 0.0))
+        likeness = compare(here.surfaces, there.surfaces, apart, np.zeros(3), _ALIKE)
+        found = agreement(here.panorama, there.panorama, apart, likeness.pose)
+        turn = abs((found.pose[2] + math.pi) % (2 * math.pi) - math.pi)
+        place = 0.0
+        if here.place >= 0 and there.place >= 0:
+            one, other = (same.get(place, place) for place in (here.place, there.place))
+            place = 1.0 if one == other else -1.0
+        numbers = (
+            _logarithmic(float(np.hypot(*apart[:2])), 1.0, FARTHEST),
+            2 * found.agreed - 1,
+            2 * found.contradicted - 1,
+            found.sight / PAST,
+            2 * float(np.hypot(*(found.pose - apart)[:2])) / SHIFT - 1,
+            2 * turn / TURN - 1,
+            2 * likeness.matches / MATCHES - 1,
+            2 * likeness.share - 1,
+            place,
+            2 / ago - 1,
+            _logarithmic(here.way - there.way, 10.0, LONGEST),
+        )
+        return np.clip(numbers, -1, 1)
+
+    def _same_places(self) -> dict[int, int]:
+        """What place each that was found to be another has become."""
+        same: dict[int, int] = {}
+        joins = Happening.RECOGNIZED, Happening.FOLLOWED, Happening.FOUND
+        for event in () if self._mapper is None else self._mapper.events:
+            if isinstance(event, Event) and event.what in joins:
+                kept, gone = sorted((event.place, event.other))
+                same[gone] = kept
+                same = {place: kept if into == gone else into for place, into in same.items()}
+        return same
+
+
+def _logarithmic(length: float, knee: float, longest: float) -> float:
+    """A length as a number from -1 at 0 to 1 at the longest, finest where short."""
+    return 2 * math.log1p(min(length, longest) / knee) / math.log1p(longest / knee) - 1
+
+
+def _longest(surfaces: Segments) -> Float64[np.ndarray, "kept 4"]:
+    """The longest surfaces, as many as are compared."""
+    lengths = np.hypot(*(surfaces[:, 2:] - surfaces[:, :2]).T)
+    return surfaces[np.sort(np.argsort(-lengths, kind="stable")[:LARGEST])]

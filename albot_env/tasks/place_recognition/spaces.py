@@ -1,0 +1,111 @@
+"""Answers: actions that name an earlier arrival, or none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from jaxtyping import Float32
+
+from albot_core.errors import InputError
+from albot_env.tasks.core.actions import ActionConfig, Numbers
+from albot_env.tasks.core.observation import ObservationConfig
+from albot_env.tasks.core.observation_kernels import Layout
+
+NEW = 0
+"""The answer that the robot was never here before."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnswerConfig(ActionConfig):
+    """What an answer is: 0 for a new place, k for that of the k-th arrival."""
+
+    names: ClassVar[tuple[str, ...]] = ("answer",)
+
+    most: int
+    """How many earlier arrivals there can be."""
+
+    @property
+    def space(self) -> spaces.Space[Any]:
+        """The space of answers."""
+        return spaces.Discrete(1 + self.most)
+
+    @property
+    def choice_space(self) -> spaces.Discrete:
+        """The same: answers are numbers anyway."""
+        return spaces.Discrete(1 + self.most)
+
+    def chosen(self, choices: Any, count: int | None, environment: str) -> Any:
+        """The same: answers are numbers anyway."""
+        return choices
+
+    def single(self, action: Any, environment: str) -> Numbers:
+        """An answer as a batch of one.
+
+        Raises:
+            InputError: It is no whole number from 0 to `most`.
+        """
+        return self._answers(action, (), environment).reshape(1, 1)
+
+    def batch(self, actions: Any, count: int, environment: str) -> Numbers:
+        """The answers of a batch of so many.
+
+        Raises:
+            InputError: As for `single`.
+        """
+        return self._answers(actions, (count,), environment)[:, np.newaxis]
+
+    def _answers(self, action: Any, shape: tuple[int, ...], environment: str) -> np.ndarray:
+        """Answers as numbers of the shape wanted."""
+        expected = f"a whole number from 0 to {self.most}"
+        expected = f"{expected} for each of {shape[0]}" if shape else expected
+        numbers = np.asarray(action)
+        if numbers.shape != shape:
+            found = f"shape {numbers.shape}" if numbers.dtype.kind in "biuf" else repr(action)
+            raise InputError(environment, expected, found, place="action")
+        if numbers.dtype.kind not in "iu" or ((numbers < 0) | (numbers > self.most)).any():
+            raise InputError(environment, expected, repr(action), place="action")
+        return numbers.astype(np.float64)
+
+
+FEATURES = (
+    "distance", "agreed", "contradicted", "sight", "shift", "turn", "matches", "share", "place",
+    "recency", "way",
+)  # fmt: skip
+"""What an arrival is compared by, in the order of the numbers (see `arrivals.Notebook`)."""
+
+
+def question(
+    candidates: Float32[np.ndarray, "arrivals features"], most: int
+) -> Float32[np.ndarray, "length"]:
+    """What is observed where these are the earlier arrivals, of which there can be so many.
+
+    All features of all arrivals, 0 where there is none yet, and which of them there are (1 or -1).
+    """
+    features, mask = np.zeros((most, len(FEATURES)), np.float32), np.full(most, -1, np.float32)
+    features[: len(candidates)], mask[: len(candidates)] = candidates, 1
+    return np.concatenate((features.ravel(), mask))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CandidatesConfig(ObservationConfig):
+    """What is observed of the earlier arrivals."""
+
+    most: int
+    """How many there can be."""
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """The shape of each part, in the order of the flat observation.
+
+        `arrivals`, a row for each: the features of `features.FEATURES`, 0 where there is none
+        yet; `mask`, which of them there are (1 or -1).
+        """
+        return {"arrivals": (self.most, len(FEATURES)), "mask": (self.most,)}
+
+    @property
+    def layout(self) -> Layout:
+        """Nowhere: none of the parts of those who drive is shown."""
+        return Layout(*[-1] * len(Layout._fields))

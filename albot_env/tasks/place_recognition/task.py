@@ -1,0 +1,202 @@
+"""The judging: robots led along tours, which are to say where they have been before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+from albot_core.geometry.types import Pose, Segments
+from albot_core.kernels.arguments import KernelArguments
+from albot_core.ranges import SHARE, check_fields
+from albot_env.tasks.core.actions import Numbers
+from albot_env.tasks.core.robots import Expedition
+from albot_env.tasks.core.settings import NO_MAPPER, Equipment, chosen_config
+from albot_env.tasks.core.state import set_out
+from albot_env.tasks.place_recognition.reward import TERMS, Judgement, PlaceWeights, Sheets, judge
+from albot_env.tasks.place_recognition.spaces import (
+    FEATURES,
+    AnswerConfig,
+    CandidatesConfig,
+    question,
+)
+from albot_env.tasks.place_recognition.tours import Stop, Tour, TourConfig, Tours
+from albot_maps import World
+
+
+@dataclass(frozen=True, kw_only=True)
+class JudgingConfig:
+    """Where tours lead, what is rewarded, and what is a success."""
+
+    tour: TourConfig = field(default_factory=TourConfig)
+    """How long tours are, and where they lead."""
+    weights: PlaceWeights = field(default_factory=PlaceWeights)
+    """What the reward's terms are worth."""
+    recall: float = 0.85
+    """A success is to know this share of the places again and none falsely."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, SHARE, "recall")
+
+
+class Judging(Expedition):
+    """Robots that are led from place to place and judge where they have been before.
+
+    Args:
+        robots: How many.
+        equipment: What they set out with. What moves is left out.
+        config: Where tours lead, what is rewarded, and what is a success.
+        journeys: How many tours there are from a start; 0 for a new one each time.
+
+    Raises:
+        InputError: There are fewer journeys than none, or there is no such mapper.
+    """
+
+    task: ClassVar[str] = "Albot/PlaceRecognition-v0"
+    terms_of_reward: ClassVar[tuple[str, ...]] = TERMS
+
+    def __init__(
+        self, robots: int, equipment: Equipment, config: JudgingConfig | None, journeys: int
+    ) -> None:
+        config = chosen_config(config, JudgingConfig, self.task)
+        self._tours = Tours(self.task, equipment, config.tour, journeys)
+        most = config.tour.most
+        super().__init__(
+            robots,
+            replace(equipment, mapper=NO_MAPPER, movables=False),
+            actions=AnswerConfig(most=most),
+            observations=CandidatesConfig(most=most),
+        )
+        self.journeys = self._tours
+        self._led: list[Tour | None] = [None] * robots
+        beams, sonars = self._senses.ranges.shape[1], self._senses.echoes.shape[1]
+        length = self.observations.shape[1]
+        self._sheets = Sheets(
+            counts=np.ones(robots, np.int64),
+            questions=np.zeros((robots, most + 1, length), np.float32),
+            same=np.zeros((robots, most + 1, most + 1), np.bool_),
+            rooms=np.full((robots, most + 1), -1),
+            poses=np.zeros((robots, most + 1, 3)),
+            beliefs=np.zeros((robots, most + 1, 3)),
+            errors=np.zeros((robots, most + 1)),
+            path_lengths=np.zeros((robots, most + 1)),
+            times=np.zeros((robots, most + 1)),
+            collided=np.zeros((robots, most + 1), np.bool_),
+            ranges=np.zeros((robots, most + 1, beams)),
+            echoes=np.zeros((robots, most + 1, sonars)),
+        )
+        self._judgement = Judgement(
+            answers=np.zeros(robots, np.int64),
+            right_answers=np.zeros(robots, np.int64),
+            arrivals=np.zeros(robots, np.int64),
+            rooms=np.full(robots, -1),
+            tallies=np.zeros((robots, len(TERMS)), np.int64),
+            revisits=np.zeros(robots, np.int64),
+            precision=np.ones(robots),
+            recall=np.ones(robots),
+            success=np.zeros(robots, np.bool_),
+            ended=np.zeros(robots, np.bool_),
+            collided=np.zeros(robots, np.bool_),
+            times=np.zeros(robots),
+        )
+        weights = config.weights.values, config.recall
+        nothing = question(np.empty((0, len(FEATURES)), np.float32), most)
+        rest = nothing, self._sheets, self._senses, self._standing, self._judgement
+        self._books = KernelArguments((*weights, *rest))
+
+    def check_start(self, world: World, start: Pose) -> None:
+        """Refuse a start that is none, and a world through which no tour leads.
+
+        Raises:
+            InputError: As for all expeditions; or the world has no two rooms to stop in.
+        """
+        super().check_start(world, start)
+        self._tours.check(world)
+
+    def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
+        """Let a robot begin a tour."""
+        tour = self._tours.draw(world, start, rng)
+        self._worlds[row], self.world_names[row] = world, world.name
+        self._led[row] = tour
+        set_out(row, start, self._standing)
+        count, sheets = len(tour.stops), self._sheets
+        sheets.counts[row] = count
+        sheets.same[row, :count, :count] = tour.same
+        for name, column in tour.sheet.items():
+            getattr(sheets, name)[row, :count] = column
+
+    def act(self, numbers: Numbers) -> None:
+        """Take the answers, and lead all robots on to their next stops."""
+        self._judgement.answers[:] = numbers[:, 0]
+        steps = self._standing.steps
+        steps += 1
+        self.observations = np.empty_like(self.observations)
+
+    def look(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
+        """Judge what all robots, or some, have answered, and show them where they are now."""
+        judge(self._everyone if rows is None else rows, self._books, self.observations)
+
+    @property
+    def ended(self) -> Bool[np.ndarray, "robots"]:
+        """Whose tour is over."""
+        return self._judgement.ended
+
+    @property
+    def collided(self) -> Bool[np.ndarray, "robots"]:
+        """Whether each has touched something since the arrival before."""
+        return self._judgement.collided
+
+    @property
+    def times(self) -> Float64[np.ndarray, "robots"]:
+        """Simulated time since each set out (s)."""
+        return self._judgement.times
+
+    @property
+    def facts(self) -> dict[str, np.ndarray]:
+        """The truth in numbers, for `info`: a row for each robot."""
+        judged = self._judgement
+        names = "pose", "start", "belief", "position_error", "collided", "path_length", "time"
+        facts = super().facts
+        return {
+            **{name: facts[name] for name in names},
+            "is_success": judged.success,
+            "arrivals": judged.arrivals,
+            "right_answer": judged.right_answers,
+            "revisits": judged.revisits,
+            **dict(zip(TERMS, judged.tallies.T, strict=True)),
+            "precision": judged.precision,
+            "recall": judged.recall,
+        }
+
+    def surfaces(self, row: int) -> Segments:
+        """The surfaces that a robot remembered where it is now, in its map's frame (m)."""
+        return self._at(row).surfaces
+
+    @property
+    def updates(self) -> Int64[np.ndarray, "robots"]:
+        """At how many arrivals what each remembers has changed: at every one."""
+        return self._judgement.arrivals
+
+    def things(self, row: int) -> Segments:
+        """Nothing moves around robots on tours."""
+        return np.empty((0, 4))
+
+    def room(self, row: int) -> str:
+        """Name of the room that a robot is truly in; empty between rooms."""
+        room = self._at(row).room
+        return self.world(row).rooms[room].name if room >= 0 else ""
+
+    @property
+    def rooms(self) -> np.ndarray:
+        """Names of the rooms that the robots are truly in (robots,); empty between rooms."""
+        return np.array(
+            [self.room(row) if tour else "" for row, tour in enumerate(self._led)], object
+        )
+
+    def _at(self, row: int) -> Stop:
+        """Where a robot is on its tour."""
+        tour = self._led[row]
+        assert tour is not None, "a robot is nowhere before it begins"
+        return tour.stops[int(self._judgement.arrivals[row]) - 1]

@@ -1,0 +1,245 @@
+"""The observer: makes an observation of a reading, as the compiled survey does for many robots.
+
+An observation is a function of the readings alone: the laser and the motion come from the
+reading, the rest from the mapper, which saw nothing but readings.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from jaxtyping import Float, Float32, Float64
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Points, Pose
+from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Mapper
+from albot_core.sensing.reading import LaserScan, Reading
+from albot_env.tasks.core.coverage import CoverageConfig, laid, no_ground
+from albot_env.tasks.core.coverage_kernels import (
+    Ground,
+    cover,
+    cut_patch,
+    find_frontier,
+    is_time_to_look,
+)
+from albot_env.tasks.core.observation import PARTS, ObservationConfig, Parts
+from albot_env.tasks.core.observation_parts import (
+    find_nearest,
+    observe_confidence,
+    observe_exit,
+    observe_home,
+    observe_motion,
+    observe_time,
+    observe_way,
+    scale_ranges,
+)
+from albot_env.tasks.core.wayfinding import WayfindingConfig, laid_sketch, no_sketches
+from albot_env.tasks.core.wayfinding_kernels import (
+    find_homewards,
+    find_onwards,
+    follow_sketch,
+    pick_onward,
+    pick_shortcut,
+)
+
+
+def observe(
+    config: ObservationConfig,
+    reading: Reading,
+    mapper: Mapper,
+    coverage: Coverage,
+    time_left: float = math.inf,
+    wayfinding: Wayfinding | None = None,
+) -> Parts:
+    """The observation after a reading, with so much time left (s).
+
+    `laser` is near at 1 and far at -1 (see `observe_ranges`), and so is `sonar`, which robots
+    without sonars lack; `motion` the odometer's last step forward, sideways and round; `heading`
+    cosine and sine of the heading that the robot believes to have as seen from home; `home` the
+    direction of home in the robot's frame as cosine and sine, and its distance, -1 at home;
+    `confidence` how sure the mapper may be of that, from 1 to -1 where it has lost its way (see
+    `ObservationConfig.home_drift`); `place` whether it is in a place that it knows from before,
+    and whether it has lost its way (1 or -1); `exit` direction and distance of the next exit on
+    the believed way home, then the direction in which to go through it, and 1; `way` direction
+    and distance of a point some metres ahead on the way home that it remembers, and 1;
+    `shortcut` the same of a way home not known to be barred, where the remembered one is much
+    longer, and `onward` of the way to ground not covered (see `WayfindingConfig`); where there is
+    none, directions are 0, the distance and the last number -1; `coverage` the patch
+    of `Coverage.patch`; `frontier` how near, in each sector that the laser part shows, ground is
+    in sight that is not covered, on the laser's scale, -1 for none (see `Coverage.frontier`);
+    `time_left` what is left of a time that the robot is given, -1 when it is up.
+
+    Raises:
+        InputError: There is no wayfinding, and ways over the ground are shown.
+    """
+    if config.shows_ways_over_ground and wayfinding is None:
+        raise InputError("observe", "a Wayfinding that has followed the robot", "None")
+    way = mapper.way_home if config.shows_way_home else np.full(7, np.nan)
+    home, flags = mapper.home, (mapper.network.familiar, mapper.is_lost)
+    scale = config.home_scale
+    parts = {name: np.empty(shape, np.float32) for name, shape in config.shapes.items()}
+    shown = parts | {name: np.empty(6, np.float32) for name in PARTS if name not in parts}
+    observe_motion(reading.motion, config.step_length, config.step_turn, shown["motion"])
+    shown["heading"][:2] = np.cos(home[2]), -np.sin(home[2])
+    observe_home(home, scale, shown["home"])
+    shown["confidence"][0] = observe_confidence(way[TRAVEL], config.home_drift, config.home_near)
+    shown["place"][:2] = np.where(flags, 1, -1)
+    observe_exit(mapper.pose, way[EXIT], scale, shown["exit"])
+    observe_way(mapper.pose, way[POINT], scale, shown["way"])
+    if wayfinding is not None:
+        shortcut = wayfinding.shortcut(way[TRAVEL])
+        observe_way(mapper.pose, shortcut, scale, shown["shortcut"])
+        observe_way(mapper.pose, wayfinding.onward, scale, shown["onward"])
+    if "laser" in parts:
+        parts["laser"] = observe_ranges(config, reading.laser.ranges)
+    if "sonar" in parts and reading.sonar is not None:
+        echoes = reading.sonar.ranges
+        scale_ranges(echoes, config.sonar_scale, parts["sonar"])
+    if "coverage" in parts:
+        parts["coverage"] = coverage.patch(mapper.pose)
+    if "frontier" in parts:
+        found = coverage.frontier(mapper.pose, reading.laser, len(parts["frontier"]))
+        scale_ranges(found, config.laser_scale, parts["frontier"])
+    shown["time_left"][0] = observe_time(time_left, config.time_scale)
+    return parts
+
+
+def observe_ranges(
+    config: ObservationConfig, ranges: Float[np.ndarray, "beams"]
+) -> Float32[np.ndarray, "shown"]:
+    """Ranges (m) as the `laser` part shows them: 1 at 0, -1 at `laser_range` and beyond."""
+    shown = np.asarray(ranges, np.float64)
+    if config.laser_sectors is not None:
+        beams, shown = shown, np.empty(config.laser_sectors)
+        find_nearest(beams, shown)
+    scaled = np.empty(len(shown), np.float32)
+    scale_ranges(shown, config.laser_scale, scaled)
+    return scaled
+
+
+class Coverage:
+    """A square of ground, covered cell by cell.
+
+    Kept once in the map's frame with the believed pose, for the agent to see, and once in
+    the world's with the true one, for the reward. Ground beyond the square is never covered.
+
+    Args:
+        config: When ground counts as covered.
+        extent: Half the side of the square (m).
+        centre: The middle of the square x, y (m).
+    """
+
+    def __init__(
+        self, config: CoverageConfig, extent: float, centre: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        self._config = config
+        self._ground = laid(no_ground(1, config.cell), 0, config.side(extent), centre)
+        self._cells = 0
+        self._moved = np.full(2, np.inf)
+
+    @property
+    def ground(self) -> Ground:
+        """The ground as the compiled loops take it."""
+        return self._ground
+
+    @property
+    def area(self) -> float:
+        """Ground covered (m²)."""
+        return self._cells * self._config.cell**2
+
+    def clear(self) -> None:
+        """Uncover everything."""
+        self._ground.grids.fill(0)
+        self._cells = 0
+        self._moved[:] = np.inf
+
+    def add(self, pose: Pose, scan: LaserScan) -> float:
+        """Cover the ground that a scan taken at `pose` shows; return how much is new (m²)."""
+        config = self._config
+        sight = config.sight(scan.geometry)
+        new = cover(self._ground, 0, pose, _turn(pose), sight, scan.ranges)
+        self._cells += new
+        return new * config.cell**2
+
+    def follow(self, motion: Pose, pose: Pose, scan: LaserScan) -> None:
+        """Cover the ground that a scan shows where the robot has moved enough since the last.
+
+        Args:
+            motion: How it has moved since it was last followed.
+            pose: Where it is.
+            scan: What it sees there.
+        """
+        config = self._config
+        if is_time_to_look(motion, config.spacing, config.turn, self._moved):
+            self.add(pose, scan)
+
+    def patch(self, pose: Pose) -> Float32[np.ndarray, "1 side side"]:
+        """The cells around `pose`, turned with it: 1 covered, -1 not.
+
+        Row 0 lies farthest ahead, column 0 farthest to the left.
+        """
+        config, width = self._config, self._config.patch_cells
+        patch = np.empty(width * width, np.float32)
+        cut_patch(self._ground, 0, pose, _turn(pose), config.patch_cell, width, patch)
+        return patch.reshape(1, width, width)
+
+    def frontier(self, pose: Pose, scan: LaserScan, sectors: int) -> Float64[np.ndarray, "sectors"]:
+        """How far it is (m) in each sector of a scan, taken at `pose`, to ground not covered.
+
+        As far as the middle beam of the sector shows: infinity where it shows none (B. Yamauchi,
+        A frontier-based approach for autonomous exploration, CIRA 1997).
+        """
+        found = np.empty(sectors)
+        sight = self._config.sight(scan.geometry)
+        find_frontier(self._ground, 0, pose, sight, scan.ranges, found)
+        return found
+
+
+def _turn(pose: Pose) -> tuple[float, float]:
+    """The cosine and sine of its heading."""
+    return math.cos(pose[2]), math.sin(pose[2])
+
+
+class Wayfinding:
+    """The ways that one robot finds (see `WayfindingConfig`).
+
+    Args:
+        config: How they are searched for.
+        coverage: Which ground counts as covered, and how often the robot looks.
+        extent: How far from its origin the map may reach (m).
+    """
+
+    def __init__(self, config: WayfindingConfig, coverage: CoverageConfig, extent: float) -> None:
+        self._coverage, self._search = coverage, config.search
+        self._pencil = config.pencil(coverage)
+        self._sketches = laid_sketch(no_sketches(1), 0, config.side(extent))
+
+    def follow(
+        self, motion: Pose, pose: Pose, scan: LaserScan, home: Pose, covered: Coverage
+    ) -> None:
+        """Take in a scan.
+
+        Args:
+            motion: How the odometer says that the robot has moved since the last.
+            pose: Where it believes to be (map frame).
+            scan: What it sees there.
+            home: Where it believes home to be (map frame).
+            covered: The ground that it believes to have covered, this scan's included.
+        """
+        sketches, search, sight = self._sketches, self._search, self._coverage.sight(scan.geometry)
+        if follow_sketch(sketches, 0, self._pencil, sight, motion, pose, scan.ranges):
+            find_homewards(sketches, 0, search, home)
+            find_onwards(sketches, 0, search, covered.ground)
+
+    def shortcut(self, known: float) -> Points:
+        """The point ahead on the way home that is not known to be barred (map frame, m).
+
+        NaN where the known way home, so long (m), is not worth leaving for it.
+        """
+        return np.array(pick_shortcut(self._sketches, 0, self._search, known))
+
+    @property
+    def onward(self) -> Points:
+        """The point ahead on the way to ground not covered (map frame, m); NaN for none."""
+        return np.array(pick_onward(self._sketches, 0))
