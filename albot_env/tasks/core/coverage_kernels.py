@@ -15,8 +15,15 @@ import numpy as np
 from albot_core.geometry.directions import length_of, turned
 from albot_core.kernels.bits import lowest_bit, popcount
 from albot_core.kernels.compiled import kernel
-from albot_core.kernels.simd import LANES, FloatVector, FloatTable, float32_predicate
-from albot_core.kernels.simd import UInt64Vector, UInt64Table, uint64_predicate
+from albot_core.kernels.simd import (
+    LANES,
+    FloatTable,
+    FloatVector,
+    UInt64Table,
+    UInt64Vector,
+    float32_predicate,
+    uint64_predicate,
+)
 
 _CELLS = np.stack((np.arange(16) % 8, np.arange(16) // 8)).astype(np.float32)
 """Columns and rows of the first two rows of a block's cells."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.kernels.arguments import KernelDispatcher, KernelArguments, unpack
+from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL
 from albot_env.tasks.core.coverage_kernels import (
