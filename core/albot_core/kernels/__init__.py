@@ -1,1 +1,1 @@
-"""Compiled code: how functions are compiled, called and given their arguments."""
+"""Compiled code: how functions are compiled, called and given their arguments (docs/kernels.md)."""

@@ -28,10 +28,10 @@ ZERO: Any = np.int64(0)
 """A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 _WORD = ir.IntType(64)
 
-# What compiled code returns is wrapped with the help of a function of numba's that is written in
-# Python, and there Ctrl-C was raised that had been pressed meanwhile, where nobody looks for it:
-# the process ended with a SystemError, or a segmentation fault. From the second time on a cache
-# written in C answers, and Python finds the signal where the call has returned.
+# What compiled code returns is wrapped with the help of a Python function of numba's. A Ctrl-C that
+# had been pressed meanwhile was raised in there, where nobody looks for it: the process ended with
+# a SystemError, or a segmentation fault. With a cache, which is written in C, that function runs
+# once only, and Python finds the signal after the call has returned.
 _numba: Any = serialize
 _numba._numba_unpickle = cache(_numba._numba_unpickle)
 
@@ -39,14 +39,14 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def kernel(*, arrays: bool = False, nogil: bool = False) -> Callable[[Function], Function]:
-    """A decorator: compiles a function to divide as numpy does, once until a kernel changes.
+    """A decorator: compiles a function, which then divides as numpy does (by zero: inf or NaN).
 
-    An array is handed on in seven registers, a view or a map in dozens. So the compiler is told to
-    put what is called where it is called, however long it is; not what makes arrays.
+    An array is passed in seven registers, a view or a map in dozens. So a kernel is always inlined
+    where another kernel calls it, however long it is; but not one that makes arrays.
 
-    numba counts who holds an array, with instructions that lock the bus, each time one is handed
-    on, and in short functions that costs more than their work. Only functions that make or return
-    arrays need it, and those that call such with what they are given; all others do without.
+    numba counts references to an array with atomic instructions each time it is passed on, which
+    costs more than the work of a short function. Only functions that make or return arrays need
+    reference counts, and those that call such with arrays they were given.
 
     Args:
         arrays: Whether it makes, copies or returns arrays (numba's option `_nrt`).
@@ -64,21 +64,21 @@ def kernel(*, arrays: bool = False, nogil: bool = False) -> Callable[[Function],
 
 
 def _tie_to_all_kernels(dispatcher: Any) -> None:
-    # As the version, which numba reads first: what was kept of other kernels may name types that
-    # are gone, and could not even be opened to look for a stamp.
+    # By the version, which numba reads first: an index kept of other kernels may name types that
+    # are gone, and could not even be unpickled to look for a stamp in it.
     kept = dispatcher._cache._cache_file
     kept._version = f"{kept._version} {kernel_stamp()}"
 
 
 def scratch(*shape: int, kind: Any = types.float64) -> Callable[[], np.ndarray]:
-    """What compiled code calls for a few numbers to work with, without asking for memory.
+    """Makes a function that compiled code calls for a small array on the stack.
 
-    They stand on the stack and are gone when the function ends that asked for them, which must
-    not hand them back; they are nothing yet. The same ones each time it is called there.
+    The array is uninitialised, and gone when the function ends that called for it, which must not
+    return it. Within one call of that function it is the same array each time.
 
     Args:
-        shape: How many they are along each axis.
-        kind: What they are, as numba names it.
+        shape: The length of each axis.
+        kind: The dtype, as numba names it.
     """
 
     def _scratch(typing: Any) -> Any:
@@ -94,13 +94,13 @@ def scratch(*shape: int, kind: Any = types.float64) -> Callable[[], np.ndarray]:
 
 
 def array_at(*columns: int, kind: Any = types.float64) -> Callable[[int, int], np.ndarray]:
-    """What compiled code calls with an address and a length for the array that is there.
+    """Makes a function that compiled code calls with an address and a length for the array there.
 
-    Nobody counts who holds it: who calls must know that it lives.
+    Its references are not counted: the caller must keep its memory alive.
 
     Args:
-        columns: How many elements it has along the axes after the first.
-        kind: What they are, as numba names it.
+        columns: The lengths of the axes after the first.
+        kind: The dtype, as numba names it.
     """
 
     def _array_at(typing: Any, address: Any, rows: Any) -> Any:
@@ -126,14 +126,14 @@ def _load_element(typing: Any, array: Any, place: Any) -> Any:
 
 
 load_element = cast(Callable[[np.ndarray, int], Any], intrinsic(_load_element))
-"""`array[place]`, of a contiguous array with one axis, by a load of its own.
+"""`array[place]`, for a contiguous array with one axis, by a load of its own.
 
-Loops over places all over an array the compiler turns into instructions that gather many at once,
-which on some processors take longer than as many loads. It leaves loads alone that are atomic."""
+The compiler turns a loop over scattered places into gather instructions, which on some processors
+take longer than as many loads. It does not do so with atomic loads."""
 
 
 def _array(context: Any, builder: Any, signature: Any, where: Any, lengths: list[Any]) -> Any:
-    """The array of the signature's kind at a pointer, that nobody counts the holders of."""
+    """The array of the signature's type at a pointer, without a reference count."""
     kind = signature.return_type
     element = context.get_data_type(kind.dtype)
     size = ir.Constant(_WORD, context.get_abi_sizeof(element))
@@ -148,14 +148,14 @@ def _array(context: Any, builder: Any, signature: Any, where: Any, lengths: list
 
 
 PACKAGES = ("albot_core", "albot_maps", "albot_env")
-"""Where compiled functions stand."""
+"""The packages that have compiled functions."""
 _MARKS = (b"numba", b"albot_core.kernels.compiled")
 _IMPORTED = re.compile(rb"^\s*(?:from|import) ([\w.]+)", re.MULTILINE)
 
 
 @cache
 def kernel_stamp() -> str:
-    """A digest of all files of ours that compiled functions are made of."""
+    """A digest of all files of ours that compiled functions are made from."""
     folders = []
     for package in PACKAGES:
         spec = find_spec(package)
@@ -164,10 +164,10 @@ def kernel_stamp() -> str:
 
 
 def digest(packages: Iterable[Path]) -> str:
-    """A digest of the files that have to do with compiled functions, and of what these import.
+    """A digest of the files that use kernels, and of the modules that these import.
 
     Args:
-        packages: The folders of the packages, named as these are; others are not looked into.
+        packages: The folders of the packages, named as these are; no others are read.
     """
     sources = {}
     for package in packages:
