@@ -21,7 +21,6 @@ from albot_core.mappers.albot1.revisiting import find, recognize_place
 from albot_core.mappers.albot1.sight import Sight
 from albot_core.mappers.albot1.structure import joined
 from albot_core.mappers.albot1.suspicion import suspicions
-from albot_core.mappers.albot1.treading import tread
 from albot_core.mappers.albot1.updating import update_map
 from albot_core.mappers.albot1.visits import (
     allay,
@@ -78,7 +77,7 @@ def attend(robot: Robot, events: int, limits: Limits) -> None:
         else:
             _suspect(robot)
     if events & TROD:
-        tread(robot.network, robot.pose, robot.view)
+        robot.network.drop_breadcrumb(robot.pose, robot.view)
 
 
 def _cross(robot: Robot, limits: Limits) -> None:

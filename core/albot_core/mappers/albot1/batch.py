@@ -32,9 +32,8 @@ from albot_core.mappers.albot1.robot_state import (
 )
 from albot_core.mappers.albot1.sight import copy_sight, empty_sight
 from albot_core.mappers.albot1.storage import COLUMNS, Arrays, addresses_of
-from albot_core.mappers.albot1.trail import AHEAD
-from albot_core.mappers.albot1.treading import follow_home
-from albot_core.mappers.albot1.wayfinding import way_lines
+from albot_core.mappers.albot1.trail.breadcrumbs import WAYPOINT_AHEAD
+from albot_core.mappers.albot1.wayfinding import way_lines, waypoint_home
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL
 from albot_core.sensing.reading import LaserGeometry, Readings
 
@@ -80,9 +79,9 @@ class Albot1Batch:
             looked_from=np.full((count, 3), np.nan),
         )
         for network in self._networks:
-            trail = network.trail
             parts = empty_memory(), empty_sight(), no_exits()
-            self._arrays.append(Arrays(*parts, trail.steps, trail.homewards.graph))
+            breadcrumbs = network.breadcrumbs
+            self._arrays.append(Arrays(*parts, breadcrumbs.crumbs, breadcrumbs.tree.graph))
         for row in range(count):
             self._settle(row)
         self._following = ArgumentsCache(self._aids)
@@ -122,7 +121,7 @@ class Albot1Batch:
 
         The next exit is that of when the network last changed, as it does with each exit
         crossed: within a place the way does not turn round for another exit. There is none where
-        the trail says that home is at hand, even if the place is taken for another than home.
+        the path says that home is at hand, even if the place is taken for another than home.
         """
         gone = np.hypot(*(self._found_at[rows] - self.poses[rows, :2]).T) > AFRESH
         for row, has_gone in zip(rows.tolist(), gone.tolist(), strict=True):
@@ -136,9 +135,9 @@ class Albot1Batch:
                 exits = way_lines(network, pose, START)
                 self._next_exits[row] = exits[0] if len(exits) else np.nan
             self._found_at[row] = pose[:2]
-            ahead = follow_home(network, pose, sight.surfaces[: sight.size[0]])
-            way[POINT], way[TRAVEL] = ahead.point, ahead.length
-            way[EXIT] = np.nan if ahead.length < AHEAD else self._next_exits[row]
+            point, length = waypoint_home(network, pose, sight.surfaces[: sight.size[0]])
+            way[POINT], way[TRAVEL] = point, length
+            way[EXIT] = np.nan if length < WAYPOINT_AHEAD else self._next_exits[row]
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
@@ -160,7 +159,7 @@ class Albot1Batch:
         memory, sight, exits, _, _ = self._arrays[row]
         forget(memory)
         exits.counts[:], exits.gate[:] = 0, 0
-        self._networks[row] = PlaceNetwork(self.config.places, self._networks[row].trail)
+        self._networks[row] = PlaceNetwork(self.config.places, self._networks[row].breadcrumbs)
         self._forget_ways(row)
         sight.size[0] = 0
         sight.pose[:] = 0.0
@@ -220,8 +219,9 @@ class Albot1Batch:
         """
         check_standing(state)
         memory, sight, exits, network = rebuilt_arrays(state, self.config.places)
-        trail = network.trail
-        self._arrays[row] = Arrays(memory, sight, exits, trail.steps, trail.homewards.graph)
+        breadcrumbs = network.breadcrumbs
+        arrays = Arrays(memory, sight, exits, breadcrumbs.crumbs, breadcrumbs.tree.graph)
+        self._arrays[row] = arrays
         self._networks[row] = network
         self._forget_ways(row)
         self._settle(row)
@@ -272,10 +272,10 @@ class Albot1Batch:
         self._robots.table[row] = addresses_of(self._arrays[row])
 
     def _enlarge(self, row: int) -> None:
-        """Give one twice the room: its trail, or else its map and its view."""
-        arrays, trail = self._arrays[row], self._networks[row].trail
-        if trail.make_room():
-            arrays = arrays._replace(steps=trail.steps, graph=trail.homewards.graph)
+        """Give one twice the room: its breadcrumbs, or else its map and its view."""
+        arrays, breadcrumbs = self._arrays[row], self._networks[row].breadcrumbs
+        if breadcrumbs.ensure_room():
+            arrays = arrays._replace(crumbs=breadcrumbs.crumbs, graph=breadcrumbs.tree.graph)
         else:
             sight = empty_sight(2 * len(arrays.sight.slots))
             copy_sight(arrays.sight, sight)

@@ -19,14 +19,14 @@ from albot_core.mappers.albot1.sight import Sight, copy_sight
 from albot_core.mappers.albot1.storage import (
     CAPACITY,
     ROOM,
+    crumbs_at,
     exits_at,
     graph_at,
     memory_at,
     sight_at,
-    steps_at,
 )
-from albot_core.mappers.albot1.trail import LOOK_ROUND, STRIDE
-from albot_core.mappers.albot1.trail_kernels import has_room, tread_on
+from albot_core.mappers.albot1.trail.breadcrumbs import CRUMB_SPACING, CRUMB_TURN
+from albot_core.mappers.albot1.trail.crumb_kernels import drop_crumb, has_room
 from albot_core.mappers.albot1.visits import allay, is_time_to_look
 from albot_core.sensing.surfaces import NO_EDGE, Bench, extract_surfaces, make_bench
 
@@ -136,7 +136,7 @@ def _is_near(motion: np.ndarray, limits: Limits) -> bool:
 def _has_gone_on(pose: np.ndarray, trod: np.ndarray) -> bool:
     """Whether it is time to tread on the trail; then it does so here."""
     square = (pose[0] - trod[0]) ** 2 + (pose[1] - trod[1]) ** 2
-    if square < STRIDE**2 and abs(wrap(pose[2] - trod[2])) < LOOK_ROUND:
+    if square < CRUMB_SPACING**2 and abs(wrap(pose[2] - trod[2])) < CRUMB_TURN:
         return False
     for i in range(3):
         trod[i] = pose[i]
@@ -160,8 +160,8 @@ def _tread(robots: Robots, row: int, view: Sight) -> None:
     """Let a robot to which nothing else has happened tread on its trail."""
     here = _here()
     pose_in(robots.displacements[row], robots.poses[row], here)
-    steps, graph = steps_at(robots.table[row]), graph_at(robots.table[row])
-    tread_on(steps, graph, robots.current[row], here, view.surfaces[: view.size[0]])
+    crumbs, graph = crumbs_at(robots.table[row]), graph_at(robots.table[row])
+    drop_crumb(crumbs, graph, robots.current[row], here, view.surfaces[: view.size[0]])
 
 
 @kernel()

@@ -104,7 +104,7 @@ class Albot1:
 
     @property
     def way_home(self) -> WayHome:
-        """The next exit, a point ahead on the trail, and the trail's length, all homewards.
+        """The next exit, a waypoint ahead, and the length of the way, all towards home.
 
         Found anew after so much way as `Albot1Batch.find_ways` says.
         """

@@ -40,7 +40,7 @@ def _forget(network: PlaceNetwork, gone: Site, kept: Site, pose: Pose) -> None:
     del network.sites[gone.id]
     # In a visit to the one, the other's frame lay where it does from here.
     moved = compose(compose(gone.frame, inverse(pose)), inverse(kept.frame))
-    network.trail.move(network.trail.places == gone.id, inverse(moved), kept.id)
+    network.breadcrumbs.move(network.breadcrumbs.places == gone.id, inverse(moved), kept.id)
     for visit, place in enumerate(network.visits):
         if place == gone.id:
             network.visits[visit] = kept.id

@@ -19,8 +19,9 @@ from albot_core.mappers.albot1.places import (
     seen_from_frame,
     turned_round,
 )
+from albot_core.mappers.albot1.recognition import pose_in
 from albot_core.mappers.albot1.record import Event, Happening, Record
-from albot_core.mappers.albot1.trail import Trail
+from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs
 from albot_core.maps.place_graph import Network
 
 START = 0
@@ -39,10 +40,10 @@ class PlaceNetwork:
 
     Args:
         config: The thresholds.
-        trail: A trail of which no more is needed, to be used for this network's.
+        breadcrumbs: Breadcrumbs no longer needed, whose arrays this network uses again.
     """
 
-    def __init__(self, config: PlacesConfig, trail: Trail | None = None) -> None:
+    def __init__(self, config: PlacesConfig, breadcrumbs: Breadcrumbs | None = None) -> None:
         self.config = config
         self.displacement: Pose = np.zeros(3)
         self.sites: dict[int, Site] = {START: Site(id=START, frame=np.zeros(3))}
@@ -52,9 +53,9 @@ class PlaceNetwork:
         self.version = 0
         """Grows with every change."""
         self.record = Record(config.events_kept, START)
-        self.trail = trail or Trail()
-        self.trail.forget()
-        self.trail.tread(START, np.zeros(3), np.empty((0, 4)))
+        self.breadcrumbs = breadcrumbs or Breadcrumbs()
+        self.breadcrumbs.clear()
+        self.breadcrumbs.drop(START, np.zeros(3), np.empty((0, 4)))
         self.next_id = 1
         self.looked_from: Pose = np.full(3, np.nan)
         """Where the robot was at the last comparison in its present visit; NaN before the first."""
@@ -87,6 +88,16 @@ class PlaceNetwork:
         """The exits of the present place, aligned: where they should be in the map (m)."""
         lines = [passage.line for passage in self.here.passages]
         return transformed(self.frame, np.reshape(lines, (-1, 4)))
+
+    def in_graph_frame(self, pose: Pose) -> Pose:
+        """A pose in the map, in the enduring frame. Compiled: every breadcrumb asks for it."""
+        here = np.empty(3)
+        pose_in(self.displacement, pose, here)
+        return here
+
+    def drop_breadcrumb(self, pose: Pose, walls: Segments) -> None:
+        """Note that the robot has come to a pose in the map, with these surfaces in view (m)."""
+        self.breadcrumbs.drop(self.current, self.in_graph_frame(pose), walls)
 
     def snapshot(self) -> Network:
         """The network as users see it."""
@@ -146,7 +157,7 @@ class PlaceNetwork:
         strange = self._new_place(pose)
         lost = Event(step=step, what=Happening.LOST, place=left.id, other=strange.id)
         self.record.note(lost)
-        self.trail.leave()
+        self.breadcrumbs.break_off()
         self._begin_visit(strange.id)
         if not self.lost_since:
             self.lost_since = len(self.visits) - 1

@@ -11,7 +11,7 @@ from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.network import PlaceNetwork
 from albot_core.mappers.albot1.places import Passage, Site
 from albot_core.mappers.albot1.record import COLUMNS, Event, Happening
-from albot_core.mappers.albot1.trail import Trail, rebuilt_trail
+from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs, rebuilt_breadcrumbs
 
 _SHAPES = {
     "ids": ("places",),
@@ -36,6 +36,7 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
     """Everything that the network holds, as arrays by name."""
     sites = [network.sites[key] for key in sorted(network.sites)]
     passages = [passage for site in sites for passage in site.passages]
+    crumbs = network.breadcrumbs
     return {
         "ids": np.array([site.id for site in sites], np.int64),
         "frames": np.array([site.frame for site in sites]),
@@ -52,17 +53,15 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
                 network.current,
                 network.next_id,
                 network.lost_since,
-                network.trail.last,
+                crumbs.last,
             ),
             np.int64,
         ),
         "displacement": network.displacement.copy(),
         "looked_from": network.looked_from[None][~np.isnan(network.looked_from[:1])],
         "events": np.array([event.row() for event in network.record.events]),
-        "trail": np.column_stack(
-            (network.trail.points, network.trail.places, network.trail.strides)
-        ),
-        "trail_links": network.trail.homewards.links,
+        "trail": np.column_stack((crumbs.points, crumbs.places, crumbs.last_used)),
+        "trail_links": crumbs.tree.links,
     }
 
 
@@ -80,7 +79,7 @@ def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> P
     network.displacements = list(stored["displacements"].copy())
     standing = stored["standing"].tolist()
     network.current, network.next_id, network.lost_since = standing[:3]
-    network.trail = _trail(stored)
+    network.breadcrumbs = _breadcrumbs(stored)
     network.displacement = stored["displacement"].copy()
     if len(stored["looked_from"]):
         network.looked_from = stored["looked_from"][-1].copy()
@@ -105,10 +104,10 @@ def _sites(stored: Mapping[str, np.ndarray]) -> dict[int, Site]:
     return sites
 
 
-def _trail(stored: Mapping[str, np.ndarray]) -> Trail:
+def _breadcrumbs(stored: Mapping[str, np.ndarray]) -> Breadcrumbs:
     points, last = stored["trail"], int(stored["standing"][3])
-    places, strides = points[:, 2:].T.astype(np.int64)
-    return rebuilt_trail(points[:, :2], places, strides, last, stored["trail_links"])
+    places, last_used = points[:, 2:].T.astype(np.int64)
+    return rebuilt_breadcrumbs(points[:, :2], places, last_used, last, stored["trail_links"])
 
 
 def _check_shapes(stored: Mapping[str, np.ndarray]) -> None:

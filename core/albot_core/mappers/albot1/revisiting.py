@@ -85,7 +85,7 @@ def find(network: PlaceNetwork, step: int, seen: Segments, pose: Pose) -> Pose |
             frame = compose(motion, compose(network.displacement, strange.frame))
             strange.frame = relative(learned, frame)
     back = compose(relative(learned, motion), network.displacement)
-    network.trail.move(network.trail.places >= first, back, None)
+    network.breadcrumbs.move(network.breadcrumbs.places >= first, back, None)
     network.displacement, network.lost_since = learned, 0
     network.identify(step, site, compose(motion, likeness.pose))
     return motion

@@ -16,21 +16,21 @@ from numba import types
 from albot_core.kernels.compiled import array_at, kernel
 from albot_core.mappers.albot1.exits import ROOM as EXITS
 from albot_core.mappers.albot1.exits import Exits
-from albot_core.mappers.albot1.homewards import Graph
 from albot_core.mappers.albot1.memory import Memory
 from albot_core.mappers.albot1.sight import Sight
-from albot_core.mappers.albot1.trail_kernels import Steps
+from albot_core.mappers.albot1.trail.crumb_kernels import Crumbs
+from albot_core.mappers.albot1.trail.path_tree import PathGraph
 
 CAPACITY, ROOM, POINTS, LINKS = 0, 1, 2, 3
 """Places in a robot's row of the table: surfaces its map has room for, surfaces its view has
-room for, and points and links that its trail has; after them the addresses of its memory's
-arrays, of its view's, of its exits', and of its trail's."""
+room for, and breadcrumbs and links that there is room for; after them the addresses of its
+memory's arrays, of its view's, of its exits', and of its breadcrumbs'."""
 _MEMORY = 4
 _SIGHT = _MEMORY + len(Memory._fields)
 _EXITS = _SIGHT + len(Sight._fields)
-_STEPS = _EXITS + len(Exits._fields)
-_GRAPH = _STEPS + len(Steps._fields)
-COLUMNS = _GRAPH + len(Graph._fields)
+_CRUMBS = _EXITS + len(Exits._fields)
+_GRAPH = _CRUMBS + len(Crumbs._fields)
+COLUMNS = _GRAPH + len(PathGraph._fields)
 """Length of a row of the table."""
 
 
@@ -43,17 +43,17 @@ class Arrays(NamedTuple):
     """Its last view."""
     exits: Exits
     """The exits that it has seen."""
-    steps: Steps
-    """The points of its trail."""
-    graph: Graph
+    crumbs: Crumbs
+    """Its breadcrumbs."""
+    graph: PathGraph
     """The links between them."""
 
 
 def addresses_of(arrays: Arrays) -> Int64[np.ndarray, "columns"]:
     """A robot's row of the table. It holds as long as the arrays live."""
     addresses = [array.ctypes.data for part in arrays for array in part]
-    memory, sight, _, steps, graph = arrays
-    rooms = [len(memory.ids), len(sight.slots), len(steps.places), len(graph.spans)]
+    memory, sight, _, crumbs, graph = arrays
+    rooms = [len(memory.ids), len(sight.slots), len(crumbs.places), len(graph.lengths)]
     return np.array([*rooms, *addresses], np.int64)
 
 
@@ -107,10 +107,10 @@ def exits_at(table: np.ndarray) -> Exits:
 
 
 @kernel()
-def steps_at(table: np.ndarray) -> Steps:
-    """The trail's points whose arrays' addresses stand in a row of the table."""
-    room, at = table[POINTS], _STEPS
-    return Steps(
+def crumbs_at(table: np.ndarray) -> Crumbs:
+    """The breadcrumbs whose arrays' addresses stand in a row of the table."""
+    room, at = table[POINTS], _CRUMBS
+    return Crumbs(
         _pairs(table[at], room),
         _integers(table[at + 1], room),
         _integers(table[at + 2], room),
@@ -119,10 +119,10 @@ def steps_at(table: np.ndarray) -> Steps:
 
 
 @kernel()
-def graph_at(table: np.ndarray) -> Graph:
-    """The trail's links whose arrays' addresses stand in a row of the table."""
+def graph_at(table: np.ndarray) -> PathGraph:
+    """The links of breadcrumbs whose arrays' addresses stand in a row of the table."""
     points, links, at = table[POINTS], table[LINKS], _GRAPH
-    return Graph(
+    return PathGraph(
         _integers(table[at], 2),
         _numbers(table[at + 1], points),
         _integers(table[at + 2], points),

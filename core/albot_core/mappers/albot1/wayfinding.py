@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_core.geometry.poses import compose, relative, transform_segments
+from albot_core.geometry.poses import compose, relative, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.albot1.network import PlaceNetwork
 from albot_core.mappers.albot1.places import Site, middle
@@ -89,6 +89,24 @@ def way_lines(network: PlaceNetwork, pose: Pose, target: int) -> Segments:
         frame = compose(network.displacement, site.frame)
         lines.append(transform_segments(frame, site.passages[door].line[None])[0])
     return np.reshape(lines, (-1, 4)).astype(float)
+
+
+def waypoint_home(network: PlaceNetwork, pose: Pose, walls: Segments) -> tuple[Points, float]:
+    """Where to drive next along the breadcrumbs home.
+
+    Args:
+        network: The network of places, with the breadcrumbs.
+        pose: Where the robot is in the map.
+        walls: The surfaces in view, in its own frame (m).
+
+    Returns:
+        The waypoint in the map's frame (m), NaN near home; and the length of the way home (m),
+        infinite where none leads home, or the robot was moved.
+    """
+    here = network.in_graph_frame(pose)
+    point, length = network.breadcrumbs.waypoint(network.current, here, walls)
+    at = transform_points(network.displacement, point)
+    return at, np.inf if network.lost_since else length
 
 
 def pointing(network: PlaceNetwork, pose: Pose, place: int) -> Float64[np.ndarray, "2"]:

@@ -10,7 +10,7 @@ from albot_core.geometry.poses import compose, relative, transform_segments
 from albot_core.mappers.albot1.batch import Albot1Batch
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.record import Happening
-from albot_core.mappers.albot1.trail import AHEAD
+from albot_core.mappers.albot1.trail.breadcrumbs import WAYPOINT_AHEAD
 from albot_core.mappers.mapper import EXIT, TRAVEL
 from albot_core.sensing.reading import Reading, Readings
 from tests.core.scenes import FURNITURE, house_walk, scan_from, two_rooms
@@ -81,7 +81,7 @@ def test_there_is_no_exit_on_the_way_where_home_is_at_hand():
             ways.append(mapper.way_home.copy())
     lengths, exits = np.array([way[TRAVEL] for way in ways]), np.array([way[EXIT] for way in ways])
     assert lengths[0] < 1.9 < 2.2 < lengths[-1]
-    np.testing.assert_array_equal(np.isnan(exits).all(axis=1), lengths < AHEAD)
+    np.testing.assert_array_equal(np.isnan(exits).all(axis=1), lengths < WAYPOINT_AHEAD)
 
 
 def noisy_truth(step: int) -> np.ndarray:
