@@ -28,7 +28,7 @@ from albot_core.mappers.albot1.storage import (
 from albot_core.mappers.albot1.trail.breadcrumbs import CRUMB_SPACING, CRUMB_TURN
 from albot_core.mappers.albot1.trail.crumb_kernels import drop_crumb, has_room
 from albot_core.mappers.albot1.visits import allay, is_time_to_look
-from albot_core.sensing.surfaces import NO_EDGE, Bench, extract_surfaces, make_bench
+from albot_core.sensing.view import NO_EDGE, ViewBuffers, extract_surfaces, make_view_buffers
 
 
 class Lens(NamedTuple):
@@ -108,7 +108,9 @@ def find_landmarks(current: Sight, limits: Limits) -> None:
 
 
 @kernel()
-def _look(ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight, bench: Bench) -> None:
+def _look(
+    ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight, bench: ViewBuffers
+) -> None:
     """Construct the view from a scan (algorithm 4, lines 3 and 4)."""
     current.size[0] = extract_surfaces(
         ranges,
@@ -193,7 +195,7 @@ def _view(
     since: np.ndarray,
     lens: Lens,
     limits: Limits,
-    bench: Bench,
+    bench: ViewBuffers,
     outlook: Outlook,
 ) -> bool:
     """Let a robot take in its reading as a view; false as `_follow`."""
@@ -228,7 +230,7 @@ def _follow(
     lens: Lens,
     limits: Limits,
     current: Sight,
-    bench: Bench,
+    bench: ViewBuffers,
     outlook: Outlook,
 ) -> bool:
     """Let a robot take in its reading; false, with nothing done, where its room is too small."""
@@ -276,7 +278,7 @@ def follow(
         views = max(views, robots.table[rows[k], ROOM])
         capacity = max(capacity, robots.table[rows[k], CAPACITY])
     outlook = make_outlook(views, capacity, limits.turns.shape[0])
-    bench = make_bench(beams)
+    bench = make_view_buffers(beams)
     return _follow_all(rows, first, arguments, ranges, motions, _desk(beams), bench, outlook)
 
 
@@ -288,7 +290,7 @@ def _follow_all(
     ranges: np.ndarray,
     motions: np.ndarray,
     current: Sight,
-    bench: Bench,
+    bench: ViewBuffers,
     outlook: Outlook,
 ) -> int:
     """`follow`, with a view to work on and room to work in."""

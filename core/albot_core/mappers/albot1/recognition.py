@@ -7,7 +7,7 @@ import numpy as np
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot1.config import Limits
 from albot_core.mappers.albot1.sight import NOT_RECOGNIZED, Sight
-from albot_core.sensing.surfaces import NO_EDGE
+from albot_core.sensing.view import NO_EDGE
 
 END, GAP, ANGLE, DISTANCE = 0, 1, 2, 3
 """Columns of `pairs`: which end was recognised, how far it is from where it was expected

@@ -28,7 +28,7 @@ from albot_core.mappers.albot1.recognition import wrap
 from albot_core.mappers.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.mappers.albot1.turning import LINE_GAP, likeliest_turn
 from albot_core.mappers.albot1.visits import meet_again
-from albot_core.sensing.surfaces import NO_EDGE
+from albot_core.sensing.view import NO_EDGE
 
 ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""
