@@ -24,7 +24,7 @@ SOURCES = {
 FIRST = (
     "core/mappers/albot1/test_batch.py",
     "env/tasks/test_action.py",
-    "core/sensing/test_panorama.py",
+    "core/matching/test_panorama.py",
     "env/tasks/test_place_recognition.py",
 )
 """What compiles longest: mapper and panoramas on the one side, simulator and tasks on the other.

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.pose_kernels import wrap_angle
+from albot_core.geometry.directions import wrapped
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_env.sim.chipmunk_calls import load, take_step, visit
@@ -120,7 +120,7 @@ def advance(
         for k in range(crew):
             i = members[k]
             robots.poses[i, 0], robots.poses[i, 1] = robots.states[i, 0], robots.states[i, 1]
-            robots.poses[i, 2] = wrap_angle(robots.states[i, 2])
+            robots.poses[i, 2] = wrapped(robots.states[i, 2])
 
 
 @kernel()

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from albot_core.geometry.pose_kernels import length_of, wrap_angle
+from albot_core.geometry.directions import length_of, wrapped
 from albot_core.kernels.compiled import kernel
 from albot_env.sim.caster_kernels import swing
 from albot_env.sim.noise_kernels import draw, draw_normals
@@ -92,7 +92,7 @@ def read(
     if reach > 0.0:
         x, y = x + along * x / reach, y + along * y / reach
     motion[0], motion[1] = cos * x - sin * y, sin * x + cos * y
-    motion[2] = wrap_angle(count[HEADING] + error)
+    motion[2] = wrapped(count[HEADING] + error)
     for i in range(RIGHT_WAY + 1):
         count[i] = 0.0
 

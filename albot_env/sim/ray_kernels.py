@@ -4,9 +4,9 @@ With wall ends a and b in the frame of the laser, a clockwise of b, a beam in di
 meets the wall where u is between a and b, and there the inverse range is linear in u:
 1/r = (u × (b - a)) / (a × b). The nearest wall along each beam is a running maximum of
 multiply-adds over the beams that may meet it: nothing is divided, and no angle computed, once
-a wall's coefficients are known. Directions are compared by their pseudo-angles. The number of an
-end that two walls share is the same for both, so that no beam slips between them. Beams are
-taken in blocks, each with the walls that reach into it.
+a wall's coefficients are known. Directions are compared by numbers that grow with them (see
+`turned`). The number of an end that two walls share is the same for both, so that no beam slips
+between them. Beams are taken in blocks, each with the walls that reach into it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.pose_kernels import pseudo_angle
+from albot_core.geometry.directions import turned
 from albot_core.kernels.bits import lowest_bit
 from albot_core.kernels.compiled import ZERO, kernel
 from albot_core.kernels.simd import (
@@ -45,8 +45,8 @@ class Fan(NamedTuple):
     directions: np.ndarray
     """(2, beams) float64: cosine and sine of the beams' bearings from the middle."""
     padded: np.ndarray
-    """(3, blocks × LANES32) float32: the same, and the beams' directions as pseudo-angles,
-    filled up to whole blocks: no range is found along what the last beam is followed by."""
+    """(3, blocks × LANES32) float32: the same, and the beams' directions as `turned` tells them,
+    to whole blocks: no range is found along what the last beam is followed by."""
     reach: float
     """Distance at and beyond which a range is infinite (m)."""
     mount: Stance
@@ -63,7 +63,7 @@ class Desk(NamedTuple):
     """Room to work in while scanning."""
 
     beams: np.ndarray
-    """(4, blocks × LANES32) float32: the beams' directions, as vectors and as pseudo-angles,
+    """(4, blocks × LANES32) float32: the beams' directions, as vectors and as `turned` tells them,
     and the inverse ranges along them."""
     walls: np.ndarray
     """(4, room) float64: the ends x, y of the walls in question, a column each (m)."""
@@ -77,7 +77,7 @@ AX, AY, BX, BY = range(4)
 """Rows of `Desk.walls`, in the frame of the laser."""
 P, Q, FROM, TO = range(4)
 """Rows of `Desk.lines`: 1/r along the laser's axes; and between which directions beams meet a wall
-(see `pseudo_angle`), which are none where float32 is too coarse for it, or it is seen edge-on."""
+(see `turned`), which are none where float32 is too coarse for it, or it is seen edge-on."""
 
 
 @kernel(arrays=True)
@@ -178,10 +178,7 @@ def _line_up(fan: Fan, count: int, desk: Desk) -> int:
                 _raise_grazing(desk.beams, fan.directions, walls, j)
                 continue
             lines[P, lined_up], lines[Q, lined_up] = lines[P, j], lines[Q, j]
-            lines[FROM, lined_up], lines[TO, lined_up] = (
-                -np.inf,
-                pseudo_angle(walls[BX, j], walls[BY, j]),
-            )
+            lines[FROM, lined_up], lines[TO, lined_up] = -np.inf, turned(walls[BX, j], walls[BY, j])
             lined_up += 1
     return lined_up
 
@@ -217,7 +214,7 @@ def _draw_lines(
 
 
 def _turned(u: FloatVector, v: FloatVector) -> FloatVector:
-    """What `pseudo_angle` makes of directions."""
+    """What `turned` makes of directions."""
     part = v / (u.abs() + v.abs()).maximum(1e-300)
     behind = (2.0 - part).where(-2.0 - part, v >= 0.0)
     return part.where(behind, u >= 0.0)

@@ -15,12 +15,12 @@ from jaxtyping import Float32, Float64
 
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
-from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.record import Event, Happening
-from albot_core.mappers.albot1.structure import compare, joined
 from albot_core.mappers.mapper import Mapper
 from albot_core.mappers.registry import make_mapper
-from albot_core.sensing.panorama import Panorama, agreement
+from albot_core.matching.lines import MatchConfig, match_lines, merge_lines
+from albot_core.matching.panorama import Panorama, match_panoramas
+from albot_core.matching.submaps import longest_lines
 from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import ViewConfig, construct_view
 from albot_env.tasks.core.settings import NO_MAPPER
@@ -41,7 +41,7 @@ MATCHES = 16
 LARGEST = 28
 """Of what is seen around only so many surfaces are compared, the longest."""
 
-_ALIKE = PlacesConfig().alike
+_MATCH = MatchConfig()
 _VIEW = ViewConfig(fit_lines=True)
 
 
@@ -111,14 +111,14 @@ class Notebook:
             around = np.array((0.0, 0.0, self.belief[2]))
             points.append(transform_points(around, reading.laser.points))
             view = transform_segments(around, construct_view(reading.laser, _VIEW).surfaces)
-            seen = joined(seen, view, _ALIKE)
+            seen = merge_lines(seen, view, _MATCH)
         network = None if self._mapper is None else self._mapper.network
         known = None if network is None else network.current
         arrival = Arrival(
             belief=self.belief,
             way=self._way,
             panorama=Panorama.of(np.concatenate(points)),
-            surfaces=_longest(seen),
+            surfaces=longest_lines(seen, LARGEST),
             place=-1 if known is None else known,
         )
         same = self._same_places()
@@ -135,17 +135,17 @@ class Notebook:
         """What tells whether two arrivals were at one place, in numbers from -1 to 1.
 
         `distance` between the believed places, -1 at 0 and 1 at `FARTHEST`, logarithmic;
-        `agreed` and `contradicted`, the shares of `panorama.agreement`, -1 for none and 1 for
+        `agreed` and `contradicted`, the shares of `match_panoramas`, -1 for none and 1 for
         all; `sight` past each other's place (m), 0 where it ends there; `shift` and `turn` that
         lay the panoramas best on each other, against what is believed, -1 for none;
-        `matches` and `share` of the structure (`albot1.structure.compare`), -1 for none; `place`:
+        `matches` and `share` of the structure (`match_lines`), -1 for none; `place`:
         1 where the mapper takes both for the same place, -1 where for two, 0 where it knows
         none; `recency`: 1 for the arrival just before, towards -1 the longer ago; `way` driven
         since, -1 for none.
         """
         apart = np.array((*(there.belief - here.belief)[:2], 0.0))
-        likeness = compare(here.surfaces, there.surfaces, apart, np.zeros(3), _ALIKE)
-        found = agreement(here.panorama, there.panorama, apart, likeness.pose)
+        likeness = match_lines(here.surfaces, there.surfaces, apart, np.zeros(3), _MATCH)
+        found = match_panoramas(here.panorama, there.panorama, apart, likeness.pose)
         turn = abs((found.pose[2] + math.pi) % (2 * math.pi) - math.pi)
         place = 0.0
         if here.place >= 0 and there.place >= 0:
@@ -181,9 +181,3 @@ class Notebook:
 def _logarithmic(length: float, knee: float, longest: float) -> float:
     """A length as a number from -1 at 0 to 1 at the longest, finest where short."""
     return 2 * math.log1p(min(length, longest) / knee) / math.log1p(longest / knee) - 1
-
-
-def _longest(surfaces: Segments) -> Float64[np.ndarray, "kept 4"]:
-    """The longest surfaces, as many as are compared."""
-    lengths = np.hypot(*(surfaces[:, 2:] - surfaces[:, :2]).T)
-    return surfaces[np.sort(np.argsort(-lengths, kind="stable")[:LARGEST])]

@@ -28,9 +28,8 @@ from jaxtyping import Bool, Float64
 
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Poses
-from albot_core.mappers.albot1.config import PlacesConfig
-from albot_core.matching.agreement import agreement
-from albot_core.matching.outlooks import outlooks
+from albot_core.matching.lines import MatchConfig
+from albot_core.matching.submaps import local_submaps, match_submaps
 from albot_core.sensing.reading import Reading
 
 APART = 10.0
@@ -106,32 +105,21 @@ def measure_recognition(
         believed: Where a mapper believed it to be, in its map's frame; by default as its
             odometer says.
     """
-    alike = PlacesConfig().alike._replace(shift=NEAR, turn=np.pi)
-    found = outlooks(readings, _motions(readings, believed), alike)
-    where, ways = truth[[one.at for one in found], :2], np.array([one.way for one in found])
+    config = MatchConfig(max_shift=NEAR, max_turn=np.pi)
+    submaps = local_submaps(readings, _motions(readings, believed), config)
+    where = truth[[submap.reading for submap in submaps], :2]
+    ways = np.array([submap.way for submap in submaps])
     claims, right, queries = [], [], 0
     all_scores, all_near = [np.empty(0)], [np.empty(0, np.bool_)]
-    pose = np.zeros(3)
-    for k, mine in enumerate(found):
+    for k, mine in enumerate(submaps):
         earlier = np.flatnonzero(ways <= ways[k] - APART)
         if not len(earlier):
             continue
         near = np.hypot(*(where[earlier] - where[k]).T) <= NEAR
         scores = np.empty(len(earlier))
         for i, j in enumerate(earlier.tolist()):
-            theirs = found[j]
-            scores[i] = agreement(
-                mine.surfaces,
-                mine.points,
-                mine.ground,
-                theirs.surfaces,
-                theirs.points,
-                theirs.ground,
-                alike,
-                pose,
-            )
-            if np.hypot(pose[0], pose[1]) > SURELY:
-                scores[i] = NEVER
+            match = match_submaps(mine, submaps[j], config)
+            scores[i] = match.score if np.hypot(*match.pose[:2]) <= SURELY else NEVER
         queries += bool(near.any())
         best = int(np.argmax(scores))
         if scores[best] > NEVER:

@@ -19,7 +19,6 @@ from albot_core.mappers.albot1.places import turned_round
 from albot_core.mappers.albot1.recognition import moved
 from albot_core.mappers.albot1.revisiting import find, recognize_place
 from albot_core.mappers.albot1.sight import Sight
-from albot_core.mappers.albot1.structure import joined
 from albot_core.mappers.albot1.suspicion import suspicions
 from albot_core.mappers.albot1.updating import update_map
 from albot_core.mappers.albot1.visits import (
@@ -31,6 +30,7 @@ from albot_core.mappers.albot1.visits import (
     renumber_visits,
     seen_in_visit,
 )
+from albot_core.matching.lines import merge_lines
 
 VISITS_LOOKED_AFTER = 128
 """At each so many visits it is seen to which of them still matter."""
@@ -120,7 +120,7 @@ def _suspect(robot: Robot) -> None:
 def _before_it(robot: Robot) -> Segments:
     """The surfaces that it has seen in its present visit, those in view among them."""
     view = transform_segments(robot.sight.pose, robot.view)
-    return joined(seen_in_visit(robot.memory), view, robot.network.config.alike)
+    return merge_lines(seen_in_visit(robot.memory), view, robot.network.config.match)
 
 
 def _lose(robot: Robot, limits: Limits) -> None:

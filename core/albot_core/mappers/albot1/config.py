@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.errors import InputError
+from albot_core.matching.lines import MatchConfig
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from albot_core.sensing.view import ViewConfig
 
@@ -17,21 +17,6 @@ TURN_STEP = math.radians(1.0)
 """Turns are tried this far apart (rad)."""
 
 _FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
-
-
-class Alike(NamedTuple):
-    """When two surfaces, and two places, are taken for the same (m, rad)."""
-
-    shortest: float
-    """Only surfaces from this length on are compared."""
-    gap: float
-    """Surfaces are the same only where they run no farther apart."""
-    angle: float
-    """Surfaces are the same only where they are turned no more apart."""
-    shift: float
-    """The place may be no farther from where it is looked for."""
-    turn: float
-    """The place may be turned no more from how it is looked for."""
 
 
 class Limits(NamedTuple):
@@ -63,17 +48,9 @@ class Limits(NamedTuple):
 class PlacesConfig:
     """Thresholds of the network of places (chapter 4)."""
 
-    shortest: float = 0.40
-    """Shorter surfaces are not compared (m; section 4.1.2)."""
-    gap: float = 0.20
-    """Two surfaces are the same only where they are no farther apart (m; thesis: 0.40,
-    section 4.1.2)…"""
-    angle: float = np.radians(5.0)
-    """…and turned no more apart (rad)."""
-    shift: float = 3.0
-    """A place is looked for no farther from where it was (m)…"""
-    turn: float = np.radians(20.0)
-    """…and turned no more (rad). The thesis limits neither."""
+    match: MatchConfig = field(default_factory=MatchConfig)
+    """When surfaces, and places, are the same (section 4.1.2). The thesis's surfaces may be 0.40 m
+    apart; it does not limit where a place may be found."""
     fewest_matches: int = 4
     """More surfaces must be the same (algorithm 6, line 11)…"""
     least_share: float = 0.3
@@ -109,31 +86,22 @@ class PlacesConfig:
     """Events remembered; the oldest are forgotten first."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "shortest", "gap", "angle", "turn", "agreement", "shift_here")
+        check_fields(self, POSITIVE, "agreement", "shift_here")
         check_fields(self, POSITIVE, "look_spacing", "look_turn")
         check_fields(self, SHARE, "least_share", "suspicion_share", "share_here")
         counts = "fewest_matches", "fewest_met", "most_met", "fewest_found"
         check_fields(self, _FROM_ONE, *counts, "most_described", "events_kept")
-        if not self.shift > 0:
-            raise InputError("PlacesConfig.shift", "above 0", str(self.shift))
 
     @property
-    def alike(self) -> Alike:
-        """The thresholds as the comparison takes them."""
-        return Alike(self.shortest, self.gap, self.angle, self.shift, self.turn)
-
-    @property
-    def alike_here(self) -> Alike:
-        """The same for a place within which the robot believes to stand."""
-        return self.alike._replace(shift=self.shift_here)
+    def match_here(self) -> MatchConfig:
+        """`match` for a place within which the robot believes to stand."""
+        return replace(self.match, max_shift=self.shift_here)
 
     @classmethod
     def thesis(cls) -> PlacesConfig:
         """The thesis's thresholds. They ask for less, though rooms are alike."""
         return cls(
-            gap=0.40,
-            shift=np.inf,
-            turn=np.pi,
+            match=MatchConfig(max_gap=0.40, max_shift=np.inf, max_turn=np.pi),
             least_share=0.0,
             by_position=False,
             exits_expected=False,

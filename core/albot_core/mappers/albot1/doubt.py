@@ -12,8 +12,9 @@ import numpy as np
 
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Limits
-from albot_core.mappers.albot1.recognition import length_of, seen_along, wrap
+from albot_core.mappers.albot1.recognition import seen_along
 from albot_core.mappers.albot1.sight import Sight
+from albot_core.matching.lines import length_of, wrap
 
 SPACING = 0.25
 """Walls are looked at in points so far apart (m)."""

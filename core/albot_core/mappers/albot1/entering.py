@@ -12,11 +12,11 @@ from albot_core.mappers.albot1.memory import (
     Memory,
     add_surface,
 )
-from albot_core.mappers.albot1.recognition import length_of
 from albot_core.mappers.albot1.search import surfaces_ending_in
 from albot_core.mappers.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.mappers.albot1.updating import box_around, counterpart, placed, update_map
 from albot_core.mappers.albot1.visits import meet_again
+from albot_core.matching.lines import length_of
 
 _bounds = scratch(4)
 

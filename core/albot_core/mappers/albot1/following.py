@@ -14,7 +14,7 @@ from albot_core.mappers.albot1.exits import NO_GATE, Exits, remember_exits
 from albot_core.mappers.albot1.mapping import STEP, STRANGE, map_step
 from albot_core.mappers.albot1.memory import ALIVE, NEXT_ID, SUSPECT, VISIT, Memory, room_left
 from albot_core.mappers.albot1.outlook import Outlook, make_outlook
-from albot_core.mappers.albot1.recognition import length_of, moved, pose_in, wrap
+from albot_core.mappers.albot1.recognition import moved, pose_in
 from albot_core.mappers.albot1.sight import Sight, copy_sight
 from albot_core.mappers.albot1.storage import (
     CAPACITY,
@@ -28,7 +28,8 @@ from albot_core.mappers.albot1.storage import (
 from albot_core.mappers.albot1.trail.breadcrumbs import CRUMB_SPACING, CRUMB_TURN
 from albot_core.mappers.albot1.trail.crumb_kernels import drop_crumb, has_room
 from albot_core.mappers.albot1.visits import allay, is_time_to_look
-from albot_core.sensing.view import NO_EDGE, ViewBuffers, extract_surfaces, make_view_buffers
+from albot_core.matching.lines import length_of, wrap
+from albot_core.sensing.surfaces import NO_EDGE, Bench, extract_surfaces, make_bench
 
 
 class Lens(NamedTuple):
@@ -108,9 +109,7 @@ def find_landmarks(current: Sight, limits: Limits) -> None:
 
 
 @kernel()
-def _look(
-    ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight, bench: ViewBuffers
-) -> None:
+def _look(ranges: np.ndarray, lens: Lens, limits: Limits, current: Sight, bench: Bench) -> None:
     """Construct the view from a scan (algorithm 4, lines 3 and 4)."""
     current.size[0] = extract_surfaces(
         ranges,
@@ -195,7 +194,7 @@ def _view(
     since: np.ndarray,
     lens: Lens,
     limits: Limits,
-    bench: ViewBuffers,
+    bench: Bench,
     outlook: Outlook,
 ) -> bool:
     """Let a robot take in its reading as a view; false as `_follow`."""
@@ -230,7 +229,7 @@ def _follow(
     lens: Lens,
     limits: Limits,
     current: Sight,
-    bench: ViewBuffers,
+    bench: Bench,
     outlook: Outlook,
 ) -> bool:
     """Let a robot take in its reading; false, with nothing done, where its room is too small."""
@@ -278,7 +277,7 @@ def follow(
         views = max(views, robots.table[rows[k], ROOM])
         capacity = max(capacity, robots.table[rows[k], CAPACITY])
     outlook = make_outlook(views, capacity, limits.turns.shape[0])
-    bench = make_view_buffers(beams)
+    bench = make_bench(beams)
     return _follow_all(rows, first, arguments, ranges, motions, _desk(beams), bench, outlook)
 
 
@@ -290,7 +289,7 @@ def _follow_all(
     ranges: np.ndarray,
     motions: np.ndarray,
     current: Sight,
-    bench: ViewBuffers,
+    bench: Bench,
     outlook: Outlook,
 ) -> int:
     """`follow`, with a view to work on and room to work in."""

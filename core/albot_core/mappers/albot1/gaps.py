@@ -11,9 +11,9 @@ import numpy as np
 
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot1.config import Limits
-from albot_core.mappers.albot1.recognition import length_of
 from albot_core.mappers.albot1.sight import Sight
-from albot_core.sensing.view import CORNER, OCCLUDING
+from albot_core.matching.lines import length_of
+from albot_core.sensing.surfaces import CORNER, OCCLUDING
 
 REACH = 6.0
 """Gaps farther away are not looked at (m): there a beam is 10 cm from the next."""

@@ -6,16 +6,9 @@ import numpy as np
 
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot1.memory import Memory
-from albot_core.mappers.albot1.recognition import (
-    ANGLE,
-    DISTANCE,
-    END,
-    GAP,
-    heading_of,
-    length_of,
-    wrap,
-)
+from albot_core.mappers.albot1.recognition import ANGLE, DISTANCE, END, GAP
 from albot_core.mappers.albot1.sight import NOT_RECOGNIZED, Sight
+from albot_core.matching.lines import heading_of, length_of, wrap
 
 TINY = 1e-6
 """Gaps and angles below this (m, rad) do not make a landmark any better."""

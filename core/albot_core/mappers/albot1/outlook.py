@@ -14,27 +14,10 @@ import numpy as np
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Limits
 from albot_core.mappers.albot1.memory import Memory
-from albot_core.mappers.albot1.recognition import heading_of, length_of, seen_along
+from albot_core.mappers.albot1.recognition import seen_along
 from albot_core.mappers.albot1.search import surfaces_ending_in
 from albot_core.mappers.albot1.sight import Sight
-
-
-@kernel()
-def describe(surface: np.ndarray, row: np.ndarray) -> None:
-    """Fill a row: x1, y1, x2, y2, length, heading, and the unit vector along the surface."""
-    measure(surface, row)
-    row[5] = heading_of(surface)
-
-
-@kernel()
-def measure(surface: np.ndarray, row: np.ndarray) -> None:
-    """Fill a row but for its heading, which takes longer than all else."""
-    for i in range(4):
-        row[i] = surface[i]
-    length = length_of(surface)
-    row[4] = length
-    row[6] = (surface[2] - surface[0]) / length
-    row[7] = (surface[3] - surface[1]) / length
+from albot_core.matching.lines import describe, length_of, measure
 
 
 class Outlook(NamedTuple):
@@ -148,31 +131,3 @@ def _bound(pose: np.ndarray, seen: np.ndarray, limits: Limits, box: np.ndarray) 
     for axis in range(2):
         box[axis] -= limits.landmark_gap
         box[2 + axis] += limits.landmark_gap
-
-
-Ends = tuple[float, float, float, float]
-"""A surface's ends x1, y1, x2, y2 (m)."""
-
-
-@kernel()
-def moved_ends(row: np.ndarray, motion: np.ndarray, cos: float, sin: float) -> Ends:
-    """A surface's ends after a motion (3,), the cosine and sine of whose turn are given."""
-    return (
-        motion[0] + cos * row[0] - sin * row[1],
-        motion[1] + sin * row[0] + cos * row[1],
-        motion[0] + cos * row[2] - sin * row[3],
-        motion[1] + sin * row[2] + cos * row[3],
-    )
-
-
-@kernel()
-def beside(wall: np.ndarray, ends: Ends, length: float) -> float:
-    """How far a surface of a length (m) runs beside the wall (m); infinity without overlap."""
-    ux, uy = wall[6], wall[7]
-    dx, dy = ends[0] - wall[0], ends[1] - wall[1]
-    first, aside = ux * dx + uy * dy, ux * dy - uy * dx
-    dx, dy = ends[2] - wall[0], ends[3] - wall[1]
-    last = ux * dx + uy * dy
-    aside = 0.5 * abs(aside + ux * dy - uy * dx)
-    overlap = min(last, wall[4]) - max(first, 0.0)
-    return aside if overlap >= 0.3 * min(length, wall[4]) else np.inf

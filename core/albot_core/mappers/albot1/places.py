@@ -11,8 +11,8 @@ from jaxtyping import Float64
 from albot_core.geometry.poses import relative, transform_segments, wrap_angle
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.albot1.config import PlacesConfig
-from albot_core.mappers.albot1.structure import joined
 from albot_core.maps.place_graph import Exit, Place
+from albot_core.matching.lines import merge_lines
 
 SAME_EXIT = 0.75
 """Exits whose middles are nearer than this are one (m)…"""
@@ -52,7 +52,7 @@ class Site:
 
     def describe(self, surfaces: Segments, config: PlacesConfig) -> None:
         """Combine surfaces, in its frame, with its description (algorithm 5, line 11)."""
-        both = joined(self.surfaces, surfaces, config.alike)
+        both = merge_lines(self.surfaces, surfaces, config.match)
         self.surfaces = both[-config.most_described :]
 
     def passage_at(self, line: Line, among: int | None = None) -> int | None:

@@ -7,35 +7,13 @@ import numpy as np
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot1.config import Limits
 from albot_core.mappers.albot1.sight import NOT_RECOGNIZED, Sight
-from albot_core.sensing.view import NO_EDGE
+from albot_core.matching.lines import heading_of, wrap
+from albot_core.sensing.surfaces import NO_EDGE
 
 END, GAP, ANGLE, DISTANCE = 0, 1, 2, 3
 """Columns of `pairs`: which end was recognised, how far it is from where it was expected
 (m), how far the surface is turned from what was expected (rad), and the end's distance
 from the robot in the last view (m)."""
-
-
-@kernel()
-def heading_of(surface: np.ndarray) -> float:
-    """Direction of a surface from its first end to its second (rad)."""
-    return float(np.arctan2(surface[3] - surface[1], surface[2] - surface[0]))
-
-
-@kernel()
-def length_of(surface: np.ndarray) -> float:
-    """Length of a surface (m)."""
-    x, y = surface[2] - surface[0], surface[3] - surface[1]
-    return float(np.sqrt(x * x + y * y))
-
-
-@kernel()
-def wrap(angle: float) -> float:
-    """The same angle in [-pi, pi), for angles in [-3 pi, 3 pi): all sums of two headings."""
-    if angle >= np.pi:
-        return angle - 2 * np.pi
-    if angle < -np.pi:
-        return angle + 2 * np.pi
-    return angle
 
 
 @kernel()

@@ -8,7 +8,7 @@ from enum import IntEnum
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.mappers.albot1.structure import Likeness
+from albot_core.matching.lines import LineMatch
 
 
 class Happening(IntEnum):
@@ -141,7 +141,7 @@ class Record:
         what: Happening,
         place: int,
         other: int,
-        likeness: Likeness,
+        likeness: LineMatch,
         met: int = 0,
         needed: int = 0,
     ) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Int32
 
@@ -10,8 +12,8 @@ from albot_core.geometry.types import Pose, Segments
 from albot_core.mappers.albot1.network import PlaceNetwork
 from albot_core.mappers.albot1.places import Site
 from albot_core.mappers.albot1.record import AROUND, Happening
-from albot_core.mappers.albot1.structure import Likeness, compare
 from albot_core.mappers.albot1.suspicion import surfaces_needed
+from albot_core.matching.lines import LineMatch, match_lines
 
 
 def recognize_place(
@@ -43,8 +45,8 @@ def recognize_place(
         stood_in.add(other.id)
         displacement = network.displacement if by_position else network.displacements[visit]
         guess = compose(displacement, other.frame)
-        alike = network.config.alike_here if by_position else network.config.alike
-        likeness = compare(seen, other.surfaces, guess, pose, alike)
+        match = network.config.match_here if by_position else network.config.match
+        likeness = match_lines(seen, other.surfaces, guess, pose, match)
         if by_position and likeness.matches == 0:
             continue  # It stands within many: that it stands in none of them is not worth telling.
         accepted = _is_confirmed(network, likeness, other, pose) and (
@@ -69,8 +71,10 @@ def find(network: PlaceNetwork, step: int, seen: Segments, pose: Pose) -> Pose |
     network.looked_from = pose.copy()
     first = network.visits[network.lost_since]
     known = [site for site in network.sites.values() if site.id < first]
-    anywhere = network.config.alike._replace(shift=np.inf, turn=np.pi)
-    found = [(site, compare(seen, site.surfaces, network.frame, pose, anywhere)) for site in known]
+    anywhere = replace(network.config.match, max_shift=np.inf, max_turn=np.pi)
+    found = [
+        (site, match_lines(seen, site.surfaces, network.frame, pose, anywhere)) for site in known
+    ]
     confirmed = [
         (site, likeness) for site, likeness in found if _is_found(network, likeness, site, pose)
     ]
@@ -105,7 +109,7 @@ def _suspects(
     return [v for v in ordered if met[v] > 0 or last[network.visits[v]] == v]
 
 
-def _is_confirmed(network: PlaceNetwork, likeness: Likeness, site: Site, pose: Pose) -> bool:
+def _is_confirmed(network: PlaceNetwork, likeness: LineMatch, site: Site, pose: Pose) -> bool:
     """Algorithm 6, line 11: more than 4 surfaces match, on both sides of the robot.
 
     A place's description holds what is seen through its exits. So we ask as well that
@@ -119,20 +123,27 @@ def _is_confirmed(network: PlaceNetwork, likeness: Likeness, site: Site, pose: P
     )
 
 
-def _is_found(network: PlaceNetwork, likeness: Likeness, site: Site, pose: Pose) -> bool:
+def _is_found(network: PlaceNetwork, likeness: LineMatch, site: Site, pose: Pose) -> bool:
     """Whether a robot that may be anywhere knows the place again. This is ours."""
     enough = likeness.matches >= network.config.fewest_found
     return enough and _is_confirmed(network, likeness, site, pose)
 
 
 def _settled(
-    network: PlaceNetwork, believed: Pose, found: Likeness, seen: Segments, other: Site, robot: Pose
+    network: PlaceNetwork,
+    believed: Pose,
+    found: LineMatch,
+    seen: Segments,
+    other: Site,
+    robot: Pose,
 ) -> Pose:
     """Where a recognised place's frame lies: where it was believed to, if that will do.
 
     An alignment by few surfaces is good to some 40 cm, the map is often better: it is
     corrected only where fewer surfaces are the same without.
     """
-    near = network.config.alike._replace(shift=network.config.agreement, turn=np.radians(10.0))
-    likeness = compare(seen, other.surfaces, believed, robot, near)
+    near = replace(
+        network.config.match, max_shift=network.config.agreement, max_turn=np.radians(10.0)
+    )
+    likeness = match_lines(seen, other.surfaces, believed, robot, near)
     return believed if likeness.matches >= found.matches - 1 else found.pose

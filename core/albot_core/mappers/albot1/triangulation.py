@@ -14,21 +14,19 @@ import numpy as np
 
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Limits
-from albot_core.mappers.albot1.equations import held, pulled_by_line, pulled_by_point, solved
 from albot_core.mappers.albot1.memory import NEVER, VISIT, Memory
 from albot_core.mappers.albot1.outlook import (
     Outlook,
-    beside,
     describe_expected,
     describe_remembered,
     describe_seen,
-    moved_ends,
 )
-from albot_core.mappers.albot1.recognition import wrap
 from albot_core.mappers.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.mappers.albot1.turning import LINE_GAP, likeliest_turn
 from albot_core.mappers.albot1.visits import meet_again
-from albot_core.sensing.view import NO_EDGE
+from albot_core.matching.least_squares import held, pulled_by_line, pulled_by_point, solved
+from albot_core.matching.lines import beside, moved_ends, wrap
+from albot_core.sensing.surfaces import NO_EDGE
 
 ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""

@@ -10,9 +10,8 @@ import numpy as np
 
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import TURN_STEP, Limits
-from albot_core.mappers.albot1.outlook import beside, moved_ends
-from albot_core.mappers.albot1.recognition import wrap
-from albot_core.sensing.view import NO_EDGE
+from albot_core.matching.lines import beside, moved_ends, wrap
+from albot_core.sensing.surfaces import NO_EDGE
 
 LINE_GAP = 0.30
 """A wall is taken for the remembered one when it runs no farther than this beside it (m)."""

@@ -15,11 +15,11 @@ from albot_core.mappers.albot1.memory import (
     move_surface,
     remove_surface,
 )
-from albot_core.mappers.albot1.recognition import length_of
 from albot_core.mappers.albot1.search import surfaces_ending_in
 from albot_core.mappers.albot1.sight import NOT_RECOGNIZED, Sight
 from albot_core.mappers.albot1.visits import meet_again
-from albot_core.sensing.view import NO_EDGE
+from albot_core.matching.lines import length_of
+from albot_core.sensing.surfaces import NO_EDGE
 
 SHORTEST = 0.10
 """What is left of a surface after a cut is forgotten below this length (m)."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot1.memory import SUSPECT, USED, VISIT, Memory, living, move_surface
-from albot_core.mappers.albot1.recognition import wrap
+from albot_core.matching.lines import wrap
 
 
 @kernel()

@@ -12,7 +12,7 @@ from albot_core.mappers.albot1.entering import enter
 from albot_core.mappers.albot1.memory import Memory, add_surface, empty_memory, living
 from albot_core.mappers.albot1.sight import NOT_RECOGNIZED, Sight, empty_sight
 from albot_core.mappers.albot1.visits import begin_visit, seen_in_visit
-from albot_core.sensing.view import CORNER
+from albot_core.sensing.surfaces import CORNER
 
 WALL, BEHIND, DOORPOST = (4.0, -2.0, 4.0, 2.0), (-9.0, 1.0, -9.0, -1.0), (1.0, 2.0, 3.0, 2.0)
 OFF = np.array((0.1, 0.05, np.radians(1.0)))

@@ -9,7 +9,7 @@ from albot_core.geometry.poses import inverse, transform_segments
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.recognition import ANGLE, END, GAP, recognize_landmarks, seen_from
 from albot_core.mappers.albot1.sight import NOT_RECOGNIZED, Sight, empty_sight
-from albot_core.sensing.view import CORNER, NO_EDGE
+from albot_core.sensing.surfaces import CORNER, NO_EDGE
 
 LIMITS = Albot1Config.thesis().limits
 WALLS = np.array([[3.0, -2.0, 3.0, -0.5], [4.0, 1.0, 2.0, 2.0]])

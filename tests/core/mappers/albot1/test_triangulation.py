@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from albot_core.geometry.poses import wrap_angle
 from albot_core.mappers.albot1.config import Albot1Config, Limits
-from albot_core.mappers.albot1.outlook import beside, describe, moved_ends
 from albot_core.mappers.albot1.triangulation import _match
 from albot_core.mappers.albot1.turning import LINE_GAP
-from albot_core.sensing.view import CORNER, NO_EDGE
+from albot_core.matching.lines import beside, describe, moved_ends
+from albot_core.sensing.surfaces import CORNER, NO_EDGE
 from tests.core.mappers.albot1.rows import Rows, rows_of, some_surfaces
 
 

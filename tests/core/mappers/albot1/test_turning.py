@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from albot_core.geometry.poses import wrap_angle
 from albot_core.mappers.albot1.config import TURN_STEP, Albot1Config, Limits
-from albot_core.mappers.albot1.outlook import beside, moved_ends
 from albot_core.mappers.albot1.turning import LINE_GAP, LINE_VOTE, likeliest_turn
-from albot_core.sensing.view import NO_EDGE
+from albot_core.matching.lines import beside, moved_ends
+from albot_core.sensing.surfaces import NO_EDGE
 from tests.core.mappers.albot1.rows import Rows, rows_of, some_surfaces
 
 

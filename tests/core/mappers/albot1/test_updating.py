@@ -12,7 +12,7 @@ from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.memory import Memory, add_surface, empty_memory, living
 from albot_core.mappers.albot1.sight import NOT_RECOGNIZED, Sight, empty_sight
 from albot_core.mappers.albot1.updating import is_covered, update_map
-from albot_core.sensing.view import CORNER, NO_EDGE
+from albot_core.sensing.surfaces import CORNER, NO_EDGE
 
 LIMITS = Albot1Config.thesis().limits
 EDGES = np.full(2, CORNER, np.int8)

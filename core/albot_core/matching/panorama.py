@@ -1,4 +1,4 @@
-"""The panorama: how far it is to what stands around a point, and how well two of them agree."""
+"""Panoramas: the distance to what stands around a point, in all directions, and their matching."""
 
 from __future__ import annotations
 
@@ -9,28 +9,23 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.pose_kernels import length_of, rotate_back, transform_point
+from albot_core.geometry.directions import length_of
 from albot_core.geometry.types import Points, Pose
 from albot_core.kernels.compiled import kernel
 
 DIRECTIONS = 180
 """Directions of a panorama, evenly over the full turn."""
-_TOLERANCE = 0.15
-"""Distances that differ by this (m) plus…"""
-_SLANT = 0.03
-"""…this share of the distance do not agree; those that differ by less do so in part."""
-_REACH = 1.0
-"""The search goes so far from a guess (m)…"""
-_GRID = 0.5
-"""…in such steps (m)…"""
-_TURN = math.radians(20.0)
-"""…and turned so far (rad)…"""
-_TURN_STEP = math.radians(5.0)
-"""…in such steps (rad)."""
-_FINEST = 0.03
-"""Then steps are halved until they are less than this (m)."""
-_THINNED = 3
-"""On the grid one direction in so many is compared."""
+TOLERANCE, SLANT = 0.15, 0.03
+"""Distances agree in part where they differ by less than the first (m) and this share of the
+distance; those that differ by more do not."""
+REACH, GRID = 1.0, 0.5
+"""How far from a guess the pose is searched, and the grid's step (m)."""
+TURN, TURN_STEP = math.radians(20.0), math.radians(5.0)
+"""How far turned from it, and the grid's step (rad)."""
+FINEST = 0.03
+"""Refinement halves its steps until they are less than this (m)."""
+THINNED = 3
+"""On the grid only every so many directions are compared."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,23 +39,12 @@ class Panorama:
     def of(cls, points: Points) -> Panorama:
         """The panorama of points seen from the origin (m), of which the nearest count."""
         ranges = np.zeros(DIRECTIONS)
-        _draw(np.ascontiguousarray(points), ranges)
+        _fill_ranges(np.ascontiguousarray(points), ranges)
         return cls(ranges=ranges)
 
 
-@kernel()
-def _draw(points: np.ndarray, ranges: np.ndarray) -> None:
-    """Set the ranges (directions,) to those of the nearest points (n, 2); zeros stay without."""
-    for k in range(points.shape[0]):
-        x, y = points[k, 0], points[k, 1]
-        direction = _direction(x, y, ranges.shape[0])
-        distance = length_of(x, y)
-        if ranges[direction] == 0.0 or distance < ranges[direction]:
-            ranges[direction] = distance
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Agreement:
+class PanoramaMatch:
     """How one panorama lies best on another."""
 
     pose: Pose
@@ -74,28 +58,28 @@ class Agreement:
     something stands between."""
 
 
-def agreement(mine: Panorama, theirs: Panorama, *guesses: Pose) -> Agreement:
+def match_panoramas(mine: Panorama, theirs: Panorama, *guesses: Pose) -> PanoramaMatch:
     """Lay one panorama on another, near to guesses of where its frame lies in mine.
 
     All shifts up to 1 m and turns up to 20° from each guess are tried on a grid, and the best is
-    drawn nearer until nothing is gained (E. Olson, Real-time correlative scan matching, ICRA
+    refined until nothing is gained (E. Olson, Real-time correlative scan matching, ICRA
     2009, searches so). What counts is agreement less contradiction: a wall of one that lies
     before the wall of the other would have been seen by it. What lies behind is hidden, and says
     nothing.
     """
-    pose, best = np.zeros(3), _Agreed(-np.inf, 0.0, 0.0, 0.0)
+    pose, best = np.zeros(3), _Quality(-np.inf, 0.0, 0.0, 0.0)
     for guess in guesses:
         tried = np.array(guess, np.float64)
-        found = _agree_best(mine.ranges, theirs.ranges, tried)
+        found = _search(mine.ranges, theirs.ranges, tried)
         if found.score > best.score:
             pose, best = tried, found
-    return Agreement(
+    return PanoramaMatch(
         pose=pose, agreed=best.agreed, contradicted=best.contradicted, sight=best.sight
     )
 
 
-class _Agreed(NamedTuple):
-    """How well two panoramas agree under a pose (see `panorama.Agreement`)."""
+class _Quality(NamedTuple):
+    """How well two panoramas match under a pose (see `PanoramaMatch`)."""
 
     score: float
     """What the search maximises: agreement less contradiction."""
@@ -105,30 +89,30 @@ class _Agreed(NamedTuple):
 
 
 @kernel(arrays=True)
-def _agree_best(mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray) -> _Agreed:
+def _search(mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray) -> _Quality:
     """Find how `theirs` lies best on `mine` (directions,), near to `pose`, which is set to it."""
     spans = np.empty((mine.shape[0], 2)), np.empty((theirs.shape[0], 2))
-    _spread(mine, spans[0])
-    _spread(theirs, spans[1])
+    _range_spans(mine, spans[0])
+    _range_spans(theirs, spans[1])
     points = _points(mine), _points(theirs)
     counts, tried, guess = np.zeros(3), np.empty(3), pose.copy()
     best = -math.inf
-    for i in range(-int(_REACH / _GRID), int(_REACH / _GRID) + 1):
-        for j in range(-int(_REACH / _GRID), int(_REACH / _GRID) + 1):
-            for k in range(-int(_TURN / _TURN_STEP + 0.5), int(_TURN / _TURN_STEP + 0.5) + 1):
-                tried[0], tried[1] = guess[0] + i * _GRID, guess[1] + j * _GRID
-                tried[2] = guess[2] + k * _TURN_STEP
-                score = _score(spans, points, tried, _THINNED, counts)
+    for i in range(-int(REACH / GRID), int(REACH / GRID) + 1):
+        for j in range(-int(REACH / GRID), int(REACH / GRID) + 1):
+            for k in range(-int(TURN / TURN_STEP + 0.5), int(TURN / TURN_STEP + 0.5) + 1):
+                tried[0], tried[1] = guess[0] + i * GRID, guess[1] + j * GRID
+                tried[2] = guess[2] + k * TURN_STEP
+                score = _score(spans, points, tried, THINNED, counts)
                 if score > best:
                     best = score
                     pose[:] = tried
-    best = _draw_nearer(spans, points, pose, counts)
+    best = _refine(spans, points, pose, counts)
     total = max(counts[0] + counts[1] + counts[2], 1.0)
-    return _Agreed(best, counts[0] / total, counts[1] / total, _sight(spans, pose))
+    return _Quality(best, counts[0] / total, counts[1] / total, _sight(spans, pose))
 
 
 @kernel()
-def _spread(ranges: np.ndarray, spans: np.ndarray) -> None:
+def _range_spans(ranges: np.ndarray, spans: np.ndarray) -> None:
     """Fill `spans` (directions, 2) with least and greatest range of each direction and the next.
 
     0 where nothing was seen: between two beams a wall lies somewhere between their ranges.
@@ -158,7 +142,59 @@ def _points(ranges: np.ndarray) -> np.ndarray:
 
 
 @kernel()
-def _draw_nearer(
+def _score(
+    spans: tuple[np.ndarray, np.ndarray],
+    points: tuple[np.ndarray, np.ndarray],
+    pose: np.ndarray,
+    step: int,
+    counts: np.ndarray,
+) -> float:
+    """Agreement less contradiction of both panoramas under a pose; tallies them in `counts`."""
+    counts[:] = 0.0
+    _tally(spans[0], points[1], pose[0], pose[1], pose[2], step, counts)
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    x, y = -cos * pose[0] - sin * pose[1], sin * pose[0] - cos * pose[1]
+    _tally(spans[1], points[0], x, y, -pose[2], step, counts)
+    total = counts[0] + counts[1] + counts[2]
+    return (counts[0] - counts[1]) / total if total > 0.0 else 0.0
+
+
+@kernel()
+def _tally(
+    spans: np.ndarray,
+    points: np.ndarray,
+    x: float,
+    y: float,
+    turn: float,
+    step: int,
+    counts: np.ndarray,
+) -> None:
+    """Add to `counts` how many points of one panorama agree, contradict, say nothing of another.
+
+    `x`, `y`, `turn` say where the points' frame lies in that of the `spans`.
+    """
+    cos, sin = math.cos(turn), math.sin(turn)
+    count = spans.shape[0]
+    for k in range(0, points.shape[0], step):
+        u = x + cos * points[k, 0] - sin * points[k, 1]
+        v = y + sin * points[k, 0] + cos * points[k, 1]
+        direction = _direction(u, v, count)
+        least, most = spans[direction, 0], spans[direction, 1]
+        if most == 0.0:
+            continue
+        distance = length_of(u, v)
+        slack = TOLERANCE + SLANT * distance
+        if distance < least - slack:
+            counts[1] += 1.0
+        else:
+            # Less and less the farther off, for the search to climb finely.
+            off = max(least - distance, distance - most, 0.0)
+            counts[0] += max(0.0, 1.0 - off / slack)
+            counts[2] += min(1.0, off / slack)
+
+
+@kernel()
+def _refine(
     spans: tuple[np.ndarray, np.ndarray],
     points: tuple[np.ndarray, np.ndarray],
     pose: np.ndarray,
@@ -166,13 +202,13 @@ def _draw_nearer(
 ) -> float:
     """Climb to the best pose nearby in ever smaller steps; return its score."""
     best = _score(spans, points, pose, 1, counts)
-    step = 0.5 * _GRID
-    while step > _FINEST:
+    step = 0.5 * GRID
+    while step > FINEST:
         better = False
         for axis in range(3):
             for sign in (-1.0, 1.0):
                 before = pose[axis]
-                pose[axis] = before + sign * step * (_TURN_STEP / _GRID if axis == 2 else 1.0)
+                pose[axis] = before + sign * step * (TURN_STEP / GRID if axis == 2 else 1.0)
                 score = _score(spans, points, pose, 1, counts)
                 if score > best:
                     best, better = score, True
@@ -184,58 +220,11 @@ def _draw_nearer(
 
 
 @kernel()
-def _score(
-    spans: tuple[np.ndarray, np.ndarray],
-    points: tuple[np.ndarray, np.ndarray],
-    pose: np.ndarray,
-    step: int,
-    counts: np.ndarray,
-) -> float:
-    """Agreement less contradiction of both panoramas under a pose; tallies them in `counts`."""
-    counts[:] = 0.0
-    _tally(spans[0], points[1], (pose[0], pose[1], pose[2]), step, counts)
-    x, y = _seen_back(pose)
-    _tally(spans[1], points[0], (x, y, -pose[2]), step, counts)
-    total = counts[0] + counts[1] + counts[2]
-    return (counts[0] - counts[1]) / total if total > 0.0 else 0.0
-
-
-@kernel()
-def _tally(
-    spans: np.ndarray,
-    points: np.ndarray,
-    frame: tuple[float, float, float],
-    step: int,
-    counts: np.ndarray,
-) -> None:
-    """Add to `counts` how many points of one panorama agree, contradict, say nothing of another.
-
-    `frame` (x, y, turn) says where the points' frame lies in that of the `spans`.
-    """
-    cos, sin = math.cos(frame[2]), math.sin(frame[2])
-    count = spans.shape[0]
-    for k in range(0, points.shape[0], step):
-        u, v = transform_point(frame, cos, sin, points[k, 0], points[k, 1])
-        direction = _direction(u, v, count)
-        least, most = spans[direction, 0], spans[direction, 1]
-        if most == 0.0:
-            continue
-        distance = length_of(u, v)
-        slack = _TOLERANCE + _SLANT * distance
-        if distance < least - slack:
-            counts[1] += 1.0
-        else:
-            # Less and less the farther off, for the search to climb finely.
-            off = max(least - distance, distance - most, 0.0)
-            counts[0] += max(0.0, 1.0 - off / slack)
-            counts[2] += min(1.0, off / slack)
-
-
-@kernel()
 def _sight(spans: tuple[np.ndarray, np.ndarray], pose: np.ndarray) -> float:
     """How far each panorama looks past the other's origin, the less of the two (m)."""
     apart = length_of(pose[0], pose[1])
-    x, y = _seen_back(pose)
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    x, y = -cos * pose[0] - sin * pose[1], sin * pose[0] - cos * pose[1]
     past = math.inf
     for k in range(2):
         to_x, to_y = (pose[0], pose[1]) if k == 0 else (x, y)
@@ -246,9 +235,14 @@ def _sight(spans: tuple[np.ndarray, np.ndarray], pose: np.ndarray) -> float:
 
 
 @kernel()
-def _seen_back(pose: np.ndarray) -> tuple[float, float]:
-    """The origin, as seen from a pose."""
-    return rotate_back(math.cos(pose[2]), math.sin(pose[2]), -pose[0], -pose[1])
+def _fill_ranges(points: np.ndarray, ranges: np.ndarray) -> None:
+    """Set the ranges (directions,) to those of the nearest points (n, 2); zeros stay without."""
+    for k in range(points.shape[0]):
+        x, y = points[k, 0], points[k, 1]
+        direction = _direction(x, y, ranges.shape[0])
+        distance = length_of(x, y)
+        if ranges[direction] == 0.0 or distance < ranges[direction]:
+            ranges[direction] = distance
 
 
 @kernel()

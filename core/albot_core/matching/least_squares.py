@@ -1,6 +1,7 @@
-"""The normal equations of a Gauss-Newton step by which surfaces seen draw to those remembered.
+"""Gauss-Newton on a pose: the normal equations to which matched lines and points add.
 
-They stand in a tuple, so that compiled code keeps them in registers while surfaces add to them.
+They are a tuple, so that compiled code keeps them in registers while lines add to them. Lines are
+rows (see `lines.describe`).
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_core.mappers.albot1.equations import (
+from albot_core.matching.least_squares import (
     LINE_DOUBT,
     LINE_NOISE,
     POINT_DOUBT,
@@ -16,7 +16,7 @@ from albot_core.mappers.albot1.equations import (
     solved,
     stiff,
 )
-from albot_core.mappers.albot1.outlook import describe
+from albot_core.matching.lines import describe
 
 MOTION, TURN = 400.0, 130.0
 

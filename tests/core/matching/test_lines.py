@@ -1,4 +1,4 @@
-"""Comparing structure: known rigid motions are found, and pairs counted as the slow way does."""
+"""Matching lines: known rigid motions are found, and pairs counted as the slow way does."""
 
 from __future__ import annotations
 
@@ -10,10 +10,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import compose, inverse, transform_segments, wrap_angle
-from albot_core.mappers.albot1.config import Alike, PlacesConfig
-from albot_core.mappers.albot1.structure import MOST_COMPARED, _pair, compare, described, joined
+from albot_core.matching.lines import (
+    MAX_LINES,
+    MatchConfig,
+    _pair,
+    line_rows,
+    match_lines,
+    merge_lines,
+)
 
-ANYWHERE = replace(PlacesConfig.thesis(), gap=0.2).alike
+ANYWHERE = MatchConfig(max_shift=np.inf, max_turn=np.pi)
 NOWHERE = np.zeros(3)
 
 
@@ -33,7 +39,7 @@ def test_a_known_motion_is_found(seed):
     rng = np.random.default_rng(seed)
     mine, motion = walls(rng, 12), motion_of(rng)
     theirs = transform_segments(inverse(motion), mine)[rng.permutation(12)]
-    likeness = compare(mine, theirs, NOWHERE, NOWHERE, ANYWHERE)
+    likeness = match_lines(mine, theirs, NOWHERE, NOWHERE, ANYWHERE)
     np.testing.assert_allclose(likeness.pose[:2], motion[:2], atol=1e-3)
     assert abs(wrap_angle(likeness.pose[2] - motion[2])) < 1e-3
     assert likeness.matches == 12
@@ -50,7 +56,7 @@ def test_it_is_found_with_noise_and_with_parts_missing(seed):
     seen = common + rng.normal(0, 0.02, common.shape)
     mine = np.concatenate((seen, walls(rng, 5)))
     theirs = transform_segments(inverse(motion), np.concatenate((common, walls(rng, 5))))
-    likeness = compare(mine, theirs, NOWHERE, NOWHERE, ANYWHERE)
+    likeness = match_lines(mine, theirs, NOWHERE, NOWHERE, ANYWHERE)
     assert 8 <= likeness.matches <= 10
     assert np.hypot(*(likeness.pose - motion)[:2]) < 0.1
     assert abs(wrap_angle(likeness.pose[2] - motion[2])) < np.radians(2)
@@ -60,7 +66,7 @@ def test_it_is_found_with_noise_and_with_parts_missing(seed):
 def test_strange_walls_are_mostly_strange(seed):
     rng = np.random.default_rng(200 + seed)
     mine, theirs = walls(rng, 12), walls(rng, 12)
-    assert compare(mine, theirs, NOWHERE, NOWHERE, ANYWHERE).matches <= 4
+    assert match_lines(mine, theirs, NOWHERE, NOWHERE, ANYWHERE).matches <= 4
 
 
 @settings(max_examples=40, deadline=None)
@@ -69,9 +75,9 @@ def test_moving_either_place_moves_the_answer(seed):
     rng = np.random.default_rng(seed)
     mine = walls(rng, 8)
     theirs, motion, robot = mine + rng.normal(0, 0.02, mine.shape), motion_of(rng), motion_of(rng)
-    here = compare(mine, theirs, NOWHERE, robot, ANYWHERE)
+    here = match_lines(mine, theirs, NOWHERE, robot, ANYWHERE)
     moved = transform_segments(motion, mine)
-    there = compare(moved, theirs, NOWHERE, compose(motion, robot), ANYWHERE)
+    there = match_lines(moved, theirs, NOWHERE, compose(motion, robot), ANYWHERE)
     assert (there.matches, there.left, there.right) == (here.matches, here.left, here.right)
     assert there.share == pytest.approx(here.share)
     expected = compose(motion, here.pose)
@@ -82,17 +88,17 @@ def test_moving_either_place_moves_the_answer(seed):
 def test_a_place_is_not_found_farther_or_more_turned_than_it_is_looked_for():
     rng = np.random.default_rng(7)
     mine = walls(rng, 10)
-    near = ANYWHERE._replace(shift=1.0, turn=np.radians(10))
+    near = replace(ANYWHERE, max_shift=1.0, max_turn=np.radians(10))
     for motion, found in [
         ((0.5, 0.5, 0.1), True),
         ((1.5, 0.0, 0.0), False),
         ((0.0, 0.0, 0.3), False),
     ]:
         theirs = transform_segments(inverse(np.array(motion)), mine)
-        likeness = compare(mine, theirs, NOWHERE, NOWHERE, near)
+        likeness = match_lines(mine, theirs, NOWHERE, NOWHERE, near)
         assert (likeness.matches == 10) is found
         # Looked for where it is, it is found.
-        assert compare(mine, theirs, np.array(motion), NOWHERE, near).matches == 10
+        assert match_lines(mine, theirs, np.array(motion), NOWHERE, near).matches == 10
 
 
 def test_the_turn_allowed_is_about_the_robot_not_about_a_far_frame():
@@ -101,37 +107,39 @@ def test_the_turn_allowed_is_about_the_robot_not_about_a_far_frame():
     turn = np.array([0.0, 0.0, 0.08])  # about the robot: 40 m at the frame's origin
     about = compose(compose(robot, turn), inverse(robot))
     theirs = transform_segments(inverse(compose(about, far)), mine)
-    near = ANYWHERE._replace(shift=0.5, turn=np.radians(10))
-    assert compare(mine, theirs, far, robot, near).matches == 10
+    near = replace(ANYWHERE, max_shift=0.5, max_turn=np.radians(10))
+    assert match_lines(mine, theirs, far, robot, near).matches == 10
 
 
 def test_nothing_is_like_nothing():
     empty, some = np.empty((0, 4)), walls(np.random.default_rng(0), 5)
     for mine, theirs in [(empty, empty), (empty, some), (some, empty), (some, 0.1 * some)]:
-        likeness = compare(mine, theirs, NOWHERE, NOWHERE, ANYWHERE)
+        likeness = match_lines(mine, theirs, NOWHERE, NOWHERE, ANYWHERE)
         assert tuple(likeness)[1:] == (0, 0, 0, 0.0)
 
 
 def test_of_many_surfaces_the_longest_are_compared():
     rng = np.random.default_rng(1)
-    many = walls(rng, 3 * MOST_COMPARED)
-    rows = described(many, ANYWHERE)
+    many = walls(rng, 3 * MAX_LINES)
+    rows = line_rows(many, ANYWHERE)
     lengths = np.hypot(*(many[:, 2:] - many[:, :2]).T)
-    assert len(rows) == MOST_COMPARED
-    np.testing.assert_allclose(np.sort(rows[:, 4]), np.sort(lengths)[-MOST_COMPARED:])
+    assert len(rows) == MAX_LINES
+    np.testing.assert_allclose(np.sort(rows[:, 4]), np.sort(lengths)[-MAX_LINES:])
 
 
-def slow_pairs(mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray, alike: Alike) -> list[int]:
+def slow_pairs(
+    mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray, config: MatchConfig
+) -> list[int]:
     """Each of theirs is the nearest of mine that is beside it, parallel, and not yet taken."""
     pairs: list[int] = []
     for x1, y1, x2, y2 in transform_segments(pose, theirs):
         seen = np.array([x2 - x1, y2 - y1])
-        best, which = alike.gap, -1
+        best, which = config.max_gap, -1
         for k, (a1, b1, a2, b2) in enumerate(mine):
             wall = np.array([a2 - a1, b2 - b1])
             length = np.linalg.norm(wall)
             cos = seen @ wall / (np.linalg.norm(seen) * length)
-            if k in pairs or cos <= np.cos(alike.angle):
+            if k in pairs or cos <= np.cos(config.max_angle):
                 continue
             along, across = wall / length, np.array([-wall[1], wall[0]]) / length
             ends = np.array([[x1 - a1, y1 - b1], [x2 - a1, y2 - b1]])
@@ -153,11 +161,12 @@ def test_surfaces_are_paired_as_the_slow_way_pairs_them(seed, spread):
     mine, pose = walls(rng, 10), motion_of(rng)
     crowd = np.concatenate((mine, mine[:4]))
     theirs = transform_segments(inverse(pose), crowd + rng.normal(0, spread, crowd.shape))
-    alike = ANYWHERE._replace(angle=np.radians(15), gap=0.4)
+    config = replace(ANYWHERE, max_angle=np.radians(15), max_gap=0.4)
     pairs = np.empty(len(theirs), np.int64)
-    rows_mine, rows_theirs = described(mine, alike), described(theirs, alike._replace(shortest=0.0))
-    found = _pair(rows_mine, rows_theirs, pose, alike, pairs)
-    expected = slow_pairs(mine, theirs, pose, alike)
+    rows_mine = line_rows(mine, config)
+    rows_theirs = line_rows(theirs, replace(config, min_length=1e-9))
+    found = _pair(rows_mine, rows_theirs, pose, config.limits, pairs)
+    expected = slow_pairs(mine, theirs, pose, config)
     assert pairs.tolist() == expected
     assert found == sum(pair >= 0 for pair in expected)
 
@@ -165,10 +174,10 @@ def test_surfaces_are_paired_as_the_slow_way_pairs_them(seed, spread):
 def test_joined_keeps_one_of_each_and_the_newer_unless_it_shows_much_less():
     old = np.array([[0.0, 0, 2, 0], [0, 5, 4, 5], [9, 9, 9, 12]])
     new = np.array([[0.0, 0.05, 1.9, 0.05], [1, 5.05, 2, 5.05], [20, 0, 21, 0]])
-    both = joined(old, new, ANYWHERE)
+    both = merge_lines(old, new, ANYWHERE)
     np.testing.assert_array_equal(both, np.array([old[1], old[2], new[0], new[2]]))
-    np.testing.assert_array_equal(joined(old, np.empty((0, 4)), ANYWHERE), old)
-    np.testing.assert_array_equal(joined(np.empty((0, 4)), new, ANYWHERE), new)
+    np.testing.assert_array_equal(merge_lines(old, np.empty((0, 4)), ANYWHERE), old)
+    np.testing.assert_array_equal(merge_lines(np.empty((0, 4)), new, ANYWHERE), new)
 
 
 @settings(deadline=None)
@@ -176,4 +185,4 @@ def test_joined_keeps_one_of_each_and_the_newer_unless_it_shows_much_less():
 def test_joining_what_is_known_adds_nothing(seed):
     some = walls(np.random.default_rng(seed), 6, (1.0, 2.0))
     apart = some + np.tile(np.repeat(np.arange(6) * 10.0, 2).reshape(6, 2), (1, 2))
-    assert len(joined(apart, apart, ANYWHERE)) == 6
+    assert len(merge_lines(apart, apart, ANYWHERE)) == 6

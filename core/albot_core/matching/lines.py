@@ -1,0 +1,374 @@
+"""Matching the lines of two places: which are the same, and where the one place lies in the other.
+
+This is the search of Hossain (2014), algorithms 6 and 8, for any two sets of line segments. Each
+line of the one set is supposed to be each of the other. Of all the poses that follow, the best is
+the one under which most lines coincide. It is refined by Gauss-Newton steps.
+
+Compiled code takes lines as rows: x1, y1, x2, y2 (m), length (m), heading (rad), and the unit
+vector along the line. A pose says where the frame of the second set lies in that of the first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Pose, Segments
+from albot_core.kernels.compiled import kernel
+from albot_core.matching.least_squares import pulled_by_line, solved, stiff
+from albot_core.ranges import POSITIVE, check_fields
+
+MAX_LINES = 48
+"""Of more lines only so many are compared, the longest: the work grows with the fourth power of
+their number."""
+ROUNDS = 3
+"""How often the pose is refined."""
+MIN_OVERLAP = 0.3
+"""Two lines overlap if they share this part of the shorter one's length."""
+REPLACED_FROM = 0.8
+"""A line seen anew replaces a remembered one from this share of its length on."""
+
+
+class MatchLimits(NamedTuple):
+    """`MatchConfig` as compiled code takes it (m, rad)."""
+
+    min_length: float
+    max_gap: float
+    max_angle: float
+    max_shift: float
+    max_turn: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchConfig:
+    """When two lines, and two places, match."""
+
+    min_length: float = 0.40
+    """Shorter lines are not compared (m)."""
+    max_gap: float = 0.20
+    """Two lines match only if they run closer to each other than this (m)."""
+    max_angle: float = np.radians(5.0)
+    """Two lines match only if their headings differ by less (rad)."""
+    max_shift: float = 3.0
+    """How far the place may be from where it is looked for (m); may be infinite."""
+    max_turn: float = np.radians(20.0)
+    """How far it may be turned from how it is looked for (rad)."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, POSITIVE, "min_length", "max_gap", "max_angle", "max_turn")
+        if not self.max_shift > 0:
+            raise InputError("MatchConfig.max_shift", "above 0", str(self.max_shift))
+
+    @property
+    def limits(self) -> MatchLimits:
+        """The same as compiled code takes it."""
+        return MatchLimits(
+            self.min_length, self.max_gap, self.max_angle, self.max_shift, self.max_turn
+        )
+
+
+class LineMatch(NamedTuple):
+    """How the lines of one place were found in another's."""
+
+    pose: Pose
+    """Where the other place's frame lies."""
+    matches: int
+    """How many lines are the same."""
+    left: int
+    """How many of them are to the left of the robot."""
+    right: int
+    """How many are to its right."""
+    share: float
+    """Match score: the share of the shorter description's total length that is the same."""
+
+
+def match_lines(
+    mine: Segments, theirs: Segments, guess: Pose, robot: Pose, config: MatchConfig
+) -> LineMatch:
+    """Find the lines of a remembered place among those of the present one (algorithm 6).
+
+    Args:
+        mine: Lines of the present place (n, 4), in the map's frame (m).
+        theirs: Lines of the remembered place (m, 4), in its own frame (m).
+        guess: Where its frame is looked for, in the map's frame.
+        robot: Where the robot is, in the map's frame.
+        config: When lines and places match.
+    """
+    pose, counts, limits = np.array(guess, float), np.zeros(3, np.int64), config.limits
+    share = _match(
+        line_rows(mine, config), line_rows(theirs, config), guess, robot, limits, pose, counts
+    )
+    return LineMatch(pose, int(counts[0]), int(counts[1]), int(counts[2]), float(share))
+
+
+def line_rows(lines: Segments, config: MatchConfig) -> Float64[np.ndarray, "n 8"]:
+    """The rows of the lines that are compared: the longest, in their order (m; n, 8)."""
+    rows = np.empty((len(lines), 8))
+    rows = rows[: _describe_all(np.ascontiguousarray(lines), config.min_length, rows)]
+    if len(rows) > MAX_LINES:
+        rows = rows[np.sort(np.argsort(-rows[:, 4], kind="stable")[:MAX_LINES])]
+    return rows
+
+
+@kernel()
+def _describe_all(lines: np.ndarray, min_length: float, rows: np.ndarray) -> int:
+    """Fill the rows of the lines from this length on; how many there are."""
+    kept = 0
+    for k in range(lines.shape[0]):
+        if length_of(lines[k]) >= min_length:
+            describe(lines[k], rows[kept])
+            kept += 1
+    return kept
+
+
+@kernel(arrays=True)
+def _match(
+    mine: np.ndarray,
+    theirs: np.ndarray,
+    guess: np.ndarray,
+    robot: np.ndarray,
+    limits: MatchLimits,
+    best: np.ndarray,
+    counts: np.ndarray,
+) -> float:
+    """`match_lines` on rows: set the best pose and the counts, return the share."""
+    pairs = np.empty(theirs.shape[0], np.int64)
+    if _search(mine, theirs, guess, robot, limits, best, pairs) == 0:
+        return 0.0
+    for _ in range(ROUNDS):
+        _pair(mine, theirs, best, limits, pairs)
+        _refine(mine, theirs, pairs, best)
+    counts[0] = _pair(mine, theirs, best, limits, pairs)
+    return _count_sides(mine, theirs, pairs, robot, counts)
+
+
+@kernel(arrays=True)
+def _search(
+    mine: np.ndarray,
+    theirs: np.ndarray,
+    guess: np.ndarray,
+    robot: np.ndarray,
+    limits: MatchLimits,
+    best: np.ndarray,
+    pairs: np.ndarray,
+) -> int:
+    """Set the pose under which most lines are the same; return how many."""
+    pose = np.empty(3)
+    most = 0
+    for j in range(mine.shape[0]):
+        for k in range(theirs.shape[0]):
+            for anchor in range(3):
+                lay_on(mine[j], theirs[k], anchor, pose)
+                if not is_near(pose, guess, robot, limits):
+                    continue
+                found = _pair(mine, theirs, pose, limits, pairs)
+                if found > most:
+                    most = found
+                    for i in range(3):
+                        best[i] = pose[i]
+    return most
+
+
+@kernel()
+def lay_on(one: np.ndarray, other: np.ndarray, anchor: int, pose: np.ndarray) -> None:
+    """Set the pose under which `other` lies on `one`.
+
+    Their first ends coincide where the anchor is 0, their middles where it is 1, their last ends
+    where it is 2.
+    """
+    pose[2] = wrap(one[5] - other[5])
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    first, last = 1.0 - 0.5 * anchor, 0.5 * anchor
+    x, y = first * other[0] + last * other[2], first * other[1] + last * other[3]
+    pose[0] = first * one[0] + last * one[2] - (cos * x - sin * y)
+    pose[1] = first * one[1] + last * one[3] - (sin * x + cos * y)
+
+
+@kernel()
+def is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, limits: MatchLimits) -> bool:
+    """Whether a place at `pose` is about where it is looked for, seen from the robot."""
+    turn = wrap(pose[2] - guess[2])
+    if abs(turn) > limits.max_turn:
+        return False
+    # Where the guessed place's point under the robot would come to lie.
+    cos, sin = np.cos(turn), np.sin(turn)
+    x, y = robot[0] - guess[0], robot[1] - guess[1]
+    dx = pose[0] + cos * x - sin * y - robot[0]
+    dy = pose[1] + sin * x + cos * y - robot[1]
+    return bool(dx * dx + dy * dy <= limits.max_shift * limits.max_shift)
+
+
+@kernel(arrays=True)
+def _pair(
+    mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray, limits: MatchLimits, pairs: np.ndarray
+) -> int:
+    """Fill `pairs` (m,) with the line of `mine` that each of `theirs` is, -1 for none.
+
+    Each takes the nearest of mine that is not yet taken. Returns how many pairs there are.
+    """
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    taken = np.zeros(mine.shape[0], np.bool_)
+    found = 0
+    for q in range(theirs.shape[0]):
+        pairs[q] = -1
+        best = limits.max_gap
+        for k in range(mine.shape[0]):
+            if taken[k] or abs(wrap(wrap(theirs[q, 5] + pose[2]) - mine[k, 5])) >= limits.max_angle:
+                continue
+            aside = beside(mine[k], moved_ends(theirs[q], pose, cos, sin), theirs[q, 4])
+            if aside < best:
+                best = aside
+                pairs[q] = k
+        if pairs[q] >= 0:
+            taken[pairs[q]] = True
+            found += 1
+    return found
+
+
+@kernel()
+def _refine(mine: np.ndarray, theirs: np.ndarray, pairs: np.ndarray, pose: np.ndarray) -> None:
+    """A Gauss-Newton step on the pose that lays the paired lines on each other."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    # Nothing tells how far a place lies along a single wall: the weak prior leaves it there.
+    equations = stiff(1.0, 1e-3)
+    for q in range(theirs.shape[0]):
+        if pairs[q] >= 0:
+            equations = pulled_by_line(equations, theirs[q], mine[pairs[q]], pose, cos, sin)
+    x, y, turn = solved(equations)
+    pose[0] += x
+    pose[1] += y
+    pose[2] = wrap(pose[2] + turn)
+
+
+@kernel()
+def _count_sides(
+    mine: np.ndarray,
+    theirs: np.ndarray,
+    pairs: np.ndarray,
+    robot: np.ndarray,
+    counts: np.ndarray,
+) -> float:
+    """Count the pairs to the robot's left and right; return their share of the total length."""
+    same = total_mine = total_theirs = 0.0
+    cos, sin = np.cos(robot[2]), np.sin(robot[2])
+    for q in range(theirs.shape[0]):
+        total_theirs += theirs[q, 4]
+        if pairs[q] >= 0:
+            wall = mine[pairs[q]]
+            same += min(theirs[q, 4], wall[4])
+            x, y = 0.5 * (wall[0] + wall[2]) - robot[0], 0.5 * (wall[1] + wall[3]) - robot[1]
+            counts[1 if cos * y - sin * x > 0.0 else 2] += 1
+    for k in range(mine.shape[0]):
+        total_mine += mine[k, 4]
+    return same / min(total_mine, total_theirs)
+
+
+def merge_lines(
+    old: Float64[np.ndarray, "old 4"], new: Float64[np.ndarray, "new 4"], config: MatchConfig
+) -> Float64[np.ndarray, "both 4"]:
+    """The lines of a description together with those seen anew, all in one frame (m).
+
+    Of two that are the same the newer one stays, unless it is much shorter.
+    """
+    old_rows, new_rows = np.empty((len(old), 8)), np.empty((len(new), 8))
+    _describe_all(np.ascontiguousarray(old), 0.0, old_rows)
+    _describe_all(np.ascontiguousarray(new), 0.0, new_rows)
+    keep_old, keep_new = np.ones(len(old), np.bool_), np.ones(len(new), np.bool_)
+    _merge(old_rows, new_rows, config.limits, keep_old, keep_new)
+    return np.concatenate((old[keep_old], new[keep_new]))
+
+
+@kernel()
+def _merge(
+    old: np.ndarray,
+    new: np.ndarray,
+    limits: MatchLimits,
+    keep_old: np.ndarray,
+    keep_new: np.ndarray,
+) -> None:
+    for q in range(new.shape[0]):
+        ends = new[q, 0], new[q, 1], new[q, 2], new[q, 3]
+        for k in range(old.shape[0]):
+            if not keep_old[k] or abs(wrap(new[q, 5] - old[k, 5])) >= 2 * limits.max_angle:
+                continue
+            if beside(old[k], ends, new[q, 4]) >= limits.max_gap:
+                continue
+            if new[q, 4] >= REPLACED_FROM * old[k, 4]:
+                keep_old[k] = False
+            else:
+                keep_new[q] = False
+
+
+# A line as a row, and what comparisons ask of it.
+
+Ends = tuple[float, float, float, float]
+"""A line's ends x1, y1, x2, y2 (m)."""
+
+
+@kernel()
+def describe(line: np.ndarray, row: np.ndarray) -> None:
+    """Fill a row: x1, y1, x2, y2, length, heading, and the unit vector along the line."""
+    measure(line, row)
+    row[5] = heading_of(line)
+
+
+@kernel()
+def measure(line: np.ndarray, row: np.ndarray) -> None:
+    """Fill a row but for its heading, which takes longer than all else."""
+    for i in range(4):
+        row[i] = line[i]
+    length = length_of(line)
+    row[4] = length
+    row[6] = (line[2] - line[0]) / length
+    row[7] = (line[3] - line[1]) / length
+
+
+@kernel()
+def heading_of(line: np.ndarray) -> float:
+    """Direction of a line from its first end to its second (rad)."""
+    return float(np.arctan2(line[3] - line[1], line[2] - line[0]))
+
+
+@kernel()
+def length_of(line: np.ndarray) -> float:
+    """Length of a line (m)."""
+    x, y = line[2] - line[0], line[3] - line[1]
+    return float(np.sqrt(x * x + y * y))
+
+
+@kernel()
+def wrap(angle: float) -> float:
+    """The same angle in [-pi, pi), for angles in [-3 pi, 3 pi): all sums of two headings."""
+    if angle >= np.pi:
+        return angle - 2 * np.pi
+    if angle < -np.pi:
+        return angle + 2 * np.pi
+    return angle
+
+
+@kernel()
+def moved_ends(row: np.ndarray, motion: np.ndarray, cos: float, sin: float) -> Ends:
+    """A line's ends after a motion (3,), the cosine and sine of whose turn are given."""
+    return (
+        motion[0] + cos * row[0] - sin * row[1],
+        motion[1] + sin * row[0] + cos * row[1],
+        motion[0] + cos * row[2] - sin * row[3],
+        motion[1] + sin * row[2] + cos * row[3],
+    )
+
+
+@kernel()
+def beside(wall: np.ndarray, ends: Ends, length: float) -> float:
+    """Mean distance of a line of a length (m) from the wall; infinity where they do not overlap."""
+    ux, uy = wall[6], wall[7]
+    dx, dy = ends[0] - wall[0], ends[1] - wall[1]
+    first, aside = ux * dx + uy * dy, ux * dy - uy * dx
+    dx, dy = ends[2] - wall[0], ends[3] - wall[1]
+    last = ux * dx + uy * dy
+    aside = 0.5 * abs(aside + ux * dy - uy * dx)
+    overlap = min(last, wall[4]) - max(first, 0.0)
+    return aside if overlap >= MIN_OVERLAP * min(length, wall[4]) else np.inf

@@ -1,0 +1,171 @@
+"""Compiled matching of local submaps: lines propose how they lie, scans decide.
+
+Algorithm 6 of Hossain (2014) supposes that each line of the one place is each of the other (see
+`lines`). Here what was seen scores each pose that follows: points of the one submap that fall on
+walls of the other count for it, and points that fall where the other saw free space against it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from albot_core.kernels.compiled import kernel
+from albot_core.matching.lines import MatchLimits, is_near, lay_on
+
+CELL = 0.15
+"""Side of a cell of the grid (m)."""
+CELLS = 220
+"""Cells along the grid's sides, with the robot in the middle."""
+MIDDLE = CELLS // 2 + 0.37
+"""The robot's place along the sides, in cells. It is not at a corner: in made-up worlds walls
+stand at round distances from it, and would be in one cell or the next by chance."""
+UNKNOWN, FREE, WALL = 0, 1, 2
+"""What a cell may be; a wall is as wide as three."""
+
+FREE_PENALTY = 2.0
+"""A point in free space counts against so many points on walls."""
+COARSE = 4
+"""To compare proposed poses every fourth point will do."""
+STEP, TURN, HALVINGS, ROUNDS = 0.2, np.radians(4.0), 4, 10
+"""Refinement moves by these steps (m, rad), at most so many rounds each, and halves them so
+often."""
+ASIDE = 1.2
+"""So far aside (m) the submaps should no longer match…"""
+AMBIGUITY_WEIGHT = 0.5
+"""…and so much of the score there is taken off: along a bare corridor a match tells nothing."""
+
+
+@kernel(arrays=True)
+def match_grids(
+    mine: np.ndarray,
+    my_points: np.ndarray,
+    my_grid: np.ndarray,
+    theirs: np.ndarray,
+    their_points: np.ndarray,
+    their_grid: np.ndarray,
+    limits: MatchLimits,
+    pose: np.ndarray,
+) -> float:
+    """The match score of two submaps at the best pose, at most 1.
+
+    Args:
+        mine: Rows of the one's lines (see `lines.describe`).
+        my_points: What was seen there (n, 2), in its frame (m).
+        my_grid: Its cells (CELLS, CELLS).
+        theirs: As `mine`, of the other.
+        their_points: As `my_points`.
+        their_grid: As `my_grid`.
+        limits: How far apart, and how much turned, their frames may be.
+        pose: Set to where the other's frame lies in the one's; to infinity where no pose is
+            proposed.
+    """
+    if not _propose(mine, theirs, their_points, my_grid, limits, pose):
+        for i in range(3):
+            pose[i] = np.inf
+        return 0.0
+    _refine(their_points, my_grid, pose)
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    back, beside = np.empty(3), np.empty(3)
+    back[0], back[1] = -cos * pose[0] - sin * pose[1], sin * pose[0] - cos * pose[1]
+    back[2] = -pose[2]
+    beside[2] = pose[2]
+    elsewhere = -np.inf
+    for way in range(8):
+        beside[0] = pose[0] + ASIDE * np.cos(0.25 * np.pi * way)
+        beside[1] = pose[1] + ASIDE * np.sin(0.25 * np.pi * way)
+        elsewhere = max(elsewhere, _score(their_points, my_grid, beside, 1))
+    there = _score(their_points, my_grid, pose, 1)
+    here = _score(my_points, their_grid, back, 1)
+    both = (there + here) / (their_points.shape[0] + my_points.shape[0])
+    return float(both - AMBIGUITY_WEIGHT * elsewhere / their_points.shape[0])
+
+
+@kernel(arrays=True)
+def _propose(
+    mine: np.ndarray,
+    theirs: np.ndarray,
+    points: np.ndarray,
+    grid: np.ndarray,
+    limits: MatchLimits,
+    best: np.ndarray,
+) -> bool:
+    """Set `best` to the pose of best score that two lines propose; false where there is none."""
+    pose, nowhere = np.empty(3), np.zeros(3)
+    most = -np.inf
+    for j in range(mine.shape[0]):
+        for k in range(theirs.shape[0]):
+            for anchor in range(3):
+                lay_on(mine[j], theirs[k], anchor, pose)
+                if not is_near(pose, nowhere, nowhere, limits):
+                    continue
+                score = _score(points, grid, pose, COARSE)
+                if score > most:
+                    most = score
+                    for i in range(3):
+                        best[i] = pose[i]
+    return bool(most > -np.inf)
+
+
+@kernel()
+def _score(points: np.ndarray, grid: np.ndarray, pose: np.ndarray, every: int) -> float:
+    """Points on walls of the grid in which they lie at `pose`, less those in free space."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    total = 0.0
+    for k in range(0, points.shape[0], every):
+        x = pose[0] + cos * points[k, 0] - sin * points[k, 1]
+        y = pose[1] + sin * points[k, 0] + cos * points[k, 1]
+        i, j = int(np.floor(x / CELL + MIDDLE)), int(np.floor(y / CELL + MIDDLE))
+        if 0 <= i < CELLS and 0 <= j < CELLS:
+            cell = grid[i, j]
+            if cell == WALL:
+                total += 1.0
+            elif cell == FREE:
+                total -= FREE_PENALTY
+    return total
+
+
+@kernel(arrays=True)
+def _refine(points: np.ndarray, grid: np.ndarray, best: np.ndarray) -> None:
+    """Move `best` by ever smaller steps as long as the score grows."""
+    pose = np.empty(3)
+    most = _score(points, grid, best, 1)
+    for halving in range(HALVINGS):
+        for _ in range(ROUNDS):
+            before = most
+            for way in range(6):
+                for i in range(3):
+                    pose[i] = best[i]
+                step = (STEP if way < 4 else TURN) / (1 << halving)
+                pose[way // 2] += step if way % 2 else -step
+                score = _score(points, grid, pose, 1)
+                if score > most:
+                    most = score
+                    for i in range(3):
+                        best[i] = pose[i]
+            if most == before:
+                break
+
+
+@kernel()
+def mark_free(grid: np.ndarray, eye: np.ndarray, points: np.ndarray) -> None:
+    """Mark the cells between the eye (2,) and what it sees (n, 2), in the robot's frame (m)."""
+    for k in range(points.shape[0]):
+        dx, dy = points[k, 0] - eye[0], points[k, 1] - eye[1]
+        away = np.sqrt(dx * dx + dy * dy)
+        for step in range(int(max(away - 2 * CELL, 0.0) / (0.5 * CELL))):
+            part = step * 0.5 * CELL / away
+            i = int(np.floor((eye[0] + part * dx) / CELL + MIDDLE))
+            j = int(np.floor((eye[1] + part * dy) / CELL + MIDDLE))
+            if 0 <= i < CELLS and 0 <= j < CELLS:
+                grid[i, j] = FREE
+
+
+@kernel()
+def mark_walls(grid: np.ndarray, points: np.ndarray) -> None:
+    """Mark the cells of points (n, 2) in the robot's frame (m), and those beside them."""
+    for k in range(points.shape[0]):
+        i = int(np.floor(points[k, 0] / CELL + MIDDLE))
+        j = int(np.floor(points[k, 1] / CELL + MIDDLE))
+        for a in range(max(i - 1, 0), min(i + 2, CELLS)):
+            for b in range(max(j - 1, 0), min(j + 2, CELLS)):
+                grid[a, b] = WALL
