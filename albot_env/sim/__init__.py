@@ -1,9 +1,8 @@
 """The simulator: the Pioneer 3-DX and its sensors in a world of walls."""
 
 from albot_env.sim.drive import PIONEER_3DX, RobotConfig
-from albot_env.sim.laser import LASERS, LMS_200, LaserConfig
+from albot_env.sim.laser import LASERS, LMS_200, LaserConfig, RayCaster
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
-from albot_env.sim.rays import RayCaster
 from albot_env.sim.scenes import SCENES, SceneConfig
 from albot_env.sim.sensors import Sensors, choose_sensors
 from albot_env.sim.simulator import Simulator

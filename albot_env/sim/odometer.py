@@ -1,4 +1,13 @@
-"""The odometer: what the robot believes about its motion from turning wheels."""
+"""The odometer: what the robot believes about its motion from turning wheels.
+
+A robot's count is a row of COUNTS numbers. `roll_wheels` adds to it in each physics step, without
+random numbers but with all systematic errors; `read_odometer` adds the random ones and begins to
+count anew. It begins an episode with zeros, and the episode with a reading, before the wheels
+turn: that draws what holds for the episode.
+
+Numbers that few odometers need come from places in the robot's stream beyond all that
+readings take in turn, so that one with them draws the same two numbers a reading.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +15,16 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
+from albot_core.geometry.directions import length_of, wrapped
+from albot_core.kernels.compiled import kernel
 from albot_core.ranges import NOT_NEGATIVE, Range, check_fields
+from albot_env.sim.noise import draw, draw_normals, draw_uniform
 
 _FINITE = Range("a finite number", -math.inf)
 _RATIO = Range("a number above -1", -1.0, beyond=True)
@@ -55,7 +68,7 @@ class OdometerConfig:
     caster_drag: float = 0.0
     """How far the swinging caster turns the robot, unmeasured: rad for each rad of swing. It
     holds turns up at their beginning and throws the tail out when the robot reverses
-    (`caster_kernels` says how it swings)."""
+    (`caster_angle_after` says how it swings)."""
     slip_rate: float = 0.0
     """How often a wheel spins: times on a metre, on average (1/m), at random."""
     slip_length: float = 0.0
@@ -166,3 +179,204 @@ whatever its manual says.
 simulated loops (Experience mapping, ACRA 2005, section 5.2; figures 8 to 10), and no other
 error. Measured turns to the left are too large by them; the paper does not say which way.
 """
+
+
+X, Y, HEADING, WAY, TURNING, LEFT_WAY, RIGHT_WAY = range(7)
+"""Counted since the last reading: position and heading in the robot's frame then (m, rad),
+distance and turning without sign (m, rad), and the two wheels' ways without sign (m)."""
+LEFT_REST, RIGHT_REST, CASTER, SLIPS, ROLLED, NEXT_SLIP, DISTANCE, TURN = range(7, 15)
+"""Kept over the episode: what the wheels rolled beyond their last ticks (m); the caster's
+angle (rad); slips so far, the way rolled so far and that at the next slip (m); and the
+factors of distance and turn, zero before they are drawn."""
+COUNTS = 15
+"""Length of a count."""
+
+LEFT, RIGHT, BASE, BIAS, ALONG_NOISE, DRIFT_NOISE, TURN_NOISE = range(7)
+WHEEL_NOISE, TICK, CASTER_DRAG, SLIP_GAP, SLIP_LENGTH = range(7, 12)
+DISTANCE_SPREAD, TURN_SPREAD, MORE = range(12, 15)
+"""Places in `errors`, the numbers of `OdometerConfig.constants`."""
+ERRORS = 15
+"""Length of `errors`."""
+
+ODOMETER_DRAWS = 2
+"""Places in the robot's stream that a reading takes."""
+
+_EPISODE: Any = np.int64(2**62)
+"""Where in the stream the episode's two numbers are."""
+_SLIPS: Any = np.int64(2**62 + 2)
+"""Where in the stream the slips' numbers begin: three for each."""
+
+CASTER_PIVOT = 0.2
+"""L: distance of the pivot behind the axle (m); nominal, as of a Pioneer 3-DX."""
+CASTER_TRAIL = 0.03
+"""c: distance of the wheel behind the pivot (m); nominal."""
+_CASTER_SKEW = math.radians(1.0)
+"""A caster does not trail quite straight, so that reversing straight on it does not balance."""
+_CASTER_STEP = 0.2
+"""The equation is solved in steps of at most this angle (rad)."""
+
+
+@kernel()
+def roll_wheels(
+    count: np.ndarray, left: float, right: float, duration: float, errors: np.ndarray
+) -> None:
+    """Add what the wheels roll at these speeds (m/s) for a while (s)."""
+    if left == 0.0 and right == 0.0:
+        return
+    left *= duration * errors[LEFT]
+    right *= duration * errors[RIGHT]
+    if errors[MORE] != 0.0:
+        _roll_with_rarer_errors(count, left, right, duration, errors)
+        return
+    turn = (right - left) / errors[BASE] + errors[BIAS] * duration
+    _move(count, (left + right) / 2, turn)
+
+
+@kernel()
+def _roll_with_rarer_errors(
+    count: np.ndarray, left: float, right: float, duration: float, errors: np.ndarray
+) -> None:
+    """Add what the wheels roll on these ways (m) in a while (s), with the rarer errors too."""
+    if errors[TICK] > 0.0:
+        left = _whole_ticks(count, LEFT_REST, left, errors[TICK])
+        right = _whole_ticks(count, RIGHT_REST, right, errors[TICK])
+    turn = (right - left) / errors[BASE] + errors[BIAS] * duration
+    distance = (left + right) / 2
+    if errors[CASTER_DRAG] > 0.0:
+        angle = caster_angle_after(count[CASTER], distance, turn)
+        turn -= errors[CASTER_DRAG] * (angle - count[CASTER])
+        count[CASTER] = angle
+    count[LEFT_WAY] += abs(left)
+    count[RIGHT_WAY] += abs(right)
+    if count[DISTANCE] != 0.0:
+        distance, turn = distance * count[DISTANCE], turn * count[TURN]
+    _move(count, distance, turn)
+
+
+@kernel()
+def _whole_ticks(count: np.ndarray, rest: int, way: float, tick: float) -> float:
+    """The way (m) of whole ticks that pass as a wheel rolls on; the rest is kept."""
+    count[rest] += way
+    whole: float = math.floor(count[rest] / tick) * tick
+    count[rest] -= whole
+    return whole
+
+
+@kernel()
+def caster_angle_after(angle: float, distance: float, turn: float) -> float:
+    """The caster's angle after the robot drives so far (m) while it turns so much (rad).
+
+    The wheel's point of contact moves only where the wheel points. With the caster's pivot a
+    length L behind the axle, its wheel a length c behind the pivot, and the robot driving at v
+    and turning at ω, the caster's angle ψ (rad, counter-clockwise, 0 as it trails when the
+    robot drives on) obeys
+
+        ψ' = -(v sin ψ + ω L cos ψ) / c - ω
+
+    (Campion, Bastin and D'Andréa-Novel, Structural properties and classification of kinematic
+    and dynamic models of wheeled mobile robots, IEEE Trans. Robotics and Automation 12(1),
+    1996: the constraint of a castor wheel). When the robot reverses, it swings right round.
+    """
+    steps = math.ceil(
+        (abs(distance) / CASTER_TRAIL + abs(turn) * (1 + CASTER_PIVOT / CASTER_TRAIL))
+        / _CASTER_STEP
+    )
+    for _ in range(steps):
+        change = _caster_rate(angle, distance, turn) / steps
+        angle += _caster_rate(angle + change / 2, distance, turn) / steps
+    return angle
+
+
+@kernel()
+def _caster_rate(angle: float, distance: float, turn: float) -> float:
+    """How fast the caster swings, as the whole motion takes one unit of time."""
+    along = distance * math.sin(angle - math.copysign(_CASTER_SKEW, distance))
+    return -(along + turn * CASTER_PIVOT * math.cos(angle)) / CASTER_TRAIL - turn
+
+
+@kernel()
+def _move(count: np.ndarray, distance: float, turn: float) -> None:
+    """Add an arc of this length (m) and turn (rad)."""
+    half = turn / 2
+    length = distance * math.sin(half) / half if half else distance
+    count[X] += length * math.cos(count[HEADING] + half)
+    count[Y] += length * math.sin(count[HEADING] + half)
+    count[HEADING] += turn
+    count[WAY] += abs(distance)
+    count[TURNING] += abs(turn)
+
+
+@kernel()
+def read_odometer(
+    count: np.ndarray, errors: np.ndarray, key: np.uint64, place: int, motion: np.ndarray
+) -> None:
+    """Write the motion measured, with its random error, and begin to count anew."""
+    if count[DISTANCE] == 0.0:
+        _begin_episode(count, errors, key)
+    noise_along, noise_heading = draw_normals(key, place)
+    along, error = _random_errors(count, errors, noise_along, noise_heading)
+    if errors[SLIP_LENGTH] > 0.0:
+        excess, turn = _wheel_slip(count, errors, key)
+        along, error = along + excess, error + turn
+    # The heading's error grew on the way: half of it bends the way itself.
+    cos, sin = math.cos(error / 2), math.sin(error / 2)
+    x, y = count[X], count[Y]
+    reach = length_of(x, y)
+    if reach > 0.0:
+        x, y = x + along * x / reach, y + along * y / reach
+    motion[0], motion[1] = cos * x - sin * y, sin * x + cos * y
+    motion[2] = wrapped(count[HEADING] + error)
+    for i in range(RIGHT_WAY + 1):
+        count[i] = 0.0
+
+
+@kernel()
+def _begin_episode(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> None:
+    """Draw the episode's factors of distance and turn, and the way to the first slip."""
+    count[DISTANCE] = 1.0 + errors[DISTANCE_SPREAD] * (draw_uniform(key, _EPISODE) - 0.5)
+    count[TURN] = 1.0 + errors[TURN_SPREAD] * (draw_uniform(key, _EPISODE + 1) - 0.5)
+    count[NEXT_SLIP] = errors[SLIP_GAP] * _draw_exponential(key, _SLIPS)
+
+
+@kernel()
+def _random_errors(
+    count: np.ndarray, errors: np.ndarray, noise_along: float, noise_heading: float
+) -> tuple[float, float]:
+    """The random errors of distance (m) and heading (rad) from two normal numbers."""
+    along = errors[ALONG_NOISE] * math.sqrt(count[WAY])
+    drift = math.sqrt(
+        errors[DRIFT_NOISE] ** 2 * count[WAY] + errors[TURN_NOISE] ** 2 * count[TURNING]
+    )
+    if errors[WHEEL_NOISE] == 0.0:
+        return along * noise_along, noise_heading * drift
+    # Half the sum and the difference of the two wheels' errors, which go together where
+    # one wheel rolls farther than the other.
+    left = errors[WHEEL_NOISE] ** 2 * count[LEFT_WAY]
+    right = errors[WHEEL_NOISE] ** 2 * count[RIGHT_WAY]
+    base = errors[BASE]
+    drift = math.sqrt(drift**2 + (left + right) / base**2)
+    shared = (right - left) / (2 * base) / drift if drift > 0.0 else 0.0
+    own = math.sqrt(max(along**2 + (left + right) / 4 - shared**2, 0.0))
+    return own * noise_along + shared * noise_heading, drift * noise_heading
+
+
+@kernel()
+def _wheel_slip(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> tuple[float, float]:
+    """Distance (m) and heading (rad) measured in excess as a wheel spun since the last reading."""
+    count[ROLLED] += (count[LEFT_WAY] + count[RIGHT_WAY]) / 2
+    along = turn = 0.0
+    while count[ROLLED] >= count[NEXT_SLIP]:
+        place = _SLIPS + 3 * int(count[SLIPS])
+        length = errors[SLIP_LENGTH] * _draw_exponential(key, place + 1)
+        side = 1.0 if draw(key, place + 2) >> np.uint64(63) else -1.0
+        along += length / 2
+        turn += side * length / errors[BASE]
+        count[SLIPS] += 1.0
+        count[NEXT_SLIP] += errors[SLIP_GAP] * _draw_exponential(key, place + 3)
+    return along, turn
+
+
+@kernel()
+def _draw_exponential(key: np.uint64, place: int) -> float:
+    """An exponentially distributed number of mean 1: how long one waits for what is rare."""
+    return -math.log(1.0 - draw_uniform(key, place))

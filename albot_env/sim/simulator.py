@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.poses import wrap_angle
+from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.sensing.reading import Reading
-from albot_env.sim.drive import PIONEER_3DX, STANDSTILL, RobotConfig, Wheels
-from albot_env.sim.drive_kernels import chord
-from albot_env.sim.fleet import Fleet, draw_key
+from albot_env.sim.batch_simulator import BatchSimulator, draw_key
+from albot_env.sim.drive import PIONEER_3DX, STANDSTILL, RobotConfig, Wheels, chord
+from albot_env.sim.physics import PHYSICS_STEP
 from albot_env.sim.sensors import Sensors
-from albot_env.sim.space import PHYSICS_STEP
 from albot_maps.world import World
 
 SUBSTEPS = 2
@@ -42,7 +43,7 @@ class Simulator:
         world: The world; its walls are what is sensed and what the robot bumps into.
         robot: Body and drive of the robot.
         sensors: What it senses with.
-        movables: Whether things move in a world that has any; if not, they are left out.
+        movables: Whether obstacles move in a world that has any; if not, they are left out.
     """
 
     def __init__(
@@ -54,7 +55,7 @@ class Simulator:
         movables: bool = True,
     ) -> None:
         self._world = world
-        self._fleet = Fleet(1, robot=robot, sensors=sensors, movables=movables)
+        self._batch = BatchSimulator(1, robot=robot, sensors=sensors, movables=movables)
         self._started = False
         self._start = np.zeros(3)
         self._ticks = 0
@@ -72,13 +73,13 @@ class Simulator:
     @property
     def pose(self) -> Pose:
         """Where the robot truly is, in the world frame."""
-        pose: Pose = self._fleet.poses[0].copy()
+        pose: Pose = self._batch.poses[0].copy()
         return pose
 
     @property
     def velocity(self) -> tuple[float, float]:
         """True speed along the heading (m/s) and turn rate (rad/s)."""
-        _, _, heading, vx, vy, turn_rate = self._fleet.states[0].tolist()
+        _, _, heading, vx, vy, turn_rate = self._batch.states[0].tolist()
         direction, shortening = chord(heading, turn_rate * PHYSICS_STEP)
         along = vx * math.cos(direction) + vy * math.sin(direction)
         return along / shortening, turn_rate
@@ -89,14 +90,14 @@ class Simulator:
         return self._ticks * PHYSICS_STEP
 
     @property
-    def things(self) -> Segments:
+    def obstacles(self) -> Segments:
         """The outlines of what moves around the robot, where it is now (world frame)."""
-        return self._fleet.things(0)
+        return self._batch.obstacles(0)
 
     @property
     def collided(self) -> bool:
         """Whether a wall or a thing pushed the robot back during the last step, move or turn."""
-        return bool(self._fleet.collided[0])
+        return bool(self._batch.collided[0])
 
     def reset(self, rng: np.random.Generator, start: Pose | None = None) -> Reading:
         """Put the robot at rest at `start` and begin anew.
@@ -113,8 +114,8 @@ class Simulator:
                 or a door as it swings.
         """
         pose = self.world.starts[0] if start is None else np.asarray(start, dtype=np.float64)
-        self._fleet.check_start(self._world, pose)
-        self._fleet.place(0, self._world, pose, draw_key(rng))
+        self._batch.check_start(self._world, pose)
+        self._batch.place(0, self._world, pose, draw_key(rng))
         self._started = True
         self._start = pose.copy()
         self._ticks = 0
@@ -132,7 +133,7 @@ class Simulator:
             InputError: A command is not finite, or there was no reset.
         """
         _check_finite("step", speed=speed, turn_rate=turn_rate)
-        return self._control(self._fleet.robot.wheels_for(speed, turn_rate))
+        return self._control(self._batch.robot.wheels_for(speed, turn_rate))
 
     def step_wheels(self, left: float, right: float) -> Reading:
         """Drive for one control step of 0.1 s with wheel speeds (m/s), limited as in `step`.
@@ -141,7 +142,7 @@ class Simulator:
             InputError: A command is not finite, or there was no reset.
         """
         _check_finite("step_wheels", left=left, right=right)
-        return self._control(self._fleet.robot.limited(Wheels(left, right)))
+        return self._control(self._batch.robot.limited(Wheels(left, right)))
 
     def move(self, distance: float) -> Reading:
         """Start, go straight on for `distance` (m, backwards if negative) and stop.
@@ -156,7 +157,7 @@ class Simulator:
             InputError: The distance is not within ±1000 m, or there was no reset.
         """
         _check_manoeuvre("move", "distance", distance)
-        config = self._fleet.robot
+        config = self._batch.robot
         direction = math.copysign(1.0, distance)
         speeds = _start_stop(abs(distance), config.cruise_speed, config.acceleration)
         return self._manoeuvre(Wheels(direction * v, direction * v) for v in speeds)
@@ -171,7 +172,7 @@ class Simulator:
             InputError: The angle is not within ±1000 rad, or there was no reset.
         """
         _check_manoeuvre("turn", "angle", angle)
-        config = self._fleet.robot
+        config = self._batch.robot
         direction = math.copysign(1.0, angle)
         arm = config.wheel_base / 2
         speeds = _start_stop(abs(angle) * arm, config.cruise_turn_rate * arm, config.acceleration)
@@ -180,14 +181,14 @@ class Simulator:
     def _control(self, target: Wheels) -> Reading:
         """One control step towards the wheel speeds `target`."""
         self._check_reset()
-        self._fleet.clear_contacts()
+        self._batch.clear_contacts()
         self._advance(target, SUBSTEPS)
         return self._read()
 
     def _manoeuvre(self, commands: Iterator[Wheels]) -> Reading:
         """Drive through wheel speeds from standstill to standstill, or until held up."""
         self._check_reset()
-        self._fleet.clear_contacts()
+        self._batch.clear_contacts()
         self._brake()
         held_up = 0
         for wheels in commands:
@@ -200,24 +201,24 @@ class Simulator:
 
     def _brake(self) -> None:
         """Ramp the wheels down until they stand."""
-        while self._fleet.wheels.any():
+        while self._batch.wheels.any():
             self._advance(STANDSTILL, 1)
 
     def _advance(self, wheels: Wheels, steps: int, *, at_once: bool = False) -> None:
         """Some physics steps in which the wheels approach these speeds."""
-        self._fleet.drive(np.array((wheels,)), steps, at_once=at_once)
+        self._batch.drive(np.array((wheels,)), steps, at_once=at_once)
         self._ticks += steps
 
     def _held_up(self) -> bool:
         """Whether a wall keeps the body from making a fair part of the wheels' way."""
-        fleet = self._fleet
-        rolled = fleet.robot.motion_of(Wheels(*fleet.wheels[0].tolist()))[0]
-        return bool(fleet.pushed[0]) and abs(self.velocity[0]) < _PROGRESS * abs(rolled)
+        batch = self._batch
+        rolled = batch.robot.motion_of(Wheels(*batch.wheels[0].tolist()))[0]
+        return bool(batch.pushed[0]) and abs(self.velocity[0]) < _PROGRESS * abs(rolled)
 
     def _read(self) -> Reading:
-        self._fleet.locate()
-        self._fleet.sense()
-        return self._fleet.readings(np.array((self.time,)))[0]
+        self._batch.locate()
+        self._batch.sense()
+        return self._batch.readings(np.array((self.time,)))[0]
 
     def _check_reset(self) -> None:
         if not self._started:
@@ -250,3 +251,34 @@ def _check_manoeuvre(method: str, name: str, value: float) -> None:
     if not abs(value) <= LONGEST_MANOEUVRE:
         expected = f"a number within ±{LONGEST_MANOEUVRE:g}"
         raise InputError(f"Simulator.{method}", expected, str(value), place=name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartStop:
+    """How far the robot is sent at a time before it stops and looks (thesis, section 3.1.2)."""
+
+    move: float = 1.0
+    """Longest move (m)."""
+    turn: float = np.radians(45.0)
+    """Largest turn (rad)."""
+
+    def __post_init__(self) -> None:
+        if not (self.move > 0 and self.turn > 0):
+            raise InputError("StartStop", "a move and a turn above 0", f"{self.move}, {self.turn}")
+
+
+THESIS_STEPS = StartStop()
+"""A metre or 45° at a time."""
+
+
+def follow_leg(simulator: Simulator, waypoint: Points, steps: StartStop) -> Iterator[Reading]:
+    """Turn towards the waypoint and go there; one reading a step."""
+    to = waypoint - simulator.pose[:2]
+    turn = float(wrap_angle(math.atan2(to[1], to[0]) - simulator.pose[2]))
+    parts = int(np.ceil(abs(turn) / steps.turn - 1e-9))
+    for _ in range(parts):
+        yield simulator.turn(turn / parts)
+    distance = float(np.hypot(*(waypoint - simulator.pose[:2])))
+    parts = int(np.ceil(distance / steps.move - 1e-9))
+    for _ in range(parts):
+        yield simulator.move(distance / parts)

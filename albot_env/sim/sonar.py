@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
 from albot_core.ranges import NOT_NEGATIVE, SHARE, Range, check_fields
 from albot_core.sensing.reading import SonarGeometry
-from albot_env.sim.laser import normal_table
-from albot_env.sim.sonar_arrays import Sonars
+from albot_env.sim.noise import normal_table
 from albot_env.sim.wall_index import WallIndex
 
 _HAIR = 1e-6
@@ -27,7 +27,7 @@ class SonarConfig:
     A sonar reports the nearest point that lies in its cone, echoes, and is not hidden. A
     wall echoes where it is hit within the specular limit of its perpendicular; a wall
     hit more aslant throws the sound away, and still hides what is behind it. Corners
-    and edges are points that echo by rules of their own (`corner_kernels`).
+    and edges are points that echo by rules of their own (`sonar_echoes`).
     """
 
     geometry: SonarGeometry = field(default_factory=SonarGeometry)
@@ -62,13 +62,13 @@ class SonarConfig:
         check_fields(self, SHARE, "crosstalk", "dropout")
 
     @property
-    def constants(self) -> Sonars:
+    def constants(self) -> SonarConstants:
         """What the compiled sonars compute with."""
         geometry = self.geometry
         bearings = np.array(geometry.bearings)
         directions = np.stack((np.cos(bearings), np.sin(bearings)), axis=1)
         places = np.array(geometry.places, np.float64)
-        return Sonars(
+        return SonarConstants(
             mounts=np.hstack((places, directions)),
             horizon=float(geometry.max_range + np.hypot(*places.T).max()),
             behind=self._behind(),
@@ -96,11 +96,45 @@ class SonarConfig:
         return float((np.array(geometry.places)[:, 0] + corners).min()) - _HAIR
 
 
+class SonarConstants(NamedTuple):
+    """What the compiled sonars compute with; see `SonarConfig.constants`."""
+
+    mounts: np.ndarray
+    """(sonars, 4) float64: x, y (m), cosine and sine of the bearing, robot's frame."""
+    horizon: float
+    """Distance (m) from the robot's middle beyond which no sonar hears."""
+    behind: float
+    """Nothing with both ends at x below this (m), robot's frame, is in any sonar's cone."""
+    slope: float
+    """Tangent of half the cone."""
+    min_range: float
+    """Nearer echoes are reported as this (m)."""
+    max_range: float
+    """Farther echoes are not heard (m)."""
+    cos_limit: float
+    """Cosine and sine of the specular limit."""
+    sin_limit: float
+    corner_reach: float
+    """Distance (m) up to which concave corners echo."""
+    edge_reach: float
+    """Distance (m) up to which edges and wall ends echo."""
+    noise: float
+    """Standard deviation of a range (m)."""
+    proportional_noise: float
+    """Standard deviation of a range as a share of it."""
+    crosstalk: int
+    """Probability of hearing a neighbour's pulse, times 2^25."""
+    dropout: int
+    """Probability of missing an echo, times 2^26."""
+    normals: np.ndarray
+    """(4096,) float64: normal numbers of deviation 1, each as likely as the others."""
+
+
 NO_SONARS = SonarConfig().constants._replace(mounts=np.empty((0, 4)))
 """The sonars of a robot without any."""
 
 
-def audible(sonar: SonarConfig | None) -> WallIndex:
+def sonar_wall_index(sonar: SonarConfig | None) -> WallIndex:
     """An index of what such sonars can hear from where."""
     if sonar is None:
         return WallIndex(0.0, (0.0, 0.0))

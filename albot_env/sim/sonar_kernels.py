@@ -1,4 +1,11 @@
-"""Compiled sonars: what the sonars of a robot report, with cross-talk, noise and misses."""
+"""Compiled sonars: what the sonars of a robot report, with cross-talk, noise and misses.
+
+Surfaces are gathered once for a robot, in a table with a column for each, relative to the robot
+(m) and turned as the world is. For each sonar, those that matter are turned into the sonar's
+frame, x along its axis: end a clockwise of end b, and area = a × b. In other rows of the table
+they are put together: mostly they fit into one block of columns then. There `sonar_echoes` finds
+the nearest echo.
+"""
 
 from __future__ import annotations
 
@@ -7,27 +14,47 @@ import math
 import numpy as np
 
 from albot_core.geometry.directions import length_of
-from albot_core.kernels.compiled import kernel
-from albot_env.sim.cone_kernels import find_echoes
-from albot_env.sim.noise_kernels import draw
-from albot_env.sim.plane_kernels import Stance
-from albot_env.sim.sonar_arrays import Sonars
-from albot_env.sim.surface_kernels import Cones, Ear, gather, look
+from albot_core.kernels.bits import lowest_bit, popcount
+from albot_core.kernels.compiled import ZERO, kernel
+from albot_core.kernels.simd import LANES, FloatTable, FloatVector, float64_predicate, padded_length
+from albot_env.sim.noise import draw
+from albot_env.sim.plane_geometry import Transform, compose_transforms
+from albot_env.sim.sonar import SonarConstants
+from albot_env.sim.sonar_echoes import (
+    AREA,
+    AX,
+    AY,
+    BLOCKED,
+    BX,
+    BY,
+    FILLED,
+    NEAREST,
+    OCCLUSION_MARGIN,
+    SQUARED,
+    X1,
+    X2,
+    Y1,
+    Y2,
+    SonarBuffers,
+    find_echoes,
+)
 
+_FAR = 1e9
+"""Where surfaces are put that are none (m)."""
 SONAR_DRAWS = 1
 """Places in the robot's stream that each sonar takes at a reading."""
 
 
 @kernel()
-def listen(
+def measure_echoes(
     walls: np.ndarray,
     nearby: np.ndarray,
-    things: np.ndarray,
-    robot: Stance,
-    sonars: Sonars,
+    obstacles: np.ndarray,
+    robot: Transform,
+    sonars: SonarConstants,
     key: np.uint64,
     place: int,
-    cones: Cones,
+    buffers: SonarBuffers,
     echoes: np.ndarray,
 ) -> None:
     """Fill `echoes` (sonars,) with the ranges (m) that a robot's sonars report.
@@ -35,45 +62,160 @@ def listen(
     Args:
         walls: All walls of the world (n, 4) float64, world frame (m).
         nearby: Which of them may be in reach (int32).
-        things: Surfaces that move (k, 4) float64, world frame (m).
+        obstacles: Surfaces that move (k, 4) float64, world frame (m).
         robot: Where the robot is, world frame.
         sonars: The sonars.
         key: Key of the robot's stream.
         place: First of the places in it that the reading takes: SONAR_DRAWS for each sonar.
-        cones: Room for so many surfaces, to work in.
+        buffers: Room for so many surfaces, to work in.
         echoes: Filled; infinite where nothing came back.
     """
     _, _, cos, sin = robot
-    count = gather(walls, nearby, things, robot, sonars.behind, cones.table)
-    mounts, heard = sonars.mounts, cones.echoes
+    count = _gather_surfaces(walls, nearby, obstacles, robot, sonars.behind, buffers.table)
+    mounts, heard = sonars.mounts, buffers.echoes
     for s in range(mounts.shape[0]):
-        look(cones, s, count, _ear(mounts, s, cos, sin), sonars)
-    find_echoes(cones, sonars)
+        _select_surfaces(buffers, s, count, _sonar_transform(mounts, s, cos, sin), sonars)
+    find_echoes(buffers, sonars)
     for s in range(mounts.shape[0]):
         reach = heard[s, 0]
         bits = draw(key, place + s)
         if np.int64((bits >> np.uint64(26)) & np.uint64(0x1FFFFFF)) < sonars.crosstalk:
             other = s + 1 if (bits >> np.uint64(51)) & np.uint64(1) else s - 1
             if 0 <= other < mounts.shape[0]:
-                ear, mouth = _ear(mounts, s, cos, sin), _ear(mounts, other, cos, sin)
-                reach = min(reach, _overheard(ear, mouth, heard[other, 0], heard[other, 1]))
-        echoes[s] = _reported(reach, bits, sonars)
+                sonar = _sonar_transform(mounts, s, cos, sin)
+                neighbour = _sonar_transform(mounts, other, cos, sin)
+                out, tangent = heard[other]
+                reach = min(reach, _crosstalk_range(sonar, neighbour, out, tangent))
+        echoes[s] = _reported_range(reach, bits, sonars)
 
 
 @kernel()
-def _ear(mounts: np.ndarray, s: int, cos: float, sin: float) -> Ear:
-    """Where a sonar is and points to, for a robot with this cosine and sine of its heading."""
-    mx, my, mc, ms = mounts[s, 0], mounts[s, 1], mounts[s, 2], mounts[s, 3]
-    return (
-        cos * mx - sin * my,
-        sin * mx + cos * my,
-        cos * mc - sin * ms,
-        sin * mc + cos * ms,
-    )
+def _gather_surfaces(
+    walls: np.ndarray,
+    nearby: np.ndarray,
+    obstacles: np.ndarray,
+    robot: Transform,
+    behind: float,
+    table: np.ndarray,
+) -> int:
+    """Write the surfaces that may be in a cone of a robot's sonars into their table; how many.
+
+    Left out is what lies with both ends farther behind the robot than `behind`, told as an x in its
+    frame (m).
+    """
+    count = ZERO
+    for j in nearby:
+        count += _translate_surface(walls, j, robot, behind, table, count)
+    for j in range(obstacles.shape[0]):
+        count += _translate_surface(obstacles, j, robot, behind, table, count)
+    for k in range(count, padded_length(count)):
+        table[X1, k] = table[Y1, k] = table[X2, k] = table[Y2, k] = _FAR
+    for first in range(0, count, LANES):
+        _measure_distances(table, first, ())
+    nearest = np.inf
+    for block in range((count - 1) // LANES, -1, -1):
+        nearest = min(nearest, table[NEAREST, block * LANES])
+        table[NEAREST, block * LANES] = nearest
+    return int(count)
 
 
 @kernel()
-def _overheard(ear: Ear, mouth: Ear, out: float, tangent: float) -> float:
+def _translate_surface(
+    surfaces: np.ndarray,
+    k: int,
+    robot: Transform,
+    behind: float,
+    table: np.ndarray,
+    column: int,
+) -> int:
+    """Write a surface into a column; 0 if it is behind."""
+    x, y, cos, sin = robot
+    x1, y1 = surfaces[k, 0] - x, surfaces[k, 1] - y
+    x2, y2 = surfaces[k, 2] - x, surfaces[k, 3] - y
+    table[X1, column], table[Y1, column], table[X2, column], table[Y2, column] = x1, y1, x2, y2
+    return 1 if max(cos * x1 + sin * y1, cos * x2 + sin * y2) >= behind else 0
+
+
+@float64_predicate
+def _measure_distances(table: FloatTable) -> FloatVector:
+    """Write the squares of the distances from the robot's middle."""
+    x1, y1, x2, y2 = (table[row] for row in (X1, Y1, X2, Y2))
+    dx, dy = x2 - x1, y2 - y1
+    along = -(x1 * dx + y1 * dy) / (dx * dx + dy * dy)
+    along = along.maximum(0.0).minimum(1.0)  # Where both ends are one point it is NaN, and 0 then.
+    x, y = x1 + along * dx, y1 + along * dy
+    squared = x * x + y * y
+    table[SQUARED], table[NEAREST] = squared, squared.reduce_min()
+    return along <= 1.0
+
+
+@kernel()
+def _sonar_transform(mounts: np.ndarray, s: int, cos: float, sin: float) -> Transform:
+    """Where a sonar is, from the robot's middle, and points to; both turned as the world is."""
+    mount = mounts[s, 0], mounts[s, 1], mounts[s, 2], mounts[s, 3]
+    return compose_transforms((0.0, 0.0, cos, sin), mount)
+
+
+@kernel()
+def _select_surfaces(
+    buffers: SonarBuffers, s: int, count: int, sonar: Transform, sonars: SonarConstants
+) -> None:
+    """Turn the surfaces that matter in sonar s's cone, and put them behind those of sonar s - 1.
+
+    What lies behind a surface that fills all of the cone does not matter, so that it goes
+    fastest with the near ones first.
+    """
+    table, end = buffers.table, buffers.bounds[s]
+    x, y, cos, sin = sonar
+    slope, reach = sonars.slope, sonars.max_range
+    rim, secant = math.sqrt(x * x + y * y), math.sqrt(1.0 + slope * slope)
+    for first in range(0, count, LANES):
+        far = reach + rim
+        if table[NEAREST, first] > far * far:
+            break  # Nor is anything after it in reach.
+        answers = _turn_into_cone(table, (first, end), (far * far, x, y, cos, sin, slope))
+        closing = answers >> LANES
+        end += popcount(answers ^ closing << LANES)
+        while closing:
+            lane = first + lowest_bit(closing)
+            reach = min(
+                reach, OCCLUSION_MARGIN * secant * table[FILLED, lane] / table[BLOCKED, lane]
+            )
+            closing &= closing - 1
+    buffers.bounds[s + 1] = end
+
+
+@float64_predicate
+def _turn_into_cone(
+    table: FloatTable, together: FloatTable, *view: FloatVector
+) -> tuple[FloatVector, FloatVector]:
+    """Turn surfaces into a sonar's frame, and put those together that are in its cone.
+
+    Answered is which these are: which are in reach and have an end ahead of the sonar, one within
+    each side of the cone; and which of them fill it.
+    """
+    far2, x, y, cos, sin, slope = view
+    x1, y1, x2, y2 = table[X1] - x, table[Y1] - y, table[X2] - x, table[Y2] - y
+    ax, ay = cos * x1 + sin * y1, cos * y1 - sin * x1
+    bx, by = cos * x2 + sin * y2, cos * y2 - sin * x2
+    area = ax * by - ay * bx
+    in_order = area >= 0.0
+    ax, bx = ax.where(bx, in_order), bx.where(ax, in_order)
+    ay, by = ay.where(by, in_order), by.where(ay, in_order)
+    area = area.abs()
+    rise, other = slope * ax, slope * bx
+    inside = (table[SQUARED] <= far2) & (ax.maximum(bx) >= 0.0)
+    inside &= ((ay <= rise) | (by <= other)) & ((ay >= -rise) | (by >= -other))
+    for row, lanes in ((AX, ax), (AY, ay), (BX, bx), (BY, by), (AREA, area)):
+        together[row] = lanes.compress(inside)
+    nx, ny = by - ay, ax - bx
+    least = nx - slope * ny.abs()
+    table[FILLED], table[BLOCKED] = area, least
+    return inside, (ay <= -rise) & (by >= other) & (least > 0.0) & inside
+
+
+@kernel()
+def _crosstalk_range(sonar: Transform, neighbour: Transform, out: float, tangent: float) -> float:
     """Range (m) at which one sonar hears another's echo, which that hears at `out`.
 
     Half the way from the other to the point that echoes and on to this sonar.
@@ -82,13 +224,13 @@ def _overheard(ear: Ear, mouth: Ear, out: float, tangent: float) -> float:
         return np.inf
     along = out / math.sqrt(1.0 + tangent * tangent)
     across = along * tangent
-    x = mouth[0] + mouth[2] * along - mouth[3] * across
-    y = mouth[1] + mouth[3] * along + mouth[2] * across
-    return (out + length_of(x - ear[0], y - ear[1])) / 2
+    x = neighbour[0] + neighbour[2] * along - neighbour[3] * across
+    y = neighbour[1] + neighbour[3] * along + neighbour[2] * across
+    return (out + length_of(x - sonar[0], y - sonar[1])) / 2
 
 
 @kernel()
-def _reported(reach: float, bits: np.uint64, sonars: Sonars) -> float:
+def _reported_range(reach: float, bits: np.uint64, sonars: SonarConstants) -> float:
     """What a sonar reports of an echo at this range: noise, misses, and both limits."""
     if np.int64(bits & np.uint64(0x3FFFFFF)) < sonars.dropout:
         return np.inf

@@ -1,22 +1,23 @@
-"""Which walls matter where: a list for a cell of a grid, never too short.
+"""Which walls may be seen from where: a list for each cell of a grid, never too short.
 
-A wall is left out of a cell's list only where it is out of reach, or where every piece of
-it is hidden from all of the cell by others that hang together. Seen from the cell, what lies
-beyond a wall's line and between the two lines that touch the cell and one end of the wall
-each is in the wall's shadow: three half-planes. Where the next wall of a chain goes on sideways
-without going beyond the line, the shadow reaches as far as the chain: each beam towards something
-beyond the line meets the chain before. A wall that ends at the one that hides it is hidden, too:
-where both are equally far, either will do.
+Such lists are known as potentially visible sets. A wall is left out of a cell's list only where
+it is out of reach, or where every piece of it is hidden from all of the cell by others that hang
+together. Seen from the cell, what lies beyond a wall's line and between the two lines that touch
+the cell and one end of the wall each is in the wall's shadow: three half-planes. Where the next
+wall of a chain goes on sideways without going beyond the line, the shadow reaches as far as the
+chain: each beam towards something beyond the line meets the chain before. A wall that ends at the
+one that hides it is hidden, too: where both are equally far, either will do.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
 import numpy as np
 
 from albot_core.geometry.directions import length_of
+from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.bits import lowest_bit
 from albot_core.kernels.compiled import ZERO, kernel
 from albot_core.kernels.simd import (
@@ -27,10 +28,11 @@ from albot_core.kernels.simd import (
     float64_predicate,
     padded_length,
 )
+from albot_env.sim.plane_geometry import compose_transforms, nearest_on_segment, transform_of
 
-if TYPE_CHECKING:
-    from albot_env.sim.wall_index import Walls
-
+BLOCK = 8
+"""Cells along each side of a block. A cell's list is chosen from its block's, which is far shorter
+than the building's."""
 _MARGIN = 1e-6
 """How far (m) the cell must stay before a wall's line for the wall to cast a shadow, and how far
 beyond it what is in the shadow must come."""
@@ -41,9 +43,138 @@ HalfPlane = tuple[float, float, float]
 """The points p with n · p >= offset: n.x, n.y (of length 1), offset (m)."""
 
 
+class WallTables(NamedTuple):
+    """The walls of many buildings, one after another, and their lists, for compiled code."""
+
+    walls: np.ndarray
+    """(walls, 4) float64: ends x1, y1, x2, y2 (m)."""
+    neighbours: np.ndarray
+    """(walls, 2) int64: for either end, an end of another wall at the same point, as twice its
+    number plus 0 or 1; -1 where there is none."""
+    frames: np.ndarray
+    """(buildings, 8) float64: the grid's corner x, y (m), cell size (m), columns and rows;
+    its first cell, its first wall, and the one behind its last wall."""
+    spans: np.ndarray
+    """(cells, 2) int64: where in `members` a cell's list begins and ends; -1 before it is
+    made. Behind each building's cells, one more stands for everywhere else, and then come the
+    blocks of its cells."""
+    members: np.ndarray
+    """(room,) int32: walls, list after list."""
+    used: np.ndarray
+    """(1,) int64: how much of `members` is in use."""
+
+
+class IndexParameters(NamedTuple):
+    """What the lists of an index are made with."""
+
+    walls: WallTables
+    """The buildings' walls and their lists."""
+    reach: float
+    """Walls farther away than this are not listed (m)."""
+    spread: float
+    """How far from the mount, in any direction, a sensor may be (m)."""
+    mount: tuple[float, float]
+    """Where on the robot the mount is (m)."""
+
+
+@KernelDispatcher
+@kernel()
+def locate_and_list(
+    rows: np.ndarray,
+    arguments: KernelArguments,
+    done: int,
+    buildings: np.ndarray,
+    poses: np.ndarray,
+    laser_cells: np.ndarray,
+    sonar_cells: np.ndarray,
+) -> int:
+    """Find the cells of robots, and list the walls of cells that have no list yet.
+
+    Args:
+        rows: The robots.
+        arguments: An `IndexParameters` of the lasers, and one of the sonars; either may
+            be of no building at all, and is left alone then.
+        done: How many of the robots are done.
+        buildings: The building of each robot (n,).
+        poses: Where each is (n, 3), in the building's frame (m, rad).
+        laser_cells: Filled with the cell of each (n,) by the first parameters…
+        sonar_cells: …and by the second.
+
+    Returns:
+        How many of the rows are done: fewer than all when `members` is full.
+    """
+    laser, sonar = unpack(arguments)
+    for k in range(done, rows.shape[0]):
+        i = rows[k]
+        if laser.walls.frames.shape[0]:
+            laser_cells[i] = _list_cell(laser, buildings[i], poses[i])
+            if laser_cells[i] < 0:
+                return k
+        if sonar.walls.frames.shape[0]:
+            sonar_cells[i] = _list_cell(sonar, buildings[i], poses[i])
+            if sonar_cells[i] < 0:
+                return k
+    return int(rows.shape[0])
+
+
+@kernel()
+def _list_cell(parameters: IndexParameters, building: int, pose: np.ndarray) -> int:
+    """The cell of a pose in a building, whose walls are listed now; -1 without room for them."""
+    index, (ahead, aside) = parameters.walls, parameters.mount
+    frame = index.frames[building]
+    columns, lines = int(frame[3]), int(frame[4])
+    x, y = pose[0], pose[1]
+    if ahead != 0.0 or aside != 0.0:  # Sines and cosines cost more than all else here.
+        x, y, _, _ = compose_transforms(transform_of(pose), (ahead, aside, 1.0, 0.0))
+    column, line = math.floor((x - frame[0]) / frame[2]), math.floor((y - frame[1]) / frame[2])
+    inside = 0 <= column < columns and 0 <= line < lines
+    cell = int(frame[5]) + int(line * columns + column if inside else lines * columns)
+    if index.spans[cell, 0] >= 0:
+        return cell
+    first, last = int(frame[6]), int(frame[7])
+    if index.members.shape[0] - index.used[0] < 2 * (last - first):
+        return -1
+    if inside:
+        span = _list_block(parameters, building, int(column) // BLOCK, int(line) // BLOCK)
+        index.spans[cell, 0] = index.used[0]
+        x = frame[0] + frame[2] * (column + 0.5)
+        y = frame[1] + frame[2] * (line + 0.5)
+        candidates = index.members[span[0] : span[1]]
+        _list_visible(index, candidates, x, y, frame[2], (parameters.reach, parameters.spread))
+    else:
+        index.spans[cell, 0] = index.used[0]
+        for j in range(first, last):
+            index.members[index.used[0]] = j
+            index.used[0] += 1
+    index.spans[cell, 1] = index.used[0]
+    return cell
+
+
+@kernel()
+def _list_block(
+    parameters: IndexParameters, building: int, column: int, line: int
+) -> tuple[int, int]:
+    """Where in `members` the list of a block of a building's cells is, which is made if need be.
+
+    What does not matter in all of the block does not in any of its cells.
+    """
+    index = parameters.walls
+    frame = index.frames[building]
+    columns, lines = int(frame[3]), int(frame[4])
+    block = int(frame[5]) + columns * lines + 1 + line * -(-columns // BLOCK) + column
+    if index.spans[block, 0] < 0:
+        index.spans[block, 0] = index.used[0]
+        side = BLOCK * frame[2]
+        x, y = frame[0] + side * (column + 0.5), frame[1] + side * (line + 0.5)
+        reach = parameters.reach, parameters.spread
+        _list_from_all(index, int(frame[6]), int(frame[7]), x, y, side, reach)
+        index.spans[block, 1] = index.used[0]
+    return index.spans[block, 0], index.spans[block, 1]
+
+
 @kernel(arrays=True)
-def list_from_all(
-    index: Walls,
+def _list_from_all(
+    index: WallTables,
     first: int,
     last: int,
     x: float,
@@ -51,13 +182,13 @@ def list_from_all(
     cell: float,
     reach: tuple[float, float],
 ) -> None:
-    """`list_cell` with all walls of a building, the first to the last, to choose from."""
-    list_cell(index, np.arange(np.int32(first), np.int32(last)), x, y, cell, reach)
+    """`_list_visible` with all walls of a building, the first to the last, to choose from."""
+    _list_visible(index, np.arange(np.int32(first), np.int32(last)), x, y, cell, reach)
 
 
 @kernel(arrays=True)
-def list_cell(
-    index: Walls,
+def _list_visible(
+    index: WallTables,
     candidates: np.ndarray,
     x: float,
     y: float,
@@ -69,28 +200,21 @@ def list_cell(
     near, distances = np.empty(len(candidates), np.int64), np.empty(len(candidates))
     count = 0
     for j in candidates:
-        near[count], distances[count] = j, _distance(index.walls[j], x, y)
+        x1, y1, x2, y2 = index.walls[j]
+        at_x, at_y = nearest_on_segment(x, y, x1, y1, x2, y2)
+        near[count], distances[count] = j, length_of(at_x - x, at_y - y)
         count += distances[count] <= limit
     order = np.empty(count, np.int64)
     _sort(distances, order)
-    screens = np.empty((9, padded_length(count)))
+    shadows = np.empty((9, padded_length(count)))
     in_use = ZERO
     for k in order:
         j = near[k]
-        if _hidden(index.walls[j], screens, in_use):
+        if _is_occluded(index.walls[j], shadows, in_use):
             continue
         index.members[index.used[0]] = j
         index.used[0] += 1
-        in_use += _shadow(index.walls, index.neighbours, j, x, y, half, screens, in_use)
-
-
-@kernel()
-def _distance(wall: np.ndarray, x: float, y: float) -> float:
-    """Distance from (x, y) to a wall."""
-    ex, ey = wall[2] - wall[0], wall[3] - wall[1]
-    along = ((x - wall[0]) * ex + (y - wall[1]) * ey) / (ex * ex + ey * ey)
-    along = min(max(along, 0.0), 1.0)
-    return length_of(wall[0] + along * ex - x, wall[1] + along * ey - y)
+        in_use += _cast_shadow(index.walls, index.neighbours, j, x, y, half, shadows, in_use)
 
 
 @kernel()
@@ -113,17 +237,17 @@ def _sort(keys: np.ndarray, order: np.ndarray) -> None:
 
 
 @kernel()
-def _hidden(wall: np.ndarray, screens: np.ndarray, count: int) -> bool:
-    """Whether all of the wall, piece by piece, lies in shadows of the first screens."""
+def _is_occluded(wall: np.ndarray, shadows: np.ndarray, count: int) -> bool:
+    """Whether all of the wall, piece by piece, lies in shadows of the first shadows."""
     done = 0.0
     while done < 1.0:
         x, y = wall[0] + done * (wall[2] - wall[0]), wall[1] + done * (wall[3] - wall[1])
         piece = x, y, wall[0], wall[1], wall[2], wall[3]
         end = done
         for first in range(0, count, LANES):
-            shading = _shading(screens, first, piece) & first_bits(count - first)
+            shading = _shadows_over(shadows, first, piece) & first_bits(count - first)
             while shading:
-                end = max(end, _end_of_shadow(screens, first + lowest_bit(shading), wall))
+                end = max(end, _end_of_shadow(shadows, first + lowest_bit(shading), wall))
                 shading &= shading - 1
         if end <= done:
             return False
@@ -132,32 +256,32 @@ def _hidden(wall: np.ndarray, screens: np.ndarray, count: int) -> bool:
 
 
 @float64_predicate
-def _shading(
-    screens: FloatTable, x: FloatVector, y: FloatVector, *wall: FloatVector
+def _shadows_over(
+    shadows: FloatTable, x: FloatVector, y: FloatVector, *wall: FloatVector
 ) -> FloatVector:
     """In which shadows a point of a wall is.
 
     A wall that goes along a screen's line, as those of the chain may that casts the shadow, is not.
     """
     x1, y1, x2, y2 = wall
-    beyond = (_depth(screens, 0, x1, y1) > _MARGIN) | (_depth(screens, 0, x2, y2) > _MARGIN)
+    beyond = (_depth(shadows, 0, x1, y1) > _MARGIN) | (_depth(shadows, 0, x2, y2) > _MARGIN)
     for plane in range(3):
-        beyond &= _depth(screens, plane, x, y) >= -_TOUCH
+        beyond &= _depth(shadows, plane, x, y) >= -_TOUCH
     return beyond
 
 
-def _depth(screens: FloatTable, plane: int, x: FloatVector, y: FloatVector) -> FloatVector:
+def _depth(shadows: FloatTable, plane: int, x: FloatVector, y: FloatVector) -> FloatVector:
     """How deep in a half-plane a point is (m)."""
-    nx, ny, offset = (screens[3 * plane + row] for row in range(3))
+    nx, ny, offset = (shadows[3 * plane + row] for row in range(3))
     return nx * x + ny * y - offset
 
 
 @kernel()
-def _end_of_shadow(screens: np.ndarray, s: int, wall: np.ndarray) -> float:
+def _end_of_shadow(shadows: np.ndarray, s: int, wall: np.ndarray) -> float:
     """The share of a wall's length up to which it is in a shadow, once it is there."""
     end = 1.0
     for plane in range(0, 9, 3):
-        nx, ny, offset = screens[plane, s], screens[plane + 1, s], screens[plane + 2, s] - _TOUCH
+        nx, ny, offset = shadows[plane, s], shadows[plane + 1, s], shadows[plane + 2, s] - _TOUCH
         before, after = nx * wall[0] + ny * wall[1], nx * wall[2] + ny * wall[3]
         if after < offset:
             end = min(end, (before - offset) / (before - after))
@@ -165,17 +289,17 @@ def _end_of_shadow(screens: np.ndarray, s: int, wall: np.ndarray) -> float:
 
 
 @kernel()
-def _shadow(
+def _cast_shadow(
     walls: np.ndarray,
     neighbours: np.ndarray,
     wall: int,
     x: float,
     y: float,
     half: float,
-    screens: np.ndarray,
+    shadows: np.ndarray,
     column: int,
 ) -> int:
-    """Write a wall's shadow into a column of the screens; 0 where it casts none, else 1.
+    """Write a wall's shadow into a column of the shadows; 0 where it casts none, else 1.
 
     It casts none where the cell about (x, y) does not lie on one side of the wall.
     """
@@ -190,19 +314,19 @@ def _shadow(
         cx, cy = _corner(x, y, half, k)
         if line[0] * cx + line[1] * cy - line[2] > -_MARGIN:
             return 0
-    lx, ly = _follow(walls, neighbours, 2 * wall + left, 1.0, (ex, ey), line, x, y, half)
-    rx, ry = _follow(walls, neighbours, 2 * wall + 1 - left, -1.0, (lx, ly), line, x, y, half)
+    lx, ly = _follow_chain(walls, neighbours, 2 * wall + left, 1.0, (ex, ey), line, x, y, half)
+    rx, ry = _follow_chain(walls, neighbours, 2 * wall + 1 - left, -1.0, (lx, ly), line, x, y, half)
     # The shadow lies right of the most clockwise of the lines through the left end, and
     # left of the most counter-clockwise of those through the right end.
     sides = line, _tangent(lx, ly, 1.0, x, y, half), _tangent(rx, ry, -1.0, x, y, half)
     for side in range(3):
         for row in range(3):
-            screens[3 * side + row, column] = sides[side][row]
+            shadows[3 * side + row, column] = sides[side][row]
     return 1
 
 
 @kernel()
-def _follow(
+def _follow_chain(
     walls: np.ndarray,
     neighbours: np.ndarray,
     end: int,

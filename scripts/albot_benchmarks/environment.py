@@ -16,7 +16,7 @@ from albot_benchmarks.irsim import irsim_found, irsim_laser
 from albot_benchmarks.naive import NaiveEnv
 from albot_benchmarks.rates import Lap, Rate, best_rates
 from albot_core.sensing.reading import LaserGeometry
-from albot_env.sim.crew import Crew
+from albot_env.sim.thread_pool import ThreadPool
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.explore.task import ExploreConfig
 from albot_maps import World, load_world
@@ -212,7 +212,7 @@ def _row(name: str, case: Case, rate: Rate) -> Row:
         "id": name,
         "mode": case.mode,
         "num_envs": case.num_envs,
-        "threads": Crew(case.threads).size,
+        "threads": ThreadPool(case.threads).size,
         "mapper": case.mapper,
         "parts": None if case.parts is None else ", ".join(case.parts),
         "steps_per_second": rate.by_clock,

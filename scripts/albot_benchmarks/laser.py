@@ -12,8 +12,8 @@ import pymunk
 from albot_core.geometry.types import Poses, Segments
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.drive import PIONEER_3DX
-from albot_env.sim.rays import RayCaster
-from albot_env.sim.space import Floor
+from albot_env.sim.laser import RayCaster
+from albot_env.sim.physics import PhysicsSpace
 
 _SEGMENTS = (60, 200, 1000)
 _POSES = 4096
@@ -77,7 +77,7 @@ def _measure(segments: int, seconds: float) -> dict[str, int | float]:
     rays = RayCaster(walls, geometry)
     rays.scan_batch(poses)  # Now the walls are listed wherever the robots are.
     index = time.perf_counter() - started
-    floor = Floor(walls, PIONEER_3DX)
+    floor = PhysicsSpace(walls, PIONEER_3DX)
 
     batch = _best(lambda: rays.scan_batch(poses), seconds) / _POSES
     single = _best(lambda: [rays.scan(pose) for pose in poses[:200]], seconds) / 200
@@ -93,7 +93,7 @@ def _measure(segments: int, seconds: float) -> dict[str, int | float]:
     }
 
 
-def _pymunk_scans(floor: Floor, geometry: LaserGeometry, poses: Poses) -> None:
+def _pymunk_scans(floor: PhysicsSpace, geometry: LaserGeometry, poses: Poses) -> None:
     """The naive laser: one query for each beam, in Python."""
     everything = pymunk.ShapeFilter()
     bearings = geometry.bearings.tolist()

@@ -9,8 +9,8 @@ import pymunk
 from jaxtyping import Float32
 
 from albot_core.sensing.reading import LaserGeometry
+from albot_env.sim.physics import PHYSICS_STEP
 from albot_env.sim.simulator import SUBSTEPS
-from albot_env.sim.space import PHYSICS_STEP
 from albot_maps import World
 from albot_maps.world import ROBOT_RADIUS
 

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from albot_core.sensing.reading import Reading
-from albot_env.sim.simulator import Simulator
-from albot_env.sim.start_stop import StartStop, follow_leg
+from albot_env.sim.simulator import Simulator, StartStop, follow_leg
 from albot_env.tasks.place_recognition.tours import Stops
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField

@@ -17,7 +17,7 @@ def warm_up(mapper: str) -> None:
     """
     import gymnasium
 
-    from albot_env.sim.sensing_kernels import sense
+    from albot_env.sim.sensing import sense
     from albot_env.tasks.core.settings import NO_MAPPER
     from albot_env.tasks.explore.env import ENVIRONMENT
 

@@ -14,7 +14,7 @@ from albot_core.geometry.poses import relative, transform_points
 from albot_core.geometry.types import Points, Pose, Poses, Segments
 from albot_core.mappers.mapper import Mapper
 from albot_core.mappers.registry import make_mapper
-from albot_env.sim.start_stop import StartStop
+from albot_env.sim.simulator import StartStop
 from albot_experiments.guided_tour import Journey, guided_tour
 from albot_experiments.report import Report
 from albot_experiments.seeds import one_by_one

@@ -15,8 +15,7 @@ from albot_core.geometry.types import Points, Pose, Poses
 from albot_core.sensing.reading import Reading
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
 from albot_env.sim.sensors import Sensors
-from albot_env.sim.simulator import Simulator
-from albot_env.sim.start_stop import THESIS_STEPS, StartStop, follow_leg
+from albot_env.sim.simulator import THESIS_STEPS, Simulator, StartStop, follow_leg
 from albot_maps.world import World
 
 

@@ -8,7 +8,7 @@ import pytest
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_env.sim.odometer import ODOMETERS
-from albot_env.sim.start_stop import StartStop
+from albot_env.sim.simulator import StartStop
 from albot_experiments.guided_tour import guided_tour, true_motions
 from albot_maps import load_world
 

@@ -20,16 +20,16 @@ from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.stress.checks import (
+    Limits,
     all_keys,
     check_body,
     check_info,
     check_laser,
     check_observation,
     check_reward,
+    check_sonar,
     check_things,
 )
-from albot_env.stress.echoes import check_sonar
-from albot_env.stress.limits import Limits
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_maps import World, load_world
 

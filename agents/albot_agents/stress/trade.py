@@ -7,7 +7,7 @@ from collections.abc import Callable
 from albot_agents.stress.plan import Episode, Violation
 from albot_agents.stress.run import Outcome, run_episode
 from albot_agents.workers import Trade
-from albot_env.stress.limits import Limits
+from albot_env.stress.checks import Limits
 
 
 class Stress(Trade[Episode, Outcome]):

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float32, Float64, Int64, UInt64
 
 from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.sensing.reading import LaserGeometry
-from albot_env.sim.register import Register
+from albot_env.sim.world_cache import WorldCache
 from albot_env.tasks.core.coverage import (
     laid,
     map_extent,
@@ -68,7 +68,7 @@ class Survey:
         self._wayfinding, self._has_sketches = config.wayfinding, config.shows_ways_over_ground
         self._finding = config.wayfinding.pencil(config.coverage), config.wayfinding.search
         self._sketches = no_sketches(robots)
-        self._plots = Register(robots, self._plot, self._forget_rooms)
+        self._plots = WorldCache(robots, self._plot, self._forget_rooms)
         self._rooms = Rooms(
             outlines=NO_ROOMS,
             worlds=np.zeros((robots, 2), np.int64),

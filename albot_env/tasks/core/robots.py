@@ -17,9 +17,9 @@ from albot_core.geometry.types import Pose, Segments
 from albot_core.mappers.mapper import TRAVEL, WayHome
 from albot_core.sensing.reading import Readings
 from albot_env.sim import PIONEER_3DX
-from albot_env.sim.crew import FEWEST, Crew
-from albot_env.sim.fleet import Fleet, Halt, draw_key
+from albot_env.sim.batch_simulator import BatchSimulator, RobotSnapshot, draw_key
 from albot_env.sim.simulator import CONTROL_STEP, SUBSTEPS
+from albot_env.sim.thread_pool import MIN_ROWS_PER_THREAD, ThreadPool
 from albot_env.tasks.core.actions import ActionConfig, Numbers
 from albot_env.tasks.core.journeys import Journeys
 from albot_env.tasks.core.observation import ObservationConfig
@@ -69,7 +69,7 @@ class Expedition:
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
         self._never = np.zeros(robots, np.bool_)
         self._mappers = equipment.mappers(robots)
-        self._crew = Crew(equipment.threads)
+        self._crew = ThreadPool(equipment.threads)
         self.geometry = sensors.laser.geometry
         """Where the lasers' beams point."""
         self.sonar = None if sensors.sonar is None else sensors.sonar.geometry
@@ -79,11 +79,11 @@ class Expedition:
         if not observations.shapes:
             expected = "a part that robots with these sensors have"
             raise InputError("ObservationConfig.parts", expected, ", ".join(observations.parts))
-        self._fleet = Fleet(
+        self._fleet = BatchSimulator(
             robots,
             robot=PIONEER_3DX,
             sensors=sensors,
-            crew=self._crew,
+            threads=self._crew,
             movables=equipment.movables,
         )
         self._survey = Survey(robots, observations, self.geometry)
@@ -147,7 +147,7 @@ class Expedition:
         return Rest(
             start=self.starts[row].copy(),
             path_length=float(self.path_lengths[row]),
-            halt=self._fleet.halt(row),
+            halt=self._fleet.snapshot(row),
             surveyed=self._survey.keep(row),
             belief=self.beliefs[row].copy(),
             way_home=self._senses.ways_home[row].copy(),
@@ -162,7 +162,7 @@ class Expedition:
         """
         halt = rest.halt if key is None else rest.halt._replace(key=key)
         self._set_out(row, world, rest.start, halt.key)
-        self._fleet.resume(row, world, halt)
+        self._fleet.restore(row, world, halt)
         self._survey.resume(row, rest.surveyed)
         if self._mappers is None:
             self._senses.beliefs[row] = rest.belief
@@ -199,7 +199,7 @@ class Expedition:
         """Let all robots, or some, sense, map, look around and reckon what the step was worth."""
         chosen = self._everyone if rows is None else rows
         self._fleet.locate(chosen)
-        self._crew.share(chosen, self._look, FEWEST)
+        self._crew.share(chosen, self._look, MIN_ROWS_PER_THREAD)
 
     def _look(self, rows: Int64[np.ndarray, "some"], _: int) -> None:
         self._fleet.sense(rows)
@@ -333,7 +333,7 @@ class Expedition:
 
     def things(self, row: int) -> Segments:
         """The outlines of what moves around a robot, where it is now (world frame)."""
-        return self._fleet.things(row)
+        return self._fleet.obstacles(row)
 
     def world(self, row: int) -> World:
         """The world that a robot is in."""
@@ -360,7 +360,7 @@ class Rest:
     """Where it set out (world frame)."""
     path_length: float
     """How far it has driven since (m)."""
-    halt: Halt
+    halt: RobotSnapshot
     """How it stands."""
     surveyed: Surveyed
     """What it has covered and entered."""

@@ -11,7 +11,7 @@ from jaxtyping import Bool, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_core.kernels.arguments import ArgumentsCache
-from albot_env.sim.fleet import draw_key
+from albot_env.sim.batch_simulator import draw_key
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.actions import DeclaringActionConfig, Numbers
 from albot_env.tasks.core.observation import HOMEWARD, ObservationConfig

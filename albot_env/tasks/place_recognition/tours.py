@@ -20,8 +20,7 @@ from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Segments
 from albot_core.ranges import SHARE, check_fields
 from albot_core.sensing.reading import Reading
-from albot_env.sim.simulator import Simulator
-from albot_env.sim.start_stop import THESIS_STEPS, follow_leg
+from albot_env.sim.simulator import THESIS_STEPS, Simulator, follow_leg
 from albot_env.tasks.core.journeys import KEPT, Journeys, Ticket
 from albot_env.tasks.core.settings import Equipment
 from albot_env.tasks.place_recognition.arrivals import Notebook

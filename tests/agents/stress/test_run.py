@@ -18,7 +18,7 @@ from albot_agents.stress.plan import Episode
 from albot_agents.stress.run import Outcome, run_episode
 from albot_cli.main import main
 from albot_env.recording.reader import EpisodeReader
-from albot_env.stress.limits import Limits
+from albot_env.stress.checks import Limits
 from albot_env.tasks.core import single
 from albot_env.tasks.core.robots import Expedition
 from albot_env.tasks.explore.env import ExploreEnv

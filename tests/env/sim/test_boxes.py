@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from albot_env.sim.space import PHYSICS_STEP
-from albot_env.sim.thing_bodies import FLOOR_FRICTION, lever
+from albot_env.sim.obstacles import FLOOR_FRICTION, lever
+from albot_env.sim.physics import PHYSICS_STEP
 from albot_maps import Box
-
-sys.path.insert(0, str(Path(__file__).parent))
-from things_scene import Scene, world_of
+from tests.env.sim.obstacle_scene import Scene, world_of
 
 GRAVITY = 9.81
 

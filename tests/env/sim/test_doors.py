@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import math
-import sys
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
 from albot_maps import Box, Door
-
-sys.path.insert(0, str(Path(__file__).parent))
-from things_scene import CONTROL_STEP, Scene, inside, world_of
+from tests.env.sim.obstacle_scene import CONTROL_STEP, Scene, inside, world_of
 
 DOOR = Door(
     hinge=(4.0, 3.0),

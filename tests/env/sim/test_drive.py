@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_env.sim import PIONEER_3DX, RobotConfig, Sensors
+from albot_env.sim.batch_simulator import BatchSimulator
 from albot_env.sim.drive import STANDSTILL, Wheels
-from albot_env.sim.fleet import CROWD, Fleet
-from albot_env.sim.space import PHYSICS_STEP
+from albot_env.sim.physics import MAX_ROBOTS, PHYSICS_STEP
 from albot_maps.world import World
 
 any_number = st.floats(allow_nan=False, allow_infinity=False)
@@ -72,29 +72,29 @@ def test_impossible_robots_are_refused(field: str, value: float) -> None:
         RobotConfig(**{field: value})
 
 
-def fleet_in(world: World, starts: np.ndarray) -> Fleet:
+def batch_in(world: World, starts: np.ndarray) -> BatchSimulator:
     """Robots in a world, each placed at its start."""
-    fleet = Fleet(len(starts), robot=PIONEER_3DX, sensors=Sensors())
+    batch = BatchSimulator(len(starts), robot=PIONEER_3DX, sensors=Sensors())
     for row, start in enumerate(starts):
-        fleet.place(row, world, start, row)
-    return fleet
+        batch.place(row, world, start, row)
+    return batch
 
 
 def drives(world: World, starts: np.ndarray, commands: np.ndarray) -> np.ndarray:
     """The poses of robots on one floor, step by step, each with commands of its own."""
-    fleet = fleet_in(world, starts)
+    batch = batch_in(world, starts)
     ways = []
     for row in commands:
         targets = np.array([PIONEER_3DX.wheels_for(*command) for command in row.tolist()])
         for _ in range(10):
-            fleet.drive(targets, 1)
-            ways.append(np.column_stack((fleet.poses, fleet.pushed)))
+            batch.drive(targets, 1)
+            ways.append(np.column_stack((batch.poses, batch.pushed)))
     return np.stack(ways, axis=1)
 
 
 def test_robots_that_share_a_floor_get_the_same_bits_as_alone(box: World) -> None:
     rng = np.random.default_rng(2)
-    count = CROWD + 4  # on two floors
+    count = MAX_ROBOTS + 4  # on two floors
     starts = np.column_stack((rng.uniform(0.3, 2.0, (count, 2)), rng.uniform(-3, 3, count)))
     commands = rng.uniform((-0.5, -2.0), (1.5, 2.0), (60, count, 2))
     together = drives(box, starts, commands)
@@ -109,19 +109,19 @@ def test_a_robot_placed_anew_leaves_the_others_and_its_own_future_as_they_were(b
     starts = np.column_stack((rng.uniform(0.3, 2.0, (5, 2)), rng.uniform(-3, 3, 5)))
     commands = rng.uniform((-0.5, -2.0), (1.5, 2.0), (40, 5, 2))
     undisturbed = drives(box, starts, commands)
-    fleet = fleet_in(box, starts)
+    batch = batch_in(box, starts)
     for step, row in enumerate(commands):
         targets = np.array([PIONEER_3DX.wheels_for(*command) for command in row.tolist()])
         if step in (7, 23):
-            fleet.place(1, box, starts[1], 9)
+            batch.place(1, box, starts[1], 9)
         if step >= 23:
             targets[1] = PIONEER_3DX.wheels_for(*commands[step - 23, 1].tolist())
-        fleet.drive(targets, 10)
+        batch.drive(targets, 10)
         others = [0, 2, 3, 4]
         last = 10 * step + 9
-        np.testing.assert_array_equal(fleet.poses[others], undisturbed[others, last, :3])
+        np.testing.assert_array_equal(batch.poses[others], undisturbed[others, last, :3])
         if step >= 23:
-            np.testing.assert_array_equal(fleet.poses[1], undisturbed[1, last - 230, :3])
+            np.testing.assert_array_equal(batch.poses[1], undisturbed[1, last - 230, :3])
 
 
 def test_a_robot_that_stands_stays(box: World) -> None:

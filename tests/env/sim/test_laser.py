@@ -10,8 +10,8 @@ from albot_benchmarks.laser import measure_laser
 from albot_core.errors import InputError
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import LaserConfig
-from albot_env.sim.laser import normal_table
-from albot_env.sim.sensing_kernels import disturb
+from albot_env.sim.noise import normal_table
+from albot_env.sim.sensing import add_range_errors
 
 GEOMETRY = LaserGeometry(beams=20_000, spacing=1e-4, max_range=30.0)
 
@@ -19,7 +19,7 @@ GEOMETRY = LaserGeometry(beams=20_000, spacing=1e-4, max_range=30.0)
 def sensed(true_range: float, place: int = 0, **errors: float) -> np.ndarray:
     config = LaserConfig(geometry=GEOMETRY, **errors)
     ranges = np.full(20_000, true_range)
-    disturb(
+    add_range_errors(
         ranges,
         np.uint64(1),
         place,

@@ -11,7 +11,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_env.sim import ODOMETERS, PIONEER_3DX, OdometerConfig
 from albot_env.sim.drive import Wheels
-from albot_env.sim.odometer_kernels import COUNTS, ODOMETER_DRAWS, read, roll
+from albot_env.sim.odometer import COUNTS, ODOMETER_DRAWS, read_odometer, roll_wheels
 
 BASE = PIONEER_3DX.wheel_base
 
@@ -27,11 +27,11 @@ class Odometer:
         self.read()  # as an episode begins
 
     def roll(self, wheels: Wheels, duration: float) -> None:
-        roll(self.count, *wheels, duration, self.errors)
+        roll_wheels(self.count, *wheels, duration, self.errors)
 
     def read(self) -> np.ndarray:
         motion = np.empty(3)
-        read(self.count, self.errors, self.key, self.place, motion)
+        read_odometer(self.count, self.errors, self.key, self.place, motion)
         self.place += ODOMETER_DRAWS
         return motion
 

@@ -12,9 +12,8 @@ from scipy.stats import kstest
 
 from albot_core.errors import InputError
 from albot_env.sim import ODOMETERS, PIONEER_3DX, OdometerConfig
-from albot_env.sim.caster_kernels import PIVOT, TRAIL, swing
 from albot_env.sim.drive import Wheels
-from albot_env.sim.odometer_kernels import COUNTS, ERRORS
+from albot_env.sim.odometer import CASTER_PIVOT, CASTER_TRAIL, COUNTS, ERRORS, caster_angle_after
 from tests.env.sim.test_odometer import Odometer
 
 BASE = PIONEER_3DX.wheel_base
@@ -134,25 +133,29 @@ def test_stage_draws_its_errors_evenly_and_keeps_them_for_the_episode() -> None:
 
 
 def test_a_driving_caster_trails_and_a_turning_one_stands_at_right_angles() -> None:
-    assert swing(0.3, 2.0, 0.0) == pytest.approx(SKEW)
+    assert caster_angle_after(0.3, 2.0, 0.0) == pytest.approx(SKEW)
     # On the spot nothing moves once L cos ψ = -c: the wheel rolls about the axle's middle.
-    assert swing(0.0, 0.0, 6.0) == pytest.approx(-math.acos(-TRAIL / PIVOT), abs=1e-6)
-    assert swing(0.0, 0.0, -6.0) == pytest.approx(math.acos(-TRAIL / PIVOT), abs=1e-6)
+    assert caster_angle_after(0.0, 0.0, 6.0) == pytest.approx(
+        -math.acos(-CASTER_TRAIL / CASTER_PIVOT), abs=1e-6
+    )
+    assert caster_angle_after(0.0, 0.0, -6.0) == pytest.approx(
+        math.acos(-CASTER_TRAIL / CASTER_PIVOT), abs=1e-6
+    )
 
 
 def test_a_straight_caster_falls_in_line_as_the_equation_says() -> None:
     """With ω = 0, tan((ψ - skew) / 2) falls as exp(-s / c)."""
     for way in (0.005, 0.02, 0.08):
-        angle = swing(1.2, way, 0.0)
-        expected = math.tan((1.2 - SKEW) / 2) * math.exp(-way / TRAIL)
+        angle = caster_angle_after(1.2, way, 0.0)
+        expected = math.tan((1.2 - SKEW) / 2) * math.exp(-way / CASTER_TRAIL)
         assert math.tan((angle - SKEW) / 2) == pytest.approx(expected, rel=2e-2)
 
 
 def test_the_caster_swings_alike_in_one_step_and_in_many() -> None:
     angle = 0.4
     for _ in range(50):
-        angle = swing(angle, 0.002, 0.01)
-    assert swing(0.4, 0.1, 0.5) == pytest.approx(angle, abs=2e-3)
+        angle = caster_angle_after(angle, 0.002, 0.01)
+    assert caster_angle_after(0.4, 0.1, 0.5) == pytest.approx(angle, abs=2e-3)
 
 
 def test_a_turn_measures_more_than_it_turns_and_a_reversal_kicks() -> None:
@@ -166,7 +169,7 @@ def test_a_turn_measures_more_than_it_turns_and_a_reversal_kicks() -> None:
         odometer = Odometer(OdometerConfig(caster_drag=0.02))
         odometer.roll(Wheels(-side * BASE / 2, side * BASE / 2), 2.0)
         excess = side * odometer.read()[2] - 2.0
-        assert excess == pytest.approx(0.02 * math.acos(-TRAIL / PIVOT), rel=1e-2)
+        assert excess == pytest.approx(0.02 * math.acos(-CASTER_TRAIL / CASTER_PIVOT), rel=1e-2)
 
 
 def test_slips_need_a_rate_and_a_length() -> None:

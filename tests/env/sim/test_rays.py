@@ -14,7 +14,7 @@ from albot_benchmarks.laser import floor_plan
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import PIONEER_3DX, RayCaster
-from albot_env.sim.space import Floor
+from albot_env.sim.physics import PhysicsSpace
 from albot_maps.world import World
 from tests.env.sim.whereabouts import poses_about
 
@@ -25,7 +25,9 @@ FULL_TURN = LaserGeometry(beams=361, first_bearing=-math.pi, spacing=math.pi / 1
 OFF_CENTRE = LaserGeometry(beams=90, first_bearing=0.3, mount=(0.1, -0.05, 0.7))
 
 
-def oracle(floor: Floor, geometry: LaserGeometry, pose: np.ndarray, tilt: float) -> np.ndarray:
+def oracle(
+    floor: PhysicsSpace, geometry: LaserGeometry, pose: np.ndarray, tilt: float
+) -> np.ndarray:
     """Ranges by pymunk's query, every beam turned by `tilt`."""
     x, y, heading = compose(pose, np.array(geometry.mount)).tolist()
     ranges = np.full(geometry.beams, np.inf)
@@ -43,7 +45,7 @@ def disagreements(walls: np.ndarray, geometry: LaserGeometry, poses: np.ndarray)
     A reason is that a millionth of a radian decides: at a wall's end, at the end of the reach,
     or along a wall.
     """
-    floor = Floor(walls, PIONEER_3DX)
+    floor = PhysicsSpace(walls, PIONEER_3DX)
     scans = RayCaster(walls, geometry).scan_batch(poses)
     differing = wrong = 0
     for scan, pose in zip(scans, poses, strict=True):

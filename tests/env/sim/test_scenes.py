@@ -10,18 +10,24 @@ import pytest
 from scipy.stats import norm
 
 from albot_core.errors import InputError
-from albot_env.sim.scene_kernels import SCENE_DRAWS, Scenes, look, scene_at
-from albot_env.sim.scenes import SCENES, SceneConfig
+from albot_env.sim.scenes import (
+    SCENE_DRAWS,
+    SCENES,
+    SceneConfig,
+    SceneConstants,
+    recognise_scene,
+    scene_at,
+)
 
 BOUNDS = (-1.0, 2.0, 4.0, 5.5)
 KEY = np.uint64(11)
 
 
-def looks(scenes: Scenes, count: int, pose: tuple[float, float, float]) -> np.ndarray:
-    return np.array([look(*pose, scenes, KEY, k * SCENE_DRAWS) for k in range(count)])
+def looks(scenes: SceneConstants, count: int, pose: tuple[float, float, float]) -> np.ndarray:
+    return np.array([recognise_scene(*pose, scenes, KEY, k * SCENE_DRAWS) for k in range(count)])
 
 
-def all_views(scenes: Scenes) -> list[int]:
+def all_views(scenes: SceneConstants) -> list[int]:
     """The number of every view, from the middle of its place and sector."""
     return [
         scene_at(
@@ -61,7 +67,7 @@ def test_each_number_is_shared_by_as_many_views_as_asked_for(sharing: int) -> No
 def test_the_numbers_are_the_world_s_not_the_run_s() -> None:
     scenes = SCENES["ideal"].constants(BOUNDS)
     for pose in ((0.3, 2.2, 0.5), (3.3, 4.9, -2.0)):
-        seen = {look(*pose, scenes, np.uint64(key), 6 * key) for key in range(50)}
+        seen = {recognise_scene(*pose, scenes, np.uint64(key), 6 * key) for key in range(50)}
         assert seen == {scene_at(*pose, scenes)}
 
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_env.sim.laser import LASERS
+from albot_env.sim.laser import LASERS, RayCaster
 from albot_env.sim.odometer import ODOMETERS
-from albot_env.sim.rays import RayCaster
 from albot_env.sim.scenes import SCENES
 from albot_env.sim.sensors import Sensors, choose_sensors
 from albot_env.sim.sonar import SONARS

@@ -14,12 +14,12 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.sensing.reading import SonarGeometry
 from albot_env.sim import PIONEER_3DX, Sensors
-from albot_env.sim.fleet import Fleet
-from albot_env.sim.plane_kernels import stance_at
-from albot_env.sim.sensing_kernels import SONAR_PLACES
+from albot_env.sim.batch_simulator import BatchSimulator
+from albot_env.sim.plane_geometry import transform_of
+from albot_env.sim.sensing import SONAR_PLACES
 from albot_env.sim.sonar import SONARS, SonarConfig
-from albot_env.sim.sonar_kernels import listen
-from albot_env.sim.surface_kernels import make_cones
+from albot_env.sim.sonar_echoes import make_sonar_buffers
+from albot_env.sim.sonar_kernels import measure_echoes
 from albot_maps import load_world
 
 CONE = math.pi / 6
@@ -36,15 +36,25 @@ def heard(
     config: SonarConfig,
     walls: np.ndarray,
     pose: tuple[float, float, float] | np.ndarray = (0.0, 0.0, 0.0),
-    things: np.ndarray = NOTHING,
+    obstacles: np.ndarray = NOTHING,
     key: int = 1,
     place: int = 0,
 ) -> np.ndarray:
     echoes = np.empty(len(config.geometry.bearings))
     everything = np.arange(len(walls), dtype=np.int32)
     where = np.array(pose, np.float64)
-    cones, key = make_cones(len(walls) + len(things), len(echoes)), np.uint64(key)
-    listen(walls, everything, things, stance_at(where), config.constants, key, place, cones, echoes)
+    cones, key = make_sonar_buffers(len(walls) + len(obstacles), len(echoes)), np.uint64(key)
+    measure_echoes(
+        walls,
+        everything,
+        obstacles,
+        transform_of(where),
+        config.constants,
+        key,
+        place,
+        cones,
+        echoes,
+    )
     return echoes
 
 
@@ -107,8 +117,8 @@ def test_a_wall_half_hidden_is_heard_beside_what_hides_it() -> None:
 
 
 def test_things_and_walls_are_heard_alike() -> None:
-    assert heard(one_sonar(), wall(2.0), things=wall(1.0))[0] == pytest.approx(1.0)
-    assert heard(one_sonar(), NOTHING, things=wall(1.0))[0] == pytest.approx(1.0)
+    assert heard(one_sonar(), wall(2.0), obstacles=wall(1.0))[0] == pytest.approx(1.0)
+    assert heard(one_sonar(), NOTHING, obstacles=wall(1.0))[0] == pytest.approx(1.0)
 
 
 def test_ranges_end_where_the_sonar_s_do() -> None:
@@ -222,14 +232,14 @@ def test_a_fleet_hears_as_if_it_listened_to_every_wall() -> None:
     world = load_world("random:office:42?rooms=8")
     rng = np.random.default_rng(5)
     x_min, y_min, x_max, y_max = world.bounds
-    fleet = Fleet(1, robot=PIONEER_3DX, sensors=Sensors(sonar=SONARS["pioneer"]))
+    batch = BatchSimulator(1, robot=PIONEER_3DX, sensors=Sensors(sonar=SONARS["pioneer"]))
     for _ in range(200):
         pose = rng.uniform((x_min, y_min, -3), (x_max, y_max, 3))
-        fleet.place(0, world, pose, 1)
-        fleet.locate()
-        fleet.sense()
+        batch.place(0, world, pose, 1)
+        batch.locate()
+        batch.sense()
         every = heard(SONARS["pioneer"], world.walls, pose, place=SONAR_PLACES)
-        np.testing.assert_allclose(fleet.echoes[0], every, atol=1e-9)
+        np.testing.assert_allclose(batch.echoes[0], every, atol=1e-9)
 
 
 @pytest.mark.parametrize(

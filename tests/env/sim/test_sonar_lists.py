@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from shapely import LineString
 
 from albot_benchmarks.laser import floor_plan
-from albot_env.sim.plane_kernels import stance_at
-from albot_env.sim.sonar import SONARS, SonarConfig, audible
-from albot_env.sim.sonar_kernels import listen
-from albot_env.sim.surface_kernels import make_cones
+from albot_env.sim.plane_geometry import transform_of
+from albot_env.sim.sonar import SONARS, SonarConfig, sonar_wall_index
+from albot_env.sim.sonar_echoes import make_sonar_buffers
+from albot_env.sim.sonar_kernels import measure_echoes
 from tests.env.sim.test_rays import segments
 from tests.env.sim.whereabouts import cells_of, poses_about
 
@@ -22,18 +22,18 @@ NOTHING = np.empty((0, 4))
 
 def differing(config: SonarConfig, walls: np.ndarray, poses: np.ndarray) -> int:
     """How many echoes differ, by lists and by all walls, by more than rounding."""
-    index = audible(config)
+    index = sonar_wall_index(config)
     index.add(walls)
     cells = cells_of(index, poses)
     tables, everything = index.tables, np.arange(len(walls), dtype=np.int32)
     sonars, count = config.constants, len(config.geometry.bearings)
-    cones = make_cones(len(walls), count)
+    cones = make_sonar_buffers(len(walls), count)
     echoes = np.empty((2, len(poses), count))
     for k, pose in enumerate(poses):
         first, last = tables.spans[cells[k]]
         for which, near in enumerate((tables.members[first:last], everything)):
-            at = walls, near, NOTHING, stance_at(pose), sonars, np.uint64(7), count * k, cones
-            listen(*at, echoes[which, k])
+            at = walls, near, NOTHING, transform_of(pose), sonars, np.uint64(7), count * k, cones
+            measure_echoes(*at, echoes[which, k])
     return int((~np.isclose(*echoes, rtol=1e-12)).sum())
 
 

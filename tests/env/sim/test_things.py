@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pymunk
@@ -14,12 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_env.sim import LMS_200
-from albot_env.sim.rays import RayCaster
-from albot_env.sim.thing_kernels import SIDES
+from albot_env.sim.laser import RayCaster
+from albot_env.sim.obstacle_tables import SIDES
 from albot_maps import Box, Door, Walker
-
-sys.path.insert(0, str(Path(__file__).parent))
-from things_scene import Scene, crowd, inside, world_of
+from tests.env.sim.obstacle_scene import Scene, crowd, inside, world_of
 
 ROBOTS = pymunk.ShapeFilter(group=1)
 
@@ -44,7 +40,7 @@ def test_rays_see_each_thing_where_it_is():
 
 
 def ahead(scene: Scene, pose: tuple[float, float, float]) -> float:
-    """Range (m) of a beam from a pose straight ahead, to walls and things."""
+    """Range (m) of a beam from a pose straight ahead, to walls and obstacles."""
     geometry = LMS_200.geometry
     walls = np.concatenate((scene.world.walls, scene.segments))
     x, y, heading = geometry.mount
@@ -64,7 +60,7 @@ def test_what_rays_see_is_what_contacts_meet(key, steps):
     others = shapely.MultiLineString([((a, b), (c, d)) for a, b, c, d in scene.world.walls])
     for bearing in np.linspace(0.01, 6.28, 60):
         far = (x + 20 * math.cos(bearing), y + 20 * math.sin(bearing))
-        hit = scene.floor.space.segment_query_first((x, y), far, 0.0, ROBOTS)
+        hit = scene.space.space.segment_query_first((x, y), far, 0.0, ROBOTS)
         ray = shapely.LineString([(x, y), far])
         met = [ray.intersection(shape) for shape in (lines, others)]
         near = min(shapely.Point(x, y).distance(each) for each in met if not each.is_empty)

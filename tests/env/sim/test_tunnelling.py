@@ -13,17 +13,17 @@ import pytest
 from albot_benchmarks.laser import floor_plan
 from albot_core.geometry.types import Points, Segments
 from albot_env.sim import PIONEER_3DX, Sensors
+from albot_env.sim.batch_simulator import BatchSimulator
 from albot_env.sim.drive import Wheels
-from albot_env.sim.fleet import Fleet
+from albot_env.sim.physics import PhysicsSpace
 from albot_env.sim.simulator import SUBSTEPS
-from albot_env.sim.space import Floor
 from albot_maps.world import World
 
 STEPS = 1_000_000 if os.environ.get("ALBOT_LONG_DRIVE") else 20_000
 ROBOTS = 50
 
 
-def free_places(floor: Floor, side: float, rng: np.random.Generator) -> np.ndarray:
+def free_places(floor: PhysicsSpace, side: float, rng: np.random.Generator) -> np.ndarray:
     """Poses with room for a robot inside the plan's outer walls."""
     places: list[np.ndarray] = []
     while len(places) < ROBOTS:
@@ -67,20 +67,20 @@ def test_no_robot_gets_through_a_wall(segments: int) -> None:
     rng = np.random.default_rng(segments)
     walls = floor_plan(segments, rng)
     side = walls.max()
-    places = free_places(Floor(walls, PIONEER_3DX), side, rng)
+    places = free_places(PhysicsSpace(walls, PIONEER_3DX), side, rng)
     world = World(name="plan", walls=walls, starts=places[:1])
-    fleet = Fleet(ROBOTS, robot=PIONEER_3DX, sensors=Sensors())
+    batch = BatchSimulator(ROBOTS, robot=PIONEER_3DX, sensors=Sensors())
     for row, place in enumerate(places):
-        fleet.place(row, world, place, row)
+        batch.place(row, world, place, row)
     commands = [any_command(rng) for _ in range(ROBOTS)]
-    before = fleet.poses[:, :2].copy()
+    before = batch.poses[:, :2].copy()
     bumps = 0
     for _ in range(STEPS // ROBOTS // 2):
         for k in np.flatnonzero(rng.random(ROBOTS) < 0.05):
             commands[k] = any_command(rng)
-        fleet.drive(np.array(commands), SUBSTEPS)
-        bumps += int(fleet.pushed.sum())
-        after = fleet.poses[:, :2].copy()
+        batch.drive(np.array(commands), SUBSTEPS)
+        bumps += int(batch.pushed.sum())
+        after = batch.poses[:, :2].copy()
         assert not crosses(walls, before, after).any()
         assert (after > 0).all()
         assert (after < side).all()

@@ -6,7 +6,7 @@ import numpy as np
 
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import RayCaster
-from albot_env.sim.rays import index_for
+from albot_env.sim.laser import laser_wall_index
 from albot_maps import load_world
 from tests.env.sim.whereabouts import cells_of, poses_about
 
@@ -30,7 +30,7 @@ def seen_from(walls: np.ndarray, rays: RayCaster, places: np.ndarray) -> set[int
 
 def test_lists_are_at_most_twice_as_long_as_need_be() -> None:
     world = load_world("random:office:3?rooms=10")
-    index, rays, rng = index_for(FAN), RayCaster(world.walls, FAN), np.random.default_rng(0)
+    index, rays, rng = laser_wall_index(FAN), RayCaster(world.walls, FAN), np.random.default_rng(0)
     index.add(world.walls)
     cells = cells_of(index, poses_about(world.walls, 0.0, 20, rng))
     listed, seen = 0, 0

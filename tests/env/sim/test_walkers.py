@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
 from albot_maps import Door, Walker
-
-sys.path.insert(0, str(Path(__file__).parent))
-from things_scene import Scene, gap_of, world_of
+from tests.env.sim.obstacle_scene import Scene, gap_of, world_of
 
 
 def walk(scene: Scene, steps: int, index: int = 0) -> np.ndarray:

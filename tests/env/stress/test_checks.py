@@ -11,6 +11,7 @@ from gymnasium import spaces
 
 from albot_core.errors import InputError
 from albot_env.stress.checks import (
+    Limits,
     all_keys,
     check_body,
     check_info,
@@ -20,7 +21,6 @@ from albot_env.stress.checks import (
     check_things,
 )
 from albot_env.stress.geometry import free_ways
-from albot_env.stress.limits import Limits
 
 BOX = np.array([[0.0, 0, 4, 0], [4, 0, 4, 3], [4, 3, 0, 3], [0, 3, 0, 0]])
 BEARINGS = np.radians(np.arange(-90.0, 91.0))

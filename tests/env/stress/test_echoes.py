@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 
 from albot_core.sensing.reading import SonarGeometry, SonarScan
 from albot_env.sim import SONARS
-from albot_env.sim.plane_kernels import stance_at
-from albot_env.sim.sonar_kernels import listen
-from albot_env.sim.surface_kernels import make_cones
-from albot_env.stress.echoes import check_sonar
-from albot_env.stress.limits import Limits
+from albot_env.sim.plane_geometry import transform_of
+from albot_env.sim.sonar_echoes import make_sonar_buffers
+from albot_env.sim.sonar_kernels import measure_echoes
+from albot_env.stress.checks import Limits, check_sonar
 
 BOX = np.array([[0.0, 0, 4, 0], [4, 0, 4, 3], [4, 3, 0, 3], [0, 3, 0, 0]])
 AHEAD = SonarGeometry(bearings=(0.0,), places=((0.0, 0.0),))
@@ -82,7 +81,7 @@ def test_the_simulators_sonars_stay_within(seed: int):
     config = dataclasses.replace(SONARS["pioneer"], crosstalk=float(rng.integers(2)))
     echoes = np.empty(8)
     nearby = np.arange(8, dtype=np.int32)
-    robot = stance_at(pose), config.constants, np.uint64(seed), 0
-    listen(surfaces[:8], nearby, surfaces[8:], *robot, make_cones(12, 8), echoes)
+    robot = transform_of(pose), config.constants, np.uint64(seed), 0
+    measure_echoes(surfaces[:8], nearby, surfaces[8:], *robot, make_sonar_buffers(12, 8), echoes)
     scan = SonarScan(ranges=echoes, geometry=config.geometry)
     assert check_sonar(surfaces, pose, scan, Limits()) == []

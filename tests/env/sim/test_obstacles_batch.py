@@ -1,4 +1,4 @@
-"""Fleets among movable things: alone or in a batch the same bits; lasers and contacts meet them."""
+"""Robots among obstacles: alone or in a batch the same bits; lasers and contacts meet them."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from albot_env.sim import (
     Sensors,
     choose_sensors,
 )
-from albot_env.sim.crew import Crew
-from albot_env.sim.fleet import Fleet
+from albot_env.sim.batch_simulator import BatchSimulator
 from albot_env.sim.simulator import SUBSTEPS, Simulator
+from albot_env.sim.thread_pool import ThreadPool
 from albot_maps import Box, Door, Movables, Walker, World, load_world
 
 QUIET = LaserConfig(geometry=LMS_200.geometry, range_noise=0.0, dropout=0.0)
@@ -29,7 +29,7 @@ APARTMENT = "random:apartment:5?people=2&boxes=2&doors=2"
 def room(**movables) -> World:
     """A room of 8 by 6 m, the robot at 1, 3 and looking along x."""
     walls = [[0.0, 0, 8, 0], [8.0, 0, 8, 6], [8.0, 6, 0, 6], [0.0, 6, 0, 0]]
-    parts = {name: tuple(things) for name, things in movables.items()}
+    parts = {name: tuple(obstacles) for name, obstacles in movables.items()}
     return World(
         name="room",
         walls=np.array(walls),
@@ -54,8 +54,8 @@ def test_the_laser_sees_a_box_and_not_where_things_are_left_out():
     assert ahead(sim, sim.reset(np.random.default_rng(1))) == pytest.approx(2.75, abs=1e-3)
     bare = simulator(world, movables=False)
     assert ahead(bare, bare.reset(np.random.default_rng(1))) == pytest.approx(7.0, abs=1e-3)
-    assert len(bare.things) == 0
-    assert len(sim.things) == 4
+    assert len(bare.obstacles) == 0
+    assert len(sim.obstacles) == 4
 
 
 def test_the_sonars_hear_a_box():
@@ -80,7 +80,7 @@ def test_contact_with_a_box_is_a_collision_and_pushes_it():
     touched = [bool(sim.step(0.6, 0.0)) and sim.collided for _ in range(60)]
     assert not any(touched[:30])
     assert all(touched[-5:])
-    assert sim.things[:, 0].min() == pytest.approx(sim.pose[0] + 0.25, abs=0.01)
+    assert sim.obstacles[:, 0].min() == pytest.approx(sim.pose[0] + 0.25, abs=0.01)
 
 
 def test_a_move_gives_up_before_a_box_too_heavy_to_push():
@@ -104,32 +104,34 @@ def test_a_start_on_a_box_or_in_a_doors_swing_is_refused():
 def test_time_passes_for_people_in_manoeuvres_too():
     sim = simulator(room(walkers=[Walker(route=((2.0, 5.0), (7.0, 5.0)), speed=(1.0, 1.0))]))
     sim.reset(np.random.default_rng(3))
-    before = sim.things
+    before = sim.obstacles
     reading = sim.turn(math.pi)
     assert reading.stamp > 2
-    assert np.abs(sim.things - before).max() > 1
+    assert np.abs(sim.obstacles - before).max() > 1
 
 
-def fleet_of(number: int, threads: int = 1) -> Fleet:
-    return Fleet(number, robot=PIONEER_3DX, sensors=choose_sensors(), crew=Crew(threads))
+def batch_of(number: int, threads: int = 1) -> BatchSimulator:
+    return BatchSimulator(
+        number, robot=PIONEER_3DX, sensors=choose_sensors(), threads=ThreadPool(threads)
+    )
 
 
-def record(fleet: Fleet, row: int) -> np.ndarray:
-    """All that a robot does and senses, and its things."""
-    echoes = fleet.readings(np.zeros(len(fleet.poses))).echoes
+def record(batch: BatchSimulator, row: int) -> np.ndarray:
+    """All that a robot does and senses, and its obstacles."""
+    echoes = batch.readings(np.zeros(len(batch.poses))).echoes
     assert echoes is not None
-    sensed = fleet.motions[row], fleet.ranges[row], echoes[row]
-    parts = (fleet.states[row], *sensed, fleet.things(row).ravel())
-    return np.concatenate((*parts, fleet.collided[row : row + 1]))
+    sensed = batch.motions[row], batch.ranges[row], echoes[row]
+    parts = (batch.states[row], *sensed, batch.obstacles(row).ravel())
+    return np.concatenate((*parts, batch.collided[row : row + 1]))
 
 
 def episodes(worlds: list[World], rows: list[int], total: int, threads: int = 1) -> list[list]:
     """Two episodes of each world; the second in the next world, begun at times of its own."""
-    fleet = fleet_of(total, threads)
+    batch = batch_of(total, threads)
     rngs = [np.random.default_rng(row) for row in rows]
 
     def begin(k: int, world: World, key: int) -> None:
-        fleet.place(k, world, world.starts[0], key)
+        batch.place(k, world, world.starts[0], key)
 
     for k, row in enumerate(rows):
         begin(k, worlds[row % len(worlds)], 100 + row)
@@ -139,18 +141,18 @@ def episodes(worlds: list[World], rows: list[int], total: int, threads: int = 1)
             if step == 40 + 7 * row:
                 begin(k, worlds[(row + 1) % len(worlds)], 200 + row)
         commands = np.array([rng.uniform((-0.5, -2), (1.5, 2)) for rng in rngs])
-        fleet.clear_contacts()
-        fleet.drive(fleet.robot.targets_for(commands), SUBSTEPS)
-        fleet.locate()
-        fleet.sense()
+        batch.clear_contacts()
+        batch.drive(batch.robot.targets_for(commands), SUBSTEPS)
+        batch.locate()
+        batch.sense()
         for k in range(len(rows)):
-            history[k].append(record(fleet, k))
+            history[k].append(record(batch, k))
     return history
 
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_each_of_a_fleet_does_what_it_does_alone(threads):
-    """Worlds with things, and one without among them, entered in turn."""
+    """Worlds with obstacles, and one without among them, entered in turn."""
     worlds = [load_world(OFFICE), load_world(APARTMENT), load_world("random:maze:1")]
     together = episodes(worlds, list(range(7)), 7, threads)
     for row in range(7):
@@ -160,19 +162,19 @@ def test_each_of_a_fleet_does_what_it_does_alone(threads):
 
 def test_robots_in_one_world_have_things_of_their_own():
     world = load_world(OFFICE)
-    fleet = fleet_of(3)
+    batch = batch_of(3)
     for row, key in enumerate((1, 1, 2)):
-        fleet.place(row, world, world.starts[0], key)
-    assert np.array_equal(fleet.things(0), fleet.things(1))
-    assert not np.array_equal(fleet.things(0), fleet.things(2))
+        batch.place(row, world, world.starts[0], key)
+    assert np.array_equal(batch.obstacles(0), batch.obstacles(1))
+    assert not np.array_equal(batch.obstacles(0), batch.obstacles(2))
     for _ in range(50):
-        fleet.drive(np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 0.0]]), SUBSTEPS)
-    assert not np.array_equal(fleet.things(0), fleet.things(1))
-    assert fleet.poses[0] == pytest.approx(world.starts[0], abs=0.5)
+        batch.drive(np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 0.0]]), SUBSTEPS)
+    assert not np.array_equal(batch.obstacles(0), batch.obstacles(1))
+    assert batch.poses[0] == pytest.approx(world.starts[0], abs=0.5)
 
 
 def test_where_nothing_moves_nothing_is_different():
-    """A world with things that are left out, and the same world without them."""
+    """A world with obstacles that are left out, and the same world without them."""
     world = load_world("random:office:3?rooms=6")
     moving = load_world(OFFICE)
     runs = []

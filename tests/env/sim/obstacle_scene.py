@@ -1,4 +1,4 @@
-"""One robot among movable things on a floor of its own, stepped as a fleet steps it."""
+"""One robot among movable obstacles on a floor of its own, stepped as a batch steps it."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ import pymunk
 
 from albot_core.kernels.arguments import KernelArguments
 from albot_env.sim import ODOMETERS, PIONEER_3DX
-from albot_env.sim.chipmunk_kernels import Floors, Robots, advance
-from albot_env.sim.engine import Bridge
-from albot_env.sim.space import PHYSICS_STEP, Floor
-from albot_env.sim.things import Things
+from albot_env.sim.chipmunk import ChipmunkBuffers, RobotArrays, SpaceTables, advance
+from albot_env.sim.obstacles import DynamicObstacles
+from albot_env.sim.physics import PHYSICS_STEP, PhysicsSpace
 from albot_maps import Box, Door, Movables, Walker, World
 
 CONTROL_STEP = 0.1
@@ -37,24 +36,24 @@ def world_of(
     size: tuple[float, float] = (8.0, 6.0),
     **movables,
 ) -> World:
-    """A room of so many metres, 8 by 6 if not told otherwise, with walls and things in it."""
+    """A room of so many metres, 8 by 6 if not told otherwise, with walls and obstacles in it."""
     return World(
         name="room",
         walls=np.array([*room(*size), *walls]),
         starts=np.array([start]),
-        movables=Movables(**{name: tuple(things) for name, things in movables.items()}),
+        movables=Movables(**{name: tuple(obstacles) for name, obstacles in movables.items()}),
     )
 
 
 class Scene:
-    """A robot among things. `steps` lets control steps of 0.1 s pass."""
+    """A robot among obstacles. `steps` lets control steps of 0.1 s pass."""
 
     def __init__(self, world: World, key: int = 1, pose: Sequence[float] | None = None) -> None:
         self.world = world
-        self.floor = Floor(world.walls, PIONEER_3DX)
-        self.things = Things(1, PIONEER_3DX.radius)
-        self.bridge = Bridge(20)
-        self.robots = Robots(
+        self.space = PhysicsSpace(world.walls, PIONEER_3DX)
+        self.obstacles = DynamicObstacles(1, PIONEER_3DX.radius)
+        self.buffers = ChipmunkBuffers(20)
+        self.robots = RobotArrays(
             targets=np.zeros((1, 2)),
             wheels=np.zeros((1, 2)),
             counts=np.zeros((1, 5)),
@@ -67,42 +66,49 @@ class Scene:
 
     def begin(self, key: int, pose: Sequence[float] | None = None) -> None:
         where = self.world.starts[0] if pose is None else np.array(pose)
-        self.things.leave(0)
-        self.floor.place(0, tuple(where.tolist()))
+        self.obstacles.remove(0)
+        self.space.place(0, tuple(where.tolist()))
         for array in (self.robots.targets, self.robots.wheels, self.robots.counts):
             array[:] = 0
         self.robots.touched[:] = False
         self.robots.states[0] = *where, 0, 0, 0
-        self.things.begin(0, self.world, self.floor, where, key)
-        ((place, id_),) = self.floor.order
+        self.obstacles.place(0, self.world, self.space, where, key)
+        ((place, id_),) = self.space.order
         assert place == 0
         self.robots.ids[:] = id_
-        self.tables = Floors(
-            spaces=np.array([self.floor.addresses], np.int64),
-            crews=np.array([1]),
-            members=np.array([[0]]),
-            places=np.array([0]),
+        self.tables = SpaceTables(
+            spaces=np.array([self.space.addresses], np.int64),
+            robot_counts=np.array([1]),
+            rows=np.array([[0]]),
+            slots=np.array([0]),
         )
 
     @property
     def doors(self) -> np.ndarray:
         """Directions of the leaves."""
-        return self.things.doors(0)
+        return self._columns("doors", "angle")[:, 0]
 
     @property
     def boxes(self) -> np.ndarray:
         """x, y, heading of each."""
-        return self.things.boxes(0)
+        return self._columns("boxes", "x", "y", "heading")
 
     @property
     def walkers(self) -> np.ndarray:
         """x, y, velocity x, y of each."""
-        return self.things.walkers(0)
+        return self._columns("walkers", "x", "y", "vx", "vy")
 
     @property
     def segments(self) -> np.ndarray:
-        """The outlines of all things."""
-        return self.things.segments(0)
+        """The outlines of all obstacles."""
+        return self.obstacles.outlines(0)
+
+    def _columns(self, kind: str, *names: str) -> np.ndarray:
+        """Fields of the robot's obstacles of one kind."""
+        tables = self.obstacles.tables
+        own = tables.robots[0]
+        table = getattr(tables, kind)[own[kind] : own[f"{kind}_end"]]
+        return np.stack([table[name] for name in names], axis=1)
 
     @property
     def robot(self) -> np.ndarray:
@@ -110,26 +116,26 @@ class Scene:
         return self.robots.states[0]
 
     def steps(self, number: int, speed: float = 0.0, turn_rate: float = 0.0) -> None:
-        engine = self.bridge.engine
+        chipmunk = self.buffers.interface
         here = np.array([0])
         self.robots.targets[0] = PIONEER_3DX.wheels_for(speed, turn_rate)
         errors = ODOMETERS["ideal"].constants(PIONEER_3DX.wheel_base)
         base, acceleration = PIONEER_3DX.wheel_base, PIONEER_3DX.acceleration
-        arguments = KernelArguments((engine, self.tables, self.robots, errors, base))
+        arguments = KernelArguments((chipmunk, self.tables, self.robots, errors, base))
         for _ in range(number):
-            self.things.command(here, engine, self.robots.states, CONTROL_STEP)
+            self.obstacles.command(here, chipmunk, self.robots.states, CONTROL_STEP)
             advance(here, arguments, acceleration, PHYSICS_STEP, SUBSTEPS)
-            self.things.observe(here, engine)
+            self.obstacles.observe(here, chipmunk)
 
     def body(self, index: int) -> pymunk.Body:
         """The body that stands in a place of pymunk's order: robot, doors, boxes, walkers."""
-        id_ = self.floor.body_ids[index]
-        return next(body for body in self.floor.space.bodies if body.id == id_)
+        id_ = self.space.body_ids[index]
+        return next(body for body in self.space.space.bodies if body.id == id_)
 
     def lift(self, index: int, x: float, y: float) -> None:
         """Put a body somewhere else."""
         self.body(index).position = x, y
-        self.things.observe(np.array([0]), self.bridge.engine)
+        self.obstacles.observe(np.array([0]), self.buffers.interface)
         if index == 0:
             self.robots.states[0, :2] = x, y
 

@@ -1,6 +1,6 @@
-"""The fleet: many robots, each with sensors of its own, stepped together.
+"""The batch simulator: many robots, each with sensors of its own, stepped together.
 
-A single simulator is a fleet of one. What a robot does and senses depends on its own
+`Simulator` is a batch of one. What a robot does and senses depends on its own
 world, start, commands and key alone, to the last bit.
 """
 
@@ -17,33 +17,36 @@ from albot_core.geometry.poses import wrap_angle
 from albot_core.geometry.types import Pose, Segments
 from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.sensing.reading import Readings
-from albot_env.sim import chipmunk_kernels
-from albot_env.sim.chipmunk_kernels import Engine, Robots, advance
-from albot_env.sim.crew import Crew
+from albot_env.sim.chipmunk import (
+    ChipmunkBuffers,
+    ChipmunkInterface,
+    RobotArrays,
+    SpaceTables,
+    advance,
+)
 from albot_env.sim.drive import RobotConfig
-from albot_env.sim.engine import Bridge
-from albot_env.sim.floors import CROWD, Floors
-from albot_env.sim.instruments import Instruments
-from albot_env.sim.odometer_kernels import COUNTS
+from albot_env.sim.obstacles import DynamicObstacles, ObstacleSnapshot
+from albot_env.sim.odometer import COUNTS
+from albot_env.sim.physics import MAX_ROBOTS, PHYSICS_STEP, PhysicsSpaces
+from albot_env.sim.sensing import SensorSuite
 from albot_env.sim.sensors import Sensors
-from albot_env.sim.space import PHYSICS_STEP
-from albot_env.sim.things import Still
+from albot_env.sim.thread_pool import ThreadPool
 from albot_maps.world import World
 
 
-class Halt(NamedTuple):
-    """How a robot stands that has come to rest, and what moves around it."""
+class RobotSnapshot(NamedTuple):
+    """The state of a robot at rest, and of the obstacles around it."""
 
     pose: Pose
-    """Where it is (world frame); the heading counts full turns."""
+    """Where it is (world frame); the heading is not wrapped."""
     key: int
     """The key to its noise."""
     readings: int
     """How many readings it has taken since it was placed."""
     counts: Float64[np.ndarray, "counts"]
     """What its odometer has counted."""
-    things: Still
-    """Where the things around it are."""
+    obstacles: ObstacleSnapshot
+    """Where the obstacles around it are."""
 
 
 def draw_key(rng: np.random.Generator) -> int:
@@ -51,15 +54,15 @@ def draw_key(rng: np.random.Generator) -> int:
     return int(rng.integers(2**64, dtype=np.uint64))
 
 
-class Fleet:
+class BatchSimulator:
     """Robots of one make. Place each before it drives; sense to have readings.
 
     Args:
         robots: How many there are.
         robot: Body and drive of the robots.
         sensors: What each senses with.
-        crew: Threads that share the work.
-        movables: Whether things move in worlds that have any; if not, they are left out.
+        threads: Threads that share the work.
+        movables: Whether obstacles move in worlds that have any; if not, they are left out.
     """
 
     def __init__(
@@ -68,12 +71,12 @@ class Fleet:
         *,
         robot: RobotConfig,
         sensors: Sensors,
-        crew: Crew | None = None,
+        threads: ThreadPool | None = None,
         movables: bool = True,
     ) -> None:
         self.robot = robot
-        self._crew = crew or Crew(1)
-        self._robots = Robots(
+        self._threads = threads or ThreadPool(1)
+        self._robots = RobotArrays(
             targets=np.zeros((robots, 2)),
             wheels=np.zeros((robots, 2)),
             counts=np.zeros((robots, COUNTS)),
@@ -82,31 +85,32 @@ class Fleet:
             touched=np.zeros((robots, 2), np.bool_),
             ids=np.zeros(robots, np.int64),
         )
-        self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
-        self._instruments = Instruments(sensors, robot, self._robots)
-        self._floors = Floors(robots, robot, movables=movables)
-        self._bridged = 0
-        self._build_bridges(CROWD)
+        self._all_rows: Int64[np.ndarray, "robots"] = np.arange(robots)
+        self._sensors = SensorSuite(sensors, robot, self._robots)
+        self._spaces = PhysicsSpaces(robots, robot, movables=movables)
+        self._obstacles = DynamicObstacles(robots, robot.radius)
+        self._buffered_bodies = 0
+        self._reserve_buffers(MAX_ROBOTS)
 
     @property
     def motions(self) -> Float64[np.ndarray, "robots 3"]:
         """What the odometers measured at the last sensing."""
-        return self._instruments.sensed.motions
+        return self._sensors.outputs.motions
 
     @property
     def ranges(self) -> Float64[np.ndarray, "robots beams"]:
         """What the lasers saw at the last sensing (m); infinite where nothing came back."""
-        return self._instruments.sensed.ranges
+        return self._sensors.outputs.ranges
 
     @property
     def echoes(self) -> Float64[np.ndarray, "robots sonars"]:
         """What the sonars heard at the last sensing (m); infinite where nothing came back."""
-        return self._instruments.sensed.echoes
+        return self._sensors.outputs.echoes
 
     @property
     def scenes(self) -> Int64[np.ndarray, "robots"]:
         """The scenes that the cameras recognised at the last sensing; -1 where none."""
-        return self._instruments.sensed.scenes
+        return self._sensors.outputs.scenes
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
@@ -134,7 +138,7 @@ class Fleet:
         return self._robots.states
 
     def check_start(self, world: World, pose: Pose) -> None:
-        """Refuse a start.
+        """Raise InputError if a robot cannot start at a pose.
 
         Raises:
             InputError: It is not finite, or the robot would touch a wall there, a box, or a
@@ -143,10 +147,10 @@ class Fleet:
         if not np.isfinite(pose).all():
             raise InputError("start", "a finite pose", str(pose.tolist()))
         radius = self.robot.radius
-        if self._floors.moves(world) and world.movables.gap(*pose[:2].tolist()) < radius:
+        if self._spaces.moves(world) and world.movables.gap(*pose[:2].tolist()) < radius:
             expected = f"a pose {radius:g} m clear of the boxes and doors of {world.name}"
             raise InputError("start", expected, str(pose.tolist()))
-        room = self._floors.clearance(world, pose, radius)
+        room = self._spaces.clearance(world, pose, radius)
         if room < radius:
             raise InputError(
                 "start",
@@ -163,40 +167,43 @@ class Fleet:
         Args:
             row: The robot.
             world: Where. Which world it is goes by the object: robots in one share its
-                floors and what is known of its walls.
+                spaces and what is known of its walls.
             pose: Where in the world's frame (see `check_start`).
             key: 64 bits, of which all its random numbers are a function from now on.
         """
         robots = self._robots
-        self._floors.place(row, world, pose, key, robots.ids)
-        self._build_bridges(1 + self._floors.things.most_bodies)
+        self._obstacles.remove(row)
+        space = self._spaces.place(row, world, pose, robots.ids)
+        if self._spaces.moves(world):
+            self._obstacles.place(row, world, space, pose, key)
+        self._reserve_buffers(1 + self._obstacles.most_bodies)
         for array in (robots.targets, robots.wheels, robots.counts, robots.touched):
             array[row] = 0
         robots.states[row] = *pose, 0.0, 0.0, 0.0
         robots.poses[row] = *pose[:2], wrap_angle(pose[2])
-        self._instruments.begin(row, world, key)
+        self._sensors.begin(row, world, key)
 
-    def halt(self, row: int) -> Halt:
-        """How a robot stands that has come to rest."""
-        sensed = self._instruments.sensed
-        return Halt(
+    def snapshot(self, row: int) -> RobotSnapshot:
+        """The state of a robot that has come to rest (copies)."""
+        outputs = self._sensors.outputs
+        return RobotSnapshot(
             pose=self.states[row, :3].copy(),
-            key=int(sensed.keys[row]),
-            readings=int(sensed.readings[row]),
+            key=int(outputs.keys[row]),
+            readings=int(outputs.readings[row]),
             counts=self._robots.counts[row].copy(),
-            things=self._floors.things.halt(row),
+            obstacles=self._obstacles.snapshot(row),
         )
 
-    def resume(self, row: int, world: World, halt: Halt) -> None:
-        """Let a robot stand as one in this world did, of this fleet or another of its make.
+    def restore(self, row: int, world: World, snapshot: RobotSnapshot) -> None:
+        """Put a robot into the state of one in this world, of this batch or another like it.
 
         What comes next is a function of that alone. Where nothing moves it is to the last bit
-        what would have come; pushed things lose what pymunk remembers of their last contacts.
+        what would have come; pushed obstacles lose what pymunk remembers of their last contacts.
         """
-        self.place(row, world, halt.pose, halt.key)
-        self._robots.counts[row] = halt.counts
-        self._instruments.sensed.readings[row] = halt.readings
-        self._floors.things.resume(row, halt.things)
+        self.place(row, world, snapshot.pose, snapshot.key)
+        self._robots.counts[row] = snapshot.counts
+        self._sensors.outputs.readings[row] = snapshot.readings
+        self._obstacles.restore(row, snapshot.obstacles)
 
     def clear_contacts(self) -> None:
         """From now on a robot counts as collided only when pushed again."""
@@ -211,51 +218,51 @@ class Fleet:
         """
         self._robots.targets[:] = targets
         acceleration = np.inf if at_once else self.robot.acceleration
-        self._crew.share(self._floors.inhabited, partial(self._move, acceleration, steps))
+        self._threads.share(self._spaces.occupied, partial(self._move, acceleration, steps))
 
     def _move(
-        self, acceleration: float, steps: int, floors: Int64[np.ndarray, "some"], member: int
+        self, acceleration: float, steps: int, spaces: Int64[np.ndarray, "some"], thread: int
     ) -> None:
-        """Let some physics steps pass on some floors, by the bridge of a member of the crew.
+        """Let some physics steps pass in some spaces, with the buffers of a thread.
 
         The wheels are accelerated so much (m/s²).
         """
-        things, tables = self._floors.things, self._floors.tables
-        engine = self._bridges[member].engine
-        # Where things move there is one robot alone on a floor.
-        among = tables.members[floors, 0] if things.most_bodies else floors[:0]
-        among = among[things.present[among]]
+        obstacles, tables = self._obstacles, self._spaces.tables
+        chipmunk = self._buffers[thread].interface
+        # Where obstacles move there is one robot alone in a space.
+        among = tables.rows[spaces, 0] if obstacles.most_bodies else spaces[:0]
+        among = among[obstacles.present[among]]
         if len(among):
-            things.command(among, engine, self.states, steps * PHYSICS_STEP)
-        arguments = self._driving[member].arguments(engine, tables)
-        advance(floors, arguments, acceleration, PHYSICS_STEP, steps)
+            obstacles.command(among, chipmunk, self.states, steps * PHYSICS_STEP)
+        arguments = self._arguments[thread].arguments(chipmunk, tables)
+        advance(spaces, arguments, acceleration, PHYSICS_STEP, steps)
         if len(among):
-            things.observe(among, engine)
+            obstacles.observe(among, chipmunk)
 
-    def things(self, row: int) -> Segments:
-        """The outlines of the things around a robot, where they are now (world frame)."""
-        return self._floors.things.segments(row)
+    def obstacles(self, row: int) -> Segments:
+        """The outlines of the obstacles around a robot, where they are now (world frame)."""
+        return self._obstacles.outlines(row)
 
-    def _build_bridges(self, bodies: int) -> None:
-        """Have bridges to pymunk for so many robots and things on a floor."""
-        if bodies > self._bridged:
-            self._bridges = [Bridge(bodies) for _ in range(self._crew.size)]
-            self._driving = [ArgumentsCache(self._machinery) for _ in range(self._crew.size)]
-            self._bridged = bodies
+    def _reserve_buffers(self, bodies: int) -> None:
+        """Have buffers for so many bodies of robots and obstacles in a space."""
+        if bodies > self._buffered_bodies:
+            self._buffers = [ChipmunkBuffers(bodies) for _ in range(self._threads.size)]
+            self._arguments = [ArgumentsCache(self._arrange) for _ in range(self._threads.size)]
+            self._buffered_bodies = bodies
 
-    def _machinery(self, engine: Engine, tables: chipmunk_kernels.Floors) -> tuple[Any, ...]:
+    def _arrange(self, chipmunk: ChipmunkInterface, tables: SpaceTables) -> tuple[Any, ...]:
         """What the physics takes."""
-        return engine, tables, self._robots, self._instruments.odometer, self.robot.wheel_base
+        return chipmunk, tables, self._robots, self._sensors.odometer, self.robot.wheel_base
 
     def readings(self, stamps: Float64[np.ndarray, "robots"]) -> Readings:
         """What was sensed last, at these times (s). It is written over at the next sensing."""
-        return self._instruments.readings(stamps)
+        return self._sensors.readings(stamps)
 
     def locate(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Find out where in their buildings all robots, or some, are: before `sense`."""
-        self._instruments.locate(self._everyone if rows is None else rows)
+        self._sensors.locate(self._all_rows if rows is None else rows)
 
     def sense(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Take the readings of all robots, or some: `motions`, `ranges` and so on."""
-        chosen = self._everyone if rows is None else rows
-        self._instruments.sense(chosen, self._floors.things.stage)
+        chosen = self._all_rows if rows is None else rows
+        self._sensors.sense(chosen, self._obstacles.tables)

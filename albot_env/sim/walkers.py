@@ -2,7 +2,7 @@
 
 D. Helbing and P. Molnár, "Social force model for pedestrian dynamics", Physical Review E 51,
 4282 (1995); equation numbers are that paper's, and so are the constants but where it says
-so. Three things differ. A walker follows the straight legs of a route and looks a metre
+so. Three obstacles differ. A walker follows the straight legs of a route and looks a metre
 ahead along them, so that what pushes it aside cannot lead it into a dead end. It is a disc
 and not a point: distances are reduced by the radii. And it steps to the side of whoever
 stands in its way, for which the paper has random fluctuations, and turns round where it
@@ -18,57 +18,59 @@ import numpy as np
 
 from albot_core.geometry.directions import length_of
 from albot_core.kernels.compiled import kernel
-from albot_env.sim.door_kernels import gap_to_sweeps
-from albot_env.sim.noise_kernels import draw, draw_share
-from albot_env.sim.plane_kernels import nearest_on
-from albot_env.sim.thing_arrays import Stage
+from albot_env.sim.doors import distance_to_swept_area
+from albot_env.sim.noise import draw, draw_uniform
+from albot_env.sim.obstacle_tables import ObstacleTables
+from albot_env.sim.plane_geometry import nearest_on_segment
 
 _RELAXATION = 0.5
 """Time in which a walker reaches its speed (s), τ."""
-_EXCESS = 1.3
+_MAX_SPEED_RATIO = 1.3
 """Greatest speed over the one wanted, equation (11)."""
-_REPULSION, _REACH = 2.1, 0.3
+_REPULSION, _RANGE = 2.1, 0.3
 """Potential (m²/s²) and range (m) of the repulsion from others, V⁰ and σ, equation (13)."""
-_STRIDE = 2.0
+_LOOK_AHEAD_TIME = 2.0
 """For how long the others' steps are foreseen (s), Δt, equation (4)."""
-_WALL_REPULSION, _WALL_REACH = 1.4, 0.1
+_WALL_REPULSION, _WALL_RANGE = 1.4, 0.1
 """The same of walls, U⁰ and R. The paper's 10 m²/s² and 0.2 m bar a door of 75 cm; these
 push as hard at a touch."""
-_SIGHT = math.cos(math.radians(100.0))
+_FIELD_OF_VIEW = math.cos(math.radians(100.0))
 """Who is outside the field of view of 200°, 2φ, …"""
-_BEHIND = 0.5
+_OUT_OF_SIGHT = 0.5
 """… counts for so much, c, equation (8)."""
 _SIDESTEP = 0.5
 """Share of the repulsion that acts sideways when somebody stands ahead."""
-_STRONGEST = 5.0
+_MAX_ACCELERATION = 5.0
 """The greatest acceleration that a walker asks of its legs (m/s²)."""
-_AHEAD = 1.0
+_LOOK_AHEAD = 1.0
 """How far ahead on its leg a walker looks (m)."""
 _ARRIVED = 0.3
 """How near to its end a leg counts as walked (m)."""
-_SLOW = 0.2
+_STUCK_SPEED = 0.2
 """Slower than this share of its speed a walker gets nowhere …"""
-_PATIENCE = 3.0
+_STUCK_TIME = 3.0
 """… and turns round after so long (s)."""
 _TRIES = 32
 """How many places a walker's beginning is chosen from."""
-_BERTH = 0.5
+_START_CLEARANCE = 0.5
 """How far (m) from the robot it begins, where there is a choice."""
 
 
 @kernel()
-def walk(stage: Stage, i: int, robot: np.ndarray, radius: float, duration: float) -> None:
+def command_walkers(
+    tables: ObstacleTables, i: int, robot: np.ndarray, radius: float, duration: float
+) -> None:
     """Decide the velocities that the walkers of robot i try to reach in the next while (s).
 
     `robot` (6,) is its state: x, y, heading, velocity x, y, turn rate.
     """
-    own = stage.robots[i]
-    waypoints = stage.waypoints[own.waypoints : own.waypoints_end]
+    own = tables.robots[i]
+    waypoints = tables.waypoints[own.waypoints : own.waypoints_end]
     for w in range(own.walkers, own.walkers_end):
-        walker = stage.walkers[w]
+        walker = tables.walkers[w]
         x, y, size, speed = walker.x, walker.y, walker.radius, walker.speed
-        _lose_patience(walker, duration)
-        ex, ey = _direction(walker, waypoints)
+        _turn_round_if_stuck(walker, duration)
+        ex, ey = _desired_direction(walker, waypoints)
         # Eq. (2): acceleration towards the velocity wanted.
         fx, fy = (speed * ex - walker.vx) / _RELAXATION, (speed * ey - walker.vy) / _RELAXATION
         for v in range(own.walkers - 1, own.walkers_end):
@@ -78,16 +80,16 @@ def walk(stage: Stage, i: int, robot: np.ndarray, radius: float, duration: float
                 from_x, from_y, vx, vy = x - robot[0], y - robot[1], robot[3], robot[4]
                 sizes = size + radius
             else:
-                other = stage.walkers[v]
+                other = tables.walkers[v]
                 from_x, from_y, vx, vy = x - other.x, y - other.y, other.vx, other.vy
                 sizes = size + other.radius
-            gx, gy = _away_from(from_x, from_y, vx, vy, sizes, ex, ey)
+            gx, gy = _repulsion(from_x, from_y, vx, vy, sizes, ex, ey)
             fx, fy = fx + gx, fy + gy
-        gx, gy = _away_from_walls(stage, i, x, y, size)
-        fx, fy = _clipped(fx + gx, fy + gy, _STRONGEST)
+        gx, gy = _wall_repulsion(tables, i, x, y, size)
+        fx, fy = _clipped(fx + gx, fy + gy, _MAX_ACCELERATION)
         # Eq. (10) and (11): the velocity, at most so much over the one wanted.
         vx, vy = walker.vx + fx * duration, walker.vy + fy * duration
-        walker.wanted_x, walker.wanted_y = _clipped(vx, vy, _EXCESS * speed)
+        walker.wanted_x, walker.wanted_y = _clipped(vx, vy, _MAX_SPEED_RATIO * speed)
 
 
 @kernel()
@@ -97,25 +99,25 @@ def _clipped(x: float, y: float, most: float) -> tuple[float, float]:
 
 
 @kernel()
-def _away_from(
+def _repulsion(
     x: float, y: float, vx: float, vy: float, sizes: float, ex: float, ey: float
 ) -> tuple[float, float]:
     """The repulsion from another, eq. (3), (4), (8), of a walker who wants to go along ex, ey.
 
     x, y is the walker's place as seen from the other, who moves with vx, vy.
     """
-    from_x, from_y = x - vx * _STRIDE, y - vy * _STRIDE
+    from_x, from_y = x - vx * _LOOK_AHEAD_TIME, y - vy * _LOOK_AHEAD_TIME
     far, near = max(length_of(x, y), 1e-6), max(length_of(from_x, from_y), 1e-6)
-    stride = length_of(vx, vy) * _STRIDE
+    stride = length_of(vx, vy) * _LOOK_AHEAD_TIME
     b = max(math.sqrt(max((far + near) ** 2 - stride**2, 0.0)) / 2, 1e-6)
     # The gradient of b; the potential falls by exp(-b / σ).
     slope = (far + near) / (4 * b)
     gx, gy = slope * (x / far + from_x / near), slope * (y / far + from_y / near)
-    strength = _REPULSION / _REACH * math.exp(-max(b - sizes, 0.0) / _REACH)
+    strength = _REPULSION / _RANGE * math.exp(-max(b - sizes, 0.0) / _RANGE)
     # The other is seen in the direction opposite to the push.
     ahead = -(ex * x + ey * y) / far
-    strength *= 1.0 if ahead >= _SIGHT else _BEHIND
-    gx, gy = _clipped(strength * gx, strength * gy, _STRONGEST)
+    strength *= 1.0 if ahead >= _FIELD_OF_VIEW else _OUT_OF_SIGHT
+    gx, gy = _clipped(strength * gx, strength * gy, _MAX_ACCELERATION)
     if ahead > 0.0:
         # One who stands to the left, or straight ahead, is passed on the right.
         side = 1.0 if ex * y - ey * x <= 1e-9 else -1.0
@@ -125,16 +127,18 @@ def _away_from(
 
 
 @kernel()
-def _away_from_walls(stage: Stage, i: int, x: float, y: float, size: float) -> tuple[float, float]:
+def _wall_repulsion(
+    tables: ObstacleTables, i: int, x: float, y: float, size: float
+) -> tuple[float, float]:
     """The repulsion, eq. (5), from the nearest of walls, doors and boxes."""
-    own = stage.robots[i]
-    gap, near_x, near_y = _nearest(stage.walls, own.walls, own.walls_end, x, y)
-    # A robot's segments are those of its doors, of its boxes, and then of the walkers.
-    last = own.segments + own.doors_end - own.doors + 4 * (own.boxes_end - own.boxes)
-    other, other_x, other_y = _nearest(stage.segments, own.segments, last, x, y)
+    own = tables.robots[i]
+    gap, near_x, near_y = _nearest(tables.walls, own.walls, own.walls_end, x, y)
+    # A robot's outlines are those of its doors, of its boxes, and then of the walkers.
+    last = own.outlines + own.doors_end - own.doors + 4 * (own.boxes_end - own.boxes)
+    other, other_x, other_y = _nearest(tables.outlines, own.outlines, last, x, y)
     if other < gap:
         gap, near_x, near_y = other, other_x, other_y
-    push = _WALL_REPULSION / _WALL_REACH * math.exp(-max(gap - size, 0.0) / _WALL_REACH)
+    push = _WALL_REPULSION / _WALL_RANGE * math.exp(-max(gap - size, 0.0) / _WALL_RANGE)
     gap = max(gap, 1e-6)
     return push * (x - near_x) / gap, push * (y - near_y) / gap
 
@@ -147,7 +151,7 @@ def _nearest(
     least, near_x, near_y = np.inf, 0.0, 0.0
     for k in range(first, last):
         x1, y1, x2, y2 = segments[k]
-        at_x, at_y = nearest_on(x, y, x1, y1, x2, y2)
+        at_x, at_y = nearest_on_segment(x, y, x1, y1, x2, y2)
         squared = (at_x - x) ** 2 + (at_y - y) ** 2
         if squared < least:
             least, near_x, near_y = squared, at_x, at_y
@@ -155,13 +159,13 @@ def _nearest(
 
 
 @kernel()
-def _direction(walker: Any, waypoints: np.ndarray) -> tuple[float, float]:
+def _desired_direction(walker: Any, waypoints: np.ndarray) -> tuple[float, float]:
     """Where a walker wants to go: to the point of its leg a little ahead of it."""
     along, length, x1, y1, x2, y2 = _progress(walker, waypoints)
     if along > length - min(_ARRIVED, length / 2):
-        _take_next_leg(walker)
+        _start_next_leg(walker)
         along, length, x1, y1, x2, y2 = _progress(walker, waypoints)
-    share = min(max(along, 0.0) + _AHEAD, length) / length
+    share = min(max(along, 0.0) + _LOOK_AHEAD, length) / length
     to_x, to_y = x1 + share * (x2 - x1) - walker.x, y1 + share * (y2 - y1) - walker.y
     far = max(length_of(to_x, to_y), 1e-6)
     return to_x / far, to_y / far
@@ -185,7 +189,7 @@ def _progress(
 
 
 @kernel()
-def _take_next_leg(walker: Any) -> None:
+def _start_next_leg(walker: Any) -> None:
     """Make for the waypoint after the next; at the end of an open route turn round."""
     after = walker.next + walker.sense
     if walker.closed:
@@ -198,11 +202,11 @@ def _take_next_leg(walker: Any) -> None:
 
 
 @kernel()
-def _lose_patience(walker: Any, duration: float) -> None:
+def _turn_round_if_stuck(walker: Any, duration: float) -> None:
     """Turn round one who has got nowhere for a while."""
-    slow = length_of(walker.vx, walker.vy) < _SLOW * walker.speed
+    slow = length_of(walker.vx, walker.vy) < _STUCK_SPEED * walker.speed
     walker.idle = walker.idle + duration if slow else 0.0
-    if walker.idle > _PATIENCE:
+    if walker.idle > _STUCK_TIME:
         walker.idle = 0.0
         last = walker.last
         walker.last = walker.next
@@ -211,41 +215,41 @@ def _lose_patience(walker: Any, duration: float) -> None:
 
 
 @kernel()
-def begin_walkers(
-    stage: Stage, i: int, key: np.uint64, place: int, robot: np.ndarray, radius: float
+def place_walkers(
+    tables: ObstacleTables, i: int, key: np.uint64, place: int, robot: np.ndarray, radius: float
 ) -> None:
     """Put the walkers of robot i on their routes by chance.
 
     They begin clear of it, of each other and of the doors where that can be had. `place` is
     that of the first walker's key in the stream.
     """
-    own = stage.robots[i]
-    waypoints = stage.waypoints[own.waypoints : own.waypoints_end]
+    own = tables.robots[i]
+    waypoints = tables.waypoints[own.waypoints : own.waypoints_end]
     for w in range(own.walkers, own.walkers_end):
-        walker = stage.walkers[w]
+        walker = tables.walkers[w]
         mine = draw(key, place + w - own.walkers)
-        walker.speed = walker.slowest + (walker.fastest - walker.slowest) * draw_share(mine, 0)
-        walker.sense = 1 if draw_share(mine, 1) < 0.5 else -1
+        walker.speed = walker.slowest + (walker.fastest - walker.slowest) * draw_uniform(mine, 0)
+        walker.sense = 1 if draw_uniform(mine, 1) < 0.5 else -1
         walker.idle = walker.vx = walker.vy = walker.wanted_x = walker.wanted_y = 0.0
         legs = walker.count if walker.closed else walker.count - 1
         best, best_leg, best_share = -np.inf, 0, 0.0
         # At last the waypoints: the farthest of them is off the robot, wherever that is.
         for k in range(_TRIES + legs + 1):
-            leg, share = int(legs * draw_share(mine, 2 + 2 * k)), draw_share(mine, 3 + 2 * k)
+            leg, share = int(legs * draw_uniform(mine, 2 + 2 * k)), draw_uniform(mine, 3 + 2 * k)
             if k >= _TRIES:
                 leg, share = min(k - _TRIES, legs - 1), 1.0 if k - _TRIES == legs else 0.0
-            _stand(walker, waypoints, leg, share)
-            room = _room(stage, i, w, robot, radius)
+            _put_on_leg(walker, waypoints, leg, share)
+            room = _free_space(tables, i, w, robot, radius)
             if room > best:
                 best, best_leg, best_share = room, leg, share
             if best >= 0.0:
                 break
-        _stand(walker, waypoints, best_leg, best_share)
+        _put_on_leg(walker, waypoints, best_leg, best_share)
 
 
 @kernel()
-def _stand(walker: Any, waypoints: np.ndarray, leg: int, share: float) -> None:
-    """Put a walker on a leg, to walk on the way round that it has."""
+def _put_on_leg(walker: Any, waypoints: np.ndarray, leg: int, share: float) -> None:
+    """Put a walker on a leg, to command_walkers on the way round that it has."""
     walker.last, walker.next = leg, (leg + 1) % walker.count
     _, _, x1, y1, x2, y2 = _progress(walker, waypoints)
     walker.x, walker.y = x1 + share * (x2 - x1), y1 + share * (y2 - y1)
@@ -254,16 +258,16 @@ def _stand(walker: Any, waypoints: np.ndarray, leg: int, share: float) -> None:
 
 
 @kernel()
-def _room(stage: Stage, i: int, w: int, robot: np.ndarray, radius: float) -> float:
+def _free_space(tables: ObstacleTables, i: int, w: int, robot: np.ndarray, radius: float) -> float:
     """How much more than needed a walker has to all sides (m); far below 0 on the robot."""
-    walker = stage.walkers[w]
+    walker = tables.walkers[w]
     size: float = walker.radius
     gap = length_of(walker.x - robot[0], walker.y - robot[1]) - radius - size
     if gap <= 0.0:
         return gap - 1e6
-    room = min(gap - _BERTH, gap_to_sweeps(stage, i, walker.x, walker.y) - size)
-    for v in range(stage.robots[i].walkers, w):
-        other = stage.walkers[v]
+    room = min(gap - _START_CLEARANCE, distance_to_swept_area(tables, i, walker.x, walker.y) - size)
+    for v in range(tables.robots[i].walkers, w):
+        other = tables.walkers[v]
         gap = length_of(walker.x - other.x, walker.y - other.y)
         room = min(room, gap - size - float(other.radius))
     return room

@@ -13,7 +13,7 @@ KEPT = 64
 Made = TypeVar("Made")
 
 
-class Register(Generic[Made]):
+class WorldCache(Generic[Made]):
     """Keeps what is made of worlds; which world it is goes by the object.
 
     Args:

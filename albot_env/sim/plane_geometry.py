@@ -11,7 +11,7 @@ from albot_core.kernels.compiled import kernel
 
 
 @kernel()
-def nearest_on(
+def nearest_on_segment(
     x: float, y: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float]:
     """The point of a segment that is nearest to a point."""
@@ -22,20 +22,20 @@ def nearest_on(
     return x1 + share * along_x, y1 + share * along_y
 
 
-Stance = tuple[float, float, float, float]
+Transform = tuple[float, float, float, float]
 """Where something is, x and y (m), and the cosine and sine of its heading."""
 
 
 @kernel()
-def stance_at(pose: np.ndarray) -> Stance:
-    """The stance of what is at a pose x, y, heading (m, rad)."""
+def transform_of(pose: np.ndarray) -> Transform:
+    """The transform of what is at a pose x, y, heading (m, rad)."""
     return pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
 
 
 @kernel()
-def mounted(stance: Stance, mount: Stance) -> Stance:
-    """The stance of what is mounted on something; `mount` is told in its frame."""
-    x, y, cos, sin = stance
+def compose_transforms(transform: Transform, mount: Transform) -> Transform:
+    """The transform of what is compose_transforms on something; `mount` is told in its frame."""
+    x, y, cos, sin = transform
     ahead, aside, its_cos, its_sin = mount
     return (
         x + cos * ahead - sin * aside,
@@ -46,25 +46,18 @@ def mounted(stance: Stance, mount: Stance) -> Stance:
 
 
 @kernel()
-def gap_to_ray(x: float, y: float, angle: float, length: float) -> float:
+def distance_to_ray(x: float, y: float, angle: float, length: float) -> float:
     """Distance of a point from a segment that leaves the origin at an angle."""
     end_x, end_y = length * math.cos(angle), length * math.sin(angle)
-    near_x, near_y = nearest_on(x, y, 0.0, 0.0, end_x, end_y)
+    near_x, near_y = nearest_on_segment(x, y, 0.0, 0.0, end_x, end_y)
     return length_of(x - near_x, y - near_y)
 
 
 @kernel()
-def gap_to_sector(x: float, y: float, first: float, turn: float, radius: float) -> float:
+def distance_to_sector(x: float, y: float, first: float, turn: float, radius: float) -> float:
     """Distance of a point from the sector about the origin that a ray sweeps."""
     ahead = (math.atan2(y, x) - first) * (1.0 if turn >= 0.0 else -1.0)
     if ahead % (2.0 * math.pi) <= abs(turn):
         return max(0.0, length_of(x, y) - radius)
-    gap = gap_to_ray(x, y, first, radius)
-    return min(gap, gap_to_ray(x, y, first + turn, radius))
-
-
-@kernel()
-def put_side(segments: np.ndarray, row: int, x1: float, y1: float, x2: float, y2: float) -> None:
-    """Write a segment into a row of `segments` (n, 4)."""
-    segments[row, 0], segments[row, 1] = x1, y1
-    segments[row, 2], segments[row, 3] = x2, y2
+    gap = distance_to_ray(x, y, first, radius)
+    return min(gap, distance_to_ray(x, y, first + turn, radius))

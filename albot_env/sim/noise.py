@@ -9,8 +9,13 @@ bits alone and among a thousand others.
 from __future__ import annotations
 
 import numpy as np
+from jaxtyping import Float64
+from scipy.special import ndtri
 
 from albot_core.kernels.compiled import kernel
+
+NORMALS = 4096
+"""Length of the table of normal numbers: as many as 12 bits can choose from."""
 
 _STEP = np.uint64(0x9E3779B97F4A7C15)
 _FIRST = np.uint64(0xBF58476D1CE4E5B9)
@@ -27,7 +32,7 @@ def draw(key: np.uint64, place: int) -> np.uint64:
 
 
 @kernel()
-def draw_share(key: np.uint64, place: int) -> float:
+def draw_uniform(key: np.uint64, place: int) -> float:
     """A number in [0, 1), each as likely, from a place of the stream."""
     return np.float64(draw(key, place) >> np.uint64(11)) * 2.0**-53
 
@@ -35,7 +40,17 @@ def draw_share(key: np.uint64, place: int) -> float:
 @kernel()
 def draw_normals(key: np.uint64, place: int) -> tuple[float, float]:
     """Two independent normal numbers, from two places on (Box and Muller's transform)."""
-    first, second = draw_share(key, place), draw_share(key, place + 1)
+    first, second = draw_uniform(key, place), draw_uniform(key, place + 1)
     radius = np.sqrt(-2.0 * np.log(1.0 - first))
     angle = 2.0 * np.pi * second
     return radius * np.cos(angle), radius * np.sin(angle)
+
+
+def normal_table(deviation: float) -> Float64[np.ndarray, "numbers"]:
+    """Numbers that, each as likely as the others, are normal with this standard deviation.
+
+    The middles of as many parts of the normal distribution, all equally likely; scaled, for
+    the middles of the outermost leave a little of the variance out.
+    """
+    quantiles = ndtri((np.arange(NORMALS) + 0.5) / NORMALS)
+    return np.asarray(deviation * quantiles / quantiles.std())

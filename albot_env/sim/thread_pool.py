@@ -1,4 +1,4 @@
-"""The crew: threads that share work on arrays, each doing some of the rows."""
+"""The threads: threads that share work on arrays, each doing some of the rows."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from jaxtyping import Int64
 from albot_core.errors import InputError
 from albot_core.ranges import COUNT
 
-FEWEST = 32
+MIN_ROWS_PER_THREAD = 32
 """Rows below which a thread of its own costs more than it brings."""
 
 
-class Crew:
+class ThreadPool:
     """Threads that share work. Compiled code lets go of Python's lock, so they run at once.
 
     Args:

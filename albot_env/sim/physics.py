@@ -1,0 +1,301 @@
+"""The physics: robots and the walls that stop them, in pymunk spaces."""
+
+from __future__ import annotations
+
+import math
+from collections import OrderedDict
+
+import numpy as np
+import pymunk
+from jaxtyping import Int64
+from pymunk.batch import BodyFields, Buffer, get_space_bodies
+
+from albot_core.geometry.types import Pose, Segments
+from albot_env.sim.chipmunk import SpaceTables, address
+from albot_env.sim.drive import GRAVITY, RobotConfig
+from albot_maps.world import World
+
+PHYSICS_STEP = 0.05
+"""Duration of one step of the physics (s). In it the robot goes 8 cm at most, far less than
+its radius, so that it cannot jump over a wall."""
+
+_ALLOWED_OVERLAP = 0.001
+"""How deep (m) a body may rest in a wall before it is pushed out."""
+_OVERLAP_LEFT = 0.2
+"""Share of an overlap that is left after one physics step."""
+_PASSES = 4
+"""Passes over all joints and contacts in which pymunk solves them, of its usual ten. A robot that
+rolls freely needs one. Where it pushes against a wall, its wheels' grip and the wall agree a step
+or two later than with more: it ends up millimetres from where it would."""
+_ROBOTS = pymunk.ShapeFilter(group=1)
+"""Robots in one space meet the walls and not each other."""
+MAX_ROBOTS = 16
+"""Most robots in a space: bodies that overlap, though they never touch, cost pymunk time."""
+_EMPTY_SPACES_KEPT = 64
+"""Empty spaces that are kept for whoever comes to their worlds next."""
+_NONE = -1
+"""The space of a robot that is in none, and the robot in a slot that is free."""
+
+Parts = tuple[pymunk.Body | pymunk.Shape | pymunk.Constraint, ...]
+
+
+class PhysicsSpace:
+    """A building's static walls in a pymunk space, and robots that drive there.
+
+    A robot is a disc that two wheels carry along and walls stop. A second, massless body
+    moves as the wheels would without slip. Two joints pull the disc along with it, a pivot
+    its velocity and a gear its turn rate, as hard as the tyres grip the ground. pymunk
+    solves them together with the contacts, so that a robot that pushes against a wall
+    slides along it or stops, while its wheels slip.
+
+    It is empty at first. The bodies of the wheels are kept in a space of their own, in which
+    no time passes: pymunk can write the velocities of all bodies of a space at once.
+
+    Args:
+        walls: The walls.
+        robot: Body and drive of all robots.
+    """
+
+    def __init__(self, walls: Segments, robot: RobotConfig) -> None:
+        self._config = robot
+        self.space = pymunk.Space()
+        self.space.iterations = _PASSES
+        # Contacts are forgotten as soon as they part: the shortest memory that pymunk
+        # has (with 0 it drops them before they are solved, and nothing collides).
+        self.space.collision_persistence = 1
+        self.space.collision_slop = _ALLOWED_OVERLAP
+        self.space.collision_bias = _OVERLAP_LEFT ** (1 / PHYSICS_STEP)
+        ground = self.space.static_body
+        for x1, y1, x2, y2 in walls.tolist():
+            wall = pymunk.Segment(ground, (x1, y1), (x2, y2), 0.0)
+            wall.friction = 1.0
+            self.space.add(wall)
+        self._wheel_space = pymunk.Space()
+        self._wheels: list[pymunk.Body] = []
+        self._robot_parts: list[Parts] = []
+        self._robots: dict[int, int] = {}
+
+    @property
+    def addresses(self) -> tuple[int, int]:
+        """Addresses of the space and of the one with the wheels, for the compiled steps."""
+        return address(self.space._space), address(self._wheel_space._space)
+
+    @property
+    def order(self) -> list[tuple[int, int]]:
+        """The robots in the order in which pymunk visits their bodies, and the bodies' ids.
+
+        Both are others after each `place` and `remove`. The body that the walls belong to
+        comes after all of them, and so do obstacles that were put there after the robots.
+        """
+        return [(self._robots[id_], id_) for id_ in self.body_ids if id_ in self._robots]
+
+    @property
+    def body_ids(self) -> list[int]:
+        """Pymunk's ids of all bodies in the order in which it visits them."""
+        buffer = Buffer()
+        get_space_bodies(self.space, BodyFields.BODY_ID, buffer)
+        ids: list[int] = memoryview(buffer.int_buf()).cast("P").tolist()
+        return ids
+
+    def clearance(self, pose: Pose, reach: float) -> float:
+        """Distance (m) from a pose to the nearest wall; infinite where none is within reach."""
+        x, y, _ = pose.tolist()
+        nearest = self.space.point_query_nearest((x, y), reach, _ROBOTS)
+        return nearest.distance if nearest else math.inf
+
+    def place(self, robot: int, pose: tuple[float, float, float]) -> None:
+        """Put a robot at rest at x, y (m) and heading (rad): a new one, or one that is here.
+
+        Robots are numbered from 0. The body is made anew: pymunk keeps impulses of past
+        steps in joints and contacts, and what comes next must not depend on where the robot
+        was before.
+        """
+        config = self._config
+        body = pymunk.Body(config.mass, config.moment)
+        body.position = pose[0], pose[1]
+        body.angle = pose[2]
+        disc = pymunk.Circle(body, config.radius)
+        disc.friction = config.hull_friction
+        disc.filter = _ROBOTS
+
+        self.remove(robot)
+        wheels = self._wheels[robot]
+        wheels.velocity, wheels.angular_velocity = (0.0, 0.0), 0.0
+        grip = config.grip * config.mass * GRAVITY
+        pull = pymunk.PivotJoint(wheels, body, (0, 0), (0, 0))
+        pull.max_force = grip
+        twist = pymunk.GearJoint(wheels, body, 0.0, 1.0)
+        twist.max_force = grip * config.wheel_base / 2
+        # The joints carry velocities over, never positions.
+        pull.error_bias = twist.error_bias = 1.0
+
+        self._robots[body.id] = robot
+        self._robot_parts[robot] = (body, disc, pull, twist)
+        self.space.add(*self._robot_parts[robot])
+
+    def remove(self, robot: int) -> None:
+        """Take a robot out of the space, if it is there."""
+        while len(self._wheels) <= robot:
+            wheels = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
+            self._wheels.append(wheels)
+            self._wheel_space.add(wheels)
+            self._robot_parts.append(())
+        self.space.remove(*self._robot_parts[robot])
+        self._robot_parts[robot] = ()
+        self._robots = {id_: r for id_, r in self._robots.items() if r != robot}
+
+
+class PhysicsSpaces:
+    """Which robot drives in which space.
+
+    Robots in one and the same world (which goes by the object) share spaces. Where obstacles
+    move, a robot has a space of its own, for the obstacles are there for it alone.
+
+    Args:
+        robots: How many robots there are. None is anywhere at first.
+        robot: Body and drive of all of them.
+        movables: Whether anything moves; if not, worlds are as if nothing did.
+    """
+
+    def __init__(self, robots: int, robot: RobotConfig, *, movables: bool) -> None:
+        self._robot = robot
+        self._movables = movables
+        self._worlds: list[World | None] = []
+        self._spaces: list[PhysicsSpace | None] = []
+        self._slots: list[list[int]] = []  # by space: which robots are in it
+        self._open: dict[int, list[int]] = {}  # by world: its spaces with room for more
+        self._empty: OrderedDict[int, None] = OrderedDict()
+        self.space_of: Int64[np.ndarray, "robots"] = np.full(robots, _NONE)
+        """The space that each robot is in."""
+        self.occupied: Int64[np.ndarray, "spaces"] = np.zeros(0, np.int64)
+        """The spaces with robots in them."""
+        self.tables = SpaceTables(
+            spaces=np.zeros((0, 2), np.int64),
+            robot_counts=np.zeros(0, np.int64),
+            rows=np.zeros((0, MAX_ROBOTS), np.int64),
+            slots=np.zeros(robots, np.int64),
+        )
+
+    def clearance(self, world: World, pose: Pose, reach: float) -> float:
+        """Distance (m) from a pose to the world's nearest wall; infinite if none is in reach."""
+        space = self._spaces[self._space_with_room(world)]
+        assert space is not None
+        return space.clearance(pose, reach)
+
+    def moves(self, world: World) -> bool:
+        """Whether anything moves in a world."""
+        return self._movables and bool(world.movables)
+
+    def place(
+        self, row: int, world: World, pose: Pose, ids: Int64[np.ndarray, "robots"]
+    ) -> PhysicsSpace:
+        """Put a robot at rest at a pose in a world; return the space that it is in now.
+
+        Args:
+            row: The robot.
+            world: The world.
+            pose: Where in the world's frame.
+            ids: Takes pymunk's ids of the robots' bodies.
+        """
+        number = int(self.space_of[row])
+        if number == _NONE or self._worlds[number] is not world:
+            self._leave(row, ids)
+            number = self._enter(row, world)
+        space = self._spaces[number]
+        assert space is not None
+        x, y, heading = pose.tolist()
+        space.place(int(self.tables.slots[row]), (x, y, heading))
+        self._update_order(number, ids)
+        return space
+
+    def _enter(self, row: int, world: World) -> int:
+        number = self._space_with_room(world)
+        slots = self._slots[number]
+        slot = slots.index(_NONE) if _NONE in slots else len(slots)
+        slots[slot : slot + 1] = [row]
+        self.space_of[row], self.tables.slots[row] = number, slot
+        self._empty.pop(number, None)
+        if self._is_full(number):
+            self._open[id(world)].remove(number)
+        return number
+
+    def _leave(self, row: int, ids: Int64[np.ndarray, "robots"]) -> None:
+        number = int(self.space_of[row])
+        if number == _NONE:
+            return
+        space, world, slots = self._spaces[number], self._worlds[number], self._slots[number]
+        assert space is not None and world is not None
+        if self._is_full(number):
+            self._open.setdefault(id(world), []).append(number)
+        slot = int(self.tables.slots[row])
+        slots[slot] = _NONE
+        space.remove(slot)
+        self.space_of[row] = _NONE
+        self._update_order(number, ids)
+        if not self.tables.robot_counts[number]:
+            self._empty[number] = None
+
+    def _is_full(self, number: int) -> bool:
+        world, slots = self._worlds[number], self._slots[number]
+        assert world is not None
+        most = 1 if self.moves(world) else MAX_ROBOTS
+        return len(slots) == most and _NONE not in slots
+
+    def _space_with_room(self, world: World) -> int:
+        """A space of this world with room for one more robot."""
+        numbers = self._open.setdefault(id(world), [])
+        if not numbers:
+            numbers.append(self._make_space(world))
+        return numbers[0]
+
+    def _make_space(self, world: World) -> int:
+        """Make a space; return its number."""
+        while self._empty and len(self._empty) >= _EMPTY_SPACES_KEPT:
+            self._drop(self._empty.popitem(last=False)[0])
+        space = PhysicsSpace(world.walls, self._robot)
+        if None in self._spaces:
+            number = self._spaces.index(None)
+        else:
+            number = len(self._spaces)
+            self._spaces.append(None)
+            self._worlds.append(None)
+            self._slots.append([])
+            self._grow_tables()
+        self._spaces[number], self._worlds[number], self._slots[number] = space, world, []
+        self.tables.spaces[number] = space.addresses
+        self._empty[number] = None
+        return number
+
+    def _drop(self, number: int) -> None:
+        world = self._worlds[number]
+        self._open[id(world)].remove(number)
+        if not self._open[id(world)]:
+            del self._open[id(world)]
+        self._spaces[number] = self._worlds[number] = None
+
+    def _grow_tables(self) -> None:
+        """Make room in the tables for all spaces, twice as much as there was."""
+        old, room = self.tables, len(self.tables.robot_counts)
+        if len(self._spaces) <= room:
+            return
+        added = max(4, room)
+        self.tables = SpaceTables(
+            spaces=np.concatenate((old.spaces, np.zeros((added, 2), np.int64))),
+            robot_counts=np.concatenate((old.robot_counts, np.zeros(added, np.int64))),
+            rows=np.concatenate((old.rows, np.zeros((added, MAX_ROBOTS), np.int64))),
+            slots=old.slots,
+        )
+
+    def _update_order(self, number: int, ids: Int64[np.ndarray, "robots"]) -> None:
+        """Note in which order pymunk now visits a space's robots, and as whom it knows them."""
+        space = self._spaces[number]
+        assert space is not None
+        order = space.order
+        if bool(order) != bool(self.tables.robot_counts[number]):
+            others = self.occupied[self.occupied != number]
+            self.occupied = np.append(others, number) if order else others
+        self.tables.robot_counts[number] = len(order)
+        for k, (slot, id_) in enumerate(order):
+            row = self._slots[number][slot]
+            self.tables.rows[number, k] = row
+            ids[row] = id_
