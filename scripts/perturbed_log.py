@@ -17,9 +17,8 @@ import numpy as np
 from albot_cli.main import exit_status
 from albot_cli.mapping_run import run_mapper, score
 from albot_core.errors import InputError
-from albot_core.logs.disturbed import disturbed
-from albot_core.logs.reader import read_log
-from albot_core.logs.reference import read_reference
+from albot_core.logs.log import disturbed
+from albot_core.logs.reader import read_log, read_reference
 
 
 @click.command()

@@ -14,10 +14,9 @@ from albot_cli.outputs import check_folder
 from albot_cli.progress import progress
 from albot_cli.recognition_report import draw_recognition, recognition_figures
 from albot_core.errors import InputError
-from albot_core.evaluation.relations import read_relations
+from albot_core.evaluation.trajectory import read_relations
 from albot_core.logs.log import Log
-from albot_core.logs.reader import read_log
-from albot_core.logs.reference import read_reference
+from albot_core.logs.reader import read_log, read_reference
 from albot_core.mappers.registry import make_mapper, mapper_names
 
 _FILE = click.Path(path_type=Path)

@@ -7,8 +7,8 @@ from typing import Any
 
 from albot_cli.mapping_run import MappingRun, Score
 from albot_cli.recognition_report import recognition_row
-from albot_core.evaluation.crispness import laid_points, mean_map_entropy
-from albot_core.evaluation.relations import RelationError
+from albot_core.evaluation.map_quality import laid_points, mean_map_entropy
+from albot_core.evaluation.trajectory import RelationError
 from albot_core.geometry.types import Poses
 from albot_core.logs.log import Log
 

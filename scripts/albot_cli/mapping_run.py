@@ -8,8 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from albot_core.evaluation.relations import RelationError, Relations, relation_error
-from albot_core.evaluation.trajectory import Trajectory, TrajectoryError, trajectory_error
+from albot_core.evaluation.trajectory import (
+    RelationError,
+    Relations,
+    Trajectory,
+    TrajectoryError,
+    relation_error,
+    trajectory_error,
+)
 from albot_core.logs.log import Log
 from albot_core.mappers.mapper import Mapper
 from albot_core.mappers.registry import make_mapper

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from albot_core.evaluation.recognition import measure_recognition
-from albot_core.evaluation.recognition_picture import draw_curve
+from albot_core.evaluation.recognition import draw_precision_recall, measure_recognition
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.logs.log import Log
 
@@ -48,7 +47,7 @@ def recognition_figures(
 def draw_recognition(folder: Path, title: str, figures: dict[str, Any]) -> str:
     """Draw the curve into a folder; return the picture's path."""
     path = folder / "recognition.png"
-    draw_curve(path, title, np.reshape(figures["curve"], (-1, 2)).astype(float))
+    draw_precision_recall(path, title, np.reshape(figures["curve"], (-1, 2)).astype(float))
     return str(path)
 
 

@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.evaluation.crispness import laid_points, mean_map_entropy
-from albot_core.evaluation.relations import RelationError, relation_error
-from albot_core.evaluation.surfaces import cloud_error
-from albot_core.evaluation.trajectory import Trajectory, trajectory_error
+from albot_core.evaluation.map_quality import cloud_error, laid_points, mean_map_entropy
+from albot_core.evaluation.trajectory import (
+    RelationError,
+    Trajectory,
+    relation_error,
+    trajectory_error,
+)
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.geometry.types import Pose
-from albot_core.logs.disturbed import disturbed
-from albot_core.logs.log import Log
+from albot_core.logs.log import Log, disturbed
 from albot_experiments.drawing import FLOOR, PATH, SURFACE, draw_floor
 from albot_experiments.mapping import MAPPERS, MappedJourney, map_readings
 from albot_experiments.real_logs import LOGS, KnownLog, RealLog, read_real_log

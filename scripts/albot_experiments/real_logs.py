@@ -7,16 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.evaluation.crispness import laid_points
-from albot_core.evaluation.registration import register
-from albot_core.evaluation.relations import Relations, read_relations
-from albot_core.evaluation.surfaces import sample_segments
-from albot_core.evaluation.trajectory import Trajectory, alignment, associate
+from albot_core.evaluation.map_quality import laid_points, register, sample_segments
+from albot_core.evaluation.trajectory import (
+    Relations,
+    Trajectory,
+    alignment,
+    associate,
+    read_relations,
+)
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.logs.log import Log
-from albot_core.logs.reader import read_log
-from albot_core.logs.reference import read_reference
-from albot_core.logs.wean_map import read_wean_map
+from albot_core.logs.reader import read_log, read_reference
+from albot_core.logs.wean import read_wean_map
 from albot_experiments.data import data_folder
 
 _MOST = 200_000

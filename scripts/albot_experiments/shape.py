@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.evaluation.surfaces import surface_error
+from albot_core.evaluation.map_quality import surface_error
 from albot_core.evaluation.trajectory import align
 from albot_core.geometry.poses import transform_points
 from albot_core.geometry.types import Pose, Poses, Segments

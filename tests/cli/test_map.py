@@ -17,7 +17,7 @@ import albot_cli.map_files
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import write_tum
-from albot_core.logs.reference import read_reference
+from albot_core.logs.reader import read_reference
 from albot_core.mappers.map_file import load_map
 from albot_core.mappers.registry import mapper_names
 from tests.cli.conftest import FILES, PLACES, figures

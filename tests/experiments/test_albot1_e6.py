@@ -9,7 +9,7 @@ import pytest
 
 from albot_cli.main import albot
 from albot_core.errors import InputError
-from albot_core.logs.disturbed import disturbed
+from albot_core.logs.log import disturbed
 from albot_experiments import albot1_e6 as e6
 from albot_experiments.real_logs import LOGS, KnownLog, read_real_log
 

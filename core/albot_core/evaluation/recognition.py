@@ -1,31 +1,31 @@
 """How well places are recognised by what is seen there: precision and recall, and detection.
 
-Along a log whose true poses are known the robot keeps, every few metres of its way, an outlook:
-what it saw in the last part of it, laid together by how it believed to move. Each is held
-against all those from at least APART of way before, wherever the map has them and however turned
-(`agreement`).
+Along a log with known true poses a local submap is made every few metres: what the robot saw in
+the last part of its way, laid together by how it believed to move. Each is matched with all those
+from at least APART of way before, wherever the map has them and however turned (`match_submaps`).
 
-**Places.** Every outlook claims to be where the one is with which it agrees best. A claim is
-right where the two true positions are within NEAR of each other, whatever the headings. An
-outlook is a *query* where any of those that it is held against is so near: it could be
-recognised. With claims counted only from some agreement on, *precision* is the share of them
-that is right, false alarms at places never seen before included, and *recall* the share of
-queries with a right claim.
+**Places.** Every submap claims the place of the one that it matches best. A claim is right where
+the two true positions are within NEAR of each other, whatever the headings. A submap is a *query*
+where any of those that it is matched with is so near: it could be recognised. With claims counted
+only from some match score on, *precision* is the share of them that is right (false alarms at
+places never seen before included), and *recall* the share of queries with a right claim.
 
-**Pairs.** Every pair of outlooks is a test, as in Granström et al. (2009, 2011), who tell pairs of
-laser scans taken within 3 m of each other from others. The *detection rate* is the share found
-of the pairs that are within NEAR, the *false alarm rate* the share taken for such of all others.
-There is no gap between: the others begin just beyond NEAR.
+**Pairs.** Every pair of submaps is a test, as in Granström et al. (2009, 2011), who tell pairs of
+laser scans taken within 3 m of each other from others. The *detection rate* is the share found of
+the pairs that are within NEAR, the *false alarm rate* the share found of all others. There is no
+gap between: the others begin just beyond NEAR.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from albot_core.files import replacing
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Poses
 from albot_core.matching.lines import MatchConfig
@@ -33,16 +33,16 @@ from albot_core.matching.submaps import local_submaps, match_submaps
 from albot_core.sensing.reading import Reading
 
 APART = 10.0
-"""Outlooks nearer along the way are not compared (m)."""
+"""Submaps nearer along the way are not matched (m)."""
 NEAR = 3.0
 """True positions no farther apart than this are one place (m)."""
-SURELY = 0.9 * NEAR
-"""Two are taken for one only where they seem to be no farther apart than this (m)."""
+MAX_SHIFT = 0.9 * NEAR
+"""Two submaps match only where their frames come to lie no farther apart than this (m)."""
 LEAP = 0.5
-"""Where belief and odometer differ by more from one reading to the next (m), the robot did not
-move so but found out where it was: there the odometer is believed."""
-NEVER = -9.0
-"""What is not taken for the same agrees so well, which is less than any that is."""
+"""Where belief and odometer differ by more from one reading to the next (m), the mapper corrected
+its belief: there the odometer's motion is used."""
+NO_MATCH = -9.0
+"""Score of pairs that do not match; lower than the score of any matching pair."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,19 +50,19 @@ class Recognition:
     """All claims, how many queries there were, and all pairs."""
 
     scores: Float64[np.ndarray, "claims"]
-    """How well each claim's outlooks agree."""
+    """The match score of each claim."""
     right: Bool[np.ndarray, "claims"]
     """Whether it is right."""
     queries: int
-    """How many outlooks could be recognised."""
+    """How many submaps could be recognised."""
     pair_scores: Float64[np.ndarray, "pairs"]
-    """How well each pair of outlooks agrees."""
+    """The match score of each pair of submaps."""
     pair_near: Bool[np.ndarray, "pairs"]
     """Whether they truly are of one place."""
 
     @property
     def curve(self) -> Float64[np.ndarray, "thresholds 2"]:
-        """Recall and precision with ever less agreement asked for; a row for each score."""
+        """Recall and precision as the score asked for falls; a row for each score."""
         counts = _counted(self.scores, self.right)
         return np.stack((counts[:, 0] / max(self.queries, 1), counts[:, 0] / counts.sum(1)), -1)
 
@@ -73,7 +73,7 @@ class Recognition:
 
     @property
     def pair_curve(self) -> Float64[np.ndarray, "thresholds 2"]:
-        """Detection and false alarm rate of pairs with ever less agreement asked for."""
+        """Detection and false alarm rate of pairs as the score asked for falls."""
         near = int(self.pair_near.sum())
         totals = np.maximum((near, len(self.pair_near) - near), 1)
         return _counted(self.pair_scores, self.pair_near) / totals
@@ -119,10 +119,10 @@ def measure_recognition(
         scores = np.empty(len(earlier))
         for i, j in enumerate(earlier.tolist()):
             match = match_submaps(mine, submaps[j], config)
-            scores[i] = match.score if np.hypot(*match.pose[:2]) <= SURELY else NEVER
+            scores[i] = match.score if np.hypot(*match.pose[:2]) <= MAX_SHIFT else NO_MATCH
         queries += bool(near.any())
         best = int(np.argmax(scores))
-        if scores[best] > NEVER:
+        if scores[best] > NO_MATCH:
             claims.append(scores[best])
             right.append(near[best])
         all_scores.append(scores)
@@ -146,3 +146,22 @@ def _motions(readings: Sequence[Reading], believed: Poses | None) -> Poses:
     leaps = np.hypot(*(steps - motions)[:, :2].T) > LEAP
     steps[leaps] = motions[leaps]
     return steps
+
+
+def draw_precision_recall(
+    path: Path, title: str, curve: Float64[np.ndarray, "thresholds 2"]
+) -> None:
+    """Draw a curve of recall and precision as a PNG file, whole or not at all."""
+    # Imported here, since it takes long and most runs draw nothing.
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.0, 5.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot(
+        xlim=(0.0, 1.0), ylim=(0.0, 1.03), xlabel="recall", ylabel="precision", title=title
+    )
+    axes.grid(color="#e4e7eb", linewidth=0.6)
+    axes.plot(curve[:, 0], curve[:, 1], color="#5f3dc4", linewidth=1.6, marker=".")
+    with replacing(path) as stream:
+        figure.savefig(stream, format="png")

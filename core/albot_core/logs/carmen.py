@@ -15,6 +15,12 @@ http://carmen.sourceforge.net/logger_playback.html
 
 A scan's first pose is the laser's, its second the robot's by its odometer. Where the first
 wanders from the second, a program has corrected it, and it is taken for the reference.
+
+In other logs both poses of every scan are the corrected one: GMapping's `gfs2log` writes such (the
+`*-corrected.log` of Radish). There the `ODOM` line before a scan bears the scan's stamp and tells
+where the odometer had come since the previous corrected pose, and the one after it repeats the
+corrected pose, from which the odometer's steps then go on. So from each corrected pose to the
+`ODOM` line before the next lies the odometer's raw motion (`_raw_odometry`).
 """
 
 from __future__ import annotations
@@ -26,10 +32,9 @@ from pathlib import Path
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Poses
-from albot_core.logs.corrected import Odometer, Sweep, raw_odometry
-from albot_core.logs.lasers import NO_RETURN, sick_laser, steady_mount
-from albot_core.logs.recording import Recording, Scan, good_beginning
+from albot_core.geometry.poses import compose, relative
+from albot_core.geometry.types import Pose, Poses, Ranges
+from albot_core.logs.log import NO_RETURN, Recording, Scan, good_beginning, sick_laser, steady_mount
 from albot_core.logs.text import LogText, is_number
 from albot_core.sensing.reading import LaserGeometry
 
@@ -41,6 +46,24 @@ _SCANS = ("FLASER", "ROBOTLASER1")
 _AT_CENTRE = (0.0, 0.0, 0.0)
 _TAIL = 3
 """Fields at the end of a message: two stamps and a host between them."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Odometer:
+    """An `ODOM` line."""
+
+    stamp: float
+    pose: Pose
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Sweep:
+    """A `FLASER` or `ROBOTLASER1` line."""
+
+    stamp: float
+    ranges: Ranges
+    laser: Pose
+    robot: Pose
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +83,7 @@ def read(text: LogText, keep_going: bool) -> Recording:
     """
     messages = _Messages(text)
     records, error = good_beginning(iter(messages), keep_going)
-    sweeps = [record for record in records if isinstance(record, Sweep)]
+    sweeps = [record for record in records if isinstance(record, _Sweep)]
     if not sweeps:
         raise error or InputError(text.source, "a FLASER or ROBOTLASER1 line", "none")
     odometry, reference, mount = _poses(records, sweeps, text.source)
@@ -76,18 +99,85 @@ def read(text: LogText, keep_going: bool) -> Recording:
 
 
 def _poses(
-    records: Sequence[Odometer | Sweep], sweeps: Sequence[Sweep], source: Path
+    records: Sequence[_Odometer | _Sweep], sweeps: Sequence[_Sweep], source: Path
 ) -> tuple[Poses, Poses | None, tuple[float, float, float]]:
     """The odometer's poses, the reference where there is one, and the laser's mount."""
     robot = np.stack([sweep.robot for sweep in sweeps])
     laser = np.stack([sweep.laser for sweep in sweeps])
-    raw = raw_odometry(records, source)
+    raw = _raw_odometry(records, source)
     if raw is not None:
         return raw, robot, _AT_CENTRE
     mount = steady_mount(robot, laser)
     if mount is None:
         return robot, laser, _AT_CENTRE
     return robot, None, mount
+
+
+def _raw_odometry(records: Sequence[_Odometer | _Sweep], source: Path) -> Poses | None:
+    """The odometer's pose at every scan of a corrected log, beginning at the first's pose.
+
+    None where the log is not corrected: where most scans lack an `ODOM` line beside them
+    that says what it would, or the odometer is nowhere apart from the scans' poses.
+
+    Raises:
+        InputError: Most scans are corrected ones and some is not: its lines were torn
+            apart, and its raw motion with them. Its pose is the truth and no odometry.
+    """
+    scans = list(_with_neighbours(records))
+    arrivals = [_arrival(scan, first=k == 0) for k, scan in enumerate(scans)]
+    fitting = [
+        (arrival, scan.sweep.robot)
+        for arrival, scan in zip(arrivals, scans, strict=True)
+        if arrival is not None
+    ]
+    apart = sum(not np.array_equal(arrival, robot) for arrival, robot in fitting)
+    if not apart or 2 * len(fitting) <= len(scans):
+        return None
+    poses = [scans[0].sweep.robot]
+    for number, arrival in enumerate(arrivals):
+        if arrival is None:
+            raise InputError(
+                source,
+                "the ODOM lines of a corrected log before and after the scan",
+                "other lines",
+                place=f"scan {number + 1}, stamp {scans[number].sweep.stamp:.6f}",
+            )
+        if number:
+            before = scans[number - 1].sweep.robot
+            poses.append(compose(poses[-1], relative(before, arrival)))
+    return np.stack(poses)
+
+
+def _arrival(scan: _Neighbours, *, first: bool) -> Pose | None:
+    """Where the odometer had come at a corrected scan; None if the scan is not like one."""
+    sweep, before, after = scan.sweep, scan.before, scan.after
+    if not np.array_equal(sweep.laser, sweep.robot):
+        return None
+    if after is not None and not (
+        isinstance(after, _Odometer) and np.array_equal(after.pose, sweep.robot)
+    ):
+        return None
+    if before is None and first:
+        return sweep.robot
+    if isinstance(before, _Odometer) and before.stamp == sweep.stamp:
+        return before.pose
+    return None
+
+
+def _with_neighbours(records: Sequence[_Odometer | _Sweep]) -> Iterator[_Neighbours]:
+    padded = [None, *records, None]
+    for before, record, after in zip(padded[:-2], records, padded[2:], strict=True):
+        if isinstance(record, _Sweep):
+            yield _Neighbours(before=before, sweep=record, after=after)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Neighbours:
+    """A scan and the messages beside it."""
+
+    before: _Odometer | _Sweep | None
+    sweep: _Sweep
+    after: _Odometer | _Sweep | None
 
 
 class _Messages:
@@ -98,7 +188,7 @@ class _Messages:
         self._kind = ""
         self._header: _Header | None = None
 
-    def __iter__(self) -> Iterator[Odometer | Sweep]:
+    def __iter__(self) -> Iterator[_Odometer | _Sweep]:
         for words in self._text.records(_READ):
             if words[0] == "ODOM":
                 yield self._odometer(words)
@@ -120,14 +210,14 @@ class _Messages:
             mount=mount,
         )
 
-    def _odometer(self, words: list[str]) -> Odometer:
+    def _odometer(self, words: list[str]) -> _Odometer:
         text = self._text
         if len(words) != 7 + _TAIL:
             raise text.error("9 fields in ODOM", str(len(words) - 1))
         pose = text.numbers(words[1:4], "a pose")
-        return Odometer(stamp=self._stamp(words), pose=pose)
+        return _Odometer(stamp=self._stamp(words), pose=pose)
 
-    def _flaser(self, words: list[str]) -> Sweep:
+    def _flaser(self, words: list[str]) -> _Sweep:
         text = self._text
         beams = text.beams(words[1:2], self._header.beams if self._header else None)
         if len(words) != 2 + beams + 6 + _TAIL:
@@ -136,7 +226,7 @@ class _Messages:
         self._header = _Header(beams=beams)
         return self._sweep(words, words[2 : 2 + beams], words[2 + beams :])
 
-    def _robotlaser(self, words: list[str]) -> Sweep:
+    def _robotlaser(self, words: list[str]) -> _Sweep:
         text = self._text
         if len(words) < 9:
             raise text.error("the laser's 7 fields and a count in ROBOTLASER1", str(len(words) - 1))
@@ -172,9 +262,9 @@ class _Messages:
             raise text.error("2 beams or more, some spacing and a largest range", found)
         self._header = header
 
-    def _sweep(self, words: list[str], ranges: list[str], rest: list[str]) -> Sweep:
+    def _sweep(self, words: list[str], ranges: list[str], rest: list[str]) -> _Sweep:
         text = self._text
-        return Sweep(
+        return _Sweep(
             stamp=self._stamp(words),
             ranges=text.ranges(ranges),
             laser=text.numbers(rest[:3], "a pose"),

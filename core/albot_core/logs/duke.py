@@ -12,8 +12,7 @@ from collections.abc import Iterator
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_core.logs.lasers import sick_laser
-from albot_core.logs.recording import Recording, Scan, good_beginning
+from albot_core.logs.log import Recording, Scan, good_beginning, sick_laser
 from albot_core.logs.text import LogText
 
 NAME = "Duke (Odometry and Laser lines)"

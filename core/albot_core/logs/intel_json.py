@@ -15,9 +15,7 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Ranges
-from albot_core.logs.lasers import SICK_SPACINGS, sick_laser
-from albot_core.logs.log import LeftOut
-from albot_core.logs.recording import Recording, Scan, good_beginning
+from albot_core.logs.log import SICK_SPACINGS, LeftOut, Recording, Scan, good_beginning, sick_laser
 from albot_core.logs.text import LogText
 
 NAME = 'JSON ({"map": {stamp: {"range", "x", "y", "theta"}}})'

@@ -9,8 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_core.logs.lasers import SICK_SPACINGS
-from albot_core.logs.log import LeftOut
+from albot_core.logs.log import SICK_SPACINGS, LeftOut
 
 LARGEST = 1e12
 """No pose (m, rad) and no stamp (s) of a robot is larger."""

@@ -16,7 +16,7 @@ from albot_core.export.geojson import write_geojson
 from albot_core.export.picture import write_picture
 from albot_core.export.tum import write_tum
 from albot_core.geometry.poses import wrap_angle
-from albot_core.logs.reference import read_reference
+from albot_core.logs.reader import read_reference
 
 FINITE = st.floats(-1e6, 1e6, allow_subnormal=False)
 

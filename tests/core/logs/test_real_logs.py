@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from albot_core.evaluation.relations import read_relations, relation_error
-from albot_core.evaluation.trajectory import trajectory_error
+from albot_core.evaluation.trajectory import read_relations, relation_error, trajectory_error
 from albot_core.geometry.poses import relative
 from albot_core.logs.log import Log
 from albot_core.logs.reader import read_log

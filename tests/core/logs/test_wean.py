@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.logs.wean_map import read_wean_map
+from albot_core.logs.wean import read_wean_map
 
 HEADER = "robot_specifications->resolution 10\n\nglobal_map[0]: 4 5\n"
 # A free row, a wall three cells thick, and what nobody knows.

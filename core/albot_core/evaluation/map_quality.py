@@ -1,0 +1,227 @@
+"""How good a map is: its distance from the true walls, and its entropy, which needs no truth.
+
+Where it is not known where on a floor the robot began, `register` lays the map on it first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from jaxtyping import Float64
+from scipy.fft import irfft2, next_fast_len, rfft2
+from scipy.ndimage import distance_transform_edt
+from scipy.optimize import minimize
+from scipy.spatial import KDTree
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import transform_points, transform_segments
+from albot_core.geometry.types import Pose, Poses, Segments
+from albot_core.sensing.reading import LaserScan
+
+_Surfaces = Float64[np.ndarray, "surfaces 4"]
+_Walls = Float64[np.ndarray, "walls 4"]
+_Cloud = Float64[np.ndarray, "points 2"]
+
+LASER_NOISE = 0.01
+"""Standard deviation (m) of the laser's own noise; walls sharper than this are not told apart."""
+MIN_NEIGHBOURS = 5
+"""Points with fewer neighbours do not count for the entropy."""
+_ROUNDING = 1e-6
+"""A length within this of a multiple of the spacing makes no further piece (shares of it)."""
+
+_CELL = 0.2
+"""Cells of the first, coarse search (m)."""
+_NEARNESS_SIGMA = 0.4
+"""In the coarse search a point counts by a Gaussian of its distance from a wall (m)."""
+_HEADINGS = 180
+"""Turns tried in the coarse search, evenly over the circle."""
+_BEST = 5
+"""How many of the turns are then refined."""
+_MOST = 2000
+"""How many of the points, evenly chosen, are laid."""
+_FAR = 1.0
+"""Points farther than this from all walls count as this far (m): they may not be on the plan."""
+
+
+def sample_segments(segments: Segments, spacing: float) -> Float64[np.ndarray, "points 2"]:
+    """Points at the middles of equal pieces of the segments, none longer than `spacing` (m).
+
+    So a surface counts by its length; one that is a point gives one point.
+    """
+    if not 0 < spacing < np.inf:
+        raise InputError("spacing", "a positive length (m)", str(spacing))
+    runs = segments[:, 2:] - segments[:, :2]
+    lengths = np.hypot(runs[:, 0], runs[:, 1]) / spacing - _ROUNDING
+    pieces = np.maximum(np.ceil(lengths), 1).astype(np.int64)
+    which = np.repeat(np.arange(len(segments)), pieces)
+    first = np.cumsum(pieces) - pieces
+    step = np.arange(len(which)) - first[which]
+    along = (step + 0.5) / pieces[which]
+    return np.asarray(segments[which, :2] + along[:, None] * runs[which])
+
+
+def surface_distances(
+    surfaces: _Surfaces, walls: _Walls, frame: Pose, spacing: float = 0.05
+) -> Float64[np.ndarray, "points"]:
+    """Distance (m) from points along the surfaces to the nearest wall.
+
+    Args:
+        surfaces: The map's surfaces, in the map's frame.
+        walls: The true walls, in the world's frame.
+        frame: The map's frame as a pose in the world's: how the map is laid on the world.
+        spacing: Largest distance (m) between neighbouring points on a surface.
+
+    Raises:
+        InputError: There are no walls, or `spacing` is not a positive length.
+    """
+    if not len(walls):
+        raise InputError("walls", "at least one wall", "none")
+    points = sample_segments(transform_segments(frame, surfaces), spacing)
+    tree = shapely.STRtree(shapely.linestrings(walls.reshape(-1, 2, 2)))
+    _, distances = tree.query_nearest(
+        shapely.points(points), all_matches=False, return_distance=True
+    )
+    return np.asarray(distances, np.float64)
+
+
+def surface_error(
+    surfaces: _Surfaces, walls: _Walls, frame: Pose, spacing: float = 0.05
+) -> float | None:
+    """Median distance (m) from the surfaces' points to the nearest true wall.
+
+    The arguments are those of `surface_distances`. None where the map has no surfaces.
+    """
+    if not len(surfaces):
+        return None
+    return float(np.median(surface_distances(surfaces, walls, frame, spacing)))
+
+
+def cloud_error(
+    surfaces: _Surfaces, cloud: Float64[np.ndarray, "cloud 2"], frame: Pose, spacing: float = 0.05
+) -> float | None:
+    """As `surface_error`, where the walls are known only as the points of a cloud (m).
+
+    Raises:
+        InputError: The cloud is empty, or `spacing` is not a positive length.
+    """
+    if not len(cloud):
+        raise InputError("cloud", "at least one point", "none")
+    if not len(surfaces):
+        return None
+    points = sample_segments(transform_segments(frame, surfaces), spacing)
+    distances, _ = KDTree(cloud).query(points)
+    return float(np.median(distances))
+
+
+def laid_points(scans: Sequence[LaserScan], poses: Poses, most: int = 40_000) -> _Cloud:
+    """The points of all scans where the poses put them, evenly thinned to `most`."""
+    clouds = [transform_points(pose, scan.points) for scan, pose in zip(scans, poses, strict=True)]
+    cloud = np.concatenate(clouds) if clouds else np.empty((0, 2))
+    return cloud[:: max(1, -(-len(cloud) // most))]
+
+
+def mean_map_entropy(points: _Cloud, radius: float = 0.3, samples: int = 4_000) -> float | None:
+    """Mean differential entropy (nats) of the points around each point; less is sharper.
+
+    The points within `radius` are taken for a normal distribution with covariance S, whose
+    entropy is ln |2 pi e S| / 2. Walls that one pass smears or two passes double spread
+    their points and raise it. None where no point has neighbours enough.
+
+    Source: Droeschel, Stückler and Behnke, Local multi-resolution representation for 6D
+    motion estimation and mapping with a continuously rotating 3D laser scanner, ICRA 2014;
+    in the plane here.
+
+    Args:
+        points: (points, 2) in any one frame (m).
+        radius: How far neighbours reach (m).
+        samples: At how many points, evenly chosen, it is measured.
+
+    Raises:
+        InputError: The radius is not a positive length.
+    """
+    if not 0 < radius < np.inf:
+        raise InputError("radius", "a positive length (m)", str(radius))
+    if not len(points):
+        return None
+    tree = KDTree(points)
+    chosen = points[:: max(1, -(-len(points) // samples))]
+    entropies = []
+    for neighbours in tree.query_ball_point(chosen, radius):
+        if len(neighbours) < MIN_NEIGHBOURS:
+            continue
+        covariance = np.cov(points[neighbours].T) + LASER_NOISE**2 * np.eye(2)
+        (a, b), (_, d) = covariance
+        entropies.append(0.5 * np.log((2 * np.pi * np.e) ** 2 * (a * d - b * b)))
+    return float(np.mean(entropies)) if entropies else None
+
+
+def register(points: _Cloud, walls: Float64[np.ndarray, "walls 2"]) -> Pose:
+    """The rigid motion that lays `points` best on `walls`, both sampled as points (m).
+
+    All places and turns are searched on a grid, by correlation; the best are refined until
+    the mean distance to the nearest wall, cut off at 1 m, falls no more. Olson, *Real-time
+    correlative scan matching*, ICRA 2009, searches alike. Returns the frame of the points as
+    a pose in the frame of the walls; for `transform_points`.
+
+    Raises:
+        InputError: There are no points or no walls.
+    """
+    if not len(points) or not len(walls):
+        raise InputError("register", "points and walls", f"{len(points)} and {len(walls)}")
+    centre = points.mean(axis=0)
+    centred = points[:: -(-len(points) // _MOST)] - centre
+    nearness_grid = _nearness(walls, 2 * float(np.abs(np.hypot(*centred.T)).max()))
+    headings = np.arange(_HEADINGS) * (2 * np.pi / _HEADINGS)
+    found = [_best_place(centred, nearness_grid, heading) for heading in headings]
+    scores = np.array([score for score, _ in found])
+    tree = KDTree(walls)
+    refined = [
+        _refined(centred, tree, found[index][1]) for index in np.argsort(scores)[::-1][:_BEST]
+    ]
+    _, pose = min(refined, key=lambda result: result[0])
+    x, y = transform_points(pose, -centre)
+    return np.array((x, y, pose[2]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Nearness:
+    """Every cell's nearness to the walls, ready for correlation."""
+
+    corner: np.ndarray
+    spectrum: np.ndarray
+    shape: tuple[int, int]
+
+
+def _nearness(walls: _Cloud, margin: float) -> _Nearness:
+    corner = walls.min(axis=0) - margin
+    size = np.ceil((walls.max(axis=0) + margin - corner) / _CELL).astype(int) + 1
+    rows, columns = (next_fast_len(int(count)) for count in size)
+    empty = np.ones((rows, columns), np.bool_)
+    empty[tuple(((walls - corner) / _CELL).astype(int).T)] = False
+    nearness = np.exp(-0.5 * (_CELL / _NEARNESS_SIGMA * distance_transform_edt(empty)) ** 2)
+    return _Nearness(corner=corner, spectrum=rfft2(nearness), shape=(rows, columns))
+
+
+def _best_place(centred: _Cloud, nearness_grid: _Nearness, heading: float) -> tuple[float, Pose]:
+    """The best place under one turn, and the sum of all points' nearness there."""
+    turned = transform_points(np.array((0.0, 0.0, heading)), centred)
+    cells = np.round(turned / _CELL).astype(int) % np.array(nearness_grid.shape)
+    mask = np.zeros(nearness_grid.shape)
+    np.add.at(mask, tuple(cells.T), 1.0)
+    scores = irfft2(nearness_grid.spectrum * np.conj(rfft2(mask)), s=nearness_grid.shape)
+    at = np.unravel_index(int(scores.argmax()), nearness_grid.shape)
+    x, y = nearness_grid.corner + _CELL * (np.array(at) + 0.5)
+    return float(scores[at]), np.array((x, y, heading))
+
+
+def _refined(centred: _Cloud, tree: KDTree, pose: Pose) -> tuple[float, Pose]:
+    def cost(trial: Pose) -> float:
+        distances, _ = tree.query(transform_points(trial, centred), distance_upper_bound=_FAR)
+        return float(np.minimum(distances, _FAR).mean())
+
+    simplex = pose + np.concatenate(([np.zeros(3)], np.diag((_CELL, _CELL, np.radians(2.0)))))
+    best = minimize(cost, pose, method="Nelder-Mead", options={"initial_simplex": simplex})
+    return float(best.fun), np.asarray(best.x, np.float64)
