@@ -11,8 +11,8 @@ from jaxtyping import Float64, Int64
 from albot_core.geometry.poses import inverse, transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mappers.albot1.mapper import Albot1
-from albot_core.mappers.albot1.memory import add_surface, empty_memory
-from albot_core.mappers.albot1.memory_state import stored_memory
+from albot_core.mappers.albot1.perceptual_map.memory import add_surface, empty_map
+from albot_core.mappers.albot1.state import stored_map
 from albot_core.mappers.mapper import Mapper, MapperBatch
 from albot_core.mappers.registry import make_mapper, make_mappers
 from albot_core.sensing.reading import Reading, Readings
@@ -90,12 +90,12 @@ def copies_of(floor: Segments, count: int) -> Float64[np.ndarray, "copies 4"]:
 
 def knowing(state: dict[str, np.ndarray], surfaces: Segments) -> dict[str, np.ndarray]:
     """The state of a mapper that also remembers `surfaces`."""
-    memory = empty_memory(len(state["memory.ids"]) + len(surfaces))
+    memory = empty_map(len(state["memory.ids"]) + len(surfaces))
     stable = np.full(2, 2, np.int8)
     alive = state["memory.ids"] >= 0
     for surface in (*state["memory.surfaces"][alive], *surfaces):
         add_surface(memory, surface, stable)
-    return state | {f"memory.{name}": array for name, array in stored_memory(memory).items()}
+    return state | {f"memory.{name}": array for name, array in stored_map(memory).items()}
 
 
 def _rate(mapper: Mapper, readings: Sequence[Reading], rounds: int) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.geometry.poses import relative
-from albot_core.mappers.albot1.record import Event, Happening
+from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_experiments.drawing import draw_network, draw_route
 from albot_experiments.guided_tour import guided_tour
 from albot_experiments.places_truth import PlacedJourney, place_journey
@@ -35,22 +35,22 @@ PAPER: dict[str, Figures] = {
 LEAST_SHARE = 0.8
 """In so many of the seeds the network must be right and the story be told."""
 
-Beat = tuple[Happening, str, str]
+Beat = tuple[EventKind, str, str]
 """What happens, the place that the robot believes to be in, and the other."""
 
 STORY: tuple[Beat, ...] = (
-    (Happening.NEW, "P1", "P2"),
-    (Happening.NEW, "P2", "P3"),
-    (Happening.NEW, "P3", "P4"),
-    (Happening.NEW, "P4", "P5"),
-    (Happening.NEW, "P5", "P6"),
-    (Happening.NEW, "P6", "P7"),
-    (Happening.ENTERED, "P7", "P6"),
-    (Happening.NEW, "P6", "P8"),
-    (Happening.NEW, "P8", "P9"),
-    (Happening.RECOGNIZED, "P9", "P2"),
-    (Happening.ENTERED, "P2", "P1"),
-    (Happening.RECOGNIZED, "P1", "P7"),
+    (EventKind.NEW, "P1", "P2"),
+    (EventKind.NEW, "P2", "P3"),
+    (EventKind.NEW, "P3", "P4"),
+    (EventKind.NEW, "P4", "P5"),
+    (EventKind.NEW, "P5", "P6"),
+    (EventKind.NEW, "P6", "P7"),
+    (EventKind.ENTERED, "P7", "P6"),
+    (EventKind.NEW, "P6", "P8"),
+    (EventKind.NEW, "P8", "P9"),
+    (EventKind.RECOGNIZED, "P9", "P2"),
+    (EventKind.ENTERED, "P2", "P1"),
+    (EventKind.RECOGNIZED, "P1", "P7"),
 )
 """The thesis's. It enters P2 as a place yet unknown, here P9, and recognises it there."""
 
@@ -77,11 +77,11 @@ def and_on(tour: Float64[np.ndarray, "waypoints 2"]) -> Float64[np.ndarray, "tou
 
 def story(events: Iterable[Event]) -> tuple[Beat, ...]:
     """What happened, but for the suspicions that were not confirmed."""
-    quiet = (Happening.SET_OUT, Happening.REFUSED)
+    quiet = (EventKind.SET_OUT, EventKind.REFUSED)
     return tuple(
-        (event.what, f"P{event.place + 1}", f"P{event.other + 1}")
+        (event.kind, f"P{event.place + 1}", f"P{event.other + 1}")
         for event in events
-        if event.what not in quiet
+        if event.kind not in quiet
     )
 
 

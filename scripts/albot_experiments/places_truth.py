@@ -11,7 +11,7 @@ from jaxtyping import Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Poses
 from albot_core.mappers.albot1.mapper import Albot1
-from albot_core.mappers.albot1.record import Event, Happening
+from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_core.mappers.registry import make_mapper
 from albot_core.maps.place_graph import Network
 from albot_experiments.guided_tour import Journey
@@ -113,10 +113,10 @@ def place_journey(name: str, world: World, journey: Journey) -> PlacedJourney:
         events = mapper.events
         new, known = events[known:], len(events)
         for event in new:
-            if event.what in (Happening.NEW, Happening.ENTERED, Happening.LOST):
+            if event.kind in (EventKind.NEW, EventKind.ENTERED, EventKind.LOST):
                 place = event.other
         poses[view], places[view] = mapper.pose, place
-        if any(event.what in (Happening.NEW, Happening.ENTERED) for event in new):
+        if any(event.kind in (EventKind.NEW, EventKind.ENTERED) for event in new):
             line = _nearest(before, poses[view - 1 : view + 1, :2].mean(axis=0))
             crossing = Crossing(
                 view=view,
@@ -139,7 +139,7 @@ def same_in_the_end(events: Iterable[Event]) -> Mapping[int, int]:
     """The id that the place of every id lost has at the end: the least of those merged."""
     same: dict[int, int] = {}
     for event in events:
-        if event.what in (Happening.RECOGNIZED, Happening.FOLLOWED, Happening.FOUND):
+        if event.kind in (EventKind.RECOGNIZED, EventKind.FOLLOWED, EventKind.RELOCALISED):
             kept, gone = sorted((event.place, event.other))
             same[gone] = kept
             same = {place: kept if into == gone else into for place, into in same.items()}

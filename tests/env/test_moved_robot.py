@@ -8,13 +8,13 @@ from hypothesis import strategies as st
 
 from albot_core.geometry.poses import relative
 from albot_core.mappers.albot1.mapper import Albot1
-from albot_core.mappers.albot1.record import Happening
+from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 from albot_experiments.guided_tour import Journey
 
 
-def what_happened(mapper: Albot1) -> list[Happening]:
-    return [event.what for event in mapper.events]
+def what_happened(mapper: Albot1) -> list[EventKind]:
+    return [event.kind for event in mapper.events]
 
 
 def test_a_moved_robot_knows_it_and_finds_out_where_it_is(ring_journey: Journey):
@@ -30,7 +30,7 @@ def test_a_moved_robot_knows_it_and_finds_out_where_it_is(ring_journey: Journey)
         assert np.isfinite(mapper.surfaces).all()
     assert lost.index(True) == 1
     assert not lost[-1]
-    assert {Happening.LOST, Happening.FOUND} <= set(what_happened(mapper))
+    assert {EventKind.LOST, EventKind.RELOCALISED} <= set(what_happened(mapper))
     home = relative(ring_journey.truth[84], ring_journey.truth[0])
     assert np.hypot(*(mapper.home - home)[:2]) < 1.0
 
@@ -56,7 +56,7 @@ def test_a_blackout_is_borne(ring_journey: Journey):
         laser = dark if 40 <= view < 44 else reading.laser
         mapper.update(Reading(stamp=reading.stamp, motion=reading.motion, laser=laser))
     assert not mapper.is_lost
-    assert Happening.LOST not in what_happened(mapper)
+    assert EventKind.LOST not in what_happened(mapper)
     believed = relative(ring_journey.truth[0], ring_journey.truth[79])
     assert np.hypot(*(mapper.pose - believed)[:2]) < 0.5
 
@@ -66,14 +66,14 @@ def test_one_misread_view_is_not_a_move(ring_journey: Journey):
     for view, reading in enumerate(ring_journey.readings[:80]):
         laser = ring_journey.readings[5].laser if view == 60 else reading.laser
         mapper.update(Reading(stamp=reading.stamp, motion=reading.motion, laser=laser))
-    assert Happening.LOST not in what_happened(mapper)
+    assert EventKind.LOST not in what_happened(mapper)
 
 
 def test_nobody_who_is_only_driven_is_lost(ring_journey: Journey):
     for mapper in (Albot1(), Albot1.thesis()):
         for reading in ring_journey.readings:
             mapper.update(reading)
-        assert Happening.LOST not in what_happened(mapper)
+        assert EventKind.LOST not in what_happened(mapper)
 
 
 @settings(max_examples=8, deadline=None)

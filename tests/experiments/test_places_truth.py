@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.mappers.albot1.record import Event, Happening
+from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_experiments import albot1_c1 as c1
 from albot_experiments import albot1_c2 as c2
 from albot_experiments import albot1_c3 as c3
@@ -33,20 +33,20 @@ def once_round(ring: World, ring_journey: Journey) -> PlacedJourney:
     return place_journey("albot1", ring, ring_journey)
 
 
-def happened(what: Happening, place: int, other: int) -> Event:
-    return Event(step=1, what=what, place=place, other=other)
+def happened(what: EventKind, place: int, other: int) -> Event:
+    return Event(step=1, kind=what, place=place, other=other)
 
 
 def test_places_merged_one_after_the_other_are_one():
     events = [
-        happened(Happening.NEW, 0, 1),
-        happened(Happening.RECOGNIZED, 7, 3),
-        happened(Happening.REFUSED, 5, 0),
-        happened(Happening.FOLLOWED, 3, 1),
-        happened(Happening.FOUND, 9, 7),
+        happened(EventKind.NEW, 0, 1),
+        happened(EventKind.RECOGNIZED, 7, 3),
+        happened(EventKind.REFUSED, 5, 0),
+        happened(EventKind.FOLLOWED, 3, 1),
+        happened(EventKind.RELOCALISED, 9, 7),
     ]
     assert same_in_the_end(events[:-1]) == {7: 1, 3: 1}
-    assert same_in_the_end([*events[:2], happened(Happening.FOUND, 9, 3)]) == {7: 3, 9: 3}
+    assert same_in_the_end([*events[:2], happened(EventKind.RELOCALISED, 9, 3)]) == {7: 3, 9: 3}
 
 
 def test_the_ring_is_learned(ring: World, once_round: PlacedJourney):
@@ -98,11 +98,11 @@ def test_a_loop_begins_anywhere_and_closes(ring: World):
 
 def test_a_story_leaves_out_what_was_refused():
     events = [
-        happened(Happening.SET_OUT, 0, -1),
-        happened(Happening.NEW, 0, 1),
-        happened(Happening.REFUSED, 1, 0),
+        happened(EventKind.SET_OUT, 0, -1),
+        happened(EventKind.NEW, 0, 1),
+        happened(EventKind.REFUSED, 1, 0),
     ]
-    assert c2.story(events) == ((Happening.NEW, "P1", "P2"),)
+    assert c2.story(events) == ((EventKind.NEW, "P1", "P2"),)
 
 
 def test_a_second_lap_is_held_against_the_first(once_round: PlacedJourney):

@@ -15,7 +15,7 @@ from jaxtyping import Float32, Float64
 
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
-from albot_core.mappers.albot1.record import Event, Happening
+from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_core.mappers.mapper import Mapper
 from albot_core.mappers.registry import make_mapper
 from albot_core.matching.lines import MatchConfig, match_lines, merge_lines
@@ -169,9 +169,9 @@ class Notebook:
     def _same_places(self) -> dict[int, int]:
         """What place each that was found to be another has become."""
         same: dict[int, int] = {}
-        joins = Happening.RECOGNIZED, Happening.FOLLOWED, Happening.FOUND
+        joins = EventKind.RECOGNIZED, EventKind.FOLLOWED, EventKind.RELOCALISED
         for event in () if self._mapper is None else self._mapper.events:
-            if isinstance(event, Event) and event.what in joins:
+            if isinstance(event, Event) and event.kind in joins:
                 kept, gone = sorted((event.place, event.other))
                 same[gone] = kept
                 same = {place: kept if into == gone else into for place, into in same.items()}

@@ -1,14 +1,14 @@
-"""Albot1: an imprecise, incomplete perceptual map from landmarks in view.
+"""Albot1: an imprecise, incomplete perceptual map, and a network of the places in it.
 
-Hossain, *How Albot1 computes its perceptual map*, PhD thesis, AUT 2014, after Yeap's
-theory of perceptual mapping (2011). One file a step of its algorithm 4:
+Hossain, *How Albot1 computes its perceptual map*, PhD thesis, AUT 2014, after Yeap's theory of
+perceptual mapping (2011). `Albot1()` is the mapper `albot1`, which localises the robot by more than
+the thesis does; `Albot1Config.thesis()` is the thesis to the letter.
 
-- `recognition`: which landmarks of the last view are in this one (algorithm 1),
-- `localization`: where the robot is in its map (algorithm 2),
-- `updating`: laying a view over the map (algorithm 3),
-- `mapping`: one view through the whole (algorithm 4),
-- `turning`, `outlook`, `triangulation`: what `albot1` does in place of algorithms 1 and 2,
-- `memory`: the perceptual map itself, `config`: every threshold,
-- `following`: readings as they come, for many robots; `storage`: where each one's arrays are,
+- `perceptual_map.mapping`: algorithms 1 to 4, from top to bottom; beside it what is ours,
+- `places.network`: algorithms 5 and 7, `places.recognition`: algorithms 6 and 8,
+- `trail`: breadcrumbs, and the shortest path home over them,
+- `step`: the compiled loop over many robots, `handle_events`: what happens seldom,
+- `config`: every threshold, `state`: saving and restoring, `addresses`: where compiled code finds
+  each robot's arrays,
 - `batch`: many robots, `mapper`: a single one, as users hold them.
 """

@@ -10,30 +10,31 @@ from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.types import Segments
 from albot_core.kernels.arguments import ArgumentsCache
-from albot_core.mappers.albot1.attending import Robot, attend
+from albot_core.mappers.albot1.addresses import COLUMNS, RobotArrays, addresses_of
 from albot_core.mappers.albot1.config import Albot1Config
-from albot_core.mappers.albot1.exits import expect_exits, no_exits
-from albot_core.mappers.albot1.following import Lens, Robots, follow
-from albot_core.mappers.albot1.mapping import LOST, UPDATES
-from albot_core.mappers.albot1.memory import (
+from albot_core.mappers.albot1.handle_events import RobotMemory, handle_events
+from albot_core.mappers.albot1.perceptual_map.frames import compose_pose
+from albot_core.mappers.albot1.perceptual_map.mapping import UNRECOGNIZED, UPDATES, ViewSettings
+from albot_core.mappers.albot1.perceptual_map.memory import (
     ALIVE,
-    empty_memory,
-    forget,
+    clear_map,
+    copy_view,
+    empty_map,
+    empty_view,
     living,
 )
-from albot_core.mappers.albot1.memory_state import enlarged
-from albot_core.mappers.albot1.network import START, PlaceNetwork
-from albot_core.mappers.albot1.recognition import moved
-from albot_core.mappers.albot1.robot_state import (
-    STANDING,
-    check_standing,
+from albot_core.mappers.albot1.places.exits import empty_exits, expect_exits
+from albot_core.mappers.albot1.places.network import START, PlaceNetwork
+from albot_core.mappers.albot1.places.wayfinding import way_lines, waypoint_home
+from albot_core.mappers.albot1.state import (
+    STORED_ROWS,
+    check_rows,
+    enlarged_map,
     rebuilt_arrays,
     stored_arrays,
 )
-from albot_core.mappers.albot1.sight import copy_sight, empty_sight
-from albot_core.mappers.albot1.storage import COLUMNS, Arrays, addresses_of
+from albot_core.mappers.albot1.step import BatchArrays, step_robots
 from albot_core.mappers.albot1.trail.breadcrumbs import WAYPOINT_AHEAD
-from albot_core.mappers.albot1.wayfinding import way_lines, waypoint_home
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL
 from albot_core.sensing.reading import LaserGeometry, Readings
 
@@ -55,7 +56,7 @@ class Albot1Batch:
     def __init__(self, count: int, config: Albot1Config | None = None) -> None:
         self.config = config or Albot1Config()
         self._limits = self.config.limits
-        self._arrays: list[Arrays] = []
+        self._arrays: list[RobotArrays] = []
         self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
         self._homes = np.zeros((count, 3))
         self._places = np.zeros((count, 2), np.bool_)
@@ -64,27 +65,27 @@ class Albot1Batch:
         self._found_at = np.full((count, 2), np.inf)
         self._versions = [-1] * count
         self._expecting = [-1] * count
-        self._robots = Robots(
+        self._robots = BatchArrays(
             table=np.zeros((count, COLUMNS), np.int64),
             progress=np.zeros((count, 5), np.int64),
             since=np.zeros((count, 3)),
             poses=np.zeros((count, 3)),
             surfaces=np.zeros(count, np.int64),
             events=np.zeros(count, np.int64),
-            trod=np.zeros((count, 3)),
+            crumb_poses=np.zeros((count, 3)),
             next_ids=np.zeros(count, np.int64),
             current=np.zeros(count, np.int64),
-            displacements=np.zeros((count, 3)),
+            map_to_graph=np.zeros((count, 3)),
             is_lost=np.zeros(count, np.bool_),
-            looked_from=np.full((count, 3), np.nan),
+            compared_from=np.full((count, 3), np.nan),
         )
         for network in self._networks:
-            parts = empty_memory(), empty_sight(), no_exits()
+            parts = empty_map(), empty_view(), empty_exits()
             breadcrumbs = network.breadcrumbs
-            self._arrays.append(Arrays(*parts, breadcrumbs.crumbs, breadcrumbs.tree.graph))
+            self._arrays.append(RobotArrays(*parts, breadcrumbs.crumbs, breadcrumbs.tree.graph))
         for row in range(count):
-            self._settle(row)
-        self._following = ArgumentsCache(self._aids)
+            self._set_addresses(row)
+        self._arguments_cache = ArgumentsCache(self._arguments)
 
     @classmethod
     def thesis(cls, count: int) -> Albot1Batch:
@@ -129,13 +130,13 @@ class Albot1Batch:
             has_changed = self._versions[row] != network.version
             if not (has_gone or has_changed):
                 continue
-            pose, way, sight = self.poses[row], self._ways_home[row], self._arrays[row].sight
+            pose, way, view = self.poses[row], self._ways_home[row], self._arrays[row].view
             if has_changed:
                 self._versions[row] = network.version
                 exits = way_lines(network, pose, START)
                 self._next_exits[row] = exits[0] if len(exits) else np.nan
             self._found_at[row] = pose[:2]
-            point, length = waypoint_home(network, pose, sight.surfaces[: sight.size[0]])
+            point, length = waypoint_home(network, pose, view.surfaces[: view.size[0]])
             way[POINT], way[TRAVEL] = point, length
             way[EXIT] = np.nan if length < WAYPOINT_AHEAD else self._next_exits[row]
 
@@ -152,19 +153,19 @@ class Albot1Batch:
     @property
     def lost(self) -> Int64[np.ndarray, "robots"]:
         """At how many views no landmark was recognised and path integration stood in."""
-        return self._robots.progress[:, LOST]
+        return self._robots.progress[:, UNRECOGNIZED]
 
     def reset(self, row: int) -> None:
         """Let one forget everything."""
-        memory, sight, exits, _, _ = self._arrays[row]
-        forget(memory)
-        exits.counts[:], exits.gate[:] = 0, 0
+        pm, view, exits, _, _ = self._arrays[row]
+        clear_map(pm)
+        exits.counts[:], exits.crossing[:] = 0, 0
         self._networks[row] = PlaceNetwork(self.config.places, self._networks[row].breadcrumbs)
         self._forget_ways(row)
-        sight.size[0] = 0
-        sight.pose[:] = 0.0
+        view.size[0] = 0
+        view.pose[:] = 0.0
         robots = self._robots
-        for array in (robots.progress, robots.since, robots.poses, robots.trod):
+        for array in (robots.progress, robots.since, robots.poses, robots.crumb_poses):
             array[row] = 0
         self._robots.surfaces[row] = 0
 
@@ -180,14 +181,14 @@ class Albot1Batch:
         laser: LaserGeometry,
     ) -> None:
         """`update` with the arrays of readings that matter to the map."""
-        arguments = self._following.arguments(laser)
+        arguments = self._arguments_cache.arguments(laser)
         ranges, motions = np.ascontiguousarray(ranges), np.ascontiguousarray(motions)
-        done = follow(rows, 0, arguments, ranges, motions)
+        done = step_robots(rows, 0, arguments, ranges, motions)
         while done < len(rows):
             self._enlarge(int(rows[done]))
-            done = follow(rows, done, arguments, ranges, motions)
+            done = step_robots(rows, done, arguments, ranges, motions)
         for row in rows[self._robots.events[rows] > 0].tolist():
-            self._attend(row)
+            self._handle_events(row)
 
     def network(self, row: int) -> PlaceNetwork:
         """The network of places that one remembers (not a copy)."""
@@ -200,16 +201,16 @@ class Albot1Batch:
 
     def surfaces(self, row: int) -> Segments:
         """The surfaces that one remembers, in its map's frame (a copy)."""
-        memory = self._arrays[row].memory
-        alive = living(memory)
-        return np.asarray(memory.surfaces[: len(alive)][alive])
+        pm = self._arrays[row].pm
+        alive = living(pm)
+        return np.asarray(pm.surfaces[: len(alive)][alive])
 
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Everything that one remembers, as arrays by name."""
-        memory, sight, exits, _, _ = self._arrays[row]
+        pm, view, exits, _, _ = self._arrays[row]
         robots, network = self._robots, self._networks[row]
-        standing = {name: getattr(robots, name)[row].copy() for name in STANDING}
-        return standing | stored_arrays(memory, sight, exits, network)
+        rows = {name: getattr(robots, field)[row].copy() for name, field in STORED_ROWS.items()}
+        return rows | stored_arrays(pm, view, exits, network)
 
     def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
         """Let one become the one that returned `state`.
@@ -217,49 +218,49 @@ class Albot1Batch:
         Raises:
             InputError: The arrays contradict each other.
         """
-        check_standing(state)
-        memory, sight, exits, network = rebuilt_arrays(state, self.config.places)
+        check_rows(state)
+        pm, view, exits, network = rebuilt_arrays(state, self.config.places)
         breadcrumbs = network.breadcrumbs
-        arrays = Arrays(memory, sight, exits, breadcrumbs.crumbs, breadcrumbs.tree.graph)
+        arrays = RobotArrays(pm, view, exits, breadcrumbs.crumbs, breadcrumbs.tree.graph)
         self._arrays[row] = arrays
         self._networks[row] = network
         self._forget_ways(row)
-        self._settle(row)
-        for name in STANDING:
-            getattr(self._robots, name)[row] = state[name]
-        self._robots.surfaces[row] = memory.counts[ALIVE]
-        moved(sight.pose, self._robots.since[row], self._robots.poses[row])
+        self._set_addresses(row)
+        for name, field in STORED_ROWS.items():
+            getattr(self._robots, field)[row] = state[name]
+        self._robots.surfaces[row] = pm.counts[ALIVE]
+        compose_pose(view.pose, self._robots.since[row], self._robots.poses[row])
 
     def _forget_ways(self, row: int) -> None:
         """Another network: the way home must be found anew."""
         self._versions[row] = self._expecting[row] = -1
-        self._stand(row)
+        self._note_places(row)
 
-    def _stand(self, row: int) -> None:
+    def _note_places(self, row: int) -> None:
         """Note what the network says of home and of the present place."""
         network = self._networks[row]
         self._homes[row] = network.home
         self._places[row] = network.is_familiar, network.lost_since > 0
         robots = self._robots
         robots.current[row], robots.is_lost[row] = network.current, network.lost_since > 0
-        robots.displacements[row] = network.displacement
-        robots.looked_from[row] = network.looked_from
-        if self.config.places.exits_expected and self._expecting[row] != network.version:
+        robots.map_to_graph[row] = network.map_to_graph
+        robots.compared_from[row] = network.compared_from
+        if self.config.places.uses_expected_exits and self._expecting[row] != network.version:
             self._expecting[row] = network.version
             expect_exits(self._arrays[row].exits, network.predicted_exits)
 
-    def _attend(self, row: int) -> None:
-        """See to what happened to one at its last reading."""
+    def _handle_events(self, row: int) -> None:
+        """Handle what happened to one at its last reading."""
         robot, events = self._robot(row), int(self._robots.events[row])
-        attend(robot, events, self._limits)
-        self._robots.surfaces[row] = robot.memory.counts[ALIVE]
-        self._stand(row)
+        handle_events(robot, events, self._limits)
+        self._robots.surfaces[row] = robot.pm.counts[ALIVE]
+        self._note_places(row)
 
-    def _robot(self, row: int) -> Robot:
+    def _robot(self, row: int) -> RobotMemory:
         robots, arrays = self._robots, self._arrays[row]
-        return Robot(
-            memory=arrays.memory,
-            sight=arrays.sight,
+        return RobotMemory(
+            pm=arrays.pm,
+            view=arrays.view,
             exits=arrays.exits,
             network=self._networks[row],
             progress=robots.progress[row],
@@ -267,7 +268,7 @@ class Albot1Batch:
             next_id=int(robots.next_ids[row]),
         )
 
-    def _settle(self, row: int) -> None:
+    def _set_addresses(self, row: int) -> None:
         """Tell the kernel where a robot's arrays are."""
         self._robots.table[row] = addresses_of(self._arrays[row])
 
@@ -277,20 +278,20 @@ class Albot1Batch:
         if breadcrumbs.ensure_room():
             arrays = arrays._replace(crumbs=breadcrumbs.crumbs, graph=breadcrumbs.tree.graph)
         else:
-            sight = empty_sight(2 * len(arrays.sight.slots))
-            copy_sight(arrays.sight, sight)
-            arrays = arrays._replace(memory=enlarged(arrays.memory), sight=sight)
+            view = empty_view(2 * len(arrays.view.slots))
+            copy_view(arrays.view, view)
+            arrays = arrays._replace(pm=enlarged_map(arrays.pm), view=view)
         self._arrays[row] = arrays
-        self._settle(row)
+        self._set_addresses(row)
 
-    def _aids(self, laser: LaserGeometry) -> tuple[Any, ...]:
-        """What is followed with."""
-        return self._robots, self._lens(laser), self._limits
+    def _arguments(self, laser: LaserGeometry) -> tuple[Any, ...]:
+        """What `step_robots` takes."""
+        return self._robots, self._view_settings(laser), self._limits
 
-    def _lens(self, laser: LaserGeometry) -> Lens:
+    def _view_settings(self, laser: LaserGeometry) -> ViewSettings:
         """What views are constructed with from this laser's scans."""
         view = self.config.view
-        return Lens(
+        return ViewSettings(
             directions=laser.directions,
             mount=(float(laser.mount[0]), float(laser.mount[1])),
             max_range=float(min(laser.max_range, view.max_range)),

@@ -19,8 +19,8 @@ TURN_STEP = math.radians(1.0)
 _FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
-class Limits(NamedTuple):
-    """The thresholds as the compiled steps take them (m, rad)."""
+class Albot1Limits(NamedTuple):
+    """`Albot1Config` as compiled code takes it (m, rad)."""
 
     view_spacing: float
     view_turn: float
@@ -29,17 +29,17 @@ class Limits(NamedTuple):
     landmark_cosine: float
     turn_cosine: float
     landmark_gap: float
-    fewest_landmarks: int
+    min_landmarks: int
     margin: float
-    eye_in_boundary: bool
-    remembered: bool
-    reach: float
+    robot_in_boundary: bool
+    triangulation: bool
+    match_range: float
     motion_error: float
     turn_error: float
-    exit_least: float
-    exit_most: float
-    look_spacing: float
-    look_turn: float
+    min_exit_width: float
+    max_exit_width: float
+    compare_spacing: float
+    compare_turn: float
     turns: np.ndarray
     """(turns, 3) float64: the turns tried, as cosine, sine, and votes that each must make up."""
 
@@ -51,60 +51,61 @@ class PlacesConfig:
     match: MatchConfig = field(default_factory=MatchConfig)
     """When surfaces, and places, are the same (section 4.1.2). The thesis's surfaces may be 0.40 m
     apart; it does not limit where a place may be found."""
-    fewest_matches: int = 4
+    min_matches: int = 4
     """More surfaces must be the same (algorithm 6, line 11)…"""
-    least_share: float = 0.3
+    min_share: float = 0.3
     """…and they must make up this share of the smaller description (thesis: any)."""
-    suspicion_share: float = 0.1
-    """The share of a place's surfaces of which more must be met again to arouse suspicion…"""
-    fewest_met: int = 2
-    """…but at least more than so many…"""
-    most_met: int = 8
-    """…and never more. The thesis says only that n grows with the place's size."""
-    by_position: bool = True
-    """A robot that enters a new place suspects those as well within whose surfaces it believes to
-    stand. Off in the thesis."""
-    shift_here: float = 0.7
+    reobserved_share: float = 0.1
+    """A place is a loop-closure candidate if more surfaces are observed again than its gate says:
+    this share of all its surfaces…"""
+    min_reobserved: int = 2
+    """…but no fewer than this…"""
+    max_reobserved: int = 8
+    """…and no more than this. The thesis says only that n grows with the place's size."""
+    candidates_by_position: bool = True
+    """When the robot enters a new place, those within whose surfaces it believes to stand are
+    candidates as well. Off in the thesis."""
+    max_shift_here: float = 0.7
     """They are looked for no farther from where they are believed to be (m)…"""
-    share_here: float = 0.7
+    min_share_here: float = 0.7
     """…and the same surfaces must make up this share of the smaller description."""
-    look_spacing: float = 0.7
-    """After a comparison the robot goes so far until the next (m)…"""
-    look_turn: float = np.radians(45.0)
-    """…or turns so far (rad)."""
-    exits_expected: bool = True
+    compare_spacing: float = 0.7
+    """Places are compared again after the robot has gone so far (m)…"""
+    compare_turn: float = np.radians(45.0)
+    """…or turned so far (rad)."""
+    uses_expected_exits: bool = True
     """Known exits are crossed where they are expected, though they are not seen. Off in the
     thesis."""
-    agreement: float = 0.40
+    tolerance: float = 0.40
     """Where map and alignment differ by less (m), the map is left as it is."""
-    fewest_found: int = 7
-    """A robot that has lost its way needs so many surfaces to know a place again."""
-    most_described: int = 1024
+    min_relocalise_matches: int = 7
+    """A robot that was carried away recognises a place by at least so many surfaces."""
+    max_surfaces: int = 1024
     """Surfaces of a place's description; those seen last are kept. Without an end to it, a
     robot that drifts as it comes back would describe each wall again beside itself."""
-    events_kept: int = 512
+    max_events: int = 512
     """Events remembered; the oldest are forgotten first."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "agreement", "shift_here")
-        check_fields(self, POSITIVE, "look_spacing", "look_turn")
-        check_fields(self, SHARE, "least_share", "suspicion_share", "share_here")
-        counts = "fewest_matches", "fewest_met", "most_met", "fewest_found"
-        check_fields(self, _FROM_ONE, *counts, "most_described", "events_kept")
+        check_fields(self, POSITIVE, "tolerance", "max_shift_here")
+        check_fields(self, POSITIVE, "compare_spacing", "compare_turn")
+        check_fields(self, SHARE, "min_share", "reobserved_share", "min_share_here")
+        counts = "min_matches", "min_reobserved", "max_reobserved", "min_relocalise_matches"
+        check_fields(self, _FROM_ONE, *counts, "max_surfaces", "max_events")
 
     @property
     def match_here(self) -> MatchConfig:
         """`match` for a place within which the robot believes to stand."""
-        return replace(self.match, max_shift=self.shift_here)
+        return replace(self.match, max_shift=self.max_shift_here)
 
     @classmethod
     def thesis(cls) -> PlacesConfig:
         """The thesis's thresholds. They ask for less, though rooms are alike."""
         return cls(
             match=MatchConfig(max_gap=0.40, max_shift=np.inf, max_turn=np.pi),
-            least_share=0.0,
-            by_position=False,
-            exits_expected=False,
+            min_share=0.0,
+            candidates_by_position=False,
+            uses_expected_exits=False,
         )
 
 
@@ -137,16 +138,16 @@ class Albot1Config:
     landmark_gap: float = 0.40
     """Two surfaces are taken for one only where their occluding or corner points are nearer
     than this (m; algorithm 1, line 7)."""
-    fewest_landmarks: int = 3
+    min_landmarks: int = 3
     """With fewer recognised landmarks the limiting point is reached (algorithm 4, line 12)."""
     margin: float = 0.40
     """What lies this near to the view's boundary counts as inside (m; algorithm 3, line 9)."""
-    eye_in_boundary: bool = True
+    robot_in_boundary: bool = True
     """The robot's own place is a corner of the view's boundary. Off in the thesis: there the
     boundary joins the surfaces' ends alone (algorithm 3, line 7), so that where nothing stands at
     ±90° the ground between the robot and its first and last surface counts as outside."""
-    remembered: bool = True
-    """Recognise what is remembered nearby, under the likeliest turn, and localise by all of it.
+    triangulation: bool = True
+    """Localise by all that is remembered nearby, under the likeliest turn.
 
     Off in the thesis: there landmarks are followed from view to view under the odometer's turn,
     and one of them localises the robot. The fields below matter only where this is on.
@@ -156,23 +157,23 @@ class Albot1Config:
     turn_cost: float = np.radians(12.0)
     """A turn this far from the odometer's must be worth one landmark more, and one twice as
     far four (rad)."""
-    reach: float = 16.0
+    match_range: float = 16.0
     """Only surfaces nearer than this are recognised and localise the robot (m)."""
     motion_error: float = 0.05
     """Standard deviation of the odometer's translation between views (m)."""
     turn_error: float = np.radians(5.0)
     """Standard deviation of the turn that the search has found (rad)."""
-    exit_least: float = 0.65
+    min_exit_width: float = 0.65
     """Narrower gaps are no exits (m)…"""
-    exit_most: float = 1.35
+    max_exit_width: float = 1.35
     """…nor are wider ones (m): a doorway's typical size is about 1 m (section 4.1.1)."""
 
     def __post_init__(self) -> None:
-        lengths = "landmark_length", "landmark_gap", "reach", "motion_error"
+        lengths = "landmark_length", "landmark_gap", "match_range", "motion_error"
         angles = "landmark_angle", "turn_cost", "turn_error"
-        check_fields(self, POSITIVE, *lengths, *angles, "exit_least", "exit_most")
+        check_fields(self, POSITIVE, *lengths, *angles, "min_exit_width", "max_exit_width")
         check_fields(self, NOT_NEGATIVE, "view_spacing", "view_turn", "margin", "turn_search")
-        check_fields(self, _FROM_ONE, "fewest_landmarks")
+        check_fields(self, _FROM_ONE, "min_landmarks")
 
     @classmethod
     def thesis(cls) -> Albot1Config:
@@ -180,14 +181,14 @@ class Albot1Config:
         return cls(
             view=ViewConfig(),
             places=PlacesConfig.thesis(),
-            eye_in_boundary=False,
-            remembered=False,
+            robot_in_boundary=False,
+            triangulation=False,
         )
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> Albot1Limits:
         """The thresholds as the compiled steps take them."""
-        return Limits(*(getattr(self, name) for name in Limits._fields))
+        return Albot1Limits(*(getattr(self, name) for name in Albot1Limits._fields))
 
     @property
     def landmark_cosine(self) -> float:
@@ -201,18 +202,18 @@ class Albot1Config:
         return math.cos(widest) if widest < math.pi else -2.0
 
     @property
-    def look_spacing(self) -> float:
+    def compare_spacing(self) -> float:
         """How far the robot goes from one comparison of places to the next (m)."""
-        return self.places.look_spacing
+        return self.places.compare_spacing
 
     @property
-    def look_turn(self) -> float:
+    def compare_turn(self) -> float:
         """How far it turns (rad)."""
-        return self.places.look_turn
+        return self.places.compare_turn
 
     @property
     def turns(self) -> Float64[np.ndarray, "turns 3"]:
-        """The turns tried, as `Limits` holds them."""
+        """The turns tried, as `Albot1Limits` holds them."""
         steps = int(self.turn_search / TURN_STEP + 0.5)
         turns = [TURN_STEP * step for step in range(-steps, steps + 1)]
         shares = [turn / self.turn_cost for turn in turns]

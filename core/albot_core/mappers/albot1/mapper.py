@@ -11,8 +11,8 @@ from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Pose, Segments
 from albot_core.mappers.albot1.batch import Albot1Batch
 from albot_core.mappers.albot1.config import Albot1Config
-from albot_core.mappers.albot1.record import Event
-from albot_core.mappers.albot1.wayfinding import pointing, way_lines
+from albot_core.mappers.albot1.places.events import Event
+from albot_core.mappers.albot1.places.wayfinding import pointing, way_lines
 from albot_core.mappers.mapper import WayHome
 from albot_core.maps.place_graph import Network
 from albot_core.sensing.reading import Reading
@@ -100,7 +100,7 @@ class Albot1:
     @property
     def events(self) -> tuple[Event, ...]:
         """What happened to the network and why: each acceptance and refusal, in order."""
-        return tuple(self._robot.network(0).record.events)
+        return tuple(self._robot.network(0).log.events)
 
     @property
     def way_home(self) -> WayHome:

@@ -6,11 +6,10 @@ import numpy as np
 
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.mappers.albot1.config import PlacesConfig
-from albot_core.mappers.albot1.network import PlaceNetwork
-from albot_core.mappers.albot1.places import middle
-from albot_core.mappers.albot1.record import Happening
-from albot_core.mappers.albot1.revisiting import recognize_place
-from albot_core.mappers.albot1.suspicion import suspicions
+from albot_core.mappers.albot1.places.events import EventKind
+from albot_core.mappers.albot1.places.network import PlaceNetwork
+from albot_core.mappers.albot1.places.place import middle
+from albot_core.mappers.albot1.places.recognition import candidate_gates, recognize_place
 
 SIDE = 8.0
 """Side of a square room (m); its middle is at SIDE times its column and row."""
@@ -64,8 +63,8 @@ class Walker:
         if drift is not None:
             self.drift = compose(self.drift, drift)
         placed = transform_segments(self.drift, line[None])[0]
-        beyond = middle(line) + 0.3 * (np.array(other) - np.array(self.room))
-        pose = compose(self.drift, np.array([*beyond, 0.0]))
+        left_of = middle(line) + 0.3 * (np.array(other) - np.array(self.room))
+        pose = compose(self.drift, np.array([*left_of, 0.0]))
         self.network.remember_place(self.step, placed, left_seen, pose)
         self.room = other
         self.rooms.append(other)
@@ -73,13 +72,13 @@ class Walker:
     def recognize(self) -> bool:
         """Many walls of every earlier visit to this room are met: is it one of those places?"""
         visits = range(len(self.network.visits))
-        met = [20 if self.rooms[visit] == self.room else 0 for visit in visits]
-        met[-1] = 0
-        return self.looks(np.array(met, np.int32))
+        reobserved = [20 if self.rooms[visit] == self.room else 0 for visit in visits]
+        reobserved[-1] = 0
+        return self.looks(np.array(reobserved, np.int32))
 
-    def looks(self, met: np.ndarray) -> bool:
+    def looks(self, reobserved: np.ndarray) -> bool:
         """So many walls of each earlier visit are met."""
-        counts = np.stack((met, suspicions(self.network, self.pose())), -1)
+        counts = np.stack((reobserved, candidate_gates(self.network, self.pose())), -1)
         return recognize_place(self.network, self.step, counts, self.seen(), self.pose())
 
 
@@ -91,9 +90,9 @@ def led(rooms: list[Room], config: PlacesConfig | None = None) -> Walker:
     return walker
 
 
-def happened(walker: Walker) -> list[tuple[Happening, int, int]]:
+def happened(walker: Walker) -> list[tuple[EventKind, int, int]]:
     """What the robot's network recorded, each with its places."""
-    return [(event.what, event.place, event.other) for event in walker.network.record.events]
+    return [(event.kind, event.place, event.other) for event in walker.network.log.events]
 
 
 def check_links(network: PlaceNetwork) -> None:
@@ -108,5 +107,5 @@ def check_links(network: PlaceNetwork) -> None:
     assert network.current in network.sites
     assert network.visits[-1] == network.current
     assert set(network.visits[1:]) <= network.sites.keys()
-    assert len(network.displacements) == len(network.visits)
+    assert len(network.visit_transforms) == len(network.visits)
     assert network.next_id > max(network.sites)

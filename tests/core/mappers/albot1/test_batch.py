@@ -20,7 +20,7 @@ SPACED = {"view_spacing": 0.3, "view_turn": np.radians(15.0)}
 CONFIGS = [
     Albot1Config.thesis(),
     Albot1Config(),
-    replace(Albot1Config.thesis(), remembered=True, **SPACED),
+    replace(Albot1Config.thesis(), triangulation=True, **SPACED),
 ]
 
 
@@ -187,4 +187,4 @@ def test_mappers_without_a_batch_are_led_one_by_one() -> None:
 
 def test_the_kernel_knows_where_each_network_looked_from() -> None:
     batch = Albot1Batch(1)
-    np.testing.assert_array_equal(batch._robots.looked_from[0], batch.network(0).looked_from)
+    np.testing.assert_array_equal(batch._robots.compared_from[0], batch.network(0).compared_from)

@@ -190,9 +190,9 @@ def test_a_reading_near_the_last_view_only_moves_the_robot(make: type[Albot1]) -
 @pytest.mark.parametrize("spacing", [(0.0, 1.0), (1.0, 0.0)])
 def test_with_either_spacing_zero_every_reading_is_a_view(spacing: tuple[float, float]) -> None:
     config = replace(
-        Albot1Config.thesis(), remembered=True, view_spacing=spacing[0], view_turn=spacing[1]
+        Albot1Config.thesis(), triangulation=True, view_spacing=spacing[0], view_turn=spacing[1]
     )
-    one, other = Albot1(config), Albot1(replace(Albot1Config.thesis(), remembered=True))
+    one, other = Albot1(config), Albot1(replace(Albot1Config.thesis(), triangulation=True))
     given = readings(walk(20), noise=0.01)
     assert np.array_equal(run(one, given), run(other, given))
 
@@ -212,9 +212,9 @@ def test_lasers_may_differ_from_reading_to_reading() -> None:
     "wrong",
     [
         {"landmark_gap": 0.0},
-        {"fewest_landmarks": 0},
+        {"min_landmarks": 0},
         {"margin": -0.1},
-        {"reach": np.nan},
+        {"match_range": np.nan},
         {"view_turn": -0.1},
     ],
 )
@@ -254,7 +254,7 @@ def test_a_lost_robot_finds_its_way_by_its_views_alone(seed: int) -> None:
         if k == 0 or np.hypot(*since[:2]) >= spacing or abs(since[2]) >= turn:
             seldom.update(Reading(stamp=reading.stamp, motion=since, laser=reading.laser))
             since = np.zeros(3)
-        told = [[(e.step, e.what, e.place, e.other) for e in m.events] for m in (spaced, seldom)]
+        told = [[(e.step, e.kind, e.place, e.other) for e in m.events] for m in (spaced, seldom)]
         assert told[0] == told[1]
         assert spaced.is_lost == seldom.is_lost
         np.testing.assert_allclose(spaced.pose, compose(seldom.pose, since), atol=1e-9)

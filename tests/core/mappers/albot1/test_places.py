@@ -9,7 +9,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, transform_segments
 from albot_core.mappers.albot1.batch import Albot1Batch
 from albot_core.mappers.albot1.mapper import Albot1
-from albot_core.mappers.albot1.record import Happening
+from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.mappers.albot1.trail.breadcrumbs import WAYPOINT_AHEAD
 from albot_core.mappers.mapper import EXIT, TRAVEL
 from albot_core.sensing.reading import Reading, Readings
@@ -44,8 +44,8 @@ def led(readings: list[Reading]) -> Albot1:
 
 def test_two_rooms_are_two_places_joined_by_their_door(noisy):
     mapper = led(noisy)
-    what = [event.what for event in mapper.events]
-    assert what == [Happening.SET_OUT, Happening.NEW, *3 * [Happening.ENTERED]]
+    what = [event.kind for event in mapper.events]
+    assert what == [EventKind.SET_OUT, EventKind.NEW, *3 * [EventKind.ENTERED]]
     network = mapper.network
     assert (len(network.places), network.links, network.current) == (2, ((0, 1),), 0)
     (door,) = network.place(0).exits

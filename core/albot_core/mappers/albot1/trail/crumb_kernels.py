@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.albot1.search import sort
+from albot_core.mappers.albot1.perceptual_map.memory import sort
 from albot_core.mappers.albot1.trail.path_tree import (
     HOME,
     PathGraph,

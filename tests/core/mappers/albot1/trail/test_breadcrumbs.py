@@ -10,7 +10,8 @@ from shapely.geometry import LineString, box
 
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.mappers.albot1.config import PlacesConfig
-from albot_core.mappers.albot1.network import PlaceNetwork
+from albot_core.mappers.albot1.places.network import PlaceNetwork
+from albot_core.mappers.albot1.places.wayfinding import waypoint_home
 from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs
 from albot_core.mappers.albot1.trail.crumb_kernels import (
     CLEARANCE,
@@ -19,7 +20,6 @@ from albot_core.mappers.albot1.trail.crumb_kernels import (
     VIEW_RANGE,
     find_reachable,
 )
-from albot_core.mappers.albot1.wayfinding import waypoint_home
 
 NOTHING = np.empty((0, 4))
 
@@ -149,20 +149,20 @@ def test_the_way_home_is_never_forgotten_however_long() -> None:
     assert breadcrumbs.tree.distances[-1] == pytest.approx(0.5 * (MAX_CRUMBS + 199))
 
 
-@pytest.mark.parametrize("displacement", [(0.0, 0.0, 0.0), (2.0, -1.0, 0.5)])
+@pytest.mark.parametrize("map_to_graph", [(0.0, 0.0, 0.0), (2.0, -1.0, 0.5)])
 def test_the_waypoint_is_ahead_on_the_way_and_none_near_home(
-    displacement: tuple[float, float, float],
+    map_to_graph: tuple[float, float, float],
 ) -> None:
     network = PlaceNetwork(PlacesConfig.thesis())
-    network.displacement = np.array(displacement)
+    network.map_to_graph = np.array(map_to_graph)
     for k in range(1, 13):
-        pose = compose(network.displacement, np.array((0.5 * k, 0.0, 0.0)))
+        pose = compose(network.map_to_graph, np.array((0.5 * k, 0.0, 0.0)))
         network.drop_breadcrumb(pose, NOTHING)
     ahead, length = waypoint_home(network, pose, NOTHING)
     assert length == pytest.approx(6.0)
-    expected = transform_points(network.displacement, np.array((4.0, 0.0)))
+    expected = transform_points(network.map_to_graph, np.array((4.0, 0.0)))
     np.testing.assert_allclose(ahead, expected, atol=1e-9)
-    near = compose(network.displacement, np.array((0.5, 0.0, 0.0)))
+    near = compose(network.map_to_graph, np.array((0.5, 0.0, 0.0)))
     nothing, length = waypoint_home(network, near, NOTHING)
     assert np.isnan(nothing).all()
     assert length == pytest.approx(0.5)

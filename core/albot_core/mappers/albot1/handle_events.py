@@ -1,0 +1,166 @@
+"""Handling what happened to a robot at a reading: it concerns its places (chapter 4)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from albot_core.geometry.poses import transform_segments
+from albot_core.geometry.types import Segments
+from albot_core.mappers.albot1.config import Albot1Limits
+from albot_core.mappers.albot1.perceptual_map.frames import compose_pose
+from albot_core.mappers.albot1.perceptual_map.mapping import (
+    INCONSISTENT,
+    STEP,
+    UPDATED_AT,
+    UPDATES,
+    update_map,
+)
+from albot_core.mappers.albot1.perceptual_map.memory import (
+    GATE,
+    USED,
+    VISIT,
+    LocatedView,
+    PerceptualMap,
+    living,
+)
+from albot_core.mappers.albot1.places.exits import ExitMemory, leave_exits
+from albot_core.mappers.albot1.places.network import PlaceNetwork
+from albot_core.mappers.albot1.places.place import reversed_line
+from albot_core.mappers.albot1.places.recognition import (
+    candidate_gates,
+    recognize_place,
+    relocalise,
+)
+from albot_core.mappers.albot1.places.visits import (
+    begin_visit,
+    drop_candidates,
+    enter_place,
+    marked_visits,
+    move_visits,
+    renumber_visits,
+    reset_candidates,
+    seen_in_visit,
+)
+from albot_core.mappers.albot1.step import BREADCRUMB, CROSSED, KIDNAPPED, REVISITING
+from albot_core.matching.lines import merge_lines
+
+FORGET_VISITS_EVERY = 128
+"""At each so many visits those are forgotten that no longer matter."""
+
+
+class RobotMemory(NamedTuple):
+    """All that one robot of many remembers; what is written here it remembers."""
+
+    pm: PerceptualMap
+    """Its map, with room for another view and another visit."""
+    view: LocatedView
+    """Its last view."""
+    exits: ExitMemory
+    """The exits that it has seen."""
+    network: PlaceNetwork
+    """Its network of places."""
+    progress: np.ndarray
+    """(5,) int64: how far it has come (see `mapping`)."""
+    pose: np.ndarray
+    """(3,) float64: where it believes to be (m, rad; the map's frame)."""
+    next_id: int
+    """The id that the next surface would have had before the last view."""
+
+    @property
+    def step(self) -> int:
+        """How many views it has taken in."""
+        return int(self.progress[STEP])
+
+    @property
+    def walls(self) -> Segments:
+        """What it sees, in its own frame (m; not a copy)."""
+        return self.view.surfaces[: self.view.size[0]]
+
+
+def handle_events(robot: RobotMemory, events: int, limits: Albot1Limits) -> None:
+    """Handle what happened at its last reading, a sum of events (see `step`)."""
+    if events & KIDNAPPED:
+        _start_anew(robot, limits)
+    elif events & CROSSED:
+        _cross_exit(robot, limits)
+    elif events & REVISITING:
+        if robot.network.lost_since:
+            _relocalise(robot)
+        else:
+            _compare(robot)
+    if events & BREADCRUMB:
+        robot.network.drop_breadcrumb(robot.pose, robot.walls)
+
+
+def _cross_exit(robot: RobotMemory, limits: Albot1Limits) -> None:
+    """Algorithms 5 and 7: remember the place left, and enter the next."""
+    pm, view, crossing = robot.pm, robot.view, robot.exits.crossing
+    line = crossing[:4] if crossing[4] > 0 else reversed_line(crossing[:4])
+    _forget_visits(robot)
+    robot.network.remember_place(robot.step, line, seen_in_visit(pm), view.pose)
+    leave_exits(robot.exits, *view.pose[:2])
+    begin_visit(pm, candidate_gates(robot.network, view.pose))
+    enter_place(pm, view, limits)  # Alg. 5, line 16
+    _note_update(robot)
+
+
+def _forget_visits(robot: RobotMemory) -> None:
+    """Now and then forget the visits of which nothing more can come."""
+    if len(robot.network.visits) % FORGET_VISITS_EVERY == 0:
+        kept = marked_visits(robot.pm)
+        renumber_visits(robot.pm, robot.network.keep_visits(kept))
+
+
+def _note_update(robot: RobotMemory) -> None:
+    """Note that the last view was laid over the map."""
+    robot.progress[UPDATED_AT] = robot.progress[STEP] - 1
+    robot.progress[UPDATES] += 1
+    robot.progress[INCONSISTENT] = 0
+
+
+def _compare(robot: RobotMemory) -> None:
+    """Algorithms 6 and 8: many surfaces of an earlier visit are in view again: is it there?"""
+    pm, network = robot.pm, robot.network
+    reobserved = pm.reobserved[: len(network.visits)]
+    step, pose = robot.step, robot.view.pose
+    reobserved[:, GATE] = candidate_gates(network, pose)
+    drop_candidates(pm)
+    if recognize_place(network, step, reobserved, _seen_here(robot), pose):
+        reset_candidates(pm, candidate_gates(network, pose))
+
+
+def _seen_here(robot: RobotMemory) -> Segments:
+    """The surfaces that it has seen in its present visit, with those in view (map frame)."""
+    view = transform_segments(robot.view.pose, robot.walls)
+    return merge_lines(seen_in_visit(robot.pm), view, robot.network.config.match)
+
+
+def _start_anew(robot: RobotMemory, limits: Albot1Limits) -> None:
+    """It was carried away: it starts anew where it is. What it saw before the last view counts."""
+    pm, view, network = robot.pm, robot.view, robot.network
+    robot.exits.counts[:] = 0
+    used = pm.counts[USED]
+    before = pm.ids[:used] < robot.next_id
+    present = pm.marks[:used] == pm.counts[VISIT]
+    seen = pm.surfaces[:used][before & present & living(pm)]
+    _forget_visits(robot)
+    network.start_anew(robot.step, seen, view.pose)
+    begin_visit(pm, candidate_gates(network, view.pose))
+    update_map(pm, view, limits)
+    _note_update(robot)
+
+
+def _relocalise(robot: RobotMemory) -> None:
+    """It was carried away before, and compares the present place with all that it knows."""
+    pm, view, network = robot.pm, robot.view, robot.network
+    first = network.lost_since
+    motion = relocalise(network, robot.step, _seen_here(robot), view.pose)
+    if motion is None:
+        return
+    move_visits(pm, first, motion)
+    compose_pose(motion, view.pose.copy(), view.pose)
+    robot.pose[:] = view.pose
+    robot.exits.counts[:] = 0
+    reset_candidates(pm, candidate_gates(network, robot.view.pose))

@@ -1,0 +1,13 @@
+"""The perceptual map (chapter 3 of the thesis).
+
+- `mapping`: algorithms 1 to 4, from top to bottom,
+- `overlay`: the geometry of algorithm 3,
+- `memory`: the map and the view as arrays,
+- `frames`: poses and surfaces in other frames.
+
+What `albot1` does in place of algorithms 1 and 2:
+
+- `submap`: what is seen and what is remembered nearby, as rows to compare,
+- `triangulation`: the robot's pose by all of it,
+- `consistency`: whether the robot was carried away.
+"""

@@ -1,0 +1,386 @@
+"""Perceptual mapping: algorithms 1 to 4 of the thesis, from top to bottom. Compiled.
+
+The robot remembers a view as the local environment that it is about to explore, follows the
+landmarks in it from view to view (algorithm 1), and knows by them where it is in its map
+(algorithm 2). When too few are left in view it has reached the limiting point: there it lays its
+latest view over the map, and forgets what the map held within the view's boundary (algorithm 3).
+`map_step` is the whole (algorithm 4).
+
+The thesis's symbols: `pm` is the perceptual map PM; `current` and `previous` are the views V_n and
+V_n-1; a view's `landmark` are its landmarks L, and those with a slot in the map its recognised
+landmarks RL; a view's `pose` is the robot's position RP; `motion` is its displacement RDTR.
+
+`albot1` takes `triangulation.triangulate` for algorithms 1 and 2, and `consistency` looks whether
+the robot was carried away. All other lines are the thesis's.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import types
+
+from albot_core.kernels.compiled import kernel, scratch
+from albot_core.mappers.albot1.config import Albot1Limits
+from albot_core.mappers.albot1.perceptual_map.consistency import inconsistent_views
+from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, seen_from, to_map
+from albot_core.mappers.albot1.perceptual_map.memory import (
+    ALIVE,
+    NOT_RECOGNIZED,
+    VISIT,
+    LocatedView,
+    PerceptualMap,
+    add_surface,
+    count_reobserved,
+    find_surfaces,
+    move_surface,
+    remove_surface,
+)
+from albot_core.mappers.albot1.perceptual_map.overlay import (
+    box_around,
+    cut_at_boundary,
+    extend_surface,
+    is_covered,
+    same_wall,
+    view_boundary,
+)
+from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers
+from albot_core.mappers.albot1.perceptual_map.triangulation import triangulate
+from albot_core.matching.lines import heading_of, length_of, wrap
+from albot_core.sensing.surfaces import NO_EDGE, Bench, extract_surfaces
+
+STEP, UPDATED_AT, UPDATES, UNRECOGNIZED, INCONSISTENT = 0, 1, 2, 3, 4
+"""Places in `progress`: views taken in; the view last laid over the map (the thesis's ustep); how
+often a view was; views without any recognised landmark; how many of the latest views in a row
+contradict where the robot believes to be."""
+
+END, GAP, ANGLE, DISTANCE = 0, 1, 2, 3
+"""Columns of `pairs`, one row a recognised landmark: which end was recognised, how far it is from
+where it was expected (m), how far the surface is turned from what was expected (rad), and the
+end's distance from the robot in the previous view (m)."""
+
+TINY = 1e-6
+"""Gaps and angles below this (m, rad) do not make a landmark any better."""
+MIN_REMAINDER = 0.10
+"""What is left of a surface after a cut is forgotten below this length (m)."""
+
+
+class ViewSettings(NamedTuple):
+    """What views are constructed with."""
+
+    directions: np.ndarray
+    """(beams, 2) float64: unit vectors of the beams in the robot's frame."""
+    mount: tuple[float, float]
+    """Where the laser is in the robot's frame (m)."""
+    max_range: float
+    """Points at or beyond this distance are dropped (m)."""
+    thresholds: np.ndarray
+    """(4,) float64: see `ViewConfig.thresholds`."""
+    fit_lines: bool
+    """See `ViewConfig`."""
+
+
+@kernel()
+def take_view(
+    ranges: np.ndarray,
+    settings: ViewSettings,
+    limits: Albot1Limits,
+    current: LocatedView,
+    bench: Bench,
+) -> None:
+    """Construct the view from a scan, and find its landmarks (algorithm 4, lines 2 to 4)."""
+    current.size[0] = extract_surfaces(
+        ranges,
+        settings.directions,
+        settings.mount[0],
+        settings.mount[1],
+        settings.max_range,
+        settings.thresholds,
+        settings.fit_lines,
+        bench,
+        current.surfaces,
+        current.edges,
+    )
+    # Section 3.1.4: landmarks are long surfaces with an occluding or corner point.
+    for k in range(current.size[0]):
+        current.landmark[k] = length_of(current.surfaces[k]) >= limits.landmark_length and (
+            current.edges[k, 0] != NO_EDGE or current.edges[k, 1] != NO_EDGE
+        )
+
+
+# Algorithm 1: recognise landmarks
+
+
+@kernel(arrays=True)
+def recognize_landmarks(
+    previous: LocatedView,
+    current: LocatedView,
+    motion: np.ndarray,
+    limits: Albot1Limits,
+    pairs: np.ndarray,
+) -> int:
+    """Algorithm 1: find the landmarks recognised in `previous` among those of `current`.
+
+    Fills `current.slots` and, for every recognised surface, its row of `pairs`; returns how
+    many landmarks of the current view were recognised. The last match of a surface stands.
+    """
+    for j in range(current.size[0]):
+        current.slots[j] = NOT_RECOGNIZED
+    expected = np.empty(4)
+    cos, sin = np.cos(motion[2]), np.sin(motion[2])
+    for i in range(previous.size[0]):
+        if previous.slots[i] == NOT_RECOGNIZED:
+            continue
+        seen_from(motion, cos, sin, previous.surfaces[i], expected)  # Alg. 1, line 2
+        heading = heading_of(expected)
+        for j in range(current.size[0]):
+            angle = abs(wrap(heading_of(current.surfaces[j]) - heading))
+            if not current.landmark[j] or angle >= limits.landmark_angle:  # Alg. 1, line 6
+                continue
+            end, gap = _nearest_end(
+                expected, previous.edges[i], current.surfaces[j], current.edges[j]
+            )
+            if gap >= limits.landmark_gap:  # Alg. 1, line 7
+                continue
+            current.slots[j] = previous.slots[i]  # Alg. 1, lines 8 and 9
+            x, y = previous.surfaces[i, 2 * end], previous.surfaces[i, 2 * end + 1]
+            pairs[j, END], pairs[j, GAP], pairs[j, ANGLE] = end, gap, angle
+            pairs[j, DISTANCE] = np.sqrt(x * x + y * y)
+    recognized = 0
+    for j in range(current.size[0]):
+        recognized += current.slots[j] != NOT_RECOGNIZED
+    return recognized
+
+
+@kernel()
+def _nearest_end(
+    expected: np.ndarray, edges: np.ndarray, seen: np.ndarray, seen_edges: np.ndarray
+) -> tuple[int, float]:
+    """Which occluding or corner point two surfaces share, and how far apart it is (m)."""
+    nearest, which = np.inf, -1
+    for end in range(2):
+        if edges[end] != NO_EDGE and seen_edges[end] != NO_EDGE:
+            dx, dy = seen[2 * end] - expected[2 * end], seen[2 * end + 1] - expected[2 * end + 1]
+            gap = np.sqrt(dx * dx + dy * dy)
+            if gap < nearest:
+                nearest, which = gap, end
+    return which, nearest
+
+
+# Algorithm 2: localise the robot
+
+
+@kernel(arrays=True)
+def localize(pm: PerceptualMap, current: LocatedView, pairs: np.ndarray) -> None:
+    """Algorithm 2: set `current.pose` by the best of the recognised landmarks.
+
+    Every landmark gives a localisation point. Those farther from their average than their
+    standard deviation are discarded; of the rest the landmark of highest goodness counts.
+    """
+    room = current.size[0]
+    poses = np.empty((room, 3))
+    which = np.empty(room, np.int64)
+    found = 0
+    for j in range(room):
+        if current.slots[j] != NOT_RECOGNIZED:
+            remembered = pm.surfaces[current.slots[j]]
+            _pose_by_landmark(remembered, current.surfaces[j], int(pairs[j, END]), poses[found])
+            which[found] = j
+            found += 1
+    mean_x = mean_y = variance = 0.0
+    for k in range(found):
+        mean_x += poses[k, 0] / found
+        mean_y += poses[k, 1] / found
+    for k in range(found):
+        variance += ((poses[k, 0] - mean_x) ** 2 + (poses[k, 1] - mean_y) ** 2) / found
+    best = -1.0
+    for k in range(found):
+        if np.hypot(poses[k, 0] - mean_x, poses[k, 1] - mean_y) > np.sqrt(variance) + TINY:
+            continue
+        j = which[k]
+        # Eq. (3.5); perfect agreement would divide by zero.
+        goodness = length_of(current.surfaces[j]) / (
+            max(pairs[j, DISTANCE], TINY) * max(pairs[j, GAP], TINY) * max(pairs[j, ANGLE], TINY)
+        )
+        if goodness > best:  # Alg. 2, line 1
+            best = goodness
+            for i in range(3):
+                current.pose[i] = poses[k, i]
+
+
+@kernel()
+def _pose_by_landmark(remembered: np.ndarray, seen: np.ndarray, end: int, pose: np.ndarray) -> None:
+    """Write the pose from which the remembered surface looks as the seen one does.
+
+    Eq. (3.6) and (3.7) place the robot at its distance and angle from the landmark; the
+    same rigid motion is written here by the two surfaces' directions and the common point.
+    """
+    pose[2] = wrap(heading_of(remembered) - heading_of(seen))
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    x, y = seen[2 * end], seen[2 * end + 1]
+    pose[0] = remembered[2 * end] - (cos * x - sin * y)
+    pose[1] = remembered[2 * end + 1] - (sin * x + cos * y)
+
+
+# Algorithm 3: update the map
+
+
+@kernel(arrays=True)
+def update_map(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> None:
+    """Algorithm 3: lay a view, seen from its pose, over the map.
+
+    Surfaces with both ends inside the view's boundary are removed. Of those with one end
+    inside the part outside stays: drawn together with the view's surface of the same wall
+    where there is one, cut at the boundary where there is none. Then the rest of the view
+    is added, and all its landmarks are recognised ones (algorithm 4, lines 17 and 22).
+    """
+    count = view.size[0]
+    in_map = np.empty((count, 4))
+    for k in range(count):  # Alg. 3, lines 2 to 6
+        to_map(view.pose, view.surfaces[k], in_map[k])
+    polygon = view_boundary(in_map, view.pose, limits.robot_in_boundary)  # Alg. 3, line 7
+    box, found = _box(), np.empty(2 * pm.counts[ALIVE] + 1, np.int64)
+    box_around(polygon, limits.margin, box)
+    nearby = found[: find_surfaces(pm, box, found)]
+    slots = np.empty(count, np.int64)
+    is_used, none_used = np.zeros(count, np.bool_), np.zeros(count, np.bool_)
+    _lay_over(pm, view, limits, in_map, polygon, box, nearby, slots, is_used, none_used)
+
+
+_box, _changed, _edges = scratch(4), scratch(4), scratch(2, kind=types.int8)
+
+
+@kernel()
+def _lay_over(
+    pm: PerceptualMap,
+    view: LocatedView,
+    limits: Albot1Limits,
+    in_map: np.ndarray,
+    polygon: np.ndarray,
+    box: np.ndarray,
+    nearby: np.ndarray,
+    slots: np.ndarray,
+    is_used: np.ndarray,
+    none_used: np.ndarray,
+) -> None:
+    """Lay a view, whose surfaces in the map's frame are `in_map`, over the surfaces `nearby`.
+
+    `slots` and `is_used`, which is all false as `none_used` is, have an element a surface.
+    """
+    count = view.size[0]
+    changed, edges = _changed(), _edges()
+    for slot in nearby:  # Alg. 3, line 8
+        old = pm.surfaces[slot]
+        first = is_covered(polygon, box, limits.margin, old[0], old[1])
+        second = is_covered(polygon, box, limits.margin, old[2], old[3])
+        if first or second:
+            _note_visit(pm, slot, in_map, none_used, limits)
+        if first and second:  # Alg. 3, line 9
+            remove_surface(pm, slot)
+        elif first or second:  # Alg. 3, line 11
+            outer = 1 if first else 0
+            k = same_wall(old, in_map, is_used, limits)
+            if k < 0:
+                cut_at_boundary(old, outer, polygon, box, limits.margin, changed)
+                edges[outer], edges[1 - outer] = pm.edges[slot, outer], NO_EDGE
+                if length_of(changed) < MIN_REMAINDER:
+                    remove_surface(pm, slot)
+                else:
+                    move_surface(pm, slot, changed, edges)
+                continue
+            edges[0], edges[1] = view.edges[k, 0], view.edges[k, 1]
+            if extend_surface(in_map[k], old, outer, changed):
+                edges[outer] = pm.edges[slot, outer]
+                # The end in view is no longer the end in the map.
+                view.edges[k, outer] = NO_EDGE
+            move_surface(pm, slot, changed, edges)  # Alg. 3, line 12
+            pm.marks[slot] = pm.counts[VISIT]
+            slots[k] = slot
+            is_used[k] = True
+    for k in range(count):  # Alg. 3, line 15
+        if not is_used[k]:
+            slots[k] = add_surface(pm, in_map[k], view.edges[k])
+        view.slots[k] = slots[k] if view.landmark[k] else NOT_RECOGNIZED
+
+
+@kernel()
+def _note_visit(
+    pm: PerceptualMap, slot: int, in_map: np.ndarray, none_used: np.ndarray, limits: Albot1Limits
+) -> None:
+    """Before a covered surface goes, count it for its visit if the view has it too (4.1.2).
+
+    So a familiar place comes to be a loop-closure candidate.
+    """
+    old = pm.surfaces[slot]
+    if pm.marks[slot] == pm.counts[VISIT] or length_of(old) < limits.landmark_length:
+        return
+    if same_wall(old, in_map, none_used, limits) >= 0:
+        count_reobserved(pm, slot)
+
+
+# Algorithm 4: the whole step
+
+
+@kernel()
+def map_step(
+    pm: PerceptualMap,
+    previous: LocatedView,
+    current: LocatedView,
+    motion: np.ndarray,
+    limits: Albot1Limits,
+    progress: np.ndarray,
+    buffers: MatchBuffers,
+) -> None:
+    """Algorithm 4 from line 5 on: take in the view `current`, a motion away from `previous`.
+
+    Ours is that an inconsistent view waits until the next one confirms it: a view that was
+    misread must not be laid over the map, for what it covers is forgotten.
+    """
+    step = progress[STEP]
+    progress[STEP] += 1
+    recognized = 0
+    if step == 0:  # Alg. 4, lines 5 to 8
+        for i in range(3):
+            current.pose[i] = 0.0
+    else:
+        while True:
+            compose_pose(previous.pose, motion, current.pose)  # Alg. 4, line 10
+            if limits.triangulation:
+                recognized = int(triangulate(pm, previous, current, motion, limits, buffers))
+            else:  # Alg. 4, lines 11, 14 and 19
+                recognized = _recognize_and_localize(pm, previous, current, motion, limits)
+            is_laid = progress[UPDATED_AT] >= step - 1 or progress[INCONSISTENT] > 0
+            if recognized >= limits.min_landmarks or is_laid:  # Alg. 4, lines 12 and 13
+                break
+            update_map(pm, previous, limits)  # Alg. 4, lines 18 to 23: back to line 11
+            progress[UPDATED_AT] = step - 1
+            progress[UPDATES] += 1
+        if recognized == 0:
+            progress[UNRECOGNIZED] += 1
+        if limits.triangulation:
+            progress[INCONSISTENT] = inconsistent_views(
+                progress[INCONSISTENT], recognized, previous, current, limits
+            )
+    if progress[INCONSISTENT] == 1:
+        return
+    if recognized < limits.min_landmarks:  # Alg. 4, lines 13 to 17
+        update_map(pm, current, limits)
+        progress[UPDATED_AT] = step
+        progress[UPDATES] += 1
+
+
+@kernel(arrays=True)
+def _recognize_and_localize(
+    pm: PerceptualMap,
+    previous: LocatedView,
+    current: LocatedView,
+    motion: np.ndarray,
+    limits: Albot1Limits,
+) -> int:
+    """Algorithms 1 and 2; with no landmark in view path integration stands in (section 3.2.1)."""
+    pairs = np.empty((current.size[0], 4))
+    recognized = recognize_landmarks(previous, current, motion, limits, pairs)
+    if recognized > 0:
+        localize(pm, current, pairs)
+    return int(recognized)

@@ -1,0 +1,175 @@
+"""What happened to the network of places, and why: each acceptance and refusal explained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.matching.lines import LineMatch
+
+
+class EventKind(IntEnum):
+    """What can happen to the network."""
+
+    SET_OUT = 0
+    NEW = 1
+    ENTERED = 2
+    RECOGNIZED = 3
+    REFUSED = 4
+    FOLLOWED = 5
+    LOST = 6
+    RELOCALISED = 7
+    RETURNED = 8
+
+
+SEEN_THROUGH_EXIT = -1
+"""A gate: a candidate without any re-observed surface, for it was one before the last exit."""
+STANDS_WITHIN = -2
+"""A gate: a candidate without any, for the robot seems to stand within the place."""
+EVENT_COLUMNS = 11
+"""Numbers of an event: see the fields of `Event`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """Something that happened to the network."""
+
+    step: int
+    """The view at which it happened, counted from 1."""
+    kind: EventKind
+    """What happened."""
+    place: int
+    """The place that the robot believed to be in."""
+    other: int
+    """The place that it entered, or was thought to be in, or -1."""
+    reobserved: int = 0
+    """How many surfaces of an earlier visit to the other place were observed again."""
+    gate: int = 0
+    """More than how many make it a candidate; or SEEN_THROUGH_EXIT or STANDS_WITHIN."""
+    matches: int = 0
+    """How many surfaces of the two places are the same."""
+    left: int = 0
+    """How many of these are to the left of the robot."""
+    right: int = 0
+    """How many are to its right."""
+    share: float = 0.0
+    """Which share of the smaller description they make up."""
+    gap: float = 0.0
+    """For an exit that was known: how far it was from where it was expected (m)."""
+
+    def row(self) -> Float64[np.ndarray, "columns"]:
+        """The event as numbers."""
+        return np.array([getattr(self, name) for name in _FIELDS], float)
+
+    @classmethod
+    def of_row(cls, row: Float64[np.ndarray, "columns"]) -> Event:
+        """The event that `row` gave."""
+        whole = [int(number) for number in row[:9]]
+        fields = dict(zip(_FIELDS, [*whole, float(row[9]), float(row[10])], strict=True))
+        fields["kind"] = EventKind(whole[1])
+        return cls(**fields)  # type: ignore[arg-type]
+
+    def __str__(self) -> str:
+        """One line that says what happened and why."""
+        return f"view {self.step}: {self._told()}"
+
+    def _reason(self) -> str:
+        """Why the other place was a candidate."""
+        other = f"P{self.other + 1}"
+        if self.gate == SEEN_THROUGH_EXIT:
+            return f"{other} was in sight from the exit crossed"
+        if self.gate == STANDS_WITHIN:
+            return f"the robot seemed to stand within {other}"
+        return f"{self.reobserved} surfaces of {other} were met again, more than {self.gate}"
+
+    def _told(self) -> str:
+        place, other, reason = f"P{self.place + 1}", f"P{self.other + 1}", self._reason()
+        structure = (
+            f"{self.matches} surfaces are the same ({self.left} to the left, {self.right} to "
+            f"the right, {self.share:.0%} of the smaller description)"
+        )
+        match self.kind:
+            case EventKind.SET_OUT:
+                return f"set out in {place}"
+            case EventKind.NEW:
+                return f"left {place} through an exit never used before, into the new {other}"
+            case EventKind.ENTERED:
+                return (
+                    f"left {place} through a known exit, {self.gap:.2f} m from where it was "
+                    f"expected, which leads to {other}"
+                )
+            case EventKind.RETURNED:
+                return f"came out of {other} into {place}, which it had left by that exit unnoticed"
+            case EventKind.RECOGNIZED:
+                return f"{place} is {other}: {reason}, and {structure}"
+            case EventKind.REFUSED:
+                return f"{place} is not taken for {other}: {reason}, but only {structure}"
+            case EventKind.FOLLOWED:
+                return f"{place} is {other} too: one exit leads to both"
+            case EventKind.LOST:
+                return f"lost: nothing in view is where it should be; calls it {other}"
+            case EventKind.RELOCALISED:
+                return f"found: {place} is {other}, for {structure}"
+
+
+_FIELDS = tuple(Event.__dataclass_fields__)
+
+
+class EventLog:
+    """The latest events, the oldest first.
+
+    Args:
+        kept: How many are remembered.
+        start: The id of the place that the robot set out from.
+    """
+
+    def __init__(self, kept: int, start: int) -> None:
+        self._kept = kept
+        self.events: list[Event] = [Event(step=1, kind=EventKind.SET_OUT, place=start, other=-1)]
+
+    def add(self, event: Event) -> None:
+        """Add an event, and forget the oldest if they are too many."""
+        self.events.append(event)
+        del self.events[: -self._kept]
+
+    def add_comparison(
+        self,
+        step: int,
+        kind: EventKind,
+        place: int,
+        other: int,
+        found: LineMatch,
+        reobserved: int = 0,
+        gate: int = 0,
+    ) -> None:
+        """Add that two places were compared, and how they matched."""
+        self.add(
+            Event(
+                step=step,
+                kind=kind,
+                place=place,
+                other=other,
+                reobserved=reobserved,
+                gate=gate,
+                matches=found.matches,
+                left=found.left,
+                right=found.right,
+                share=found.share,
+            )
+        )
+
+    def seen_through_exit(self) -> set[int]:
+        """Places refused as candidates in the visit before the present one, to a new place."""
+        is_earlier, places = False, set()
+        for event in reversed(self.events):
+            if event.kind == EventKind.REFUSED:
+                if is_earlier and event.gate >= 0:
+                    places.add(event.other)
+            elif is_earlier or event.kind != EventKind.NEW:
+                break
+            else:
+                is_earlier = True
+        return places

@@ -1,0 +1,133 @@
+"""A place that a robot remembers, as it changes, and its exits."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.geometry.poses import relative, transform_segments, wrap_angle
+from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.mappers.albot1.config import PlacesConfig
+from albot_core.maps.place_graph import Exit, Place
+from albot_core.matching.lines import merge_lines
+
+SAME_EXIT = 0.75
+"""Exits whose middles are nearer than this are one (m)…"""
+SAME_DIRECTION = np.radians(45.0)
+"""…unless their lines are turned more than this apart (rad)."""
+
+EYE = 0.15
+"""How far inside an exit the point is from which it is looked through (m)."""
+
+Line = Float64[np.ndarray, "4"]
+
+
+@dataclass(kw_only=True, eq=False)
+class Passage:
+    """An exit of a place that the robot has gone through."""
+
+    line: Line
+    """In the place's frame, with the place to the left (m)."""
+    leads_to: int
+    """The id of the place behind it."""
+    exit_there: int
+    """Which exit of that place it is."""
+
+
+@dataclass(kw_only=True, eq=False)
+class Site:
+    """A place: its frame, its description and its exits."""
+
+    id: int
+    frame: Pose
+    """In the graph frame (see `PlaceNetwork`)."""
+    surfaces: Segments = field(default_factory=lambda: np.empty((0, 4)))
+    """In its own frame (m)."""
+    passages: list[Passage] = field(default_factory=list)
+    _boxed: Segments | None = field(default=None, repr=False)
+    _box: list[float] = field(default_factory=list, repr=False)
+
+    def describe(self, surfaces: Segments, config: PlacesConfig) -> None:
+        """Combine surfaces, in its frame, with its description (algorithm 5, line 11)."""
+        both = merge_lines(self.surfaces, surfaces, config.match)
+        self.surfaces = both[-config.max_surfaces :]
+
+    def passage_at(self, line: Line, among: int | None = None) -> int | None:
+        """Which of its (first `among`) exits co-locates with a line in its frame, if any."""
+        best, which = SAME_EXIT, None
+        for k, passage in enumerate(self.passages[:among]):
+            away = float(np.hypot(*(middle(passage.line) - middle(line))))
+            turned = abs(wrap_angle(direction(passage.line) - direction(line)))
+            if away < best and turned < SAME_DIRECTION:
+                best, which = away, k
+        return which
+
+    def holds(self, point: Points) -> bool:
+        """Whether a point, in its frame, is on the inner side of all its exits.
+
+        A point is outside where it is seen through an exit from just inside.
+        """
+        return not any(_is_behind(passage.line, point) for passage in self.passages)
+
+    def surrounds(self, x: float, y: float) -> bool:
+        """Whether a point of the graph frame (m) is in the box that holds its surfaces."""
+        if self._boxed is not self.surfaces:
+            ends = self.surfaces.reshape(-1, 2)
+            self._box = [*ends.min(0).tolist(), *ends.max(0).tolist()] if len(ends) else []
+            self._boxed = self.surfaces
+        if not self._box:
+            return False
+        left, bottom, right, top = self._box
+        east, north, turn = self.frame.tolist()
+        cos, sin, dx, dy = math.cos(turn), math.sin(turn), x - east, y - north
+        along, across = cos * dx + sin * dy, cos * dy - sin * dx
+        return bool(left <= along <= right and bottom <= across <= top)
+
+    def as_place(self) -> Place:
+        """The place as users see it."""
+        exits = tuple(
+            Exit(line=p.line.copy(), leads_to=p.leads_to, exit_there=p.exit_there)
+            for p in self.passages
+        )
+        return Place(
+            id=self.id, frame=self.frame.copy(), surfaces=self.surfaces.copy(), exits=exits
+        )
+
+
+def middle(line: Line) -> Points:
+    """The middle of a line (m)."""
+    return np.asarray(0.5 * (line[:2] + line[2:]))
+
+
+def direction(line: Line) -> float:
+    """Its direction from the first end to the second (rad)."""
+    return math.atan2(line[3] - line[1], line[2] - line[0])
+
+
+def reversed_line(line: Line) -> Line:
+    """The same line with the other side to the left."""
+    return line[[2, 3, 0, 1]]
+
+
+def _is_behind(line: Line, point: Points) -> bool:
+    along = line[2:] - line[:2]
+    eye = middle(line) + EYE * np.array([-along[1], along[0]]) / np.hypot(*along)
+    return bool(
+        _left_of(line[:2], line[2:], point) < 0
+        and _left_of(eye, line[:2], point) > 0
+        and _left_of(eye, line[2:], point) < 0
+    )
+
+
+def _left_of(start: Points, end: Points, point: Points) -> float:
+    """Positive where the point is to the left of the line from `start` to `end`."""
+    dx, dy = end - start
+    return float(dx * (point[1] - start[1]) - dy * (point[0] - start[0]))
+
+
+def in_frame(frame: Pose, lines: Segments) -> Segments:
+    """Lines given where the frame is given, expressed in the frame."""
+    return transform_segments(relative(frame, np.zeros(3)), lines)

@@ -1,0 +1,206 @@
+"""Recognising places visited again (algorithms 6 and 8), and which of them are candidates."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Int32
+
+from albot_core.geometry.poses import compose, inverse, relative
+from albot_core.geometry.types import Pose, Segments
+from albot_core.mappers.albot1.config import PlacesConfig
+from albot_core.mappers.albot1.perceptual_map.memory import NEVER
+from albot_core.mappers.albot1.places.events import SEEN_THROUGH_EXIT, STANDS_WITHIN, EventKind
+from albot_core.mappers.albot1.places.network import PlaceNetwork
+from albot_core.mappers.albot1.places.place import Site
+from albot_core.matching.lines import LineMatch, match_lines
+
+DOORSTEP = 5.0
+"""A robot no farther from where it entered a place has just come in (m)."""
+
+
+def recognize_place(
+    network: PlaceNetwork,
+    step: int,
+    reobserved: Int32[np.ndarray, "visits 2"],
+    seen: Segments,
+    pose: Pose,
+) -> bool:
+    """Compare the present place with the candidates, the likeliest first (algorithms 6 and 8).
+
+    Args:
+        network: The network of places.
+        step: The view at which places are compared.
+        reobserved: How many surfaces of each visit were observed again in the present one, and
+            its gate (see `candidate_gates`).
+        seen: The surfaces of the map that were seen in the present visit (m).
+        pose: Where the robot is in the map.
+
+    Returns:
+        Whether the present place was found to be that of an earlier visit.
+    """
+    network.compared_from = pose.copy()
+    counts, gates = reobserved.T
+    stood_in: set[int] = set()
+    for visit in _candidates(network, counts, gates):
+        other, gate = network.sites[network.visits[visit]], int(gates[visit])
+        if gate == STANDS_WITHIN and counts[visit] > gate_of(other, network.config):
+            gate = gate_of(other, network.config)
+        by_position = gate == STANDS_WITHIN
+        if by_position and other.id in stood_in:
+            continue  # Where it stands now is the same for all visits.
+        stood_in.add(other.id)
+        map_to_graph = network.map_to_graph if by_position else network.visit_transforms[visit]
+        guess = compose(map_to_graph, other.frame)
+        config = network.config.match_here if by_position else network.config.match
+        match = match_lines(seen, other.surfaces, guess, pose, config)
+        if by_position and match.matches == 0:
+            continue  # It stands within many: that it is in none of them is not worth an event.
+        accepted = _is_confirmed(network, match, other, pose) and (
+            not by_position or match.share >= network.config.min_share_here
+        )
+        kind = EventKind.RECOGNIZED if accepted else EventKind.REFUSED
+        network.log.add_comparison(
+            step, kind, network.current, other.id, match, int(counts[visit]), gate
+        )
+        if accepted:  # Alg. 8, lines 12 and 13
+            network.merge_here(step, other, _aligned(network, guess, match, seen, other, pose))
+            return True
+    return False
+
+
+def relocalise(network: PlaceNetwork, step: int, seen: Segments, pose: Pose) -> Pose | None:
+    """Look for the present place of a robot that was carried away among all places known before.
+
+    Returns:
+        How the map must be moved that was made since, so that it joins on to the map before; None
+        where no place is recognised.
+    """
+    network.compared_from = pose.copy()
+    first = network.visits[network.lost_since]
+    known = [site for site in network.sites.values() if site.id < first]
+    anywhere = replace(network.config.match, max_shift=np.inf, max_turn=np.pi)
+    found = [
+        (site, match_lines(seen, site.surfaces, network.frame, pose, anywhere)) for site in known
+    ]
+    confirmed = [
+        (site, match)
+        for site, match in found
+        if match.matches >= network.config.min_relocalise_matches
+        and _is_confirmed(network, match, site, pose)
+    ]
+    if not confirmed:
+        return None
+    site, match = max(confirmed, key=lambda pair: (pair[1].matches, -pair[0].id))
+    network.log.add_comparison(step, EventKind.RELOCALISED, network.current, site.id, match)
+    learned = network.visit_transforms[network.visits.index(site.id)]
+    motion = compose(compose(learned, site.frame), inverse(match.pose))
+    for unknown in network.sites.values():
+        if unknown.id >= first:
+            frame = compose(motion, compose(network.map_to_graph, unknown.frame))
+            unknown.frame = relative(learned, frame)
+    back = compose(relative(learned, motion), network.map_to_graph)
+    network.breadcrumbs.move(network.breadcrumbs.places >= first, back, None)
+    network.map_to_graph, network.lost_since = learned, 0
+    network.merge_here(step, site, compose(motion, match.pose))
+    return motion
+
+
+def _candidates(
+    network: PlaceNetwork,
+    reobserved: Int32[np.ndarray, "visits"],
+    gates: Int32[np.ndarray, "visits"],
+) -> list[int]:
+    """The visits that are candidates, those of which most was observed again first.
+
+    Visits to one place of which nothing was observed again differ in nothing but the map's drift
+    since: the last of them stands for all.
+    """
+    last = {place: visit for visit, place in enumerate(network.visits[:-1])}
+    candidates = np.flatnonzero(reobserved > gates)
+    ordered = candidates[np.argsort(-reobserved[candidates], kind="stable")].tolist()
+    return [v for v in ordered if reobserved[v] > 0 or last[network.visits[v]] == v]
+
+
+def _is_confirmed(network: PlaceNetwork, match: LineMatch, site: Site, pose: Pose) -> bool:
+    """Algorithm 6, line 11: more than 4 surfaces match, on both sides of the robot.
+
+    A place's description holds what is seen through its exits. So we ask as well that
+    the robot would stand within the place: otherwise it may be next door.
+    """
+    config = network.config
+    return site.holds(relative(match.pose, pose)[:2]) and (
+        match.matches > config.min_matches
+        and min(match.left, match.right) > 0
+        and match.share >= config.min_share
+    )
+
+
+def _aligned(
+    network: PlaceNetwork,
+    believed: Pose,
+    found: LineMatch,
+    seen: Segments,
+    other: Site,
+    robot: Pose,
+) -> Pose:
+    """Where a recognised place's frame lies: where it was believed to, if that explains as much.
+
+    An alignment by few surfaces is good to some 40 cm, the map is often better. So it is
+    corrected only where fewer surfaces match without.
+    """
+    near = replace(
+        network.config.match, max_shift=network.config.tolerance, max_turn=np.radians(10.0)
+    )
+    match = match_lines(seen, other.surfaces, believed, robot, near)
+    return believed if match.matches >= found.matches - 1 else found.pose
+
+
+def candidate_gates(network: PlaceNetwork, pose: Pose) -> Int32[np.ndarray, "visits"]:
+    """Each visit's gate: with more surfaces observed again than this it becomes a candidate.
+
+    What is observed again of a place that an exit joins to the present one is seen through that
+    exit: such a place is never a candidate. The rest is ours, and needs no surface at all:
+
+    - a place that was a candidate just before the robot crossed an exit into a new place
+      (SEEN_THROUGH_EXIT): what was observed of it there is no longer in the map,
+    - a place within which a robot that has just come into a new one believes to stand
+      (STANDS_WITHIN),
+    - all places, where the robot was carried away: it may be anywhere.
+
+    Args:
+        network: The network of places.
+        pose: Where the robot is in the map.
+    """
+    gates = np.full(len(network.visits), NEVER, np.int32)
+    if network.lost_since:
+        gates[1:] = SEEN_THROUGH_EXIT
+        return gates
+    joined = {network.current, *(passage.leads_to for passage in network.here.passages)}
+    by_place = {key: gate_of(site, network.config) for key, site in network.sites.items()}
+    by_place |= dict.fromkeys(_places_around(network, pose), STANDS_WITHIN)
+    by_place |= dict.fromkeys(network.log.seen_through_exit(), SEEN_THROUGH_EXIT)
+    by_place |= dict.fromkeys(joined, NEVER)
+    gates[1:-1] = [by_place[place] for place in network.visits[1:-1]]
+    return gates
+
+
+def gate_of(site: Site, config: PlacesConfig) -> int:
+    """The gate of visits to a place: the thesis's n, which grows with the place (section 4.1.2)."""
+    share = round(config.reobserved_share * len(site.surfaces))
+    return min(max(share, config.min_reobserved), config.max_reobserved)
+
+
+def _places_around(network: PlaceNetwork, pose: Pose) -> list[int]:
+    """The places within whose surfaces a robot believes to stand that has just entered a new one.
+
+    Within means in the box, turned as the place's frame, that holds them. A robot farther in than
+    DOORSTEP would have recognised what it has seen.
+    """
+    if network.is_familiar or not network.config.candidates_by_position:
+        return []
+    if np.hypot(*relative(network.frame, pose)[:2]) > DOORSTEP:
+        return []
+    here = relative(network.map_to_graph, pose)
+    return [key for key, site in network.sites.items() if site.surrounds(*here[:2].tolist())]

@@ -1,0 +1,168 @@
+"""Visits to places: in which one each surface was seen, and which may be visited again.
+
+Every surface of the map bears the visit in which it was seen last (its mark, algorithm 5). An
+earlier visit becomes a loop-closure candidate when more of its surfaces than its gate says are
+observed again (section 4.1.2). Compiled, but for what happens once a visit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from albot_core.kernels.compiled import kernel, scratch
+from albot_core.mappers.albot1.config import Albot1Limits
+from albot_core.mappers.albot1.perceptual_map.frames import to_map
+from albot_core.mappers.albot1.perceptual_map.mapping import update_map
+from albot_core.mappers.albot1.perceptual_map.memory import (
+    ALIVE,
+    CANDIDATE,
+    GATE,
+    NOT_RECOGNIZED,
+    OBSERVED,
+    USED,
+    VISIT,
+    LocatedView,
+    PerceptualMap,
+    add_surface,
+    count_reobserved,
+    find_surfaces,
+    living,
+    move_surface,
+)
+from albot_core.mappers.albot1.perceptual_map.overlay import box_around, same_wall
+from albot_core.mappers.albot1.places.exits import NOT_CROSSING, ExitMemory
+from albot_core.matching.lines import length_of, wrap
+
+
+def seen_in_visit(pm: PerceptualMap) -> np.ndarray:
+    """(n, 4) float64: the surfaces seen in the present visit, in the map's frame (a copy)."""
+    used = pm.counts[USED]
+    present = (pm.ids[:used] >= 0) & (pm.marks[:used] == pm.counts[VISIT])
+    return np.asarray(pm.surfaces[:used][present])
+
+
+def begin_visit(pm: PerceptualMap, gates: np.ndarray) -> None:
+    """Begin a new visit, for which there must be room.
+
+    `gates` (visits + 1,): with more of its surfaces observed again than this, a visit becomes a
+    candidate.
+    """
+    pm.counts[VISIT] += 1
+    reset_candidates(pm, gates)
+
+
+_box = scratch(4)
+
+
+@kernel(arrays=True)
+def enter_place(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> None:
+    """The forced update: mark the surfaces in view as the new visit's (algorithm 5, line 16).
+
+    The thesis lays the view over the map, and so does `albot1-thesis`. But this update is made
+    for the marks alone, not because landmarks go out of sight: all else that it does is to
+    make the error of a view from a doorway the map's. Where triangulation localises the robot,
+    the map stays as it is: what it holds of the view is marked, and what it lacks is added.
+    """
+    if not limits.triangulation:
+        update_map(pm, view, limits)
+        return
+    count = view.size[0]
+    in_map, none_used = np.empty((count, 4)), np.zeros(count, np.bool_)
+    for k in range(count):
+        to_map(view.pose, view.surfaces[k], in_map[k])
+    box, found = _box(), np.empty(2 * pm.counts[ALIVE] + 1, np.int64)
+    box_around(in_map.reshape((2 * count, 2)), limits.margin, box)
+    slots = found[: find_surfaces(pm, box, found)]
+    held, none_held = np.empty((slots.shape[0], 4)), np.zeros(slots.shape[0], np.bool_)
+    for q in range(slots.shape[0]):
+        for i in range(4):
+            held[q, i] = pm.surfaces[slots[q], i]
+        if same_wall(held[q], in_map, none_used, limits) >= 0:
+            if length_of(held[q]) >= limits.landmark_length:
+                count_reobserved(pm, slots[q])
+            pm.marks[slots[q]] = pm.counts[VISIT]
+    for k in range(count):
+        q = same_wall(in_map[k], held, none_held, limits)
+        slot = slots[q] if q >= 0 else add_surface(pm, in_map[k], view.edges[k])
+        view.slots[k] = slot if view.landmark[k] else NOT_RECOGNIZED
+
+
+def reset_candidates(pm: PerceptualMap, gates: np.ndarray) -> None:
+    """Count re-observed surfaces from 0 again; `gates` is as for `begin_visit`."""
+    pm.reobserved[: len(gates), OBSERVED] = 0
+    pm.reobserved[: len(gates), GATE] = gates
+    drop_candidates(pm)
+
+
+@kernel()
+def drop_candidates(pm: PerceptualMap) -> None:
+    """Drop all candidates but those that need no re-observed surface at all."""
+    candidate, least = 0, 0
+    for visit in range(pm.counts[VISIT] + 1):
+        if pm.reobserved[visit, GATE] < least:
+            candidate, least = visit, pm.reobserved[visit, GATE]
+    pm.counts[CANDIDATE] = candidate
+
+
+@kernel()
+def keep_or_drop_candidate(
+    pm: PerceptualMap,
+    exits: ExitMemory,
+    compared_from: np.ndarray,
+    is_lost: bool,
+    pose: np.ndarray,
+    limits: Albot1Limits,
+) -> bool:
+    """Whether there is a candidate to be compared with the present place now.
+
+    A candidate that comes too soon after the last comparison is dropped, unless the robot is
+    lost. While an exit is being crossed nothing tells which of the two places the robot is in.
+    """
+    if pm.counts[CANDIDATE] == 0 or exits.counts[1] != NOT_CROSSING:
+        return False
+    if may_compare(compared_from, pose, limits.compare_spacing, limits.compare_turn):
+        return True
+    if not is_lost:
+        drop_candidates(pm)
+    return False
+
+
+@kernel()
+def may_compare(compared_from: np.ndarray, pose: np.ndarray, spacing: float, turn: float) -> bool:
+    """Whether the robot has gone (m) or turned (rad) so far since it last compared places.
+
+    That was at the pose `compared_from`, NaN where it has not yet in its present visit.
+    """
+    x, y = pose[0] - compared_from[0], pose[1] - compared_from[1]
+    is_near = x * x + y * y < spacing**2
+    return not (is_near and abs(wrap(pose[2] - compared_from[2])) < turn)
+
+
+@kernel(arrays=True)
+def move_visits(pm: PerceptualMap, first: int, pose: np.ndarray) -> None:
+    """Move all that was seen in the visits from `first` on: what was at the origin is at `pose`."""
+    moved = np.empty(4)
+    for slot in range(pm.counts[USED]):
+        if pm.ids[slot] >= 0 and pm.marks[slot] >= first:
+            to_map(pose, pm.surfaces[slot], moved)
+            move_surface(pm, slot, moved, pm.edges[slot])
+
+
+def marked_visits(pm: PerceptualMap) -> np.ndarray:
+    """(visits + 1,) bool: the visits in which surfaces of the map were last seen."""
+    marked = np.zeros(pm.counts[VISIT] + 1, np.bool_)
+    marked[pm.marks[: pm.counts[USED]][living(pm)]] = True
+    return marked
+
+
+def renumber_visits(pm: PerceptualMap, numbers: np.ndarray) -> None:
+    """Give visits other numbers, in the same order.
+
+    `numbers` (visits + 1,): the new ones, -1 for those forgotten, which no surface's are.
+    """
+    kept, used = numbers >= 0, pm.counts[USED]
+    pm.reobserved[: kept.sum()] = pm.reobserved[: len(kept)][kept]
+    pm.marks[:used] = numbers[pm.marks[:used].clip(0, len(kept) - 1)]
+    pm.reobserved_in[:used] = np.maximum(numbers[pm.reobserved_in[:used]], 0)
+    pm.counts[VISIT] = kept.sum() - 1
+    pm.counts[CANDIDATE] = max(numbers[pm.counts[CANDIDATE]], 0)

@@ -1,0 +1,396 @@
+"""All that a robot remembers as arrays by name, to be saved and restored.
+
+The names are those of the saved files; the fields of the program may be called otherwise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.mappers.albot1.config import PlacesConfig
+from albot_core.mappers.albot1.perceptual_map.memory import (
+    FREE,
+    MAP_ROOM_AT_FIRST,
+    NEXT_ID,
+    NOT_RECOGNIZED,
+    USED,
+    VIEW_ROOM_AT_FIRST,
+    VISIT,
+    LocatedView,
+    PerceptualMap,
+    empty_map,
+    empty_view,
+    file_all,
+)
+from albot_core.mappers.albot1.places.events import EVENT_COLUMNS, Event, EventKind
+from albot_core.mappers.albot1.places.exits import (
+    CROSSING_EXPECTED,
+    CROSSING_SEEN,
+    MAX_EXITS,
+    NOT_CROSSING,
+    ExitMemory,
+    empty_exits,
+)
+from albot_core.mappers.albot1.places.network import PlaceNetwork
+from albot_core.mappers.albot1.places.place import Passage, Site
+from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs, rebuilt_breadcrumbs
+
+STORED_ROWS = {"progress": "progress", "since": "since", "trod": "crumb_poses"}
+"""The fields of `BatchArrays` from which, with a robot's arrays, all others follow, by their names
+in the state."""
+
+
+def stored_arrays(
+    pm: PerceptualMap, view: LocatedView, exits: ExitMemory, network: PlaceNetwork
+) -> dict[str, np.ndarray]:
+    """Copies of its arrays, as far as they are in use; `part.field` is each one's name."""
+    parts = {
+        "places": stored_network(network),
+        "exits": stored_exits(exits),
+        "memory": stored_map(pm),
+        "view": stored_view(view),
+    }
+    return {f"{part}.{name}": a for part, arrays in parts.items() for name, a in arrays.items()}
+
+
+def rebuilt_arrays(
+    state: Mapping[str, np.ndarray], config: PlacesConfig
+) -> tuple[PerceptualMap, LocatedView, ExitMemory, PlaceNetwork]:
+    """What `stored_arrays` was given.
+
+    Raises:
+        InputError: The arrays contradict each other.
+    """
+    pm = rebuilt_map(_part(state, "memory."))
+    view = rebuilt_view(_part(state, "view."), len(state["memory.ids"]))
+    exits = rebuilt_exits(_part(state, "exits."))
+    network = rebuilt_network(_part(state, "places."), config)
+    if len(network.visits) != pm.counts[VISIT] + 1:
+        expected = f"the map's {pm.counts[VISIT]} visits"
+        raise InputError("places.visits", expected, str(len(network.visits) - 1))
+    return pm, view, exits, network
+
+
+def check_rows(state: Mapping[str, np.ndarray]) -> None:
+    """Check the arrays of STORED_ROWS.
+
+    Raises:
+        InputError: One of them is not what it should be.
+    """
+    progress = state["progress"]
+    if progress.shape != (5,) or (progress < 0).any():
+        raise InputError("progress", "5 counts", str(progress.tolist()))
+    for name in ("since", "trod"):
+        if state[name].shape != (3,) or not np.isfinite(state[name]).all():
+            raise InputError(name, "three finite numbers", str(state[name].tolist()))
+
+
+def _part(state: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
+    """The arrays whose names begin with a prefix, without it."""
+    return {
+        name.removeprefix(prefix): array for name, array in state.items() if name.startswith(prefix)
+    }
+
+
+STORED_FIELDS = {
+    "surfaces": "surfaces",
+    "edges": "edges",
+    "ids": "ids",
+    "marks": "marks",
+    "met_in": "reobserved_in",
+    "met": "reobserved",
+    "free": "free",
+    "counts": "counts",
+}
+"""The fields of `PerceptualMap` from which it can be rebuilt, by their names in the state; its grid
+follows from them."""
+
+
+def stored_map(pm: PerceptualMap) -> dict[str, np.ndarray]:
+    """Copies of the stored fields, as far as they are in use."""
+    used, freed = pm.counts[USED], pm.counts[FREE]
+    return {
+        "surfaces": pm.surfaces[:used].copy(),
+        "edges": pm.edges[:used].copy(),
+        "ids": pm.ids[:used].copy(),
+        "marks": pm.marks[:used].copy(),
+        "met_in": pm.reobserved_in[:used].copy(),
+        "met": pm.reobserved[: pm.counts[VISIT] + 1].copy(),
+        "free": pm.free[:freed].copy(),
+        "counts": pm.counts.copy(),
+    }
+
+
+def _filled_map(stored: Mapping[str, np.ndarray], capacity: int) -> PerceptualMap:
+    pm = empty_map(capacity)
+    for name, field in STORED_FIELDS.items():
+        getattr(pm, field)[: len(stored[name])] = stored[name]
+    file_all(pm)
+    return pm
+
+
+def enlarged_map(pm: PerceptualMap) -> PerceptualMap:
+    """The same map with twice the room.
+
+    Slots are used in the same order and the search sorts its answer: a map that has grown
+    behaves exactly as one that was large from the start.
+    """
+    return _filled_map(stored_map(pm), 2 * len(pm.ids))
+
+
+def rebuilt_map(stored: Mapping[str, np.ndarray]) -> PerceptualMap:
+    """The map with the given fields.
+
+    Raises:
+        InputError: The fields contradict each other.
+    """
+    ids, counts = stored["ids"], stored["counts"]
+    shapes = {
+        "surfaces": (len(ids), 4),
+        "edges": (len(ids), 2),
+        "marks": (len(ids),),
+        "met_in": (len(ids),),
+        "counts": (6,),
+    }
+    for field, shape in shapes.items():
+        if stored[field].shape != shape:
+            raise InputError(f"memory.{field}", f"shape {shape}", str(stored[field].shape))
+    alive = ids >= 0
+    expected = [alive.sum(), len(ids) - alive.sum(), counts[NEXT_ID], len(ids)]
+    if counts[:VISIT].tolist() != expected:
+        raise InputError("memory.counts", str(expected), str(counts.tolist()))
+    visit, candidate = counts[VISIT:].tolist()
+    if visit < 1 or not 0 <= candidate <= visit or stored["met"].shape != (visit + 1, 2):
+        found = f"{visit}, {candidate} and {stored['met'].shape}"
+        raise InputError("memory.met", "a row for each visit up to the present one", found)
+    if ((stored["marks"][alive] < 1) | (stored["marks"][alive] > visit)).any():
+        raise InputError("memory.marks", f"visits from 1 to {visit}", "others")
+    if not np.array_equal(np.sort(stored["free"]), np.flatnonzero(~alive)):
+        raise InputError("memory.free", "exactly the slots without a surface", "others")
+    surfaces = stored["surfaces"]
+    if not (np.isfinite(surfaces[alive]).all() and np.isnan(surfaces[~alive]).all()):
+        raise InputError("memory.surfaces", "finite surfaces, NaN in freed slots", "others")
+    if len(np.unique(ids[alive])) != alive.sum() or (ids >= counts[NEXT_ID]).any():
+        raise InputError("memory.ids", "every id once and below the next", "others")
+    return _filled_map(stored, max(MAP_ROOM_AT_FIRST, len(ids), visit + 2))
+
+
+VIEWED = ("surfaces", "edges", "landmark", "slots")
+"""The fields of a view with one row a surface."""
+
+
+def stored_view(view: LocatedView) -> dict[str, np.ndarray]:
+    """Copies of a view's fields, as far as they are in use."""
+    stored = {field: getattr(view, field)[: view.size[0]].copy() for field in VIEWED}
+    return stored | {"pose": view.pose.copy()}
+
+
+def rebuilt_view(stored: Mapping[str, np.ndarray], slots: int) -> LocatedView:
+    """The view with the given fields, whose landmarks are in a map that uses so many slots.
+
+    Raises:
+        InputError: The fields contradict each other or the map.
+    """
+    size = len(stored["slots"])
+    view = empty_view(max(VIEW_ROOM_AT_FIRST, size))
+    view.size[0] = size
+    for field in (*VIEWED, "pose"):
+        array = getattr(view, field)
+        shape = (3,) if field == "pose" else (size, *array.shape[1:])
+        if stored[field].shape != shape:
+            raise InputError(f"view.{field}", f"shape {shape}", str(stored[field].shape))
+        array[: shape[0]] = stored[field]
+    if ((view.slots < NOT_RECOGNIZED) | (view.slots >= slots)).any():
+        raise InputError("view.slots", f"slots of a map of {slots}", "others")
+    if not (np.isfinite(view.surfaces).all() and np.isfinite(view.pose).all()):
+        raise InputError("view.surfaces", "finite surfaces and pose", "NaN or infinity")
+    return view
+
+
+def stored_exits(exits: ExitMemory) -> dict[str, np.ndarray]:
+    """Copies of the fields, as far as they are in use."""
+    return {
+        "lines": exits.lines[: exits.counts[0]].copy(),
+        "gate": exits.crossing.copy(),
+        "counts": exits.counts[:2].copy(),
+    }
+
+
+def rebuilt_exits(stored: Mapping[str, np.ndarray]) -> ExitMemory:
+    """The exits with the given fields.
+
+    Raises:
+        InputError: The fields contradict each other.
+    """
+    exits = empty_exits()
+    lines, counts = stored["lines"], stored["counts"]
+    if counts.shape != (2,) or counts.tolist() not in [
+        [len(lines), crossing] for crossing in (NOT_CROSSING, CROSSING_SEEN, CROSSING_EXPECTED)
+    ]:
+        raise InputError("exits.counts", f"{len(lines)} and 0 to 2", str(counts.tolist()))
+    if len(lines) > MAX_EXITS or lines.shape[1:] != (4,) or stored["gate"].shape != (5,):
+        found = f"{lines.shape} and {stored['gate'].shape}"
+        raise InputError("exits.lines", f"shapes (up to {MAX_EXITS}, 4) and (5,)", found)
+    if not (np.isfinite(lines).all() and np.isfinite(stored["gate"]).all()):
+        raise InputError("exits.lines", "finite numbers", "NaN or infinity")
+    exits.lines[: len(lines)] = lines
+    exits.crossing[:], exits.counts[:2] = stored["gate"], counts
+    return exits
+
+
+_SHAPES = {
+    "ids": ("places",),
+    "frames": ("places", 3),
+    "sizes": ("places", 2),
+    "surfaces": ("surfaces", 4),
+    "lines": ("exits", 4),
+    "links": ("exits", 2),
+    "visits": ("visits",),
+    "displacements": ("visits", 3),
+    "standing": (4,),
+    "displacement": (3,),
+    "looked_from": ("looks", 3),
+    "events": ("events", EVENT_COLUMNS),
+    "trail": ("points", 4),
+    "trail_links": ("links", 3),
+}
+"""The arrays and their shapes; names stand for lengths that must agree."""
+
+
+def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
+    """Everything that the network holds, as arrays by name."""
+    sites = [network.sites[key] for key in sorted(network.sites)]
+    passages = [passage for site in sites for passage in site.passages]
+    crumbs = network.breadcrumbs
+    return {
+        "ids": np.array([site.id for site in sites], np.int64),
+        "frames": np.array([site.frame for site in sites]),
+        "sizes": np.array([(len(s.surfaces), len(s.passages)) for s in sites], np.int64),
+        "surfaces": np.concatenate([site.surfaces for site in sites]),
+        "lines": np.reshape([p.line for p in passages], (-1, 4)).astype(float),
+        "links": np.reshape([(p.leads_to, p.exit_there) for p in passages], (-1, 2)).astype(
+            np.int64
+        ),
+        "visits": np.array(network.visits, np.int64),
+        "displacements": np.array(network.visit_transforms),
+        "standing": np.array(
+            (
+                network.current,
+                network.next_id,
+                network.lost_since,
+                crumbs.last,
+            ),
+            np.int64,
+        ),
+        "displacement": network.map_to_graph.copy(),
+        "looked_from": network.compared_from[None][~np.isnan(network.compared_from[:1])],
+        "events": np.array([event.row() for event in network.log.events]),
+        "trail": np.column_stack((crumbs.points, crumbs.places, crumbs.last_used)),
+        "trail_links": crumbs.tree.links,
+    }
+
+
+def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> PlaceNetwork:
+    """The network with the given arrays.
+
+    Raises:
+        InputError: The arrays contradict each other.
+    """
+    _check_shapes(stored)
+    _check_places(stored)
+    network = PlaceNetwork(config)
+    network.sites = _sites(stored)
+    network.visits = stored["visits"].tolist()
+    network.visit_transforms = list(stored["displacements"].copy())
+    standing = stored["standing"].tolist()
+    network.current, network.next_id, network.lost_since = standing[:3]
+    network.breadcrumbs = _breadcrumbs(stored)
+    network.map_to_graph = stored["displacement"].copy()
+    if len(stored["looked_from"]):
+        network.compared_from = stored["looked_from"][-1].copy()
+    network.log.events = [Event.of_row(row) for row in stored["events"]]
+    return network
+
+
+def _sites(stored: Mapping[str, np.ndarray]) -> dict[int, Site]:
+    sites: dict[int, Site] = {}
+    first, door = 0, 0
+    for key, frame, (surfaces, doors) in zip(
+        stored["ids"].tolist(), stored["frames"], stored["sizes"].tolist(), strict=True
+    ):
+        lines, links = stored["lines"][door : door + doors], stored["links"][door : door + doors]
+        passages = [
+            Passage(line=line.copy(), leads_to=leads_to, exit_there=there)
+            for line, (leads_to, there) in zip(lines, links.tolist(), strict=True)
+        ]
+        seen = stored["surfaces"][first : first + surfaces].copy()
+        sites[key] = Site(id=key, frame=frame.copy(), surfaces=seen, passages=passages)
+        first, door = first + surfaces, door + doors
+    return sites
+
+
+def _breadcrumbs(stored: Mapping[str, np.ndarray]) -> Breadcrumbs:
+    points, last = stored["trail"], int(stored["standing"][3])
+    places, last_used = points[:, 2:].T.astype(np.int64)
+    return rebuilt_breadcrumbs(points[:, :2], places, last_used, last, stored["trail_links"])
+
+
+def _check_shapes(stored: Mapping[str, np.ndarray]) -> None:
+    lengths: dict[str, int] = {}
+    for name, shape in _SHAPES.items():
+        found = stored[name].shape
+        wanted = tuple(
+            lengths.setdefault(length, found[axis]) if isinstance(length, str) else length
+            for axis, length in enumerate(shape)
+            if axis < len(found)
+        )
+        if len(found) != len(shape) or found != wanted:
+            raise InputError(f"places.{name}", f"shape {shape}", str(found))
+        if stored[name].dtype.kind == "f" and not np.isfinite(stored[name]).all():
+            raise InputError(f"places.{name}", "finite numbers", "NaN or infinity")
+
+
+def _check_places(stored: Mapping[str, np.ndarray]) -> None:
+    ids, sizes = stored["ids"].tolist(), stored["sizes"]
+    totals = [len(stored["surfaces"]), len(stored["lines"])]
+    if ids[:1] != [0] or sorted(set(ids)) != ids:
+        raise InputError("places.ids", "ascending numbers from 0", str(ids))
+    if (sizes < 0).any() or sizes.sum(axis=0).tolist() != totals:
+        raise InputError("places.sizes", f"counts that add up to {totals}", "others")
+    _check_links(ids, sizes[:, 1].tolist(), stored["links"].tolist())
+    _check_breadcrumbs(ids, stored)
+    current, next_id, lost_since, _ = stored["standing"].tolist()
+    visits = stored["visits"].tolist()
+    known = current in ids and set(visits[1:]) <= set(ids)
+    if not known or visits[:1] != [-1] or visits[-1] != current:
+        raise InputError(
+            "places.visits", "visits to known places, the last to the present one", "others"
+        )
+    if next_id <= max(ids) or not 0 <= lost_since < len(visits):
+        raise InputError("places.standing", "the next id and a visit", f"{next_id}, {lost_since}")
+    kinds = stored["events"][:, 1]
+    if not np.isin(kinds, list(EventKind)).all():
+        raise InputError("places.events", "known happenings", "others")
+
+
+def _check_breadcrumbs(ids: list[int], stored: Mapping[str, np.ndarray]) -> None:
+    points, ends = len(stored["trail"]), stored["trail_links"][:, :2]
+    last = int(stored["standing"][3])
+    if not (np.isin(stored["trail"][:, 2], ids).all() and -1 <= last < points):
+        raise InputError("places.trail", "points of known places", "others")
+    if ((ends < 0) | (ends >= points)).any() or (stored["trail_links"][:, 2] <= 0).any():
+        raise InputError("places.trail_links", "pairs of points and lengths", "others")
+
+
+def _check_links(ids: list[int], exits: list[int], links: list[list[int]]) -> None:
+    """Raise InputError unless every exit leads to one that leads back."""
+    doors = [(key, door) for key, count in zip(ids, exits, strict=True) for door in range(count)]
+    leads_to = dict(zip(doors, ((key, door) for key, door in links), strict=True))
+    for door, there in leads_to.items():
+        if leads_to.get(there) != door:
+            raise InputError(
+                "places.links", f"an exit that leads back to {door}", f"{leads_to.get(there)}"
+            )

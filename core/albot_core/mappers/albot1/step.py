@@ -1,0 +1,253 @@
+"""The step: many robots take in their readings, each as a view or as mere motion. Compiled.
+
+What a step does within the compiled loop is all of algorithms 1 to 4, the exits in view, and the
+breadcrumbs. What happens seldom is noted as events, for `handle_events`.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from albot_core.kernels.arguments import KernelArguments, unpack
+from albot_core.kernels.compiled import ZERO, kernel, scratch
+from albot_core.mappers.albot1.addresses import (
+    MAP_ROOM,
+    VIEW_ROOM,
+    crumbs_at,
+    exits_at,
+    graph_at,
+    map_at,
+    view_at,
+)
+from albot_core.mappers.albot1.config import Albot1Limits
+from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, relative_pose
+from albot_core.mappers.albot1.perceptual_map.mapping import (
+    INCONSISTENT,
+    STEP,
+    ViewSettings,
+    map_step,
+    take_view,
+)
+from albot_core.mappers.albot1.perceptual_map.memory import (
+    ALIVE,
+    NEXT_ID,
+    VISIT,
+    LocatedView,
+    PerceptualMap,
+    copy_view,
+    room_left,
+)
+from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers, make_match_buffers
+from albot_core.mappers.albot1.places.exits import cross_exit, remember_exits
+from albot_core.mappers.albot1.places.visits import keep_or_drop_candidate
+from albot_core.mappers.albot1.trail.breadcrumbs import CRUMB_SPACING, CRUMB_TURN
+from albot_core.mappers.albot1.trail.crumb_kernels import drop_crumb, has_room
+from albot_core.matching.lines import wrap
+from albot_core.sensing.surfaces import Bench, make_bench
+
+CROSSED, REVISITING, KIDNAPPED, BREADCRUMB = 1, 2, 4, 8
+"""In `BatchArrays.events`: the robot got through an exit; an earlier visit is a loop-closure
+candidate, and it is time to compare places; it was carried away; it is time for a breadcrumb, but
+the other events must be handled before."""
+
+
+class BatchArrays(NamedTuple):
+    """The arrays of all robots; a row each."""
+
+    table: np.ndarray
+    """(n, COLUMNS) int64: where the robot's arrays are (see `addresses`)."""
+    progress: np.ndarray
+    """(n, 5) int64: how far it has come (see `mapping`)."""
+    since: np.ndarray
+    """(n, 3) float64: how it has moved since its last view (m, rad; the view's frame)."""
+    poses: np.ndarray
+    """(n, 3) float64: where it believes to be (m, rad; the map's frame)."""
+    surfaces: np.ndarray
+    """(n,) int64: how many surfaces it remembers."""
+    events: np.ndarray
+    """(n,) int64: what happened at the last reading, a sum of CROSSED, REVISITING, KIDNAPPED and
+    BREADCRUMB."""
+    crumb_poses: np.ndarray
+    """(n, 3) float64: where it dropped its last breadcrumb (m, rad; the map's frame)."""
+    next_ids: np.ndarray
+    """(n,) int64: the id that the next surface would have had before the last view."""
+    current: np.ndarray
+    """(n,) int64: the id of the place that it believes to be in."""
+    map_to_graph: np.ndarray
+    """(n, 3) float64: where the graph frame of its places lies (m, rad; the map's frame)."""
+    is_lost: np.ndarray
+    """(n,) bool: whether it was carried away and has not found out where to."""
+    compared_from: np.ndarray
+    """(n, 3) float64: where it last compared places in its present visit (m, rad; the map's
+    frame); NaN where it has not yet."""
+
+
+@kernel(arrays=True, nogil=True)
+def step_robots(
+    rows: np.ndarray,
+    first: int,
+    arguments: KernelArguments,
+    ranges: np.ndarray,
+    motions: np.ndarray,
+) -> int:
+    """Let the robots in rows[first:] take in their readings; return how many rows are done.
+
+    That is all of them, but where the next has too little room for what it sees: then it has
+    taken in nothing yet. `ranges` (n, beams) and `motions` (n, 3) are the readings of all robots;
+    `arguments` holds `BatchArrays`, `ViewSettings` and `Albot1Limits`.
+    """
+    robots, _, limits = unpack(arguments)
+    beams, views, capacity = ranges.shape[1], ranges.shape[1], ZERO
+    for k in range(first, rows.shape[0]):
+        views = max(views, robots.table[rows[k], VIEW_ROOM])
+        capacity = max(capacity, robots.table[rows[k], MAP_ROOM])
+    buffers = make_match_buffers(views, capacity, limits.turns.shape[0])
+    bench = make_bench(beams)
+    return _step_all(rows, first, arguments, ranges, motions, _view_buffer(beams), bench, buffers)
+
+
+@kernel(arrays=True)
+def _view_buffer(room: int) -> LocatedView:
+    """A view to work on, which every robot of a call uses in turn."""
+    return LocatedView(
+        np.empty((room, 4)),
+        np.empty((room, 2), np.int8),
+        np.empty(room, np.bool_),
+        np.empty(room, np.int64),
+        np.zeros(1, np.int64),
+        np.zeros(3),
+    )
+
+
+@kernel()
+def _step_all(
+    rows: np.ndarray,
+    first: int,
+    arguments: KernelArguments,
+    ranges: np.ndarray,
+    motions: np.ndarray,
+    current: LocatedView,
+    bench: Bench,
+    buffers: MatchBuffers,
+) -> int:
+    """`step_robots`, with buffers to work in."""
+    robots, settings, limits = unpack(arguments)
+    for k in range(first, rows.shape[0]):
+        row = rows[k]
+        if not _step(
+            robots, row, ranges[row], motions[row], settings, limits, current, bench, buffers
+        ):
+            return k
+    return int(rows.shape[0])
+
+
+_since, _here = scratch(3), scratch(3)
+
+
+@kernel()
+def _step(
+    robots: BatchArrays,
+    row: int,
+    ranges: np.ndarray,
+    motion: np.ndarray,
+    settings: ViewSettings,
+    limits: Albot1Limits,
+    current: LocatedView,
+    bench: Bench,
+    buffers: MatchBuffers,
+) -> bool:
+    """Let a robot take in its reading; false, with nothing done, where its room is too small."""
+    if not has_room(graph_at(robots.table[row])):
+        return False
+    is_first, since = robots.progress[row, STEP] == 0, _since()
+    since[0] = since[1] = since[2] = 0.0
+    previous = view_at(robots.table[row])
+    robots.events[row] = 0
+    if not is_first:
+        compose_pose(robots.since[row], motion, since)
+    # A reading so near to the last view only moves the robot.
+    square = since[0] * since[0] + since[1] * since[1]
+    is_near = square < limits.view_spacing**2 and abs(since[2]) < limits.view_turn
+    if (is_first or not is_near) and not _step_view(
+        robots, row, previous, current, ranges, since, settings, limits, bench, buffers
+    ):
+        return False
+    for i in range(3):
+        robots.since[row, i] = since[i]
+    pose = robots.poses[row]
+    compose_pose(previous.pose, since, pose)
+    if _is_crumb_due(pose, robots.crumb_poses[row]):
+        for i in range(3):
+            robots.crumb_poses[row, i] = pose[i]
+        if robots.events[row] > 0 or robots.is_lost[row]:
+            robots.events[row] += BREADCRUMB
+        else:
+            _drop_crumb(robots, row, previous)
+    return True
+
+
+@kernel()
+def _step_view(
+    robots: BatchArrays,
+    row: int,
+    previous: LocatedView,
+    current: LocatedView,
+    ranges: np.ndarray,
+    since: np.ndarray,
+    settings: ViewSettings,
+    limits: Albot1Limits,
+    bench: Bench,
+    buffers: MatchBuffers,
+) -> bool:
+    """Let a robot take in its reading as a view; false as `_step`."""
+    take_view(ranges, settings, limits, current, bench)
+    pm, progress = map_at(robots.table[row]), robots.progress[row]
+    if not _has_room(pm, previous, current) or current.size[0] > robots.table[row, VIEW_ROOM]:
+        return False
+    x, y = previous.pose[0], previous.pose[1]
+    robots.next_ids[row] = pm.counts[NEXT_ID]
+    map_step(pm, previous, current, since, limits, progress, buffers)
+    copy_view(current, previous)
+    exits, pose = exits_at(robots.table[row]), current.pose
+    remember_exits(exits, current, limits)
+    compared_from, is_lost = robots.compared_from[row], robots.is_lost[row]
+    if progress[INCONSISTENT] > 1:
+        robots.events[row] += KIDNAPPED
+    elif progress[INCONSISTENT] == 0 and cross_exit(exits, x, y, pose):
+        robots.events[row] += CROSSED
+    elif keep_or_drop_candidate(pm, exits, compared_from, is_lost, pose, limits):
+        robots.events[row] += REVISITING
+    robots.surfaces[row] = pm.counts[ALIVE]
+    for i in range(3):
+        since[i] = 0.0
+    return True
+
+
+@kernel()
+def _has_room(pm: PerceptualMap, previous: LocatedView, current: LocatedView) -> bool:
+    """Whether the map has room for all that may come of a view.
+
+    A view is laid over the map when it is new and when the next is, but once; and again
+    where a visit begins with it.
+    """
+    surfaces = previous.size[0] + 2 * current.size[0]
+    visits = pm.counts[VISIT] + 2
+    return bool(room_left(pm) >= surfaces and visits < pm.reobserved.shape[0])
+
+
+@kernel()
+def _is_crumb_due(pose: np.ndarray, crumb_pose: np.ndarray) -> bool:
+    """Whether the robot moved or turned far enough since its last breadcrumb."""
+    square = (pose[0] - crumb_pose[0]) ** 2 + (pose[1] - crumb_pose[1]) ** 2
+    return not (square < CRUMB_SPACING**2 and abs(wrap(pose[2] - crumb_pose[2])) < CRUMB_TURN)
+
+
+@kernel()
+def _drop_crumb(robots: BatchArrays, row: int, view: LocatedView) -> None:
+    """Let a robot to which nothing else has happened drop a breadcrumb."""
+    here = _here()
+    relative_pose(robots.map_to_graph[row], robots.poses[row], here)
+    crumbs, graph = crumbs_at(robots.table[row]), graph_at(robots.table[row])
+    drop_crumb(crumbs, graph, robots.current[row], here, view.surfaces[: view.size[0]])

@@ -1,0 +1,73 @@
+"""The likeliest turn against a slow vote of every surface for every turn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from albot_core.geometry.poses import wrap_angle
+from albot_core.mappers.albot1.config import TURN_STEP, Albot1Config, Albot1Limits
+from albot_core.mappers.albot1.perceptual_map.triangulation import (
+    LINE_GAP,
+    LINE_VOTE,
+    likeliest_turn,
+)
+from albot_core.matching.lines import beside, moved_ends
+from albot_core.sensing.surfaces import NO_EDGE
+from tests.core.mappers.albot1.rows import Rows, rows_of, some_surfaces
+
+
+def slow_votes(seen: Rows, expected: Rows, limits: Albot1Limits) -> np.ndarray:
+    """The votes for each turn."""
+    bins = len(limits.turns)
+    turns = (np.arange(bins) - bins // 2) * TURN_STEP
+    votes = -limits.turns[:, 2]
+    for row, ends in zip(*seen, strict=True):
+        own = np.zeros(bins)
+        for wall, wall_ends in zip(*expected, strict=True):
+            apart = wrap_angle(wall[5] - row[5])
+            middle = min(max(int(apart / TURN_STEP + bins // 2 + 0.5), 0), bins - 1)
+            aligned = moved_ends(row, np.zeros(3), *limits.turns[middle, :2])
+            aside = beside(wall, aligned, row[4])
+            for b, turn in enumerate(turns):
+                if abs(apart - turn) > limits.landmark_angle:
+                    continue
+                there = moved_ends(row, np.zeros(3), *limits.turns[b, :2])
+                for end in range(2):
+                    away = np.subtract(there, wall[:4])[2 * end : 2 * end + 2]
+                    if ends[end] != NO_EDGE and wall_ends[end] != NO_EDGE:
+                        own[b] = max(own[b], 1 - (away @ away) / limits.landmark_gap**2)
+                if aside < LINE_GAP:
+                    share = 1 - ((apart - turn) / limits.landmark_angle) ** 2
+                    own[b] = max(own[b], LINE_VOTE * (1 - (aside / LINE_GAP) ** 2) * share)
+        votes = votes + own
+    return votes
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 10**6), st.floats(-0.3, 0.3), st.sampled_from([5.0, 20.0, 175.0]))
+def test_it_is_the_turn_with_most_votes(seed: int, turn: float, angle: float) -> None:
+    rng = np.random.default_rng(seed)
+    limits = replace(
+        Albot1Config.thesis(), triangulation=True, landmark_angle=np.radians(angle)
+    ).limits
+    surfaces = some_surfaces(6, 4.0, rng)
+    turned = np.array(
+        [moved_ends(row, np.zeros(3), np.cos(turn), np.sin(turn)) for row in surfaces]
+    )
+    seen = rows_of(surfaces + rng.normal(0, 0.03, surfaces.shape), rng)
+    expected = rows_of(turned, rng)
+    votes = slow_votes(seen, expected, limits)
+    found = likeliest_turn(*seen, *expected, limits, np.empty((2, len(limits.turns))))
+    place = round(found / TURN_STEP) + len(votes) // 2
+    assert votes[place] == pytest.approx(votes.max(), abs=1e-9)
+
+
+def test_with_nothing_to_go_by_the_odometer_is_right() -> None:
+    limits = Albot1Config().limits
+    nothing = rows_of(np.empty((0, 4)), np.random.default_rng(0))
+    assert likeliest_turn(*nothing, *nothing, limits, np.empty((2, len(limits.turns)))) == 0.0

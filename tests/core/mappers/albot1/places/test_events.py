@@ -1,0 +1,89 @@
+"""Every event says what happened and why, and survives being numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from albot_core.mappers.albot1.places.events import (
+    EVENT_COLUMNS,
+    SEEN_THROUGH_EXIT,
+    STANDS_WITHIN,
+    Event,
+    EventKind,
+)
+
+WORDS = {
+    EventKind.SET_OUT: "view 7: set out in P3",
+    EventKind.NEW: "view 7: left P3 through an exit never used before, into the new P5",
+    EventKind.ENTERED: "view 7: left P3 through a known exit, 0.25 m from where it was expected, "
+    "which leads to P5",
+    EventKind.RECOGNIZED: "view 7: P3 is P5: 6 surfaces of P5 were met again, more than 4, and "
+    "9 surfaces are the same (5 to the left, 4 to the right, 50% of the smaller description)",
+    EventKind.REFUSED: "view 7: P3 is not taken for P5: 6 surfaces of P5 were met again, more "
+    "than 4, but only 9 surfaces are the same (5 to the left, 4 to the right, 50% of the smaller "
+    "description)",
+    EventKind.FOLLOWED: "view 7: P3 is P5 too: one exit leads to both",
+    EventKind.LOST: "view 7: lost: nothing in view is where it should be; calls it P5",
+    EventKind.RETURNED: "view 7: came out of P5 into P3, which it had left by that exit unnoticed",
+    EventKind.RELOCALISED: "view 7: found: P3 is P5, for 9 surfaces are the same (5 to the left, 4 "
+    "to the right, 50% of the smaller description)",
+}
+
+
+@pytest.mark.parametrize("what", EventKind)
+def test_every_event_explains_itself(what):
+    event = Event(
+        step=7,
+        kind=what,
+        place=2,
+        other=4,
+        reobserved=6,
+        gate=4,
+        matches=9,
+        left=5,
+        right=4,
+        share=0.5,
+        gap=0.25,
+    )
+    assert str(event) == WORDS[what]
+
+
+@pytest.mark.parametrize(
+    ("needed", "why"),
+    [
+        (SEEN_THROUGH_EXIT, "P5 was in sight from the exit crossed"),
+        (STANDS_WITHIN, "the robot seemed to stand within P5"),
+    ],
+)
+def test_a_place_may_be_suspected_for_where_it_is(needed, why):
+    event = Event(step=7, kind=EventKind.REFUSED, place=2, other=4, gate=needed)
+    assert f"P3 is not taken for P5: {why}, but only 0 surfaces" in str(event)
+
+
+counts = st.integers(0, 2**31)
+
+
+@given(
+    st.builds(
+        Event,
+        step=counts,
+        kind=st.sampled_from(EventKind),
+        place=counts,
+        other=st.integers(-1, 2**31),
+        reobserved=counts,
+        gate=counts,
+        matches=counts,
+        left=counts,
+        right=counts,
+        share=st.floats(0, 1),
+        gap=st.floats(0, 1e6),
+    )
+)
+def test_an_event_is_its_row(event):
+    row = event.row()
+    assert row.shape == (EVENT_COLUMNS,)
+    assert row.dtype == np.float64
+    assert Event.of_row(row) == event
