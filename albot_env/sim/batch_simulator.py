@@ -55,14 +55,14 @@ def draw_key(rng: np.random.Generator) -> int:
 
 
 class BatchSimulator:
-    """Robots of one make. Place each before it drives; sense to have readings.
+    """Robots with the same body and sensors. Place each before it drives; sense to have readings.
 
     Args:
         robots: How many there are.
         robot: Body and drive of the robots.
         sensors: What each senses with.
         threads: Threads that share the work.
-        movables: Whether obstacles move in worlds that have any; if not, they are left out.
+        movables: Whether worlds have their doors, boxes and people; if not, they are left out.
     """
 
     def __init__(
@@ -119,12 +119,12 @@ class BatchSimulator:
 
     @property
     def collided(self) -> Bool[np.ndarray, "robots"]:
-        """Whether a wall or a thing pushed the robot back since `clear_contacts`."""
+        """Whether a wall or an obstacle pushed the robot back since `clear_contacts`."""
         return self._robots.touched[:, 1]
 
     @property
     def pushed(self) -> Bool[np.ndarray, "robots"]:
-        """Whether a wall or a thing pushed the robot back in the last physics step."""
+        """Whether a wall or an obstacle pushed the robot back in the last physics step."""
         return self._robots.touched[:, 0]
 
     @property
@@ -251,7 +251,7 @@ class BatchSimulator:
             self._buffered_bodies = bodies
 
     def _arrange(self, chipmunk: ChipmunkInterface, tables: SpaceTables) -> tuple[Any, ...]:
-        """What the physics takes."""
+        """The arguments of `advance`."""
         return chipmunk, tables, self._robots, self._sensors.odometer, self.robot.wheel_base
 
     def readings(self, stamps: Float64[np.ndarray, "robots"]) -> Readings:

@@ -1,4 +1,4 @@
-"""Compiled doors: when they command_doors, and when they wait because something is in the way."""
+"""Compiled doors: when they swing, and when they wait because something is in the way."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from albot_core.geometry.directions import length_of
 from albot_core.kernels.compiled import kernel
 from albot_env.sim.noise import draw, draw_uniform
 from albot_env.sim.obstacle_tables import ObstacleTables
-from albot_env.sim.plane_geometry import distance_to_ray, distance_to_sector
+from albot_env.sim.plane_geometry import nearest_on_segment
 
 _CLEARANCE = 0.05
 """How far (m) from what is in its way a leaf stops, at least."""
@@ -47,9 +47,9 @@ def command_doors(
 def place_doors(
     tables: ObstacleTables, i: int, key: np.uint64, place: int, robot: np.ndarray, radius: float
 ) -> None:
-    """Shut or open the doors of robot i by chance.
+    """Shut or open the doors of robot i by chance, as an episode begins.
 
-    One in whose way somebody stands is where it is not drawn to be. `place` is that of the
+    A door that somebody stands in the way of gets the other of both states. `place` is that of the
     first door's key in the stream.
     """
     for d in range(tables.robots[i].doors, tables.robots[i].doors_end):
@@ -130,3 +130,21 @@ def distance_to_swept_area(tables: ObstacleTables, i: int, x: float, y: float) -
         from_x, from_y = x - door.hinge_x, y - door.hinge_y
         gap = min(gap, distance_to_sector(from_x, from_y, door.heading, door.opening, door.width))
     return gap
+
+
+@kernel()
+def distance_to_ray(x: float, y: float, angle: float, length: float) -> float:
+    """Distance of a point from a segment that leaves the origin at an angle."""
+    end_x, end_y = length * math.cos(angle), length * math.sin(angle)
+    near_x, near_y = nearest_on_segment(x, y, 0.0, 0.0, end_x, end_y)
+    return length_of(x - near_x, y - near_y)
+
+
+@kernel()
+def distance_to_sector(x: float, y: float, first: float, turn: float, radius: float) -> float:
+    """Distance of a point from the sector about the origin that a ray sweeps."""
+    ahead = (math.atan2(y, x) - first) * (1.0 if turn >= 0.0 else -1.0)
+    if ahead % (2.0 * math.pi) <= abs(turn):
+        return max(0.0, length_of(x, y) - radius)
+    gap = distance_to_ray(x, y, first, radius)
+    return min(gap, distance_to_ray(x, y, first + turn, radius))

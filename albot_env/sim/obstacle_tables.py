@@ -161,7 +161,7 @@ class ObstacleStore:
 
 
 def _outlines(movables: Movables) -> int:
-    """How many outlines obstacles have."""
+    """How many segments the outlines of obstacles have."""
     return len(movables.doors) + 4 * len(movables.boxes) + SIDES * len(movables.walkers)
 
 

@@ -154,7 +154,7 @@ class PhysicsSpaces:
     Args:
         robots: How many robots there are. None is anywhere at first.
         robot: Body and drive of all of them.
-        movables: Whether anything moves; if not, worlds are as if nothing did.
+        movables: Whether worlds have their doors, boxes and people; if not, they are left out.
     """
 
     def __init__(self, robots: int, robot: RobotConfig, *, movables: bool) -> None:

@@ -106,7 +106,7 @@ SCENES: Mapping[str, SceneConfig] = MappingProxyType(
 about 4,500 views of its floor of 43 × 13 m, the few thousand that it speaks of (section 3.4);
 the rates, which it does not give, are ours.
 
-`ambiguous`: a building whose rooms recognise_scene alike.
+`ambiguous`: a building whose rooms look alike.
 """
 
 

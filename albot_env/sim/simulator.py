@@ -43,7 +43,7 @@ class Simulator:
         world: The world; its walls are what is sensed and what the robot bumps into.
         robot: Body and drive of the robot.
         sensors: What it senses with.
-        movables: Whether obstacles move in a world that has any; if not, they are left out.
+        movables: Whether the world has its doors, boxes and people; if not, they are left out.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class Simulator:
 
     @property
     def collided(self) -> bool:
-        """Whether a wall or a thing pushed the robot back during the last step, move or turn."""
+        """Whether a wall or an obstacle pushed the robot in the last step, move or turn."""
         return bool(self._batch.collided[0])
 
     def reset(self, rng: np.random.Generator, start: Pose | None = None) -> Reading:

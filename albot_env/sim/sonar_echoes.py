@@ -36,10 +36,10 @@ from albot_env.sim.sonar import SonarConstants
 
 
 class SonarBuffers(NamedTuple):
-    """The surfaces in the buffers of a robot's sonars, and room for them."""
+    """The surfaces in the cones of a robot's sonars, and room for them."""
 
     table: np.ndarray
-    """(ROWS, columns) float64: all surfaces around the robot, and those in the buffers."""
+    """(ROWS, columns) float64: all surfaces around the robot, and those in the cones."""
     bounds: np.ndarray
     """(sonars + 1,) int64: in which column those in each sonar's cone begin; where one's end, the
     next one's begin."""

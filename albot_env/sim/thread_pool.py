@@ -1,4 +1,4 @@
-"""The threads: threads that share work on arrays, each doing some of the rows."""
+"""The thread pool: threads that share work on arrays, each doing some of the rows."""
 
 from __future__ import annotations
 
@@ -37,16 +37,16 @@ class ThreadPool:
         self,
         rows: Int64[np.ndarray, "rows"],
         work: Callable[[Int64[np.ndarray, "some"], int], None],
-        fewest: int = 1,
+        min_rows: int = 1,
     ) -> None:
         """Let every thread work on some of the rows: `work(rows, number of the thread)`.
 
         Args:
             rows: The rows; which thread gets which makes no difference to what comes of it.
             work: The work. What it raises is raised here.
-            fewest: Rows for which one thread is enough.
+            min_rows: Fewest rows for which a thread of its own pays.
         """
-        threads = min(self.size, max(1, len(rows) // fewest))
+        threads = min(self.size, max(1, len(rows) // min_rows))
         if threads == 1:
             work(rows, 0)
             return

@@ -2,7 +2,7 @@
 
 D. Helbing and P. Molnár, "Social force model for pedestrian dynamics", Physical Review E 51,
 4282 (1995); equation numbers are that paper's, and so are the constants but where it says
-so. Three obstacles differ. A walker follows the straight legs of a route and looks a metre
+so. Three things differ. A walker follows the straight legs of a route and looks a metre
 ahead along them, so that what pushes it aside cannot lead it into a dead end. It is a disc
 and not a point: distances are reduced by the radii. And it steps to the side of whoever
 stands in its way, for which the paper has random fluctuations, and turns round where it
@@ -70,7 +70,7 @@ def command_walkers(
         walker = tables.walkers[w]
         x, y, size, speed = walker.x, walker.y, walker.radius, walker.speed
         _turn_round_if_stuck(walker, duration)
-        ex, ey = _desired_direction(walker, waypoints)
+        ex, ey = _follow_route(walker, waypoints)
         # Eq. (2): acceleration towards the velocity wanted.
         fx, fy = (speed * ex - walker.vx) / _RELAXATION, (speed * ey - walker.vy) / _RELAXATION
         for v in range(own.walkers - 1, own.walkers_end):
@@ -159,8 +159,8 @@ def _nearest(
 
 
 @kernel()
-def _desired_direction(walker: Any, waypoints: np.ndarray) -> tuple[float, float]:
-    """Where a walker wants to go: to the point of its leg a little ahead of it."""
+def _follow_route(walker: Any, waypoints: np.ndarray) -> tuple[float, float]:
+    """The direction to a point a little ahead on its leg; at the end it begins the next one."""
     along, length, x1, y1, x2, y2 = _progress(walker, waypoints)
     if along > length - min(_ARRIVED, length / 2):
         _start_next_leg(walker)
@@ -249,7 +249,7 @@ def place_walkers(
 
 @kernel()
 def _put_on_leg(walker: Any, waypoints: np.ndarray, leg: int, share: float) -> None:
-    """Put a walker on a leg, to command_walkers on the way round that it has."""
+    """Put a walker on a leg, to walk it in the sense that it has."""
     walker.last, walker.next = leg, (leg + 1) % walker.count
     _, _, x1, y1, x2, y2 = _progress(walker, waypoints)
     walker.x, walker.y = x1 + share * (x2 - x1), y1 + share * (y2 - y1)

@@ -1,4 +1,4 @@
-"""The register: what is made of the worlds that robots are in, once for each world."""
+"""The world cache: what is made of the worlds that robots are in, once for each world."""
 
 from __future__ import annotations
 
@@ -14,28 +14,31 @@ Made = TypeVar("Made")
 
 
 class WorldCache(Generic[Made]):
-    """Keeps what is made of worlds; which world it is goes by the object.
+    """Keeps what is made of worlds. Which world it is goes by the object.
 
     Args:
         robots: How many robots there are.
-        make: Makes it of a world.
-        forget: Forgets all that was made. What robots still need is then made anew.
+        make: Makes it for a world.
+        clear: Forgets all that was made. What robots still need is then made anew.
     """
 
     def __init__(
-        self, robots: int, make: Callable[[World], Made], forget: Callable[[], None]
+        self, robots: int, make: Callable[[World], Made], clear: Callable[[], None]
     ) -> None:
         self._make = make
-        self._forget = forget
+        self._clear = clear
         self._worlds: list[World | None] = [None] * robots
         self._made: dict[int, tuple[World, Made]] = {}
 
     def enter(self, row: int, world: World) -> Iterator[tuple[int, Made]]:
-        """A robot enters a world: whose is now what. Mostly the robot's alone has changed."""
+        """Put a robot into a world; yield the rows that have changed, with what is made for them.
+
+        Mostly the robot's own row alone; all of them where the cache was cleared.
+        """
         self._worlds[row] = world
         rows = [row]
         if id(world) not in self._made and len(self._made) >= 2 * len(self._worlds) + KEPT:
-            self._forget()
+            self._clear()
             self._made.clear()
             rows = [k for k, other in enumerate(self._worlds) if other is not None]
         for k in rows:

@@ -28,7 +28,7 @@ def walls_crossed(walls: Segments, before: Point, after: Point) -> Bool[np.ndarr
     return np.asarray(apart & between)
 
 
-def free_ways(walls: Segments, pose: Pose, bearings: Ranges) -> Ranges:
+def ray_ranges(walls: Segments, pose: Pose, bearings: Ranges) -> Ranges:
     """Distance (m) along every beam to the nearest wall; infinite where none is met.
 
     Args:
@@ -49,19 +49,19 @@ def free_ways(walls: Segments, pose: Pose, bearings: Ranges) -> Ranges:
 
 
 def nearest_in_cones(
-    surfaces: Segments, ears: Poses, half_angle: float
-) -> Float64[np.ndarray, "ears"]:
-    """Distance (m) from every ear to the nearest surface in its cone; infinite where none is.
+    surfaces: Segments, sonars: Poses, half_angle: float
+) -> Float64[np.ndarray, "sonars"]:
+    """Distance (m) from every sonar to the nearest surface in its cone; infinite where none is.
 
     Nothing hides the nearest: what hid it would be in the cone, and nearer.
 
     Args:
         surfaces: The surfaces (world frame).
-        ears: Where the cones begin and point (world frame).
+        sonars: Where the cones begin and point (world frame).
         half_angle: Angle (rad) from a cone's axis to its edge, below a right angle.
     """
-    starts = _seen_from(ears, surfaces[:, :2])
-    ways = _seen_from(ears, surfaces[:, 2:]) - starts
+    starts = _in_frames(sonars, surfaces[:, :2])
+    ways = _in_frames(sonars, surfaces[:, 2:]) - starts
     # The cone is where sin h · x ± cos h · y >= 0; along a surface each is linear, and the
     # share of its way that lies inside runs from `first` to `last`.
     first, last = np.zeros(starts.shape[:2]), np.ones(starts.shape[:2])
@@ -79,10 +79,10 @@ def nearest_in_cones(
     return np.asarray(np.where(first <= last, distances, np.inf).min(axis=1, initial=np.inf))
 
 
-def _seen_from(ears: Poses, points: Points) -> Float64[np.ndarray, "ears points 2"]:
-    """Points in the frame of every ear."""
-    away = points[np.newaxis] - ears[:, np.newaxis, :2]
-    cos, sin = np.cos(ears[:, 2:]), np.sin(ears[:, 2:])
+def _in_frames(sonars: Poses, points: Points) -> Float64[np.ndarray, "sonars points 2"]:
+    """Points in the frame of every sonar."""
+    away = points[np.newaxis] - sonars[:, np.newaxis, :2]
+    cos, sin = np.cos(sonars[:, 2:]), np.sin(sonars[:, 2:])
     ahead = cos * away[..., 0] + sin * away[..., 1]
     left = cos * away[..., 1] - sin * away[..., 0]
     return np.stack((ahead, left), axis=-1)

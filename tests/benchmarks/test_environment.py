@@ -13,7 +13,7 @@ from albot_benchmarks.irsim import irsim_found, irsim_laser
 from albot_benchmarks.naive import NaiveEnv
 from albot_benchmarks.rates import best_rates
 from albot_core.sensing.reading import LaserGeometry
-from albot_env.stress.geometry import free_ways
+from albot_env.stress.geometry import ray_ranges
 from albot_maps import load_world
 
 CASES = (
@@ -83,14 +83,14 @@ def test_waiting_counts_by_the_clock_alone() -> None:
 def test_the_naive_laser_sees_the_walls() -> None:
     world = load_world("random:maze:1")
     env, geometry = NaiveEnv(world, LaserGeometry()), LaserGeometry()
-    expected = free_ways(world.walls, world.starts[0], geometry.bearings)
+    expected = ray_ranges(world.walls, world.starts[0], geometry.bearings)
     assert np.abs(env.scan() - np.minimum(expected, 30)).max() < 0.06
 
 
 def test_the_naive_robot_drives_and_walls_stop_it() -> None:
     world = load_world("square-loop")
     env, geometry = NaiveEnv(world, LaserGeometry()), LaserGeometry()
-    ahead = free_ways(world.walls, world.starts[0], geometry.bearings)[90]
+    ahead = ray_ranges(world.walls, world.starts[0], geometry.bearings)[90]
     first = env.step(np.array((1, 0), np.float32))
     assert abs(first[90] - (ahead - 0.1)) < 0.06
     for _ in range(int(10 * ahead) + 20):
@@ -102,6 +102,6 @@ def test_the_naive_robot_drives_and_walls_stop_it() -> None:
 @pytest.mark.filterwarnings("ignore")
 def test_ir_sims_laser_sees_the_same_scene(capsys: pytest.CaptureFixture[str]) -> None:
     world, geometry = load_world("random:maze:1"), LaserGeometry()
-    expected = free_ways(world.walls, world.starts[0], geometry.bearings)
+    expected = ray_ranges(world.walls, world.starts[0], geometry.bearings)
     assert np.abs(irsim_laser(world, geometry)() - np.minimum(expected, 30)).max() < 0.06
     assert capsys.readouterr().out == ""

@@ -26,9 +26,9 @@ from albot_env.stress.checks import (
     check_info,
     check_laser,
     check_observation,
+    check_obstacles,
     check_reward,
     check_sonar,
-    check_things,
 )
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_maps import World, load_world
@@ -105,7 +105,7 @@ class Watch:
         wrong = check_observation(observation, self._space)
         wrong += check_info(info, self._keys)
         wrong += check_body(self._walls, before, self._place, self._limits)
-        wrong += check_things(self._witness.last.things, self._place, self._limits)
+        wrong += check_obstacles(self._witness.last.things, self._place, self._limits)
         if wrong:
             return wrong  # An observation that is none has no ranges to look at.
         return self._listen(observation, info["pose"])

@@ -75,7 +75,7 @@ def test_a_crew_does_all_rows_once_and_raises_what_its_threads_raise() -> None:
     threads.share(np.arange(100), count)
     assert (done == 1).all()
     members: set[int] = set()
-    threads.share(np.arange(10), lambda _, member: members.add(member), fewest=20)
+    threads.share(np.arange(10), lambda _, member: members.add(member), min_rows=20)
     assert members == {0}
 
     def fail(rows: np.ndarray, member: int) -> None:

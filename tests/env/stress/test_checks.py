@@ -17,10 +17,10 @@ from albot_env.stress.checks import (
     check_info,
     check_laser,
     check_observation,
+    check_obstacles,
     check_reward,
-    check_things,
 )
-from albot_env.stress.geometry import free_ways
+from albot_env.stress.geometry import ray_ranges
 
 BOX = np.array([[0.0, 0, 4, 0], [4, 0, 4, 3], [4, 3, 0, 3], [0, 3, 0, 0]])
 BEARINGS = np.radians(np.arange(-90.0, 91.0))
@@ -90,13 +90,13 @@ def test_a_body_that_has_gone_through_a_wall():
 
 
 def test_what_a_laser_may_say():
-    ways = free_ways(BOX, POSE, BEARINGS)
+    ways = ray_ranges(BOX, POSE, BEARINGS)
     for error in (-0.039, 0.039):
         assert check_laser(BOX, POSE, BEARINGS, ways + error, LIMITS) == []
 
 
 def test_a_beam_through_a_wall():
-    ranges = free_ways(BOX, POSE, BEARINGS)
+    ranges = ray_ranges(BOX, POSE, BEARINGS)
     beyond = f"beam 17 sees {ranges[17] + 0.05:.3f} m, through a surface at {ranges[17]:.3f} m"
     ranges[17] += 0.05
     assert check_laser(BOX, POSE, BEARINGS, ranges, LIMITS) == [beyond]
@@ -116,22 +116,22 @@ def test_a_beam_is_shorter_only_because_of_a_thing():
 
 def test_a_body_that_touches_a_thing_is_not_in_it():
     thing = np.array([[0.0, 0, 1, 0]])
-    touching = np.array((0.5, LIMITS.radius - LIMITS.thing_overlap + 1e-6))
-    assert check_things(thing, touching, LIMITS) == []
-    assert "deep in something that moves" in check_things(thing, touching - (0, 2e-6), LIMITS)[0]
-    assert check_things(np.empty((0, 4)), touching, LIMITS) == []
+    touching = np.array((0.5, LIMITS.radius - LIMITS.obstacle_overlap + 1e-6))
+    assert check_obstacles(thing, touching, LIMITS) == []
+    assert "deep in something that moves" in check_obstacles(thing, touching - (0, 2e-6), LIMITS)[0]
+    assert check_obstacles(np.empty((0, 4)), touching, LIMITS) == []
 
 
 def test_a_beam_that_grazes_the_end_of_a_wall_may_miss_it():
     wall = np.array([[2.0, 1.0, 2.0, 2.0], [5.0, -5, 5, 5]])
     pose, ahead = np.array((1.0, 1.0, 0.0)), np.zeros(1)
-    assert free_ways(wall, pose, ahead)[0] == 1.0
+    assert ray_ranges(wall, pose, ahead)[0] == 1.0
     assert check_laser(wall, pose, ahead, np.array((4.0,)), LIMITS) == []
     assert check_laser(wall, pose, ahead + 0.01, np.array((4.0,)), LIMITS) != []
 
 
 def test_a_few_lost_beams_are_chance_and_many_are_a_hole():
-    ranges = free_ways(BOX, POSE, BEARINGS)
+    ranges = ray_ranges(BOX, POSE, BEARINGS)
     most = LIMITS.most_lost(len(BEARINGS))
     ranges[:most] = LIMITS.max_range
     assert check_laser(BOX, POSE, BEARINGS, ranges, LIMITS) == []

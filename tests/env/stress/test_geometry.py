@@ -7,7 +7,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from albot_env.stress.geometry import free_ways, nearest_in_cones, wall_distances, walls_crossed
+from albot_env.stress.geometry import nearest_in_cones, ray_ranges, wall_distances, walls_crossed
 
 BOX = np.array([[0.0, 0, 4, 0], [4, 0, 4, 3], [4, 3, 0, 3], [0, 3, 0, 0]])
 
@@ -22,23 +22,23 @@ def lines(walls: np.ndarray) -> np.ndarray:
 
 def test_ways_in_a_box():
     bearings = np.radians((-90.0, 0.0, 45.0, 90.0, 180.0))
-    ways = free_ways(BOX, np.array((1.0, 1.0, 0.0)), bearings)
+    ways = ray_ranges(BOX, np.array((1.0, 1.0, 0.0)), bearings)
     assert np.allclose(ways, (1, 3, 2 * np.sqrt(2), 2, 1))
 
 
 def test_a_beam_that_meets_nothing_goes_on_for_ever():
-    assert free_ways(BOX[:1], np.array((1.0, 1.0, 0.0)), np.array((np.pi / 2,)))[0] == np.inf
+    assert ray_ranges(BOX[:1], np.array((1.0, 1.0, 0.0)), np.array((np.pi / 2,)))[0] == np.inf
 
 
 def test_a_beam_goes_on_for_ever_where_there_are_no_walls():
-    ways = free_ways(np.empty((0, 4)), np.zeros(3), np.array((0.0, 1.0)))
+    ways = ray_ranges(np.empty((0, 4)), np.zeros(3), np.array((0.0, 1.0)))
     assert ways.tolist() == [np.inf, np.inf]
 
 
 def test_a_corner_lets_no_beam_through():
     pose = np.array((1.0, 1.0, np.arctan2(2, 3)))
     for turn in (-1e-4, 0.0, 1e-4):
-        assert abs(free_ways(BOX, pose, np.array((turn,)))[0] - np.sqrt(13)) < 1e-3
+        assert abs(ray_ranges(BOX, pose, np.array((turn,)))[0] - np.sqrt(13)) < 1e-3
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -51,7 +51,7 @@ def test_ways_are_shapelys(seed: int):
     met = shapely.intersection(beams[:, None], lines(walls)[None])
     expected = shapely.distance(met, shapely.Point(pose[:2]))
     expected = np.where(np.isnan(expected), np.inf, expected).min(axis=1)
-    assert np.allclose(free_ways(walls, pose, bearings), expected, atol=1e-7)
+    assert np.allclose(ray_ranges(walls, pose, bearings), expected, atol=1e-7)
 
 
 @given(st.integers(0, 2**32 - 1))
