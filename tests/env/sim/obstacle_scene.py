@@ -1,4 +1,4 @@
-"""One robot among movable obstacles on a floor of its own, stepped as a batch steps it."""
+"""One robot among movable obstacles in a space of its own, stepped as a batch steps it."""
 
 from __future__ import annotations
 

@@ -65,25 +65,25 @@ def test_robots_meet_the_walls_of_their_own_world(two_rooms: World, box: World) 
             np.testing.assert_array_equal(batch.ranges[row], alone.ranges[0])
 
 
-def test_a_crew_does_all_rows_once_and_raises_what_its_threads_raise() -> None:
-    threads = ThreadPool(3)
+def test_a_thread_pool_does_all_rows_once_and_raises_what_its_threads_raise() -> None:
+    pool = ThreadPool(3)
     done = np.zeros(100, np.int64)
 
-    def count(rows: np.ndarray, member: int) -> None:
+    def count(rows: np.ndarray, thread: int) -> None:
         done[rows] += 1
 
-    threads.share(np.arange(100), count)
+    pool.share(np.arange(100), count)
     assert (done == 1).all()
-    members: set[int] = set()
-    threads.share(np.arange(10), lambda _, member: members.add(member), min_rows=20)
-    assert members == {0}
+    threads: set[int] = set()
+    pool.share(np.arange(10), lambda _, thread: threads.add(thread), min_rows=20)
+    assert threads == {0}
 
-    def fail(rows: np.ndarray, member: int) -> None:
-        if member == 2:
+    def fail(rows: np.ndarray, thread: int) -> None:
+        if thread == 2:
             raise ValueError("three")
 
     with pytest.raises(ValueError, match="three"):
-        threads.share(np.arange(100), fail)
-    threads.close()
+        pool.share(np.arange(100), fail)
+    pool.close()
     with pytest.raises(InputError, match="a whole number from 0, found -1"):
         ThreadPool(-1)

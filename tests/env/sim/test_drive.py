@@ -1,4 +1,4 @@
-"""What the wheels can do, and robots that share a floor."""
+"""What the wheels can do, and robots that share a space."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def batch_in(world: World, starts: np.ndarray) -> BatchSimulator:
 
 
 def drives(world: World, starts: np.ndarray, commands: np.ndarray) -> np.ndarray:
-    """The poses of robots on one floor, step by step, each with commands of its own."""
+    """The poses of robots in one space, step by step, each with commands of its own."""
     batch = batch_in(world, starts)
     ways = []
     for row in commands:
@@ -92,9 +92,9 @@ def drives(world: World, starts: np.ndarray, commands: np.ndarray) -> np.ndarray
     return np.stack(ways, axis=1)
 
 
-def test_robots_that_share_a_floor_get_the_same_bits_as_alone(box: World) -> None:
+def test_robots_that_share_a_space_get_the_same_bits_as_alone(box: World) -> None:
     rng = np.random.default_rng(2)
-    count = MAX_ROBOTS + 4  # on two floors
+    count = MAX_ROBOTS + 4  # in two spaces
     starts = np.column_stack((rng.uniform(0.3, 2.0, (count, 2)), rng.uniform(-3, 3, count)))
     commands = rng.uniform((-0.5, -2.0), (1.5, 2.0), (60, count, 2))
     together = drives(box, starts, commands)

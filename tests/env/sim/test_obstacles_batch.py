@@ -151,7 +151,7 @@ def episodes(worlds: list[World], rows: list[int], total: int, threads: int = 1)
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_each_of_a_fleet_does_what_it_does_alone(threads):
+def test_each_of_a_batch_does_what_it_does_alone(threads):
     """Worlds with obstacles, and one without among them, entered in turn."""
     worlds = [load_world(OFFICE), load_world(APARTMENT), load_world("random:maze:1")]
     together = episodes(worlds, list(range(7)), 7, threads)

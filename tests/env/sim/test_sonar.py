@@ -228,7 +228,7 @@ def distance(wall: np.ndarray, point: np.ndarray) -> float:
     return float(shapely.distance(shapely.LineString(wall.reshape(2, 2)), shapely.Point(point)))
 
 
-def test_a_fleet_hears_as_if_it_listened_to_every_wall() -> None:
+def test_a_batch_hears_as_if_it_listened_to_every_wall() -> None:
     world = load_world("random:office:42?rooms=8")
     rng = np.random.default_rng(5)
     x_min, y_min, x_max, y_max = world.bounds
