@@ -25,7 +25,6 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     empty_view,
     file_all,
 )
-from albot_core.mappers.albot1.places.events import EVENT_COLUMNS, Event, EventKind
 from albot_core.mappers.albot1.places.exits import (
     CROSSING_EXPECTED,
     CROSSING_SEEN,
@@ -35,8 +34,7 @@ from albot_core.mappers.albot1.places.exits import (
     empty_exits,
 )
 from albot_core.mappers.albot1.places.network import PlaceNetwork
-from albot_core.mappers.albot1.places.place import Passage, Site
-from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs, rebuilt_breadcrumbs
+from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
 
 STORED_ROWS = {"progress": "progress", "since": "since", "trod": "crumb_poses"}
 """The fields of `BatchArrays` from which, with a robot's arrays, all others follow, by their names
@@ -239,158 +237,3 @@ def rebuilt_exits(stored: Mapping[str, np.ndarray]) -> ExitMemory:
     exits.lines[: len(lines)] = lines
     exits.crossing[:], exits.counts[:2] = stored["gate"], counts
     return exits
-
-
-_SHAPES = {
-    "ids": ("places",),
-    "frames": ("places", 3),
-    "sizes": ("places", 2),
-    "surfaces": ("surfaces", 4),
-    "lines": ("exits", 4),
-    "links": ("exits", 2),
-    "visits": ("visits",),
-    "displacements": ("visits", 3),
-    "standing": (4,),
-    "displacement": (3,),
-    "looked_from": ("looks", 3),
-    "events": ("events", EVENT_COLUMNS),
-    "trail": ("points", 4),
-    "trail_links": ("links", 3),
-}
-"""The arrays and their shapes; names stand for lengths that must agree."""
-
-
-def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
-    """Everything that the network holds, as arrays by name."""
-    sites = [network.sites[key] for key in sorted(network.sites)]
-    passages = [passage for site in sites for passage in site.passages]
-    crumbs = network.breadcrumbs
-    return {
-        "ids": np.array([site.id for site in sites], np.int64),
-        "frames": np.array([site.frame for site in sites]),
-        "sizes": np.array([(len(s.surfaces), len(s.passages)) for s in sites], np.int64),
-        "surfaces": np.concatenate([site.surfaces for site in sites]),
-        "lines": np.reshape([p.line for p in passages], (-1, 4)).astype(float),
-        "links": np.reshape([(p.leads_to, p.exit_there) for p in passages], (-1, 2)).astype(
-            np.int64
-        ),
-        "visits": np.array(network.visits, np.int64),
-        "displacements": np.array(network.visit_transforms),
-        "standing": np.array(
-            (
-                network.current,
-                network.next_id,
-                network.lost_since,
-                crumbs.last,
-            ),
-            np.int64,
-        ),
-        "displacement": network.map_to_graph.copy(),
-        "looked_from": network.compared_from[None][~np.isnan(network.compared_from[:1])],
-        "events": np.array([event.row() for event in network.log.events]),
-        "trail": np.column_stack((crumbs.points, crumbs.places, crumbs.last_used)),
-        "trail_links": crumbs.tree.links,
-    }
-
-
-def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> PlaceNetwork:
-    """The network with the given arrays.
-
-    Raises:
-        InputError: The arrays contradict each other.
-    """
-    _check_shapes(stored)
-    _check_places(stored)
-    network = PlaceNetwork(config)
-    network.sites = _sites(stored)
-    network.visits = stored["visits"].tolist()
-    network.visit_transforms = list(stored["displacements"].copy())
-    standing = stored["standing"].tolist()
-    network.current, network.next_id, network.lost_since = standing[:3]
-    network.breadcrumbs = _breadcrumbs(stored)
-    network.map_to_graph = stored["displacement"].copy()
-    if len(stored["looked_from"]):
-        network.compared_from = stored["looked_from"][-1].copy()
-    network.log.events = [Event.of_row(row) for row in stored["events"]]
-    return network
-
-
-def _sites(stored: Mapping[str, np.ndarray]) -> dict[int, Site]:
-    sites: dict[int, Site] = {}
-    first, door = 0, 0
-    for key, frame, (surfaces, doors) in zip(
-        stored["ids"].tolist(), stored["frames"], stored["sizes"].tolist(), strict=True
-    ):
-        lines, links = stored["lines"][door : door + doors], stored["links"][door : door + doors]
-        passages = [
-            Passage(line=line.copy(), leads_to=leads_to, exit_there=there)
-            for line, (leads_to, there) in zip(lines, links.tolist(), strict=True)
-        ]
-        seen = stored["surfaces"][first : first + surfaces].copy()
-        sites[key] = Site(id=key, frame=frame.copy(), surfaces=seen, passages=passages)
-        first, door = first + surfaces, door + doors
-    return sites
-
-
-def _breadcrumbs(stored: Mapping[str, np.ndarray]) -> Breadcrumbs:
-    points, last = stored["trail"], int(stored["standing"][3])
-    places, last_used = points[:, 2:].T.astype(np.int64)
-    return rebuilt_breadcrumbs(points[:, :2], places, last_used, last, stored["trail_links"])
-
-
-def _check_shapes(stored: Mapping[str, np.ndarray]) -> None:
-    lengths: dict[str, int] = {}
-    for name, shape in _SHAPES.items():
-        found = stored[name].shape
-        wanted = tuple(
-            lengths.setdefault(length, found[axis]) if isinstance(length, str) else length
-            for axis, length in enumerate(shape)
-            if axis < len(found)
-        )
-        if len(found) != len(shape) or found != wanted:
-            raise InputError(f"places.{name}", f"shape {shape}", str(found))
-        if stored[name].dtype.kind == "f" and not np.isfinite(stored[name]).all():
-            raise InputError(f"places.{name}", "finite numbers", "NaN or infinity")
-
-
-def _check_places(stored: Mapping[str, np.ndarray]) -> None:
-    ids, sizes = stored["ids"].tolist(), stored["sizes"]
-    totals = [len(stored["surfaces"]), len(stored["lines"])]
-    if ids[:1] != [0] or sorted(set(ids)) != ids:
-        raise InputError("places.ids", "ascending numbers from 0", str(ids))
-    if (sizes < 0).any() or sizes.sum(axis=0).tolist() != totals:
-        raise InputError("places.sizes", f"counts that add up to {totals}", "others")
-    _check_links(ids, sizes[:, 1].tolist(), stored["links"].tolist())
-    _check_breadcrumbs(ids, stored)
-    current, next_id, lost_since, _ = stored["standing"].tolist()
-    visits = stored["visits"].tolist()
-    known = current in ids and set(visits[1:]) <= set(ids)
-    if not known or visits[:1] != [-1] or visits[-1] != current:
-        raise InputError(
-            "places.visits", "visits to known places, the last to the present one", "others"
-        )
-    if next_id <= max(ids) or not 0 <= lost_since < len(visits):
-        raise InputError("places.standing", "the next id and a visit", f"{next_id}, {lost_since}")
-    kinds = stored["events"][:, 1]
-    if not np.isin(kinds, list(EventKind)).all():
-        raise InputError("places.events", "known happenings", "others")
-
-
-def _check_breadcrumbs(ids: list[int], stored: Mapping[str, np.ndarray]) -> None:
-    points, ends = len(stored["trail"]), stored["trail_links"][:, :2]
-    last = int(stored["standing"][3])
-    if not (np.isin(stored["trail"][:, 2], ids).all() and -1 <= last < points):
-        raise InputError("places.trail", "points of known places", "others")
-    if ((ends < 0) | (ends >= points)).any() or (stored["trail_links"][:, 2] <= 0).any():
-        raise InputError("places.trail_links", "pairs of points and lengths", "others")
-
-
-def _check_links(ids: list[int], exits: list[int], links: list[list[int]]) -> None:
-    """Raise InputError unless every exit leads to one that leads back."""
-    doors = [(key, door) for key, count in zip(ids, exits, strict=True) for door in range(count)]
-    leads_to = dict(zip(doors, ((key, door) for key, door in links), strict=True))
-    for door, there in leads_to.items():
-        if leads_to.get(there) != door:
-            raise InputError(
-                "places.links", f"an exit that leads back to {door}", f"{leads_to.get(there)}"
-            )

@@ -8,8 +8,8 @@ import pytest
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.perceptual_map.memory import NEVER
 from albot_core.mappers.albot1.places.events import STANDS_WITHIN, EventKind
+from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
 from albot_core.mappers.albot1.places.recognition import candidate_gates
-from albot_core.mappers.albot1.state import rebuilt_network, stored_network
 from tests.core.mappers.albot1.building import RING, led
 
 
