@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.directions import length_of
+from albot_core.geometry.pose_kernels import length_of
 from albot_core.geometry.types import Pose
 
 

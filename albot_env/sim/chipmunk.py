@@ -18,7 +18,7 @@ from numba.extending import intrinsic
 from pymunk._chipmunk_cffi import ffi, lib
 from pymunk.batch import ArbiterFields, BodyFields
 
-from albot_core.geometry.directions import wrapped
+from albot_core.geometry.pose_kernels import wrap_angle
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_env.sim.drive import chord, ramped
@@ -137,7 +137,7 @@ def advance(
         for k in range(count):
             i = rows[k]
             robots.poses[i, 0], robots.poses[i, 1] = robots.states[i, 0], robots.states[i, 1]
-            robots.poses[i, 2] = wrapped(robots.states[i, 2])
+            robots.poses[i, 2] = wrap_angle(robots.states[i, 2])
 
 
 @kernel()

@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.directions import turned
+from albot_core.geometry.pose_kernels import pseudo_angle
 from albot_core.geometry.types import Pose, Ranges, Segments
 from albot_core.kernels.simd import LANES32
 from albot_core.ranges import NOT_NEGATIVE, SHARE, check_fields
@@ -80,7 +80,7 @@ def beam_geometry(geometry: LaserGeometry) -> BeamGeometry:
     directions = np.stack((np.cos(angles), np.sin(angles)))
     padded = np.zeros((3, math.ceil(geometry.beams / LANES32) * LANES32), np.float32)
     padded[:2, : geometry.beams] = directions
-    turns = [turned(u, v) for u, v in directions.T.tolist()]
+    turns = [pseudo_angle(u, v) for u, v in directions.T.tolist()]
     padded[2] = turns + turns[-1:] * (padded.shape[1] - geometry.beams)
     # A laser that looks over a half turn at most sees nothing behind the laser (a µm for rounding).
     half_turn = directions[0].min() > -1e-9

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.directions import turned
+from albot_core.geometry.pose_kernels import pseudo_angle
 from albot_core.kernels.bits import lowest_bit
 from albot_core.kernels.compiled import ZERO, kernel, load_element
 from albot_core.kernels.simd import (
@@ -183,7 +183,7 @@ def _find_lines(beams: BeamGeometry, count: int, buffers: ScanBuffers) -> int:
             lines[P, lined_up], lines[Q, lined_up] = lines[P, j], lines[Q, j]
             lines[FROM, lined_up], lines[TO, lined_up] = (
                 -np.inf,
-                turned(walls[BX, j], walls[BY, j]),
+                pseudo_angle(walls[BX, j], walls[BY, j]),
             )
             lined_up += 1
     return lined_up
@@ -220,7 +220,7 @@ def _lines_of_walls(
 
 
 def _pseudo_angles(u: FloatVector, v: FloatVector) -> FloatVector:
-    """The pseudo-angles of directions, as `turned` has them."""
+    """The pseudo-angles of directions, as `pseudo_angle` has them."""
     part = v / (u.abs() + v.abs()).maximum(1e-300)
     behind = (2.0 - part).where(-2.0 - part, v >= 0.0)
     return part.where(behind, u >= 0.0)

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.directions import turned
+from albot_core.geometry.pose_kernels import pseudo_angle
 from albot_core.kernels.bits import lowest_bit
 from albot_core.kernels.compiled import kernel
 from albot_core.kernels.simd import (
@@ -355,7 +355,7 @@ def _opening_angle(
                     return 0.0, 0.0
                 if px * px + py * py > _TOUCH * _TOUCH:
                     # From 0 to 4, counter-clockwise from the direction to the sonar, (-x, -y).
-                    turn = 2.0 + turned(x * px + y * py, x * py - y * px)
+                    turn = 2.0 + pseudo_angle(x * px + y * py, x * py - y * px)
                     if turn < left:
                         left, left_x, left_y = turn, px, py
                     if turn > right:

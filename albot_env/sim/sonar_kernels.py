@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from albot_core.geometry.directions import length_of
+from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.bits import lowest_bit, popcount
 from albot_core.kernels.compiled import ZERO, kernel
 from albot_core.kernels.simd import LANES, FloatTable, FloatVector, float64_predicate, padded_length

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.directions import length_of
+from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.bits import lowest_bit
 from albot_core.kernels.compiled import ZERO, kernel

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from albot_core.geometry.directions import length_of
+from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.compiled import kernel
 from albot_env.sim.doors import distance_to_swept_area
 from albot_env.sim.noise import draw, draw_uniform

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from jaxtyping import Float64, Int32
 
-from albot_core.geometry.directions import length_of
+from albot_core.geometry.pose_kernels import length_of
 from albot_core.geometry.types import Segments
 from albot_maps.geodesic_kernel import FAR, first_anchor, spread
 from albot_maps.lattice import Lattice

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from albot_core.geometry.directions import length_of
+from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.compiled import kernel
 from albot_maps.flood_kernel import BLOCKED
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import UInt64
 
 from albot_core.errors import InputError
-from albot_core.geometry.directions import angles_of
+from albot_core.geometry.pose_kernels import angles_from_pseudo
 from albot_core.ranges import POSITIVE, check_fields
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.tasks.core.coverage_kernels import (
@@ -53,8 +53,8 @@ class CoverageConfig:
 
     def sight(self, laser: LaserGeometry) -> Sight:
         """What such a laser shows of the ground, as the compiled loops take it."""
-        # The middles of the parts into which `turned` divides the full turn.
-        middles = angles_of((np.arange(_PARTS) + 0.5) * 4 / _PARTS - 2)
+        # The middles of the parts into which `pseudo_angle` divides the full turn.
+        middles = angles_from_pseudo((np.arange(_PARTS) + 0.5) * 4 / _PARTS - 2)
         bearings = middles - laser.mount[2] - laser.first_bearing
         half = laser.spacing / 2
         beams = np.floor(((bearings + half) % (2 * np.pi)) / laser.spacing).astype(np.int64)

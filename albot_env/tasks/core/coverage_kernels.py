@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.directions import length_of, turned
+from albot_core.geometry.pose_kernels import length_of, pseudo_angle
 from albot_core.kernels.bits import lowest_bit, popcount
 from albot_core.kernels.compiled import kernel
 from albot_core.kernels.simd import (
@@ -59,7 +59,7 @@ class Sight(NamedTuple):
     spacing: float
     """…and how far it is from each beam to the next (rad)."""
     beams: np.ndarray
-    """(parts,) int64: the beam that points into each part of the full turn (see `turned`);
+    """(parts,) int64: the beam that points into each part of the full turn (see `pseudo_angle`);
     -1 where none does."""
     ahead: float
     """No beam points to where the cosine of the bearing from the robot's heading is less."""
@@ -147,7 +147,7 @@ def _seen(
         cells &= cells - 1
         dx, dy = corner[0] + (place & 7) - x, corner[1] + (place >> 3) - y
         u, v = cos * dx + sin * dy, cos * dy - sin * dx
-        beam = beams[min(int((turned(u, v) + 2.0) * 0.25 * parts), parts - 1)]
+        beam = beams[min(int((pseudo_angle(u, v) + 2.0) * 0.25 * parts), parts - 1)]
         if beam < 0:
             continue
         reach = min(ranges[beam] * per_cell, radius)

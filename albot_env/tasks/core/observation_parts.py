@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.directions import length_of, wrapped
+from albot_core.geometry.pose_kernels import length_of, wrap_angle
 from albot_core.kernels.bits import float32_bits, float32_from_bits
 from albot_core.kernels.compiled import kernel
 
@@ -114,7 +114,7 @@ def find_home(
     east, north = where[0] - belief[0], where[1] - belief[1]
     home[0] = cos * east + sin * north
     home[1] = cos * north - sin * east
-    home[2] = wrapped(where[2] - belief[2])
+    home[2] = wrap_angle(where[2] - belief[2])
 
 
 @kernel()

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.directions import length_of, wrapped
+from albot_core.geometry.pose_kernels import length_of, wrap_angle
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 
@@ -142,4 +142,4 @@ def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray, travels: 
         cos, sin = math.cos(beliefs[i, 2]), math.sin(beliefs[i, 2])
         beliefs[i, 0] += cos * motions[i, 0] - sin * motions[i, 1]
         beliefs[i, 1] += sin * motions[i, 0] + cos * motions[i, 1]
-        beliefs[i, 2] = wrapped(beliefs[i, 2] + motions[i, 2])
+        beliefs[i, 2] = wrap_angle(beliefs[i, 2] + motions[i, 2])

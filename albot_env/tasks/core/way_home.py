@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.directions import length_of
+from albot_core.geometry.pose_kernels import length_of
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 from albot_maps import ROBOT_RADIUS, World

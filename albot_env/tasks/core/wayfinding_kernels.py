@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.directions import length_of
+from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.compiled import kernel
 from albot_core.planning.sketch_kernels import (
     FREE,

@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.directions import length_of
+from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_env.tasks.core.reward import Weights, check_discount

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.directions import bearings_of
+from albot_core.geometry.pose_kernels import bearings_of
 from albot_core.geometry.types import Points
 from albot_core.planning.senses import Senses
 from albot_core.planning.sketch import Sketch

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from albot_core.geometry.directions import bearings_of
+from albot_core.geometry.pose_kernels import bearings_of
 from albot_core.geometry.types import Points
 from albot_core.planning.explorer import Explorer
 from albot_core.planning.gaps import find_gaps

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_core.geometry.directions import length_of
+from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.compiled import kernel
 
 UNKNOWN, FREE, BLOCKED, WANTED = 0, 1, 2, 3

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.directions import length_of, wrapped
+from albot_core.geometry.pose_kernels import length_of, wrap_angle
 from albot_core.kernels.compiled import kernel
 from albot_core.planning.braking_kernels import least_distance
 
@@ -81,7 +81,7 @@ def steer_towards(points: np.ndarray, x: float, y: float, s: Limits) -> tuple[fl
         for k in range(COUNT):
             if way[k] >= min(s.lookahead, distance):
                 candidate = k * _SPACING - math.pi
-                off = abs(wrapped(candidate - bearing))
+                off = abs(wrap_angle(candidate - bearing))
                 if off < least:
                     direction, least = candidate, off
         if least <= s.pivot:

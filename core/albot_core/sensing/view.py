@@ -1,16 +1,24 @@
-"""The view: the surfaces that a robot sees from where it stands (thesis, section 3.1.3)."""
+"""The view: the surfaces that a robot sees from where it stands (thesis, section 3.1.3).
+
+A laser scan becomes a view in five steps: points, clusters, clusters broken at corners, a surface
+for each piece, and what each end of a surface is. `extract_surfaces` is all five, compiled.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int8
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
+from albot_core.kernels.compiled import ZERO, kernel
 from albot_core.sensing.reading import LaserScan
-from albot_core.sensing.surfaces import NO_EDGE, extract_surfaces, make_bench
+
+NO_EDGE, OCCLUDING, CORNER = 0, 1, 2
+"""What an end of a surface is: nothing stable, an occluding point, or a corner point."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,8 +82,273 @@ def construct_view(scan: LaserScan, config: ViewConfig = ViewConfig()) -> View:
         min(config.max_range, geometry.max_range),
         config.thresholds,
         config.fit_lines,
-        make_bench(geometry.beams),
+        make_view_buffers(geometry.beams),
         surfaces,
         edges,
     )
     return View(surfaces=surfaces[:count].copy(), edges=edges[:count].copy())
+
+
+@kernel()
+def extract_surfaces(
+    ranges: np.ndarray,
+    directions: np.ndarray,
+    mount_x: float,
+    mount_y: float,
+    max_range: float,
+    thresholds: np.ndarray,
+    fit: bool,
+    buffers: ViewBuffers,
+    surfaces: np.ndarray,
+    edges: np.ndarray,
+) -> int:
+    """All steps of view construction (thesis, section 3.1.3); return how many surfaces.
+
+    `thresholds` are the cluster gap, cluster size, break point height and surface length
+    (m). Surfaces come out in the robot's frame, in the order of the beams.
+    """
+    gap, size, height, shortest = thresholds
+    points, stack, spans, lines, raw, clusters = buffers
+    seen = scan_points(ranges, directions, mount_x, mount_y, max_range, points)
+    formed = segment_points(points, seen, gap, size, height, stack, spans)
+    form_surfaces(points, spans, formed, fit, height, lines, raw)
+    count = ZERO
+    for k in range(formed):
+        if count == surfaces.shape[0]:
+            break
+        dx, dy = raw[k, 2] - raw[k, 0], raw[k, 3] - raw[k, 1]
+        if dx * dx + dy * dy >= shortest * shortest:
+            for i in range(4):
+                surfaces[count, i] = raw[k, i]
+            clusters[count] = spans[k, 2]
+            count += 1
+    mark_edges(surfaces, clusters, count, mount_x, mount_y, edges)
+    return int(count)
+
+
+class ViewBuffers(NamedTuple):
+    """Scratch buffers of `extract_surfaces`, which any number of scans may share."""
+
+    points: np.ndarray
+    """(beams, 2) float64: the points that the laser saw (m)."""
+    stack: np.ndarray
+    """(beams + 1, 2) int64: first and last points of what is still to be broken."""
+    spans: np.ndarray
+    """(2 beams + 2, 3) int64: see `segment_points`."""
+    lines: np.ndarray
+    """(2 beams + 2, 4) float64: see `form_surfaces`."""
+    raw: np.ndarray
+    """(2 beams + 2, 4) float64: the surfaces, including those that are too short."""
+    clusters: np.ndarray
+    """(2 beams + 2,) int64: the clusters of those that are long enough."""
+
+
+@kernel(arrays=True)
+def make_view_buffers(beams: int) -> ViewBuffers:
+    """Buffers for scans of so many beams."""
+    spans = 2 * beams + 2
+    return ViewBuffers(
+        np.empty((beams, 2)),
+        np.empty((beams + 1, 2), np.int64),
+        np.empty((spans, 3), np.int64),
+        np.empty((spans, 4)),
+        np.empty((spans, 4)),
+        np.empty(spans, np.int64),
+    )
+
+
+@kernel()
+def scan_points(
+    ranges: np.ndarray,
+    directions: np.ndarray,
+    mount_x: float,
+    mount_y: float,
+    max_range: float,
+    points: np.ndarray,
+) -> int:
+    """Step 1: write the points nearer than `max_range` into `points` (n, 2); return how many.
+
+    `directions` (beams, 2) are the beams' unit vectors in the robot's frame.
+    """
+    count = 0
+    for i in range(ranges.shape[0]):
+        reach = ranges[i]
+        if reach < max_range:
+            points[count, 0] = mount_x + reach * directions[i, 0]
+            points[count, 1] = mount_y + reach * directions[i, 1]
+            count += 1
+    return int(count)
+
+
+@kernel()
+def segment_points(
+    points: np.ndarray,
+    count: int,
+    cluster_gap: float,
+    cluster_size: float,
+    break_height: float,
+    stack: np.ndarray,
+    spans: np.ndarray,
+) -> int:
+    """Steps 2 and 3: cluster the points and break the clusters; return how many spans.
+
+    Row k of `spans` is the first point, the last point and the cluster of span k, in the
+    order of the scan. Spans broken from one cluster share the point they were broken at.
+    `stack` (count + 1, 2) int64 is a scratch buffer.
+    """
+    found, cluster, start = 0, 0, 0
+    for i in range(1, count + 1):
+        if i < count:
+            dx, dy = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
+            if dx * dx + dy * dy <= cluster_gap * cluster_gap:
+                continue
+        stack[0, 0], stack[0, 1] = start, i - 1
+        depth = 1
+        while depth > 0:
+            depth -= 1
+            first, last = stack[depth, 0], stack[depth, 1]
+            dx = points[last, 0] - points[first, 0]
+            dy = points[last, 1] - points[first, 1]
+            middle, height = _farthest_from_chord(points, first, last)
+            # A closed outline has a short chord and a large height: its extent is what counts.
+            if height > break_height and max(np.sqrt(dx * dx + dy * dy), height) > cluster_size:
+                stack[depth, 0], stack[depth, 1] = middle, last
+                stack[depth + 1, 0], stack[depth + 1, 1] = first, middle
+                depth += 2
+            else:
+                spans[found, 0], spans[found, 1], spans[found, 2] = first, last, cluster
+                found += 1
+        cluster += 1
+        start = i
+    return found
+
+
+@kernel()
+def _farthest_from_chord(points: np.ndarray, first: int, last: int) -> tuple[int, float]:
+    """The point between `first` and `last` farthest from their chord, and its distance."""
+    x0, y0 = points[first, 0], points[first, 1]
+    dx, dy = points[last, 0] - x0, points[last, 1] - y0
+    square = dx * dx + dy * dy
+    best, height = first, 0.0
+    for i in range(first + 1, last):
+        x, y = points[i, 0] - x0, points[i, 1] - y0
+        h = abs(dx * y - dy * x) if square > 0.0 else x * x + y * y
+        if h > height:
+            best, height = i, h
+    return best, height / np.sqrt(square) if square > 0.0 else np.sqrt(height)
+
+
+@kernel()
+def form_surfaces(
+    points: np.ndarray,
+    spans: np.ndarray,
+    count: int,
+    fit: bool,
+    break_height: float,
+    lines: np.ndarray,
+    surfaces: np.ndarray,
+) -> None:
+    """Step 4: form one surface a span; the lines fitted are left in `lines` (count, 4).
+
+    Without `fit` a surface runs from the span's first point to its last. With it, the
+    surface lies on the line fitted to all the span's points, and two surfaces that share
+    a break point meet where their lines cross, if that is within `break_height` of it.
+    """
+    for k in range(count):
+        first, last = spans[k, 0], spans[k, 1]
+        surfaces[k, 0], surfaces[k, 1] = points[first, 0], points[first, 1]
+        surfaces[k, 2], surfaces[k, 3] = points[last, 0], points[last, 1]
+    if not fit:
+        return
+    for k in range(count):
+        first, last = spans[k, 0], spans[k, 1]
+        # The shared break point may belong to the neighbour alone: leave it out of longer fits.
+        trim = 1 if last - first >= 4 else 0
+        fit_line(points, first + trim, last - trim, lines[k])
+        surfaces[k, 0], surfaces[k, 1] = _foot(lines[k], surfaces[k, 0], surfaces[k, 1])
+        surfaces[k, 2], surfaces[k, 3] = _foot(lines[k], surfaces[k, 2], surfaces[k, 3])
+    for k in range(1, count):
+        shared = spans[k, 0]
+        if spans[k - 1, 1] != shared:
+            continue
+        px, py = points[shared, 0], points[shared, 1]
+        x, y = _crossing(lines[k - 1], lines[k], px, py)
+        if (x - px) ** 2 + (y - py) ** 2 < break_height**2:
+            surfaces[k - 1, 2], surfaces[k - 1, 3] = x, y
+            surfaces[k, 0], surfaces[k, 1] = x, y
+
+
+@kernel()
+def fit_line(points: np.ndarray, first: int, last: int, line: np.ndarray) -> None:
+    """Fit a line to points first..last by total least squares: line = x, y, dx, dy.
+
+    (x, y) is the points' mean; the unit direction (dx, dy) runs from first to last.
+    """
+    n = last - first + 1
+    mx = my = 0.0
+    for i in range(first, last + 1):
+        mx += points[i, 0]
+        my += points[i, 1]
+    mx /= n
+    my /= n
+    sxx = sxy = syy = 0.0
+    for i in range(first, last + 1):
+        x, y = points[i, 0] - mx, points[i, 1] - my
+        sxx += x * x
+        sxy += x * y
+        syy += y * y
+    angle = 0.5 * np.arctan2(2 * sxy, sxx - syy)
+    dx, dy = np.cos(angle), np.sin(angle)
+    run_x = points[last, 0] - points[first, 0]
+    run_y = points[last, 1] - points[first, 1]
+    if dx * run_x + dy * run_y < 0:
+        dx, dy = -dx, -dy
+    line[0], line[1], line[2], line[3] = mx, my, dx, dy
+
+
+@kernel()
+def _foot(line: np.ndarray, x: float, y: float) -> tuple[float, float]:
+    """The point of the line nearest to (x, y)."""
+    along = (x - line[0]) * line[2] + (y - line[1]) * line[3]
+    return line[0] + along * line[2], line[1] + along * line[3]
+
+
+@kernel()
+def _crossing(a: np.ndarray, b: np.ndarray, x: float, y: float) -> tuple[float, float]:
+    """Where two lines cross; (x, y) itself where they are nearly parallel."""
+    cross = a[2] * b[3] - a[3] * b[2]
+    if abs(cross) < 0.2:
+        return x, y
+    along = ((b[0] - a[0]) * b[3] - (b[1] - a[1]) * b[2]) / cross
+    return a[0] + along * a[2], a[1] + along * a[3]
+
+
+@kernel()
+def mark_edges(
+    surfaces: np.ndarray,
+    clusters: np.ndarray,
+    count: int,
+    eye_x: float,
+    eye_y: float,
+    edges: np.ndarray,
+) -> None:
+    """Step 5: say of every surface's two ends what they are (thesis, section 3.1.4).
+
+    Where two neighbours in the scan come from one cluster they meet at a corner point;
+    otherwise the end nearer to the laser at (eye_x, eye_y) occludes the other. The first
+    and the last end of the view are cut by the field of view and are neither.
+    """
+    for k in range(count):
+        edges[k, 0] = NO_EDGE
+        edges[k, 1] = NO_EDGE
+    for k in range(1, count):
+        if clusters[k - 1] == clusters[k]:
+            edges[k - 1, 1] = CORNER
+            edges[k, 0] = CORNER
+            continue
+        before = (surfaces[k - 1, 2] - eye_x) ** 2 + (surfaces[k - 1, 3] - eye_y) ** 2
+        after = (surfaces[k, 0] - eye_x) ** 2 + (surfaces[k, 1] - eye_y) ** 2
+        if before <= after:
+            edges[k - 1, 1] = OCCLUDING
+        else:
+            edges[k, 0] = OCCLUDING

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.sensing.reading import LaserGeometry, LaserScan
-from albot_core.sensing.surfaces import CORNER, NO_EDGE, OCCLUDING
-from albot_core.sensing.view import View, ViewConfig, construct_view
+from albot_core.sensing.view import CORNER, NO_EDGE, OCCLUDING, View, ViewConfig, construct_view
 from tests.core.scenes import ROOM, scan_from
 
 ORIGIN = np.zeros(3)

@@ -45,7 +45,7 @@ from albot_core.mappers.albot1.places.visits import keep_or_drop_candidate
 from albot_core.mappers.albot1.trail.breadcrumbs import CRUMB_SPACING, CRUMB_TURN
 from albot_core.mappers.albot1.trail.crumb_kernels import drop_crumb, has_room
 from albot_core.matching.lines import wrap
-from albot_core.sensing.surfaces import Bench, make_bench
+from albot_core.sensing.view import ViewBuffers, make_view_buffers
 
 CROSSED, REVISITING, KIDNAPPED, BREADCRUMB = 1, 2, 4, 8
 """In `BatchArrays.events`: the robot got through an exit; an earlier visit is a loop-closure
@@ -104,7 +104,7 @@ def step_robots(
         views = max(views, robots.table[rows[k], VIEW_ROOM])
         capacity = max(capacity, robots.table[rows[k], MAP_ROOM])
     buffers = make_match_buffers(views, capacity, limits.turns.shape[0])
-    bench = make_bench(beams)
+    bench = make_view_buffers(beams)
     return _step_all(rows, first, arguments, ranges, motions, _view_buffer(beams), bench, buffers)
 
 
@@ -129,7 +129,7 @@ def _step_all(
     ranges: np.ndarray,
     motions: np.ndarray,
     current: LocatedView,
-    bench: Bench,
+    bench: ViewBuffers,
     buffers: MatchBuffers,
 ) -> int:
     """`step_robots`, with buffers to work in."""
@@ -155,7 +155,7 @@ def _step(
     settings: ViewSettings,
     limits: Albot1Limits,
     current: LocatedView,
-    bench: Bench,
+    bench: ViewBuffers,
     buffers: MatchBuffers,
 ) -> bool:
     """Let a robot take in its reading; false, with nothing done, where its room is too small."""
@@ -198,7 +198,7 @@ def _step_view(
     since: np.ndarray,
     settings: ViewSettings,
     limits: Albot1Limits,
-    bench: Bench,
+    bench: ViewBuffers,
     buffers: MatchBuffers,
 ) -> bool:
     """Let a robot take in its reading as a view; false as `_step`."""

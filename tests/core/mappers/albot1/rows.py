@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.matching.lines import describe
-from albot_core.sensing.surfaces import CORNER, NO_EDGE
+from albot_core.sensing.view import CORNER, NO_EDGE
 
 Rows = tuple[np.ndarray, np.ndarray]
 

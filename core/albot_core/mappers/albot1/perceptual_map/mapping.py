@@ -48,7 +48,7 @@ from albot_core.mappers.albot1.perceptual_map.overlay import (
 from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers
 from albot_core.mappers.albot1.perceptual_map.triangulation import triangulate
 from albot_core.matching.lines import heading_of, length_of, wrap
-from albot_core.sensing.surfaces import NO_EDGE, Bench, extract_surfaces
+from albot_core.sensing.view import NO_EDGE, ViewBuffers, extract_surfaces
 
 STEP, UPDATED_AT, UPDATES, UNRECOGNIZED, INCONSISTENT = 0, 1, 2, 3, 4
 """Places in `progress`: views taken in; the view last laid over the map (the thesis's ustep); how
@@ -87,7 +87,7 @@ def take_view(
     settings: ViewSettings,
     limits: Albot1Limits,
     current: LocatedView,
-    bench: Bench,
+    bench: ViewBuffers,
 ) -> None:
     """Construct the view from a scan, and find its landmarks (algorithm 4, lines 2 to 4)."""
     current.size[0] = extract_surfaces(

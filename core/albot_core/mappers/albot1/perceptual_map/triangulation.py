@@ -35,7 +35,7 @@ from albot_core.mappers.albot1.perceptual_map.submap import (
 )
 from albot_core.matching.least_squares import held, pulled_by_line, pulled_by_point, solved
 from albot_core.matching.lines import beside, moved_ends, wrap
-from albot_core.sensing.surfaces import NO_EDGE
+from albot_core.sensing.view import NO_EDGE
 
 ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""

@@ -17,7 +17,7 @@ from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.memory import LocatedView
 from albot_core.matching.lines import length_of
-from albot_core.sensing.surfaces import CORNER, OCCLUDING
+from albot_core.sensing.view import CORNER, OCCLUDING
 
 EXIT_RANGE = 6.0
 """Gaps farther away are not looked at (m): there a beam is 10 cm from the next."""

@@ -10,7 +10,7 @@ from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.perceptual_map.frames import seen_from
 from albot_core.mappers.albot1.perceptual_map.mapping import ANGLE, END, GAP, recognize_landmarks
 from albot_core.mappers.albot1.perceptual_map.memory import NOT_RECOGNIZED, LocatedView, empty_view
-from albot_core.sensing.surfaces import CORNER, NO_EDGE
+from albot_core.sensing.view import CORNER, NO_EDGE
 
 LIMITS = Albot1Config.thesis().limits
 WALLS = np.array([[3.0, -2.0, 3.0, -0.5], [4.0, 1.0, 2.0, 2.0]])

@@ -13,7 +13,7 @@ from albot_core.geometry.poses import wrap_angle
 from albot_core.mappers.albot1.config import Albot1Config, Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.triangulation import LINE_GAP, match_surfaces
 from albot_core.matching.lines import beside, describe, moved_ends
-from albot_core.sensing.surfaces import CORNER, NO_EDGE
+from albot_core.sensing.view import CORNER, NO_EDGE
 from tests.core.mappers.albot1.rows import Rows, rows_of, some_surfaces
 
 

@@ -17,7 +17,7 @@ from albot_core.mappers.albot1.perceptual_map.triangulation import (
     likeliest_turn,
 )
 from albot_core.matching.lines import beside, moved_ends
-from albot_core.sensing.surfaces import NO_EDGE
+from albot_core.sensing.view import NO_EDGE
 from tests.core.mappers.albot1.rows import Rows, rows_of, some_surfaces
 
 

@@ -20,7 +20,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     living,
 )
 from albot_core.mappers.albot1.perceptual_map.overlay import is_covered
-from albot_core.sensing.surfaces import CORNER, NO_EDGE
+from albot_core.sensing.view import CORNER, NO_EDGE
 
 LIMITS = Albot1Config.thesis().limits
 EDGES = np.full(2, CORNER, np.int8)

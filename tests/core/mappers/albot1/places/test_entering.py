@@ -18,7 +18,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     living,
 )
 from albot_core.mappers.albot1.places.visits import begin_visit, enter_place, seen_in_visit
-from albot_core.sensing.surfaces import CORNER
+from albot_core.sensing.view import CORNER
 
 WALL, BEHIND, DOORPOST = (4.0, -2.0, 4.0, 2.0), (-9.0, 1.0, -9.0, -1.0), (1.0, 2.0, 3.0, 2.0)
 OFF = np.array((0.1, 0.05, np.radians(1.0)))
