@@ -9,7 +9,7 @@ from jaxtyping import Float64, Int32
 
 from albot_core.geometry.pose_kernels import length_of
 from albot_core.geometry.types import Segments
-from albot_maps.geodesic_kernel import FAR, first_anchor, spread
+from albot_core.planning.grid_search import FAR, first_anchor, search_any_angle
 from albot_maps.lattice import Lattice
 
 
@@ -49,7 +49,7 @@ class DistanceField:
         self.anchor_of: Int32[np.ndarray, "points"] = np.empty(len(state), np.int32)
         """The anchor to which the way from each point leads first; `FAR` where there is none."""
         x, y = ((goal - self.corner) / self.cell).tolist()
-        count = spread(state, self.columns, self.rows, x, y, anchors, self.anchor_of)
+        count = search_any_angle(state, self.columns, self.rows, x, y, anchors, self.anchor_of)
         self.anchors: Float64[np.ndarray, "anchors 4"] = anchors[:count].copy()
         """x, y of each anchor, its distance from the goal (cells), and the next one."""
 

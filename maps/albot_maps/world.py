@@ -278,7 +278,7 @@ class World:
         """Whether a quick proof spares the exact and slow check."""
         if not self.rooms and len(self.starts) == 1:
             return True
-        from albot_maps.flood import FloodFill  # compiled code is slow to load
+        from albot_maps.lattice import FloodFill  # compiled code is slow to load
 
         fill = FloodFill(self.walls, ROBOT_RADIUS, self.starts[0, :2])
         return all(fill.reaches(start[:2]) for start in self.starts) and all(

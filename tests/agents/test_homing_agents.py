@@ -10,8 +10,8 @@ import pytest
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import Outcome, run_trial
 from albot_core.geometry.poses import compose, inverse, transform_points
-from albot_core.planning.approach import Approach
-from albot_core.planning.senses import Senses
+from albot_core.planning.navigator import GoalSeeker
+from albot_core.planning.percept import Percept
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import RayCaster
 from albot_env.tasks.homing.outward_journey import OutingConfig
@@ -69,14 +69,14 @@ def test_an_approach_finds_its_way_out_of_a_bag() -> None:
     )  # fmt: skip
     laser, target = LaserGeometry(), np.array((6.0, 0.0))
     caster, pose, motion = RayCaster(walls, laser), np.zeros(3), np.zeros(3)
-    approach = Approach()
-    approach.reset(np.random.default_rng(2))
+    seeker = GoalSeeker()
+    seeker.reset(np.random.default_rng(2))
     for _ in range(3000):
-        senses = Senses(ranges=caster.scan(pose), laser=laser, pose=pose, motion=motion)
+        percept = Percept(ranges=caster.scan(pose), laser=laser, pose=pose, motion=motion)
         seen = transform_points(inverse(pose), target)
         if np.hypot(*seen) < 0.3:
             break
-        speed, turn = approach.command(senses, seen)
+        speed, turn = seeker.command(percept, seen)
         motion = np.array((0.1 * speed, 0.0, 0.1 * turn))
         pose = compose(pose, motion)
         assert caster.scan(pose).min() > 0.2

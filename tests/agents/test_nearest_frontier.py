@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from albot_core.planning.frontier import find_frontiers
-from albot_core.planning.sketch_kernels import BLOCKED, FREE
+from albot_core.planning.frontier_explorer import find_frontiers
+from albot_core.planning.grid_search import BLOCKED, FREE
 from albot_maps import World
 from tests.agents.test_gap_explorer import _explore
 

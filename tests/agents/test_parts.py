@@ -12,25 +12,24 @@ from hypothesis import strategies as st
 from albot_agents.scripted.senses import make_sense
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
-from albot_core.planning.braking_kernels import least_distance
-from albot_core.planning.gaps import find_gaps
-from albot_core.planning.patience import Patience
-from albot_core.planning.prospects import Prospects
-from albot_core.planning.senses import Senses
-from albot_core.planning.sketch import Sketch
-from albot_core.planning.sketch_kernels import (
+from albot_core.planning.explorer import StallDetector
+from albot_core.planning.gap_explorer import CandidateGoals, find_gaps
+from albot_core.planning.grid_search import (
     BLOCKED,
     FREE,
     WANTED,
-    flood,
-    straight_is_free,
-    trace,
+    search_grid,
+    trace_path,
 )
+from albot_core.planning.occupancy_grid import OccupancyGrid
+from albot_core.planning.occupancy_grid_kernels import straight_is_free
+from albot_core.planning.percept import Percept
 from albot_core.planning.steering import (
     DIRECTIONS,
     SteeringConfig,
-    free_way,
-    hold_back,
+    admissible_command,
+    free_distances,
+    least_distance,
     steer,
 )
 from albot_core.sensing.reading import LaserGeometry
@@ -48,9 +47,9 @@ def _points(walls: np.ndarray, pose: tuple[float, float, float] = (0, 0, 0)) -> 
     return np.minimum(ranges, 30.0)[:, None] * LASER.directions
 
 
-def _senses(walls: np.ndarray, pose: tuple[float, float, float] = (0, 0, 0)) -> Senses:
+def _percept(walls: np.ndarray, pose: tuple[float, float, float] = (0, 0, 0)) -> Percept:
     ranges = RayCaster(walls, LaserGeometry()).scan(np.array(pose, float))
-    return Senses(
+    return Percept(
         ranges=np.minimum(ranges, 30.0),
         laser=LASER,
         pose=np.array(pose, float),
@@ -87,7 +86,7 @@ def test_a_long_wall_beside_the_robot_has_no_gap(aside: float, heading: float) -
 def test_free_ways_touch_nothing(bearing: float, distance: float) -> None:
     """A disc that goes its free way in any direction stays clear of a post."""
     post = np.array(((distance * np.cos(bearing), distance * np.sin(bearing)),))
-    way = free_way(np.repeat(post, 3, axis=0), 0.3)
+    way = free_distances(np.repeat(post, 3, axis=0), 0.3)
     for direction, length in zip(DIRECTIONS, way, strict=True):
         for share in (0.25, 0.5, 0.75, 0.999):
             step = share * min(length, 10.0)
@@ -129,10 +128,10 @@ def test_the_robot_holds_back_before_a_wall_and_not_before_nothing() -> None:
     ahead = np.array((1.0, 0.0))
     fast, slow = np.array((0.1, 0.0, 0.0)), np.zeros(3)
     wall = _points(np.array(((0.75, -3, 0.75, 3),), float))
-    assert hold_back(ahead, wall, fast)[0] < 0.8
-    assert np.array_equal(hold_back(ahead, wall, slow), ahead)
+    assert admissible_command(ahead, wall, fast)[0] < 0.8
+    assert np.array_equal(admissible_command(ahead, wall, slow), ahead)
     far = _points(np.array(((9.0, -3, 9.0, 3),), float))
-    assert np.array_equal(hold_back(ahead, far, fast), ahead)
+    assert np.array_equal(admissible_command(ahead, far, fast), ahead)
 
 
 def test_steering_settings_that_are_none_are_refused() -> None:
@@ -140,7 +139,7 @@ def test_steering_settings_that_are_none_are_refused() -> None:
         SteeringConfig(radius=-1.0)
 
 
-def _slow_flood(grid: np.ndarray, start: tuple[int, int], radius: int) -> np.ndarray:
+def _slow_search(grid: np.ndarray, start: tuple[int, int], radius: int) -> np.ndarray:
     """Dijkstra's search, cell by cell, over cells whose disc meets no blocked one."""
     size = len(grid)
     blocked = np.argwhere(grid == BLOCKED)
@@ -168,14 +167,14 @@ def _slow_flood(grid: np.ndarray, start: tuple[int, int], radius: int) -> np.nda
 
 @given(st.integers(0, 2**32 - 1))
 @settings(deadline=None, max_examples=40)
-def test_the_flood_finds_the_shortest_ways(seed: int) -> None:
+def test_the_search_finds_the_shortest_ways(seed: int) -> None:
     rng = np.random.default_rng(seed)
     grid = rng.choice(np.array((0, FREE, BLOCKED), np.int8), (24, 24), p=(0.05, 0.9, 0.05))
     start = (int(rng.integers(3, 21)), int(rng.integers(3, 21)))
     grid[start] = FREE
     before = np.empty(grid.shape, np.int64)
-    ways, _ = flood(grid, start, (2.0, 3.0), before, False, (-1, -1))
-    assert np.array_equal(ways, _slow_flood(grid, start, 2))
+    ways, _ = search_grid(grid, start, (2.0, 3.0), before, False, (-1, -1))
+    assert np.array_equal(ways, _slow_search(grid, start, 2))
     for row, column in np.argwhere(ways > 0):
         r, c = divmod(int(before[row, column]), 24)
         step = 5 if r == row or c == column else 7
@@ -185,25 +184,27 @@ def test_the_flood_finds_the_shortest_ways(seed: int) -> None:
 
 @given(st.integers(0, 2**32 - 1), st.booleans())
 @settings(deadline=None, max_examples=40)
-def test_a_flood_with_an_end_finds_the_shortest_way_there(seed: int, hopeful: bool) -> None:
+def test_a_search_with_an_end_finds_the_shortest_way_there(
+    seed: int, unknown_is_free: bool
+) -> None:
     rng = np.random.default_rng(seed)
     grid = rng.choice(np.array((0, FREE, BLOCKED), np.int8), (24, 24), p=(0.1, 0.85, 0.05))
     start, goal = (tuple(rng.integers(3, 21, 2).tolist()) for _ in range(2))
     grid[start] = FREE
-    before, settings = np.empty(grid.shape, np.int64), ((2.0, 3.0), hopeful)
-    all_ways, end = _flood(grid, start, before, *settings, (-1, -1))
+    before, settings = np.empty(grid.shape, np.int64), ((2.0, 3.0), unknown_is_free)
+    all_ways, end = _search(grid, start, before, *settings, (-1, -1))
     assert end == (-1, -1)
-    ways, end = _flood(grid, start, before, *settings, goal)
+    ways, end = _search(grid, start, before, *settings, goal)
     assert end == (goal if all_ways[goal] >= 0 else (-1, -1))
     if end == goal:
-        cells = trace(ways, before, goal)
+        cells = trace_path(ways, before, goal)
         assert (tuple(cells[0]), tuple(cells[-1])) == (start, goal)
         assert (np.abs(np.diff(cells, axis=0)).max(axis=1, initial=1) == 1).all()
         assert (ways[tuple(cells.T)] == all_ways[tuple(cells.T)]).all()
     wanted = (rng.random(grid.shape) < 0.03) & (grid == FREE)
     wanted[start] = False
-    ways, end = _flood(np.where(wanted, np.int8(WANTED), grid), start, before, *settings, (-1, -1))
-    clear = _slow_flood(np.where(grid == 0, FREE, grid) if hopeful else grid, start, 2)
+    ways, end = _search(np.where(wanted, np.int8(WANTED), grid), start, before, *settings, (-1, -1))
+    clear = _slow_search(np.where(grid == 0, FREE, grid) if unknown_is_free else grid, start, 2)
     near = np.hypot(*(np.indices(grid.shape) - np.array(start)[:, None, None])) <= 3
     reached = np.sort(clear[wanted & (clear >= 0) & ~near])
     if len(reached) and not (wanted & near).any():
@@ -211,15 +212,15 @@ def test_a_flood_with_an_end_finds_the_shortest_way_there(seed: int, hopeful: bo
         assert ways[end] == reached[0]
 
 
-def _flood(
+def _search(
     grid: np.ndarray,
     start: tuple[int, int],
     before: np.ndarray,
     radii: tuple[float, float],
-    hopeful: bool,
+    unknown_is_free: bool,
     goal: tuple[int, int],
 ) -> tuple[np.ndarray, tuple[int, int]]:
-    ways, end = flood(grid, start, radii, before, hopeful, goal)
+    ways, end = search_grid(grid, start, radii, before, unknown_is_free, goal)
     return ways, (int(end[0]), int(end[1]))
 
 
@@ -231,58 +232,56 @@ def test_a_straight_way_is_free_or_not() -> None:
     assert straight_is_free(grid, (20, 5), (20, 20), 2, False)
 
 
-def test_the_sketch_finds_the_way_through_the_doorway() -> None:
-    sketch, senses = Sketch(), _senses(WALL_WITH_DOOR)
-    sketch.draw(senses)
-    ways = sketch.ways(senses.pose)
-    behind, in_wall = np.array((3.5, 1.6)), np.array((2.0, -2.0))
-    route = sketch.route(ways, behind)
+def test_the_grid_finds_the_way_through_the_doorway() -> None:
+    grid, percept = OccupancyGrid(), _percept(WALL_WITH_DOOR)
+    grid.integrate(percept)
+    ways = grid.shortest_paths(percept.pose)
+    behind = np.array((3.5, 1.6))
+    route = grid.route(ways, behind)
     assert route[0] == pytest.approx((0, 0), abs=0.1)
     assert np.hypot(*(route[-1] - behind)) < 0.75
     crossing = route[np.abs(route[:, 0] - 2.0).argmin()]
     assert crossing[1] == pytest.approx(1.0, abs=0.25)
     assert np.hypot(*np.diff(route, axis=0).T).max() < 0.15
-    assert sketch.length(ways, behind) == pytest.approx(4.0, abs=1.0)
-    assert sketch.length(ways, np.array((9.0, 0.0))) == np.inf
-    assert not len(sketch.route(ways, np.array((9.0, 0.0))))
-    assert sketch.is_straight(senses.pose, np.array((1.2, 0.0)))
-    assert not sketch.is_straight(senses.pose, in_wall)
+    assert grid.length(ways, behind) == pytest.approx(4.0, abs=1.0)
+    assert grid.length(ways, np.array((9.0, 0.0))) == np.inf
+    assert not len(grid.route(ways, np.array((9.0, 0.0))))
 
 
-def test_the_sketch_grows_where_the_robot_goes_far() -> None:
-    sketch = Sketch()
-    far = _senses(WALL_WITH_DOOR + np.tile((300.0, -200.0), 2), (300.0, -200.0, 0.0))
-    sketch.draw(far)
-    ways = sketch.ways(far.pose)
-    assert sketch.length(ways, np.array((301.2, -200.0))) == pytest.approx(1.2, abs=0.6)
+def test_the_grid_grows_where_the_robot_goes_far() -> None:
+    grid = OccupancyGrid()
+    far = _percept(WALL_WITH_DOOR + np.tile((300.0, -200.0), 2), (300.0, -200.0, 0.0))
+    grid.integrate(far)
+    ways = grid.shortest_paths(far.pose)
+    assert grid.length(ways, np.array((301.2, -200.0))) == pytest.approx(1.2, abs=0.6)
 
 
-def test_prospects_are_kept_until_covered_and_not_twice() -> None:
-    prospects, sketch, far = Prospects(), Sketch(), np.array((9.0, 9.0, 0.0))
+def test_candidates_are_kept_until_covered_and_not_twice() -> None:
+    candidates, grid, far = CandidateGoals(), OccupancyGrid(), np.array((9.0, 9.0, 0.0))
     places = np.array(((1.0, 1.0), (1.2, 1.1), (3.0, 1.0)))
-    prospects.note(places, places)
-    prospects.note(places, places)
-    assert prospects.goals == pytest.approx(np.array(((1.0, 1.0), (3.0, 1.0))))
-    goal = prospects.goals[1]
-    assert prospects.holds(goal)
-    prospects.give_up(goal)
-    prospects.note(places, places)
-    assert prospects.goals == pytest.approx(np.array(((1.0, 1.0),)))
-    prospects.pardon()
-    prospects.note(places, places)
-    assert len(prospects.goals) == 2
-    prospects.forget_covered(sketch, far)
-    assert len(prospects.goals) == 2
-    sketch.draw(_senses(WALL_WITH_DOOR))
-    prospects.forget_covered(sketch, far)
-    assert prospects.goals == pytest.approx(np.array(((3.0, 1.0),)))
-    prospects.forget_covered(sketch, np.array((3.1, 1.0, 0.0)))
-    assert not len(prospects.goals)
+    candidates.add(places, places)
+    candidates.add(places, places)
+    assert candidates.goals == pytest.approx(np.array(((1.0, 1.0), (3.0, 1.0))))
+    goal = candidates.goals[1]
+    assert candidates.holds(goal)
+    candidates.give_up(goal)
+    candidates.add(places, places)
+    assert candidates.goals == pytest.approx(np.array(((1.0, 1.0),)))
+    candidates.readmit()
+    candidates.add(places, places)
+    assert len(candidates.goals) == 2
+    candidates.drop_covered(grid, far)
+    assert len(candidates.goals) == 2
+    grid.integrate(_percept(WALL_WITH_DOOR))
+    candidates.drop_covered(grid, far)
+    assert candidates.goals == pytest.approx(np.array(((3.0, 1.0),)))
+    candidates.drop_covered(grid, np.array((3.1, 1.0, 0.0)))
+    assert not len(candidates.goals)
 
 
 def test_ground_is_covered_where_it_is_in_view_and_near() -> None:
-    sketch = Sketch()
-    sketch.draw(_senses(WALL_WITH_DOOR))
+    grid = OccupancyGrid()
+    grid.integrate(_percept(WALL_WITH_DOOR))
     ahead, far, behind, hidden, wall, beyond = (
         (1.5, 0.05),
         (3.0, 1.2),
@@ -292,41 +291,41 @@ def test_ground_is_covered_where_it_is_in_view_and_near() -> None:
         (900.0, 0.0),
     )
     places = np.array((ahead, far, behind, hidden, wall, beyond))
-    assert sketch.covered(places).tolist() == [True, False, False, False, True, False]
+    assert (grid.uncovered_share(places) == 0).tolist() == [True, False, False, False, True, False]
 
 
 def test_obstacles_near_by_are_remembered() -> None:
-    sketch, senses = Sketch(), _senses(WALL_WITH_DOOR)
-    sketch.draw(senses)
-    things = sketch.obstacles(np.array((1.8, 0.0, 0.0)), 1.0)
+    grid, percept = OccupancyGrid(), _percept(WALL_WITH_DOOR)
+    grid.integrate(percept)
+    things = grid.obstacles(np.array((1.8, 0.0, 0.0)), 1.0)
     assert len(things) > 8
     assert things[:, 0] == pytest.approx(2.05, abs=0.11)
     assert np.abs(things[:, 1]).max() <= 1.1
 
 
-def test_patience_ends_on_the_spot_and_on_long_ways() -> None:
-    patience, here = Patience(), np.zeros(3)
-    patience.begin(100.0)
-    assert [patience.lost(here) for _ in range(46)] == [False] * 45 + [True]
-    patience.begin(1.0)
-    walk = [patience.lost(np.array((0.2 * k, 0, 0))) for k in range(200)]
+def test_a_stall_is_detected_on_the_spot_and_on_long_ways() -> None:
+    stall, here = StallDetector(), np.zeros(3)
+    stall.start(100.0)
+    assert [stall.update(here) for _ in range(46)] == [False] * 45 + [True]
+    stall.start(1.0)
+    walk = [stall.update(np.array((0.2 * k, 0, 0))) for k in range(200)]
     assert walk.index(True) == 140
-    assert patience.recovery() is None
-    patience.recover(np.random.default_rng(0))
-    turning = [patience.recovery() for _ in range(13)]
+    assert stall.recovery_command() is None
+    stall.start_recovery(np.random.default_rng(0))
+    turning = [stall.recovery_command() for _ in range(13)]
     assert turning[-1] is None
     assert all(
         action is not None and action[0] == 0 and abs(action[1]) == 1.0 for action in turning[:-1]
     )
 
 
-def test_senses_undo_the_observation(make_env) -> None:
+def test_percepts_undo_the_observation(make_env) -> None:
     env = make_env(odometer="ideal")
     for observation, info in drive(env, 40)[::10]:
-        senses = make_sense(observation, ObservationConfig())
+        percept = make_sense(observation, ObservationConfig())
         start = np.array((2.0, 2.0, 0.0))
-        assert senses.pose == pytest.approx(relative(start, info["pose"]), abs=0.02)
-        assert senses.ranges.min() > 0.2
-        assert senses.motion[:2] == pytest.approx(np.zeros(2), abs=0.12)
-        back = senses.to_robot(senses.to_map(np.array(((1.0, 2.0),))))
+        assert percept.pose == pytest.approx(relative(start, info["pose"]), abs=0.02)
+        assert percept.ranges.min() > 0.2
+        assert percept.motion[:2] == pytest.approx(np.zeros(2), abs=0.12)
+        back = percept.to_robot(percept.to_map(np.array(((1.0, 2.0),))))
         assert back == pytest.approx(np.array(((1.0, 2.0),)))

@@ -11,11 +11,11 @@ from albot_agents.agent import Action
 from albot_agents.scripted.driving import DrivingAgent
 from albot_agents.scripted.senses import sense_known_way
 from albot_core.geometry.poses import inverse
-from albot_core.planning.wayfarer import Wayfarer
+from albot_core.planning.navigator import Navigator
 from albot_env.tasks.core.observation import ObservationConfig
 
 
-class Albot1Homing(DrivingAgent[Wayfarer]):
+class Albot1Homing(DrivingAgent[Navigator]):
     """Drives through one exit after another until home is in this place, and there to it.
 
     It uses only what the map holds: over the network of places the way back to the place that
@@ -35,7 +35,7 @@ class Albot1Homing(DrivingAgent[Wayfarer]):
     """How near to where it believes home to be it declares (m)."""
 
     def __init__(self, observing: ObservationConfig) -> None:
-        super().__init__(observing, Wayfarer())
+        super().__init__(observing, Navigator())
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The action that leads on towards home, or declares it."""

@@ -9,7 +9,7 @@ from gymnasium.spaces import Box
 
 from albot_agents.agent import Action, filled
 from albot_agents.scripted.senses import SENSED, make_sense
-from albot_core.planning.senses import Senses
+from albot_core.planning.percept import Percept
 from albot_core.planning.steering import Command
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
@@ -50,7 +50,7 @@ class DrivingAgent(Generic[Drives]):
         self._driver.reset(rng)
         self._actions = actions
 
-    def _sense(self, observation: Any) -> Senses:
+    def _sense(self, observation: Any) -> Percept:
         """What is sensed, by an observation."""
         return make_sense(observation, self._observing)
 

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from albot_agents.agent import Action
 from albot_agents.scripted.driving import DrivingAgent
-from albot_core.planning.frontier import FrontierExplorer
+from albot_core.planning.frontier_explorer import FrontierExplorer
 from albot_env.tasks.core.observation import ObservationConfig
 
 

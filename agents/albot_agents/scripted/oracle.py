@@ -10,11 +10,11 @@ import numpy as np
 from albot_agents.agent import Action
 from albot_agents.scripted.driving import DrivingAgent
 from albot_core.geometry.poses import inverse, transform_points
-from albot_core.planning.approach import Approach
+from albot_core.planning.navigator import GoalSeeker
 from albot_env.tasks.core.observation import ObservationConfig
 
 
-class Oracle(DrivingAgent[Approach]):
+class Oracle(DrivingAgent[GoalSeeker]):
     """The upper bound: knows the truth, and still has to drive.
 
     It takes from `info` where the robot is (`pose`), where it set out (`start`) and where the
@@ -32,7 +32,7 @@ class Oracle(DrivingAgent[Approach]):
     """How near to home it stops (m)."""
 
     def __init__(self, observing: ObservationConfig) -> None:
-        super().__init__(observing, Approach())
+        super().__init__(observing, GoalSeeker())
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The action that leads on along the shortest way, or declares home."""

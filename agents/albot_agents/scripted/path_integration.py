@@ -12,11 +12,11 @@ from albot_agents.agent import Action
 from albot_agents.scripted.driving import DrivingAgent
 from albot_core.geometry.poses import compose, inverse
 from albot_core.geometry.types import Pose
-from albot_core.planning.approach import Approach
+from albot_core.planning.navigator import GoalSeeker
 from albot_env.tasks.core.observation import ObservationConfig
 
 
-class PathIntegration(DrivingAgent[Approach]):
+class PathIntegration(DrivingAgent[GoalSeeker]):
     """Follows its home vector round what is in the way, and declares where the vector is nothing.
 
     From the first observation it takes where home is believed to be, and from there on adds up
@@ -33,7 +33,7 @@ class PathIntegration(DrivingAgent[Approach]):
     """The home vector is nothing where it is shorter than this (m)."""
 
     def __init__(self, observing: ObservationConfig) -> None:
-        super().__init__(observing, Approach())
+        super().__init__(observing, GoalSeeker())
 
     def reset(self, rng: np.random.Generator, actions: Box) -> None:
         """Begin anew."""

@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from albot_core.planning.senses import Senses
-from albot_core.planning.wayfarer import KnownWay
+from albot_core.planning.navigator import KnownWay
+from albot_core.planning.percept import Percept
 from albot_env.tasks.core.observation import ObservationConfig
 
 SENSED = ("laser", "motion", "heading", "home")
 """The parts of an observation that `make_sense` makes sense of."""
 
 
-def make_sense(observation: Any, config: ObservationConfig) -> Senses:
+def make_sense(observation: Any, config: ObservationConfig) -> Percept:
     """Undo the scaling of an observation, flat or by part."""
     parts = observation if isinstance(observation, dict) else config.split(observation)
     heading = math.atan2(parts["heading"][1], parts["heading"][0])
@@ -23,7 +23,7 @@ def make_sense(observation: Any, config: ObservationConfig) -> Senses:
     distance = config.home_distance(parts["home"][2])
     home_x, home_y = distance * parts["home"][0], distance * parts["home"][1]
     step = np.array((config.step_length, config.step_length, config.step_turn))
-    return Senses(
+    return Percept(
         ranges=config.ranges(parts["laser"]),
         laser=config.laser,
         # Home is the map's origin, so the robot is at minus the turned home vector.

@@ -11,9 +11,9 @@ import numpy as np
 from albot_core.geometry.pose_kernels import length_of
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
+from albot_core.planning.grid_search import FAR, first_anchor
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField
-from albot_maps.geodesic_kernel import FAR, first_anchor
 
 KEPT = 256
 """Fields that are kept; the one that was longest not asked for is made again."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.planning.sketch import NARROW, NEAR_BY
-from albot_core.planning.wayfarer import JUMP, WORTH
+from albot_core.planning.navigator import JUMP, WORTH
+from albot_core.planning.occupancy_grid import NARROW, NEAR_BY
 from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.wayfinding_kernels import (

@@ -1,6 +1,6 @@
 """The compiled loops of sketching: what robots see of the ground, drawn as they go.
 
-What the cells of a sketch are, see `albot_core.planning.sketch_kernels`.
+What the cells of a sketch are, see `albot_core.planning.grid_search`.
 """
 
 from __future__ import annotations
@@ -12,16 +12,15 @@ import numpy as np
 
 from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.compiled import kernel
-from albot_core.planning.sketch_kernels import (
+from albot_core.planning.grid_search import (
     FREE,
     STEP,
     WANTED,
-    draw_scan,
-    farthest_straight,
-    flood,
     nearest_reached,
-    trace,
+    search_grid,
+    trace_path,
 )
+from albot_core.planning.occupancy_grid_kernels import farthest_straight, mark_scan
 from albot_env.tasks.core.coverage_kernels import Ground, Sight, is_covered, is_time_to_look
 
 POINT, LENGTH = slice(0, 2), 2
@@ -141,7 +140,7 @@ def _draw(
     farthest = max(abs(eye[0]), abs(eye[1])) + pencil.reach + pencil.cell
     if farthest < (grid.shape[0] // 2) * pencil.cell:
         bearings = np.arange(ranges.shape[0]) * sight.spacing
-        draw_scan(grid, pencil.cell, eye, ranges, bearings, pencil.reach)
+        mark_scan(grid, pencil.cell, eye, ranges, bearings, pencil.reach)
 
 
 _NOWHERE = (-1, -1)
@@ -177,12 +176,12 @@ def find_homewards(sketches: Sketches, i: int, search: Search, home: np.ndarray)
     part = grid[low[0] : high[0], low[1] : high[1]].copy()
     before = np.empty(part.shape, np.int64)
     here, goal = (start[0] - low[0], start[1] - low[1]), (end[0] - low[0], end[1] - low[1])
-    ways, last = flood(part, here, search.radii, before, True, goal)
+    ways, last = search_grid(part, here, search.radii, before, True, goal)
     if last[0] < 0:  # Home is believed to be in or beside something: as near by as can be.
         last = nearest_reached(ways, goal[0], goal[1], int(search.at_goal / search.cell))
     if last[0] < 0:
         return
-    is_whole = _tell_way(part, low, grid.shape[0] // 2, trace(ways, before, last), search, way)
+    is_whole = _tell_way(part, low, grid.shape[0] // 2, trace_path(ways, before, last), search, way)
     rest = STEP * length_of(last[0] - goal[0], last[1] - goal[1])
     way[LENGTH] = (ways[last] + rest) / STEP * search.cell
     if is_whole:
@@ -208,9 +207,9 @@ def find_onwards(sketches: Sketches, i: int, search: Search, covered: Ground) ->
         _mark_uncovered(part, low, grid.shape[0] // 2, search.cell, covered, i)
         before = np.empty(part.shape, np.int64)
         here = start[0] - low[0], start[1] - low[1]
-        ways, last = flood(part, here, search.radii, before, False, _NOWHERE)
+        ways, last = search_grid(part, here, search.radii, before, False, _NOWHERE)
         if last[0] >= 0:
-            _tell_way(part, low, grid.shape[0] // 2, trace(ways, before, last), search, way)
+            _tell_way(part, low, grid.shape[0] // 2, trace_path(ways, before, last), search, way)
             way[LENGTH] = ways[last] / STEP * search.cell
             return
         goes_on = around < search.last and _comes_to_the_edge(ways, int(search.radii[1]))

@@ -13,7 +13,7 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
-from albot_core.planning.senses import Senses
+from albot_core.planning.percept import Percept
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.journeys import Journeys, Ticket
 from albot_env.tasks.core.observation import ObservationConfig
@@ -124,11 +124,11 @@ class Outings(Journeys[Outing]):
             field = DistanceField(world.walls, ROBOT_RADIUS, start[:2], tight=True)
         return Outing(world=world, rest=scout.rest(0), field=field, cut_short=not arrived)
 
-    def _senses(self) -> Senses:
+    def _senses(self) -> Percept:
         """What the scout knows now."""
         scout = self._scout
         reading = scout.readings[0]
-        return Senses(
+        return Percept(
             ranges=np.minimum(reading.laser.ranges, scout.observing.laser_range),
             laser=scout.geometry,
             pose=scout.beliefs[0].copy(),

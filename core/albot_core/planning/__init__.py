@@ -1,1 +1,1 @@
-"""Exploration: where to go next, from what a robot senses and believes alone."""
+"""Planning: where to go next, and how to drive there, by what a robot senses and believes."""

@@ -13,12 +13,10 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from albot_core.geometry.pose_kernels import bearings_of
-from albot_core.geometry.types import Points
+from albot_core.geometry.types import Points, Pose
 from albot_core.planning.explorer import Explorer
-from albot_core.planning.gaps import find_gaps
-from albot_core.planning.prospects import Prospects
-from albot_core.planning.senses import Senses
-from albot_core.planning.sketch import Ways
+from albot_core.planning.occupancy_grid import OccupancyGrid, ShortestPaths
+from albot_core.planning.percept import Percept
 from albot_core.planning.steering import SteeringConfig
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
 
@@ -61,7 +59,7 @@ class GapExplorer(Explorer):
     """
 
     _LOOK_EVERY = 3
-    """Steps between two looks for prospects: the robot moves two hand's breadths meanwhile."""
+    """Steps between two looks for candidates."""
     _SURROUNDINGS = 1.5
     """Half the side of the square (m) about a place whose new ground is gained there."""
     _FAN = np.radians(6.0)
@@ -74,91 +72,224 @@ class GapExplorer(Explorer):
     def reset(self, rng: np.random.Generator) -> None:
         """Begin anew, by looking all around."""
         super().reset(rng)
-        self._prospects = Prospects()
+        self._candidates = CandidateGoals()
         self._least = self._config.worth
 
-    def _take_in(self, senses: Senses) -> None:
-        """Draw what is in view, and note what is worth going to."""
-        self._sketch.draw(senses)
+    def _observe(self, percept: Percept) -> None:
+        """Mark what is in view, and add what is worth going to."""
+        self._grid.integrate(percept)
         if self._steps % self._LOOK_EVERY == 0:
-            self._note_gaps(senses)
-            ground = self._open_ground(senses)
-            self._prospects.note(ground, ground)
-            self._prospects.forget_covered(self._sketch, senses.pose, self._least)
-            if self._goal is not None and not self._prospects.holds(self._goal):
+            self._add_gaps(percept)
+            ground = self._open_ground(percept)
+            self._candidates.add(ground, ground)
+            self._candidates.drop_covered(self._grid, percept.pose, self._least)
+            if self._goal is not None and not self._candidates.holds(self._goal):
                 self._goal = None
         self._steps += 1
 
-    def _note_gaps(self, senses: Senses) -> None:
-        """Gaps are gone to for the ground that they hide."""
+    def _add_gaps(self, percept: Percept) -> None:
+        """Add the gaps in view, each for the ground that it hides."""
         config = self._config
-        gaps = find_gaps(senses.points, narrowest=config.gap_width, reach=config.reach)
+        gaps = find_gaps(percept.points, narrowest=config.gap_width, reach=config.reach)
         if gaps:
             centres = np.stack([gap.centre for gap in gaps])
             hidden = np.stack([gap.beyond(2 * config.clearance) for gap in gaps])
-            centres, hidden = senses.to_map(centres), senses.to_map(hidden)
+            centres, hidden = percept.to_map(centres), percept.to_map(hidden)
             new = self._is_new(hidden)
-            self._prospects.note(centres[new], hidden[new])
+            self._candidates.add(centres[new], hidden[new])
 
-    def _open_ground(self, senses: Senses) -> Float64[np.ndarray, "places 2"]:
+    def _open_ground(self, percept: Percept) -> Float64[np.ndarray, "places 2"]:
         """Points in view, on a fan of beams, not covered yet, at which the robot could stand.
 
         In the map's frame (m).
         """
-        config, laser = self._config, senses.laser
+        config, laser = self._config, percept.laser
         distances = np.arange(1.0, config.reach, 1.0)
         beams = np.arange(0, laser.beams, max(1, round(self._FAN / laser.spacing)))
-        free = senses.ranges[beams, None] - config.clearance > distances
+        free = percept.ranges[beams, None] - config.clearance > distances
         fan = (laser.directions[beams, None] * distances[:, None])[free]
-        fan = fan[self._is_new(senses.to_map(fan))]
-        apart = fan[:, None] - senses.points
+        fan = fan[self._is_new(percept.to_map(fan))]
+        apart = fan[:, None] - percept.points
         clear = (np.hypot(apart[..., 0], apart[..., 1]) > config.clearance).all(axis=1)
-        return senses.to_map(fan[clear])
+        return percept.to_map(fan[clear])
 
     def _is_new(self, ground: Points) -> Bool[np.ndarray, "places"]:
         """Whether ground (m, map frame) is worth going to."""
-        left = self._sketch.uncovered(ground)
+        left = self._grid.uncovered_share(ground)
         return np.asarray((left > 0) & (left >= self._least))
 
-    def _give_up_where_vain(self, senses: Senses) -> None:
-        """Drop a goal that cannot be come nearer, or that takes too long."""
+    def _maybe_drop_goal(self, percept: Percept) -> None:
+        """Drop a goal that the robot cannot reach, or has reached."""
         if self._goal is None:
             return
-        stuck = self._patience.lost(senses.pose)
-        arrived = len(self._route) and np.hypot(*(self._route[-1] - senses.pose[:2])) < 0.3
+        stuck = self._stall.update(percept.pose)
+        arrived = len(self._route) and np.hypot(*(self._route[-1] - percept.pose[:2])) < 0.3
         if stuck or arrived:
-            self._prospects.give_up(self._goal)
+            self._candidates.give_up(self._goal)
             self._goal = None
         if stuck:
-            self._patience.recover(self._rng)
+            self._stall.start_recovery(self._rng)
 
-    def _plan(self, senses: Senses) -> None:
-        """Find the way to the goal anew; choose a goal where there is none or no way to it."""
-        sketch = self._sketch
+    def _plan(self, percept: Percept) -> None:
+        """Find the path to the goal anew; choose a goal where there is none, or no path to it."""
+        grid = self._grid
         if self._goal is not None:
-            self._route = sketch.route(sketch.ways(senses.pose, goal=self._goal), self._goal)
+            self._route = grid.route(grid.shortest_paths(percept.pose, goal=self._goal), self._goal)
             if len(self._route):
                 return
-        ways = sketch.ways(senses.pose)
-        self._goal = self._choose(senses, ways)
+        paths = grid.shortest_paths(percept.pose)
+        self._goal = self._choose(percept, paths)
         if self._goal is not None:
-            self._route = sketch.route(ways, self._goal)
+            self._route = grid.route(paths, self._goal)
 
-    def _choose(self, senses: Senses, ways: Ways) -> Float64[np.ndarray, "2"] | None:
-        """The prospect with the shortest way, all else counted in; None if none is left.
+    def _choose(self, percept: Percept, paths: ShortestPaths) -> Float64[np.ndarray, "2"] | None:
+        """The candidate with the lowest cost, path and all else together; None if none is left.
 
         Yeap et al. go to the nearest gap; that the ground behind it can count, too, is ours.
         """
-        config, goals = self._config, self._prospects.goals
-        lengths = np.array([self._sketch.length(ways, goal) for goal in goals])
+        config, goals = self._config, self._candidates.goals
+        lengths = np.array([self._grid.length(paths, goal) for goal in goals])
         if not np.isfinite(lengths).any():
-            self._prospects.pardon()
+            self._candidates.readmit()
             self._least = 0.0
             self._look_round.begin()
             return None
-        turns = np.abs(bearings_of(senses.to_robot(goals)))
+        turns = np.abs(bearings_of(percept.to_robot(goals)))
         chances = config.chance * self._rng.random(len(goals))
-        gains = config.gain * self._sketch.uncovered(self._prospects.ground, self._SURROUNDINGS)
+        gains = config.gain * self._grid.uncovered_share(
+            self._candidates.ground, self._SURROUNDINGS
+        )
         chosen = int((lengths + config.turn_cost * turns + chances - gains).argmin())
-        self._patience.begin(float(lengths[chosen]))
+        self._stall.start(float(lengths[chosen]))
         return np.array(goals[chosen])
+
+
+_SAME_SURFACE = 0.2
+"""A point so near (m) to the line of a surface lies on it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gap:
+    """An opening, in the robot's frame."""
+
+    centre: Float64[np.ndarray, "2"]
+    """The middle between its two edges (m)."""
+    outward: Float64[np.ndarray, "2"]
+    """Unit vector across the opening, away from the robot."""
+    width: float
+    """Distance between its edges (m)."""
+
+    def beyond(self, distance: float) -> Float64[np.ndarray, "2"]:
+        """The point so far (m) behind the middle of the opening."""
+        return np.asarray(self.centre + distance * self.outward)
+
+
+def find_gaps(
+    points: Float64[np.ndarray, "beams 2"], *, narrowest: float, reach: float
+) -> list[Gap]:
+    """The gaps in a scan, in the order of the beams.
+
+    Where the range jumps between neighbouring beams, the nearer surface ends at an edge.
+    The other edge is the point nearest to it on the farther side of the jump.
+
+    Args:
+        points: Where the beams end (m, robot's frame).
+        narrowest: Openings no wider than this are none (m).
+        reach: Openings whose middle is farther away are left out (m).
+    """
+    ranges = np.hypot(points[:, 0], points[:, 1])
+    gaps = []
+    for k in np.flatnonzero(np.abs(np.diff(ranges)) > narrowest).tolist():
+        if _is_one_surface(points, k):
+            continue
+        if ranges[k] < ranges[k + 1]:
+            edge, farther = points[k], points[k + 1 :]
+        else:
+            edge, farther = points[k + 1], points[: k + 1]
+        across = np.hypot(farther[:, 0] - edge[0], farther[:, 1] - edge[1])
+        nearest = int(across.argmin())
+        gap = _between(edge, farther[nearest], float(across[nearest]))
+        if gap.width > narrowest and np.hypot(gap.centre[0], gap.centre[1]) <= reach:
+            gaps.append(gap)
+    return gaps
+
+
+def _is_one_surface(points: Float64[np.ndarray, "beams 2"], k: int) -> bool:
+    """Whether beams k and k + 1 meet one wall: seen at a grazing angle it jumps in range too.
+
+    It is one where the line through the beams on one side runs on to the other.
+    """
+    runs_on = False
+    if k >= 2:
+        runs_on |= _off_line(points[k - 2], points[k], points[k + 1]) < _SAME_SURFACE
+    if k + 3 < len(points):
+        runs_on |= _off_line(points[k + 3], points[k + 1], points[k]) < _SAME_SURFACE
+    return runs_on
+
+
+def _off_line(
+    start: Float64[np.ndarray, "2"], end: Float64[np.ndarray, "2"], point: Float64[np.ndarray, "2"]
+) -> float:
+    """Distance (m) of a point from the line through two others."""
+    (dx, dy), (px, py) = end - start, point - end
+    length = float(np.hypot(dx, dy))
+    return abs(float(dx * py - dy * px)) / max(length, 1e-9)
+
+
+def _between(edge: Float64[np.ndarray, "2"], other: Float64[np.ndarray, "2"], width: float) -> Gap:
+    centre = (edge + other) / 2
+    across = (other - edge) / max(width, 1e-9)
+    outward = np.array((-across[1], across[0]))
+    if (outward * centre).sum() < 0:
+        outward = -outward
+    return Gap(centre=centre, outward=outward, width=width)
+
+
+class CandidateGoals:
+    """Places seen but not yet covered, kept until they are: goals, and the ground each is for.
+
+    Args:
+        spacing: Ground nearer than this to ground kept or given up is not added (m).
+    """
+
+    def __init__(self, spacing: float = 0.8) -> None:
+        self._spacing = spacing
+        self.goals: Float64[np.ndarray, "candidates 2"] = np.empty((0, 2))
+        """Where to go for them (m, map frame)."""
+        self.ground: Float64[np.ndarray, "candidates 2"] = np.empty((0, 2))
+        """The ground that each is for (m, map frame)."""
+        self._given_up: Float64[np.ndarray, "places 2"] = np.empty((0, 2))
+
+    def add(self, goals: Float64[np.ndarray, "n 2"], ground: Float64[np.ndarray, "n 2"]) -> None:
+        """Add those whose ground is apart from what is kept or given up (m, map frame)."""
+        for goal, spot in zip(goals, ground, strict=True):
+            known = np.concatenate((self.ground, self._given_up)) - spot
+            if not (np.hypot(known[:, 0], known[:, 1]) < self._spacing).any():
+                self.goals = np.vstack((self.goals, goal))
+                self.ground = np.vstack((self.ground, spot))
+
+    def drop_covered(self, grid: OccupancyGrid, pose: Pose, least: float = 0.0) -> None:
+        """Drop those whose ground is covered by now, or on whose goal the robot is.
+
+        Ground also counts as covered where less of it is left than the share `least`.
+        """
+        here = np.hypot(*(self.goals - pose[:2]).T) < 0.3
+        left = grid.uncovered_share(self.ground)
+        self._keep((left > 0) & (left >= least) & ~here)
+
+    def holds(self, goal: Float64[np.ndarray, "2"]) -> bool:
+        """Whether a goal is still one."""
+        return bool((self.goals == goal).all(axis=1).any())
+
+    def give_up(self, goal: Float64[np.ndarray, "2"]) -> None:
+        """Drop the candidates with this goal, and do not add their ground again."""
+        given = (self.goals == goal).all(axis=1)
+        self._given_up = np.concatenate((self._given_up, self.ground[given]))
+        self._keep(~given)
+
+    def readmit(self) -> None:
+        """Allow the places given up to be added again."""
+        self._given_up = np.empty((0, 2))
+
+    def _keep(self, kept: np.ndarray) -> None:
+        self.goals, self.ground = self.goals[kept], self.ground[kept]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
-from albot_core.planning.sketch import SketchConfig
+from albot_core.planning.occupancy_grid import OccupancyGridConfig
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.observation import HOMEWARD, ObservationConfig
@@ -188,8 +188,8 @@ def test_ground_not_covered_is_looked_for_farther_and_farther(last, is_found) ->
 def test_settings_that_are_none_are_refused(wrong) -> None:
     with pytest.raises(InputError, match=rf"WayfindingConfig\.{next(iter(wrong))}"):
         WayfindingConfig(**wrong)
-    with pytest.raises(InputError, match=r"SketchConfig\.wide"):
-        SketchConfig(wide=0.1)
+    with pytest.raises(InputError, match=r"OccupancyGridConfig\.wide"):
+        OccupancyGridConfig(wide=0.1)
 
 
 def test_a_batch_shows_what_a_single_one_shows() -> None:

@@ -9,8 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_maps import ROBOT_RADIUS, catalogue_names, load_world
-from albot_maps.flood import FloodFill
 from albot_maps.freespace import FreeSpace
+from albot_maps.lattice import FloodFill
 
 FRAME = np.array([[0.0, 0, 6, 0], [6, 0, 6, 6], [6, 6, 0, 6], [0, 6, 0, 0]])
 START = np.array([0.55, 0.5])

@@ -1,4 +1,4 @@
-"""What a robot that explores goes by: ranges, a believed pose, its last motion."""
+"""The percept: what a planner goes by at a step: ranges, a believed pose, the last motion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from albot_core.sensing.reading import LaserGeometry
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Senses:
+class Percept:
     """What is known at a step, in metres and radians, in the robot's frame."""
 
     ranges: Float64[np.ndarray, "beams"]

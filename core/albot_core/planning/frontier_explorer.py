@@ -1,4 +1,4 @@
-"""Frontiers: where the ground that was covered borders on ground that was not."""
+"""The frontier explorer: goes to the nearest border of the ground that it has covered."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from jaxtyping import Bool, Float64, Int
 from scipy import ndimage
 
 from albot_core.planning.explorer import Explorer
-from albot_core.planning.senses import Senses
-from albot_core.planning.sketch import Ways
-from albot_core.planning.sketch_kernels import BLOCKED, FREE, STEP
+from albot_core.planning.grid_search import BLOCKED, FREE, STEP
+from albot_core.planning.occupancy_grid import ShortestPaths
+from albot_core.planning.percept import Percept
 from albot_core.planning.steering import SteeringConfig
 
 _NEIGHBOURS = np.ones((3, 3), np.bool_)
@@ -37,11 +37,11 @@ def find_frontiers(
 
 
 class FrontierExplorer(Explorer):
-    """Goes to the nearest frontier that it can come to, over and over.
+    """Goes to the nearest frontier that it can reach, over and over.
 
     After B. Yamauchi, A frontier-based approach for autonomous exploration, IEEE International
     Symposium on Computational Intelligence in Robotics and Automation (1997). There, cells are
-    known that the sensors reach. Here, known is what is covered, since that is what counts.
+    known that the sensors reach. Here, cells are known that are covered, since that is the task.
 
     Args:
         near: Ground in view and no farther away than this is covered (m).
@@ -49,13 +49,13 @@ class FrontierExplorer(Explorer):
     """
 
     _LEAST = 0.6
-    """A frontier narrower than this is none (m): the robot does not fit through."""
+    """Narrower frontiers are left out (m): the robot does not fit through."""
     _NEAR_BY = 0.4
-    """A frontier no farther than this from where the robot can come to is one it can reach (m)."""
+    """A frontier counts as reachable from so far away (m)."""
     _ARRIVED = 0.3
-    """How near to a frontier the robot is there (m)."""
+    """A frontier no farther away than this is reached (m)."""
     _APART = 0.8
-    """No frontier so near to one that was given up is gone to (m)."""
+    """Frontiers nearer than this to one that was given up are left out (m)."""
 
     def __init__(self, near: float = 2.0, config: SteeringConfig | None = None) -> None:
         super().__init__(near, config or SteeringConfig())
@@ -65,21 +65,21 @@ class FrontierExplorer(Explorer):
         super().reset(rng)
         self._given_up: Float64[np.ndarray, "places 2"] = np.empty((0, 2))
 
-    def _give_up_where_vain(self, senses: Senses) -> None:
-        """Drop a goal that cannot be come nearer, or that is no nearer to what is new."""
+    def _maybe_drop_goal(self, percept: Percept) -> None:
+        """Drop a goal that the robot cannot reach, or has reached."""
         if self._goal is None:
             return
-        stuck = self._patience.lost(senses.pose)
-        if stuck or np.hypot(*(self._route[-1] - senses.pose[:2])) < self._ARRIVED:
+        stuck = self._stall.update(percept.pose)
+        if stuck or np.hypot(*(self._route[-1] - percept.pose[:2])) < self._ARRIVED:
             self._given_up = np.vstack((self._given_up, self._goal))
             self._goal = None
         if stuck:
-            self._patience.recover(self._rng)
+            self._stall.start_recovery(self._rng)
 
-    def _plan(self, senses: Senses) -> None:
-        """Go on to the frontier chosen, else to the nearest; where none is left look round."""
-        ways = self._sketch.ways(senses.pose)
-        places, lengths, groups = self._frontiers(ways)
+    def _plan(self, percept: Percept) -> None:
+        """Plan the path to the chosen frontier, else to the nearest; with none left, look round."""
+        paths = self._grid.shortest_paths(percept.pose)
+        places, lengths, groups = self._frontiers(paths)
         if not len(places):
             self._goal, self._given_up = None, np.empty((0, 2))
             self._look_round.begin()
@@ -91,26 +91,26 @@ class FrontierExplorer(Explorer):
                 self._goal = None
         if self._goal is None:
             chosen = int(lengths.argmin())
-            self._patience.begin(float(lengths[chosen]))
+            self._stall.start(float(lengths[chosen]))
         ours = places[groups == groups[chosen]]
         self._goal = ours[np.hypot(*(ours - ours.mean(axis=0)).T).argmin()]
-        self._route = self._sketch.route(ways, self._goal)
+        self._route = self._grid.route(paths, self._goal)
 
     def _frontiers(
-        self, ways: Ways
+        self, paths: ShortestPaths
     ) -> tuple[
         Float64[np.ndarray, "cells 2"], Float64[np.ndarray, "cells"], Int[np.ndarray, "cells"]
     ]:
-        """Cells of frontiers that can be come to.
+        """The cells of reachable frontiers.
 
-        Where they are (m, map frame), how long the ways are (m), and their frontiers' numbers.
+        Their places (m, map frame), the lengths of the paths (m), and their frontiers' numbers.
         """
-        sketch, cell = self._sketch, self._sketch.cell
-        groups = find_frontiers(*sketch.part(ways), least=round(self._LEAST / cell))
-        reached = np.where(ways.lengths < 0, _FAR, ways.lengths)
+        grid, cell = self._grid, self._grid.cell
+        groups = find_frontiers(*grid.window(paths), least=round(self._LEAST / cell))
+        reached = np.where(paths.lengths < 0, _FAR, paths.lengths)
         reached = ndimage.minimum_filter(reached, 2 * round(self._NEAR_BY / cell) + 1)
         rows, columns = np.nonzero((groups > 0) & (reached < _FAR))
-        places = sketch.middles(np.stack((rows, columns), axis=1) + ways.corner)
+        places = grid.centres(np.stack((rows, columns), axis=1) + paths.corner)
         apart = places[:, np.newaxis] - self._given_up
         kept = (np.hypot(apart[..., 0], apart[..., 1]) > self._APART).all(axis=1)
         rows, columns = rows[kept], columns[kept]

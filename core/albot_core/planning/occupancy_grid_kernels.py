@@ -1,0 +1,167 @@
+"""Compiled loops of the occupancy grid: marking scans, straight lines, what is left to cover."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from albot_core.geometry.pose_kernels import length_of
+from albot_core.kernels.compiled import kernel
+from albot_core.planning.grid_search import BLOCKED, FREE, UNKNOWN
+
+
+@kernel()
+def mark_scan(
+    grid: np.ndarray,
+    cell: float,
+    eye: np.ndarray,
+    ranges: np.ndarray,
+    bearings: np.ndarray,
+    reach: float,
+) -> None:
+    """Mark the ground along the beams free, and blocked where they end.
+
+    `eye` is the laser's pose in the map's frame. Ground is marked up to the reach (m); all of that
+    must be on the grid.
+    """
+    half = grid.shape[0] // 2
+    x, y = eye[0] / cell + half, eye[1] / cell + half  # Positive: to truncate is to floor.
+    for k in range(ranges.shape[0]):
+        angle = eye[2] + bearings[k]
+        dx, dy = np.cos(angle), np.sin(angle)
+        steps = int(min(ranges[k] - cell, reach) / cell)
+        for j in range(steps + 1):
+            grid[int(y + j * dy), int(x + j * dx)] = FREE
+    for k in range(ranges.shape[0]):  # Ends last: a beam that grazes a wall must not erase it.
+        if ranges[k] < reach:
+            angle, length = eye[2] + bearings[k], ranges[k] / cell
+            grid[int(y + length * np.sin(angle)), int(x + length * np.cos(angle))] = BLOCKED
+
+
+@kernel()
+def mark_covered(
+    covered: np.ndarray,
+    cell: float,
+    eye: np.ndarray,
+    ranges: np.ndarray,
+    bearings: np.ndarray,
+    near: float,
+) -> None:
+    """Mark the ground along the beams, as far as `near` (m), covered. See `mark_scan`."""
+    half = covered.shape[0] // 2
+    x, y = eye[0] / cell + half, eye[1] / cell + half
+    for k in range(ranges.shape[0]):
+        angle = eye[2] + bearings[k]
+        dx, dy = np.cos(angle), np.sin(angle)
+        for j in range(int(min(ranges[k] - cell, near) / cell) + 1):
+            covered[int(y + j * dy), int(x + j * dx)] = True
+
+
+@kernel(arrays=True)
+def farthest_straight(
+    grid: np.ndarray,
+    place: tuple[float, float],
+    cells: np.ndarray,
+    sights: tuple[float, float],
+    radii: tuple[float, float],
+    unknown_is_free: bool,
+) -> int:
+    """Index of the last of the `cells` of a route to which a disc can go straight from a place.
+
+    The disc has the second of the radii, and comes at least as far as the first of the sights. If
+    it cannot, it has the first of the radii. It comes no farther than the second of the sights.
+    All in cells. The route is followed from where it passes nearest to the place. Where it can go
+    straight to no cell, the result is the second cell from there.
+    """
+    start = int(place[0]), int(place[1])
+    count = cells.shape[0]
+    away = np.empty(count)
+    for k in range(count):
+        away[k] = length_of(cells[k, 0] + 0.5 - place[0], cells[k, 1] + 0.5 - place[1])
+    here = int(np.argmin(away))
+    for radius, least in ((radii[1], sights[0]), (radii[0], 0.0)):
+        for k in range(count - 1, here - 1, -1):
+            end = cells[k, 0], cells[k, 1]
+            seen = least <= away[k] < sights[1]
+            if seen and straight_is_free(grid, start, end, radius, unknown_is_free):
+                return k
+    return int(min(here + 2, count - 1))
+
+
+@kernel()
+def straight_is_free(
+    grid: np.ndarray,
+    start: tuple[int, int],
+    end: tuple[int, int],
+    radius: float,
+    unknown_is_free: bool,
+) -> bool:
+    """Whether a disc can go straight from cell to cell.
+
+    Near the start only blocked cells bar the way, as in `search_grid`.
+    """
+    rows, columns = end[0] - start[0], end[1] - start[1]
+    count = max(abs(rows), abs(columns))
+    for k in range(1, count + 1):
+        row = start[0] + int(np.round(rows * k / count))
+        column = start[1] + int(np.round(columns * k / count))
+        near = (row - start[0]) ** 2 + (column - start[1]) ** 2 <= (radius + 1) ** 2
+        if near:
+            if grid[row, column] == BLOCKED:
+                return False
+        elif not _passable(grid, row, column, radius, unknown_is_free):
+            return False
+    return True
+
+
+@kernel()
+def _passable(
+    grid: np.ndarray, row: int, column: int, radius: float, unknown_is_free: bool
+) -> bool:
+    """Whether a disc about a free cell holds the centre of no blocked one.
+
+    With `unknown_is_free` unknown cells count as free.
+    """
+    if grid[row, column] == BLOCKED or (grid[row, column] == UNKNOWN and not unknown_is_free):
+        return False
+    around = int(radius)
+    for i in range(-around, around + 1):
+        for j in range(-around, around + 1):
+            if i * i + j * j <= radius * radius and grid[row + i, column + j] == BLOCKED:
+                return False
+    return True
+
+
+@kernel(arrays=True)
+def blocked_around(grid: np.ndarray, row: int, column: int, around: int) -> np.ndarray:
+    """Rows and columns (n, 2) of the blocked cells of a square about a cell."""
+    found = np.empty(((2 * around + 1) ** 2, 2), np.int64)
+    count = 0
+    for r in range(max(0, row - around), min(grid.shape[0], row + around + 1)):
+        for c in range(max(0, column - around), min(grid.shape[1], column + around + 1)):
+            if grid[r, c] == BLOCKED:
+                found[count, 0], found[count, 1] = r, c
+                count += 1
+    return found[:count]
+
+
+@kernel(arrays=True)
+def uncovered_shares(
+    grid: np.ndarray, covered: np.ndarray, cells: np.ndarray, around: int
+) -> np.ndarray:
+    """The share (n,) of a square about each cell that is neither covered nor blocked.
+
+    It is 0 about cells that are either themselves. What lies beyond the grid's edges is neither.
+    """
+    shares = np.empty(cells.shape[0])
+    for k in range(cells.shape[0]):
+        row, column = cells[k, 0], cells[k, 1]
+        inside = 0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]
+        if inside and (covered[row, column] or grid[row, column] == BLOCKED):
+            shares[k] = 0.0
+            continue
+        done = 0
+        for r in range(max(0, row - around), min(grid.shape[0], row + around + 1)):
+            for c in range(max(0, column - around), min(grid.shape[1], column + around + 1)):
+                done += covered[r, c] or grid[r, c] == BLOCKED
+        shares[k] = 1 - done / (2 * around + 1) ** 2
+    return shares
