@@ -47,7 +47,7 @@ class PerceptualMap(NamedTuple):
     surfaces: np.ndarray
     """(capacity, 4) float64: x1, y1, x2, y2 in the map's frame (m); NaN in freed slots."""
     edges: np.ndarray
-    """(capacity, 2) int8: what the two ends are (see `sensing.surfaces`)."""
+    """(capacity, 2) int8: what the two ends are (see `sensing.view`)."""
     ids: np.ndarray
     """(capacity,) int64: the surface's id, never used twice; -1 in freed slots."""
     marks: np.ndarray
@@ -311,7 +311,7 @@ class LocatedView(NamedTuple):
     surfaces: np.ndarray
     """(room, 4) float64: x1, y1, x2, y2 in the robot's frame (m)."""
     edges: np.ndarray
-    """(room, 2) int8: what the two ends are (see `sensing.surfaces`)."""
+    """(room, 2) int8: what the two ends are (see `sensing.view`)."""
     landmark: np.ndarray
     """(room,) bool: the surface is a landmark."""
     slots: np.ndarray
