@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import relative
+from albot_core.mappers.albot1 import handle_events
 from albot_core.mappers.albot1.config import Albot1Config, PlacesConfig
-from albot_core.mappers.albot1.handle_events import handle_events
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.perceptual_map.memory import (
     CANDIDATE,
