@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.geometry.types import Pose, Segments
+from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import LaserGeometry, Reading, SonarGeometry
 
 
@@ -31,8 +32,8 @@ class EpisodeHeader:
     """Name of the odometer's preset."""
     seed: int | None
     """The seed of the reset; None where it had none."""
-    laser: LaserGeometry
-    """Where the laser's beams point."""
+    laser: LaserGeometry | None = None
+    """Where the laser's beams point; None on a robot without a laser."""
     sonar: SonarGeometry | None = None
     """Where the sonars sit and point; None on a robot without sonars."""
 
@@ -65,9 +66,12 @@ class Moment:
     home: Pose
     """Where home is believed to be, in the robot's present frame."""
     updates: int
-    """How often the mapper has added a view to its map."""
-    surfaces: Segments | None
-    """The surfaces remembered, map frame; None where they are those of the moment before."""
+    """How many readings the mapper has added to its map."""
+    matched_reading: int | None
+    """The earlier reading that the mapper believes was taken at the present place, counted from
+    0; None where it recognises nothing."""
+    snapshot: MapSnapshot | None
+    """The map, map frame; None where it is that of the moment before."""
     things: Float64[np.ndarray, "things 4"] = field(default_factory=lambda: np.empty((0, 4)))
     """The outlines of what moves around the robot, where it is now, world frame."""
 

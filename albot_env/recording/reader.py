@@ -20,6 +20,7 @@ from zstandard import ZstdError
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
+from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import (
     LaserGeometry,
     LaserScan,
@@ -28,6 +29,7 @@ from albot_core.sensing.reading import (
     SonarScan,
 )
 from albot_env.recording.episode import EpisodeHeader, Moment
+from albot_env.recording.layers import map_from_message
 from albot_env.recording.schemas import EPISODE_HEADER
 
 RECORD_LIMIT = 256 * 2**20
@@ -59,35 +61,34 @@ class EpisodeReader:
             InputError: The file is damaged before its end.
         """
         scan: list[float] | None = None
-        surfaces: Segments | None = None
+        snapshot: MapSnapshot | None = None
         things: Segments = np.empty((0, 4))
         for topic, time, content in self._messages():
             if topic == "/scan":
                 scan = content["ranges"]
             elif topic == "/albot/map":
-                surfaces = np.array(content["surfaces"], np.float64).reshape(-1, 4)
+                with self._as_its_schema(f"albot.Map at {time / 1e9:g} s"):
+                    snapshot = map_from_message(content)
             elif topic == "/albot/things":
                 with self._as_its_schema(f"albot.Things at {time / 1e9:g} s"):
                     things = np.array(content["segments"], np.float64).reshape(-1, 4)
             elif topic == "/albot/step":
                 with self._as_its_schema(f"albot.Step at {time / 1e9:g} s"):
-                    moment = self._moment(content, scan, surfaces, things)
+                    moment = self._moment(content, scan, snapshot, things)
                 yield moment
-                surfaces, things = None, np.empty((0, 4))
+                scan, snapshot, things = None, None, np.empty((0, 4))
 
     def _moment(
         self,
         step: dict[str, Any],
         ranges: list[float] | None,
-        surfaces: Segments | None,
+        snapshot: MapSnapshot | None,
         things: Float64[np.ndarray, "things 4"],
     ) -> Moment:
-        reach = np.array(ranges, np.float64)
-        reach[reach == 0] = np.inf
         reading = Reading(
             stamp=float(step["stamp"]),
             motion=_numbers(step["motion"], 3),
-            laser=LaserScan(ranges=reach, geometry=self.header.laser),
+            laser=self._laser(ranges),
             sonar=self._sonar(step["echoes"]),
             scene=None if step["scene"] is None else int(step["scene"]),
         )
@@ -104,9 +105,19 @@ class EpisodeReader:
             belief=_numbers(step["belief"], 3),
             home=_numbers(step["home"], 3),
             updates=int(step["updates"]),
-            surfaces=surfaces,
+            matched_reading=step["matched_reading"],
+            snapshot=snapshot,
             things=things,
         )
+
+    def _laser(self, ranges: list[float] | None) -> LaserScan | None:
+        if (ranges is None) != (self.header.laser is None):
+            raise ValueError("a scan of a laser that the header knows expected")
+        if ranges is None or self.header.laser is None:
+            return None
+        reach = np.array(ranges, np.float64)
+        reach[reach == 0] = np.inf
+        return LaserScan(ranges=reach, geometry=self.header.laser)
 
     def _sonar(self, echoes: list[float | None] | None) -> SonarScan | None:
         if (echoes is None) != (self.header.sonar is None):
@@ -220,7 +231,9 @@ class EpisodeReader:
             ) from None
 
 
-def _laser_geometry(content: dict[str, Any]) -> LaserGeometry:
+def _laser_geometry(content: dict[str, Any] | None) -> LaserGeometry | None:
+    if content is None:
+        return None
     x, y, heading = (float(number) for number in content["mount"])
     return LaserGeometry(
         beams=content["beams"],

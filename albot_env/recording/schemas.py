@@ -155,9 +155,17 @@ SONAR_GEOMETRY = _strict(
     min_range=NUMBER,
     max_range=NUMBER,
 )
+LASER_GEOMETRY = _strict(
+    "albot.LaserGeometry",
+    beams=COUNT,
+    first_bearing=NUMBER,
+    spacing=NUMBER,
+    max_range=NUMBER,
+    mount=_numbers(3),
+)
 EPISODE_HEADER = _strict(
     "albot.EpisodeHeader",
-    format={"const": 2, "description": "Version of the albot messages."},
+    format={"const": 3, "description": "Version of the albot messages."},
     environment=STRING,
     world=STRING,
     walls=_list(_numbers(4)),
@@ -166,14 +174,7 @@ EPISODE_HEADER = _strict(
     odometer=STRING,
     agent=STRING,
     seed={"type": ["integer", "null"]},
-    laser=_strict(
-        "albot.LaserGeometry",
-        beams=COUNT,
-        first_bearing=NUMBER,
-        spacing=NUMBER,
-        max_range=NUMBER,
-        mount=_numbers(3),
-    ),
+    laser={"oneOf": [LASER_GEOMETRY, NULL], "description": "Null on a robot without a laser."},
     sonar={"oneOf": [SONAR_GEOMETRY, NULL], "description": "Null on a robot without sonars."},
 )
 STEP = _strict(
@@ -194,11 +195,74 @@ STEP = _strict(
     path_length=NUMBER,
     belief=_numbers(3) | {"description": "Where the robot believes to be, map frame."},
     home=_numbers(3) | {"description": "Where home is believed to be, robot frame."},
-    updates=COUNT,
+    updates=COUNT | {"description": "Readings that the mapper has added to its map."},
+    matched_reading={
+        "type": ["integer", "null"],
+        "description": "The earlier reading believed to be of this place, counted from 0.",
+    },
 )
-MAP = _strict(
-    "albot.Map",
-    surfaces=_list(_numbers(4)) | {"description": "Surfaces remembered, map frame."},
+_PLACE = _strict(
+    "albot.Place",
+    id=COUNT,
+    label=STRING,
+    pose=_numbers(3),
+    middle=_numbers(2),
+    segments=_list(_numbers(4)) | {"description": "In the place's own frame."},
+)
+_EDGE = _strict(
+    "albot.Edge",
+    source=COUNT,
+    target=COUNT,
+    motion=_numbers(3) | {"description": "The target's frame in the source's."},
+    doorway={"oneOf": [_numbers(4), NULL], "description": "In the source's frame."},
+    reverse={"type": ["integer", "null"], "description": "Number of the edge back."},
+)
+_ID = {"type": ["integer", "null"]}
+LAYER_SCHEMAS: dict[str, Schema] = {
+    "segments": _strict("albot.Segments", segments=_list(_numbers(4))),
+    "occupancy_grid": _strict(
+        "albot.OccupancyGrid",
+        origin=_numbers(3),
+        resolution=NUMBER,
+        rows=COUNT,
+        columns=COUNT,
+        occupancy=STRING
+        | {
+            "contentEncoding": "base64",
+            "description": "A byte a cell, row by row: occupied with k / 254; 255 unknown.",
+        },
+    ),
+    "place_graph": _strict(
+        "albot.PlaceGraph", nodes=_list(_PLACE), edges=_list(_EDGE), current=_ID, home=_ID
+    ),
+    "particles": _strict("albot.Particles", poses=_list(_numbers(3)), weights=_list(NUMBER)),
+    "trajectory": _strict("albot.Trajectory", poses=_list(_numbers(3))),
+}
+"""What is said of each kind of layer."""
+MAP = _object("albot.Map", **LAYER_SCHEMAS) | {
+    "description": "The layers that the map has, by their kind, map frame."
+}
+POSES_IN_FRAME = _object(
+    "foxglove.PosesInFrame", timestamp=TIME, frame_id=STRING, poses=_list(POSE)
+)
+GRID = _object(
+    "foxglove.Grid",
+    timestamp=TIME,
+    frame_id=STRING,
+    pose=POSE,
+    column_count=COUNT,
+    cell_size=_object("foxglove.Vector2", x=NUMBER, y=NUMBER),
+    row_stride=COUNT,
+    cell_stride=COUNT,
+    fields=_list(
+        _object(
+            "foxglove.PackedElementField",
+            name=STRING,
+            offset=COUNT,
+            type=_either(UNKNOWN=0, UINT8=1),
+        )
+    ),
+    data=STRING | {"contentEncoding": "base64"},
 )
 
 THINGS = _strict(
@@ -214,7 +278,11 @@ TOPICS: dict[str, Schema] = {
     "/home": POSE_IN_FRAME,
     "/walls": SCENE_UPDATE,
     "/things": SCENE_UPDATE,
-    "/surfaces": SCENE_UPDATE,
+    "/map/segments": SCENE_UPDATE,
+    "/map/occupancy_grid": GRID,
+    "/map/place_graph": SCENE_UPDATE,
+    "/map/particles": POSES_IN_FRAME,
+    "/map/trajectory": POSES_IN_FRAME,
     "/albot/things": THINGS,
     "/albot/map": MAP,
     "/albot/step": STEP,

@@ -12,7 +12,8 @@ from mcap.writer import Writer
 
 from albot_core.errors import InputError
 from albot_env.recording.episode import EpisodeHeader, Moment
-from albot_env.recording.messages import Message, header_messages, moment_messages, nanoseconds
+from albot_env.recording.foxglove import Message, nanoseconds
+from albot_env.recording.messages import header_messages, moment_messages
 from albot_env.recording.schemas import TOPICS
 
 CHUNK_BYTES = 48 * 1024

@@ -9,7 +9,9 @@ import numpy as np
 import pygame
 from jaxtyping import Float64, UInt8
 
-from albot_env.rendering.scene import ROBOT_RADIUS, Panel, Scene, Shape, scale_bar
+from albot_core.geometry.poses import inverse, transform_points
+from albot_env.rendering.scene import Panel, Scene, scale_bar
+from albot_env.rendering.shapes import ROBOT_RADIUS, Shape
 
 Colour = tuple[int, int, int]
 
@@ -17,6 +19,8 @@ BACKGROUND: Colour = (22, 24, 29)
 PANEL: Colour = (30, 33, 40)
 TEXT: Colour = (222, 226, 233)
 FAINT: Colour = (128, 136, 150)
+FREE: Colour = (44, 48, 58)
+OCCUPIED: Colour = (236, 239, 244)
 PALETTE: dict[str, Colour] = {
     "wall": (214, 219, 228),
     "thing": (212, 140, 219),
@@ -24,6 +28,12 @@ PALETTE: dict[str, Colour] = {
     "path": (90, 160, 240),
     "surface": (244, 185, 66),
     "believed": (112, 193, 140),
+    "corrected": (102, 217, 232),
+    "link": (145, 128, 214),
+    "doorway": (247, 131, 172),
+    "place": (177, 151, 252),
+    "particle": (255, 192, 80),
+    "grid": (128, 136, 150),
     "home": (226, 120, 190),
     "robot": (246, 248, 250),
 }
@@ -47,6 +57,10 @@ class _View:
         self.scale = min(area.width / (x1 - x0), area.height / (y1 - y0))
         self._middle = np.array(((x0 + x1) / 2, (y0 + y1) / 2))
         self._centre = np.array(area.center, float)
+
+    def metres(self, pixels: Float64[np.ndarray, "*points 2"]) -> Float64[np.ndarray, "..."]:
+        """Where pixels are (m)."""
+        return np.asarray(self._middle + (pixels - self._centre) / (self.scale, -self.scale))
 
     def __call__(self, points: Float64[np.ndarray, "*points 2"]) -> Float64[np.ndarray, "..."]:
         return np.asarray(self._centre + (points - self._middle) * (self.scale, -self.scale))
@@ -102,6 +116,37 @@ def _dots(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
         pygame.draw.circle(canvas, PALETTE[shape.style], (x, y), 2)
 
 
+def _marks(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
+    for x, y in view(shape.data).tolist():
+        pygame.draw.circle(canvas, PALETTE[shape.style], (x, y), 5)
+
+
+def _grid(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
+    """Occupied cells light, free ones dark; what is unknown stays as the panel.
+
+    Each pixel of the box around the grid looks up the cell that it shows.
+    """
+    grid = shape.placed_grid
+    corners = view(grid.corners)
+    low = np.maximum(np.floor(corners.min(axis=0)).astype(int), canvas.get_clip().topleft)
+    high = np.minimum(np.ceil(corners.max(axis=0)).astype(int), canvas.get_clip().bottomright)
+    if (high <= low).any():
+        return
+    columns, rows = np.meshgrid(*(np.arange(*span) for span in zip(low, high, strict=True)))
+    pixels = np.stack((columns, rows), axis=-1) + 0.5
+    places = transform_points(inverse(grid.origin), view.metres(pixels)) / grid.resolution
+    cells = np.floor(places).astype(int)
+    shape_of_grid = np.array(grid.occupancy.shape)[::-1]
+    inside = ((cells >= 0) & (cells < shape_of_grid)).all(axis=-1)
+    chances = np.full(inside.shape, np.nan)
+    chances[inside] = grid.occupancy[cells[inside][:, 1], cells[inside][:, 0]]
+    known = ~np.isnan(chances)
+    free, occupied = np.array(FREE, float), np.array(OCCUPIED, float)
+    drawn = free + np.nan_to_num(chances)[..., None] * (occupied - free)
+    area = pygame.surfarray.pixels3d(canvas)[low[0] : high[0], low[1] : high[1]]
+    area[known.T] = drawn.astype(np.uint8).swapaxes(0, 1)[known.T]
+
+
 def _home(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
     x, y = view(shape.data[:2]).tolist()
     pygame.draw.circle(canvas, PALETTE[shape.style], (x, y), 8, 2)
@@ -121,6 +166,8 @@ PAINTERS: dict[str, Callable[[pygame.Surface, Shape, _View], None]] = {
     "segments": _segments,
     "line": _line,
     "dots": _dots,
+    "marks": _marks,
+    "grid": _grid,
     "home": _home,
     "robot": _robot,
 }

@@ -10,6 +10,8 @@ from jaxtyping import Float64
 
 from albot_core.geometry.pose_kernels import length_of
 from albot_core.geometry.types import Pose
+from albot_core.maps.layers import MapSnapshot
+from albot_env.rendering.layers import layer_summary
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,7 +30,7 @@ class Frame:
     path_length: float
     """Distance truly driven (m)."""
     updates: int
-    """How often the mapper has added a view to its map."""
+    """How many readings the mapper has added to its map."""
     walls: Float64[np.ndarray, "walls 4"]
     """The world's walls, world frame."""
     things: Float64[np.ndarray, "things 4"]
@@ -41,8 +43,8 @@ class Frame:
     """Where the robot has truly been, world frame."""
     hits: Float64[np.ndarray, "hits 2"]
     """The points that the laser hit, in the robot's frame."""
-    surfaces: Float64[np.ndarray, "surfaces 4"]
-    """The surfaces that the mapper remembers, map frame."""
+    snapshot: MapSnapshot
+    """The mapper's map, map frame."""
     belief: Pose
     """Where the robot believes to be, map frame."""
     believed_path: Float64[np.ndarray, "beliefs 2"]
@@ -59,11 +61,16 @@ class Frame:
     def caption(self) -> str:
         """The frame's figures in one line."""
         minutes, seconds = divmod(self.time, 60)
-        return (
-            f"{self.world} · {self.mapper} · {minutes:.0f}:{seconds:04.1f} · "
-            f"{self.path_length:.1f} m driven · {self.updates} updates · "
-            f"{len(self.surfaces)} surfaces · {self.position_error:.2f} m off"
+        parts = (
+            self.world,
+            self.mapper,
+            f"{minutes:.0f}:{seconds:04.1f}",
+            f"{self.path_length:.1f} m driven",
+            f"{self.updates} updates",
+            *(layer_summary(layer) for layer in self.snapshot.layers),
+            f"{self.position_error:.2f} m off",
         )
+        return " · ".join(part for part in parts if part)
 
 
 def position_error(start: Pose, pose: Pose, belief: Pose) -> float:

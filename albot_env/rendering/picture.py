@@ -9,10 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.transforms import Affine2D
 
 from albot_core.files import replacing
 from albot_env.rendering.frame import Frame
-from albot_env.rendering.scene import Panel, Scene, Shape, lay_out, scale_bar
+from albot_env.rendering.scene import Panel, Scene, lay_out, scale_bar
+from albot_env.rendering.shapes import Shape
 
 PALETTE = {
     "wall": "#2b2f36",
@@ -21,6 +23,12 @@ PALETTE = {
     "path": "#2a6fbb",
     "surface": "#c77700",
     "believed": "#2e8b57",
+    "corrected": "#0b7285",
+    "link": "#8f79d6",
+    "doorway": "#e64980",
+    "place": "#5f3dc4",
+    "particle": "#f59f00",
+    "grid": "#555555",
     "home": "#b5338a",
     "robot": "#111111",
 }
@@ -95,16 +103,18 @@ def _draw_shape(axes: Axes, shape: Shape, zorder: int) -> None:
             label=shape.label,
             zorder=zorder,
         )
-    elif shape.kind == "dots":
+    elif shape.kind in ("dots", "marks"):
         axes.scatter(
             shape.data[:, 0],
             shape.data[:, 1],
-            s=5,
+            s=5 if shape.kind == "dots" else 30,
             color=colour,
             label=shape.label,
             zorder=zorder,
             linewidths=0,
         )
+    elif shape.kind == "grid":
+        _draw_grid(axes, shape)
     elif shape.kind == "home":
         axes.scatter(
             shape.data[:1],
@@ -118,6 +128,24 @@ def _draw_shape(axes: Axes, shape: Shape, zorder: int) -> None:
         )
     else:
         _draw_robot(axes, shape, colour, zorder)
+
+
+def _draw_grid(axes: Axes, shape: Shape) -> None:
+    """Occupied cells black, free ones white; what is unknown is left out."""
+    grid = shape.placed_grid
+    (rows, columns), side = grid.occupancy.shape, grid.resolution
+    x, y, turn = grid.origin.tolist()
+    axes.imshow(
+        np.ma.masked_invalid(grid.occupancy),
+        cmap="Greys",
+        vmin=0,
+        vmax=1,
+        origin="lower",
+        extent=(0, columns * side, 0, rows * side),
+        transform=Affine2D().rotate(turn).translate(x, y) + axes.transData,
+        interpolation="nearest",
+        zorder=1,
+    )
 
 
 def _draw_robot(axes: Axes, shape: Shape, colour: str, zorder: int) -> None:

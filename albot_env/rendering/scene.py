@@ -2,34 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
-from jaxtyping import Float64
 
-from albot_core.geometry.poses import compose, transform_points, transform_segments
+from albot_core.geometry.poses import compose, transform_points
 from albot_env.rendering.frame import Frame
-
-Kind = Literal["segments", "line", "dots", "home", "robot"]
-
-ROBOT_RADIUS = 0.25
-"""Radius at which the robot is drawn (m): about a Pioneer's."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Shape:
-    """Something to draw."""
-
-    kind: Kind
-    """How `data` is meant: segments `(n, 4)`, points `(n, 2)`, or one pose `(3,)`."""
-    style: str
-    """What it stands for; the renderer's palette gives it a colour."""
-    label: str
-    """Its name in a legend."""
-    data: Float64[np.ndarray, "..."]
-    """Coordinates in the world's frame (m)."""
+from albot_env.rendering.layers import layer_shapes
+from albot_env.rendering.shapes import Shape
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -85,12 +65,7 @@ def lay_out(frame: Frame) -> Scene:
     mapped = Panel(
         title=f"map ({frame.mapper})",
         shapes=(
-            Shape(
-                kind="segments",
-                style="surface",
-                label="surfaces remembered",
-                data=transform_segments(start, frame.surfaces),
-            ),
+            *(shape for layer in frame.snapshot.layers for shape in layer_shapes(layer, start)),
             Shape(
                 kind="line",
                 style="believed",
@@ -109,17 +84,10 @@ def lay_out(frame: Frame) -> Scene:
     return Scene(truth=truth, map=mapped, bounds=_bounds(truth, mapped), caption=frame.caption)
 
 
-def _corners(panel: Panel) -> Iterator[Float64[np.ndarray, "points 2"]]:
-    for shape in panel.shapes:
-        if shape.style != "laser":
-            yield (
-                shape.data[:2].reshape(1, 2) if shape.data.ndim == 1 else shape.data.reshape(-1, 2)
-            )
-
-
 def _bounds(*panels: Panel, margin: float = 0.8) -> tuple[float, float, float, float]:
     """The box around everything drawn but the laser's dots, `margin` (m) wider on each side."""
-    points = np.concatenate([corners for panel in panels for corners in _corners(panel)])
+    shapes = [shape for panel in panels for shape in panel.shapes if shape.style != "laser"]
+    points = np.concatenate([shape.points for shape in shapes])
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 

@@ -11,7 +11,8 @@ from rich.live import Live
 from rich.text import Text
 
 from albot_env.rendering.frame import Frame
-from albot_env.rendering.scene import Panel, Scene, Shape, lay_out
+from albot_env.rendering.scene import Panel, Scene, lay_out
+from albot_env.rendering.shapes import Shape
 
 STYLES = {
     "wall": "white",
@@ -20,6 +21,12 @@ STYLES = {
     "path": "bright_blue",
     "surface": "yellow",
     "believed": "green",
+    "corrected": "cyan",
+    "link": "blue",
+    "doorway": "magenta",
+    "place": "bold yellow",
+    "particle": "yellow",
+    "grid": "white",
     "home": "bold magenta",
     "robot": "bold bright_cyan",
 }
@@ -27,6 +34,10 @@ STYLES = {
 
 ARROWS = "→↗↑↖←↙↓↘"
 HOME = "⌂"
+MARK = "●"
+
+OCCUPIED = 0.65
+"""Cells of an occupancy grid are drawn from this probability on."""
 
 DOT_BITS = np.array(((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80)), np.uint8)
 """The bit of each dot in a braille character, by row and column (Unicode block 2800)."""
@@ -101,6 +112,11 @@ def _draw(canvas: BrailleCanvas, shape: Shape) -> None:
         canvas.segments(np.concatenate((shape.data[:-1], shape.data[1:]), axis=1), style)
     elif shape.kind == "dots":
         canvas.dots(shape.data, style)
+    elif shape.kind == "marks":
+        for point in shape.data:
+            canvas.sign(point, MARK, style)
+    elif shape.kind == "grid":
+        canvas.dots(shape.placed_grid.centres(OCCUPIED), style)
     elif shape.kind == "home":
         canvas.sign(shape.data[:2], HOME, style)
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from albot_core.geometry.types import Segments
+from albot_core.maps.layers import EMPTY_MAP
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.rendering.frame import Frame
 
@@ -21,7 +21,7 @@ class Trace:
         self._header = header
         self._path: list[tuple[float, float]] = []
         self._believed: list[tuple[float, float]] = []
-        self._surfaces: Segments = np.empty((0, 4))
+        self._snapshot = EMPTY_MAP
         self.add(first)
 
     def add(self, moment: Moment) -> None:
@@ -29,13 +29,14 @@ class Trace:
         self._moment = moment
         self._path.append((moment.pose[0], moment.pose[1]))
         self._believed.append((moment.belief[0], moment.belief[1]))
-        if moment.surfaces is not None:
-            self._surfaces = moment.surfaces
+        if moment.snapshot is not None:
+            self._snapshot = moment.snapshot
 
     @property
     def frame(self) -> Frame:
         """The frame of the latest moment."""
         moment, header = self._moment, self._header
+        laser = moment.reading.laser
         return Frame(
             world=header.world,
             mapper=header.mapper,
@@ -47,8 +48,8 @@ class Trace:
             start=header.start,
             pose=moment.pose,
             path=np.array(self._path),
-            hits=moment.reading.laser.points,
-            surfaces=self._surfaces,
+            hits=np.empty((0, 2)) if laser is None else laser.points,
+            snapshot=self._snapshot,
             belief=moment.belief,
             believed_path=np.array(self._believed),
             home=moment.home,

@@ -43,7 +43,7 @@ def measure_journey(
     mapper, building = Albot1(), load_world(world)
     for reading in islice(patrol(building, np.random.default_rng(seed)), 4 * int(stage_m)):
         mapper.update(reading)  # compiles
-    mapper.reset()
+    mapper.reset(np.random.default_rng(seed))
     readings = patrol(building, np.random.default_rng(seed))
     rows: list[Row] = []
     path = 0.0
@@ -64,7 +64,7 @@ def measure_journey(
             "us_per_reading": 1e6 * seconds / count,
             "ratio": seconds / count / (1000 * float(np.mean(additions))),
         }
-        rows.append({"name": mapper.name, "world": world} | cost | _remembered(mapper))
+        rows.append({"name": mapper.spec.name, "world": world} | cost | _remembered(mapper))
     return rows
 
 
@@ -93,7 +93,7 @@ def _remembered(mapper: Albot1) -> Row:
     """How much it remembers."""
     state = mapper.state()
     return {
-        "surfaces": len(mapper.surfaces),
+        "surfaces": len(mapper.snapshot().segments),
         "places": len(state["places.ids"]),
         "exits": len(state["places.lines"]),
         "described": len(state["places.surfaces"]),

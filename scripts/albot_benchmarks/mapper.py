@@ -45,7 +45,7 @@ def measure_mappers(
     for name in names:
         mapper = make_mapper(name)
         rate = _rate(mapper, readings, rounds)
-        alone = {"surfaces": len(mapper.surfaces), "readings_per_second": rate}
+        alone = {"surfaces": len(mapper.snapshot().segments), "readings_per_second": rate}
         rows.append({"name": name} | alone | _batch_rates(name, readings, rounds))
     return rows
 
@@ -102,7 +102,7 @@ def _rate(mapper: Mapper, readings: Sequence[Reading], rounds: int) -> float:
     """Readings a second, the best of several runs after one that compiles."""
     best = 0.0
     for _ in range(rounds + 1):
-        mapper.reset()
+        mapper.reset(np.random.default_rng(0))
         best = max(best, _timed(mapper, readings))
     return best
 
@@ -123,16 +123,17 @@ def _batch_rates(
 
 def _shared(readings: Sequence[Reading], count: int) -> list[Readings]:
     """The first few readings, each for many robots at once, of one laser as a batch needs."""
-    laser = readings[0].laser.geometry
+    lasers = [reading.required_laser("the benchmark") for reading in readings]
+    laser = lasers[0].geometry
     return [
         Readings(
             stamps=np.full(count, reading.stamp),
             motions=np.tile(reading.motion, (count, 1)),
             laser=laser,
-            ranges=np.tile(reading.laser.ranges, (count, 1)),
+            ranges=np.tile(scan.ranges, (count, 1)),
         )
-        for reading in readings[:_BATCH_STEPS]
-        if reading.laser.geometry == laser
+        for reading, scan in zip(readings[:_BATCH_STEPS], lasers, strict=False)
+        if scan.geometry == laser
     ]
 
 
@@ -146,7 +147,7 @@ def _batch_rate(
     count, best = len(mappers.poses), 0.0
     for _ in range(rounds):
         for row in range(count):
-            mappers.reset(row)
+            mappers.reset(row, np.random.default_rng(row))
         started = time.perf_counter()
         for reading in readings:
             for rows in groups:

@@ -15,6 +15,7 @@ from albot_core.export.tum import write_tum
 from albot_core.files import write_text
 from albot_core.geometry.poses import compose
 from albot_core.mappers.map_file import save_map
+from albot_core.mappers.mapper import PlaceMemory
 
 TRAJECTORY, SURFACES, PICTURE, MAP = "trajectory.tum", "surfaces.geojson", "map.png", "map.albot"
 NETWORK, EVENTS = "network.graphml", "events.txt"
@@ -35,12 +36,14 @@ def write_files(
     names = {"trajectory": TRAJECTORY, "surfaces": SURFACES, "picture": PICTURE, "map": MAP}
     try:
         write_tum(run.believed, beside / TRAJECTORY)
-        network = run.mapper.network
-        write_geojson(run.mapper.surfaces, beside / SURFACES, network)
-        if network.places:
-            write_graphml(network, beside / NETWORK)
-            names |= {"network": NETWORK, "events": EVENTS}
+        snapshot = run.mapper.snapshot()
+        write_geojson(snapshot, beside / SURFACES)
+        if snapshot.place_graph.nodes:
+            write_graphml(snapshot.place_graph, beside / NETWORK)
+            names["network"] = NETWORK
+        if isinstance(run.mapper, PlaceMemory):
             write_text(beside / EVENTS, "".join(f"{event}\n" for event in run.mapper.events))
+            names["events"] = EVENTS
         save_map(run.mapper, beside / MAP)
         _draw(beside / PICTURE, title, run, reference)
         folder.mkdir(exist_ok=True)
@@ -57,8 +60,7 @@ def _draw(path: Path, title: str, run: MappingRun, reference: Trajectory | None)
     write_picture(
         path,
         title=title,
-        surfaces=run.mapper.surfaces,
+        snapshot=run.mapper.snapshot(),
         believed=run.believed.poses,
         reference=None if reference is None or frame is None else compose(frame, reference.poses),
-        network=run.mapper.network,
     )

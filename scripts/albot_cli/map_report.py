@@ -15,17 +15,17 @@ from albot_core.logs.log import Log
 
 def report(log: Log, run: MappingRun, mapped: Score, odometry: Score) -> dict[str, Any]:
     """The run in figures; None where a figure is not known."""
-    scans = len(log.readings)
+    scans, snapshot = len(log.readings), run.mapper.snapshot()
     return {
         "log": log.name,
-        "mapper": run.mapper.name,
+        "mapper": run.mapper.spec.name,
         "scans": scans,
         "path_m": log.path_length,
         "seconds": run.seconds,
         "scans_per_second": scans / run.seconds,
-        "updates": run.mapper.updates,
-        "surfaces": len(run.mapper.surfaces),
-        "places": len(run.mapper.network.places) or None,
+        "updates": run.updates,
+        "surfaces": len(snapshot.segments),
+        "places": len(snapshot.place_graph.nodes) or None,
         "ate_rmse_m": mapped.trajectory.rmse if mapped.trajectory else None,
         "odometry_ate_rmse_m": odometry.trajectory.rmse if odometry.trajectory else None,
         "relations": _relations(mapped.relations),
@@ -37,7 +37,8 @@ def report(log: Log, run: MappingRun, mapped: Score, odometry: Score) -> dict[st
 
 
 def _entropy(log: Log, poses: Poses) -> float | None:
-    return mean_map_entropy(laid_points([reading.laser for reading in log.readings], poses))
+    scans = [reading.required_laser("map entropy") for reading in log.readings]
+    return mean_map_entropy(laid_points(scans, poses))
 
 
 def _relations(error: RelationError | None) -> dict[str, int | float] | None:

@@ -36,6 +36,8 @@ class MappingRun:
     """The mapper at the end of the log."""
     believed: Trajectory
     """Where it believed the robot to be, scan by scan, in its map's frame."""
+    updates: int
+    """How many scans it has added to its map."""
     seconds: float
     """Time spent in its updates alone: no reading of files, no compiling, no drawing."""
 
@@ -65,17 +67,17 @@ def run_mapper(name: str, log: Log, tell: Callable[[int], None]) -> MappingRun:
     """
     mapper = make_mapper(name)
     poses = np.empty((len(log.readings), 3))
-    seconds = 0.0
+    seconds, updates = 0.0, 0
     for number, reading in enumerate(log.readings):
         begin = time.perf_counter()
-        mapper.update(reading)
+        updates += mapper.update(reading)
         seconds += time.perf_counter() - begin
-        poses[number] = mapper.pose
+        poses[number] = mapper.estimate.pose
         if number % _TELL_EVERY == 0:
             tell(number)
     tell(len(log.readings))
     believed = Trajectory(stamps=log.stamps, poses=poses)
-    return MappingRun(mapper=mapper, believed=believed, seconds=seconds)
+    return MappingRun(mapper=mapper, believed=believed, seconds=seconds, updates=updates)
 
 
 def score(

@@ -263,7 +263,7 @@ def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) ->
         "steps": steps,
         "path_m": frame.path_length,
         "updates": frame.updates,
-        "surfaces": len(frame.surfaces),
+        "surfaces": len(frame.snapshot.segments),
         "position_error_m": frame.position_error,
         "files": {"episode": str(episode), "picture": None if png is None else str(png)},
         "simulated_s": frame.time,

@@ -145,7 +145,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 def map_trip(name: str, route: Route, world: World, journey: Journey) -> Trip:
     """Lead a mapper along a journey and measure its map."""
     mapped = map_readings(name, journey.readings)
-    shape = shape_of(mapped.mapper.surfaces, mapped.poses, journey.truth, world.walls)
+    shape = shape_of(mapped.mapper.snapshot().segments, mapped.poses, journey.truth, world.walls)
     return Trip(route=route, world=world, journey=journey, mapped=mapped, shape=shape)
 
 
@@ -274,6 +274,8 @@ def _picture(trips: list[dict[str, Trip]]) -> Figure:
         draw_route(left, middle.world, middle.journey.truth[:, :2])
         left.set_title(f"{route.name}: {middle.journey.path_length:.0f} m", fontsize=10)
         mapped = middle.mapped
-        draw_map(right, middle.world, mapped.mapper.surfaces, mapped.poses, middle.shape.frame)
+        draw_map(
+            right, middle.world, mapped.mapper.snapshot().segments, mapped.poses, middle.shape.frame
+        )
         right.set_title(f"albot1: {middle.shape.surface_error:.2f} m", fontsize=10)
     return figure

@@ -145,7 +145,7 @@ def map_journey(name: str, journey: Journey, corner: Points) -> Run:
     poses = np.empty_like(journey.truth)
     for i, reading in enumerate(journey.readings):
         mapper.update(reading)
-        poses[i] = mapper.pose
+        poses[i] = mapper.estimate.pose
     truth = relative(journey.truth[0], journey.truth)
     seen = [
         transform_points(poses[view], _as_seen(journey.truth[view], corner)) for view in (0, -1)
@@ -181,7 +181,7 @@ def _as_seen(pose: Pose, point: Points) -> Points:
 
 def _sees(journey: Journey, view: int, corner: Points) -> bool:
     """Whether some beam of a view ends within 15 cm of the corner."""
-    points = journey.readings[view].laser.points
+    points = journey.readings[view].required_laser("this experiment").points
     seen = _as_seen(journey.truth[view], corner)
     return bool((np.hypot(*(points - seen).T) < 0.15).any())
 
@@ -242,7 +242,7 @@ def _picture(runs: list[dict[tuple[str, str], Run]]) -> Figure:
     for row, how in enumerate(("", "_disturbed")):
         for axes, name in zip(grid[row], ("odometry", "albot1-thesis", "albot1"), strict=True):
             run = middle[name, how]
-            _draw(axes, run.mapper.surfaces, run)
+            _draw(axes, run.mapper.snapshot().segments, run)
             kind = "disturbed odometer" if how else "odometer"
             axes.set_title(f"{name}, {kind}: A–B {run.error:.2f} m")
     return figure

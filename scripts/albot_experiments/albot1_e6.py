@@ -86,7 +86,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 def map_log(name: str, real: RealLog, known: KnownLog, noisy: list[Log]) -> Run:
     """Lead a mapper through a log and its noisy copies, and hold it against what is known."""
     mapped, believed = _follow(name, known.log)
-    surfaces = mapped.mapper.surfaces
+    surfaces = mapped.mapper.snapshot().segments
     frame = known.frame_of(believed, surfaces)
     errors = (_path_error(_follow(name, log)[1], known) for log in noisy)
     return Run(
@@ -112,13 +112,13 @@ def _path_error(believed: Trajectory, known: KnownLog) -> float | None:
 
 
 def _report(seeds: range, runs: list[Run]) -> Report:
-    ours = [run for run in runs if run.mapped.mapper.name == "albot1"]
+    ours = [run for run in runs if run.mapped.mapper.spec.name == "albot1"]
     measured: dict[str, Figures] = {
         "logs": len(ours),
         "reasonable_shape": all(run.reasonable for run in ours),
         "seeds": len(seeds),
     }
-    measured |= {f"{run.real.name}, {run.mapped.mapper.name}": _figures(run) for run in runs}
+    measured |= {f"{run.real.name}, {run.mapped.mapper.spec.name}": _figures(run) for run in runs}
     return Report(
         id=ID,
         title=TITLE,
@@ -132,7 +132,7 @@ def _report(seeds: range, runs: list[Run]) -> Report:
 
 def _figures(run: Run) -> dict[str, Figures]:
     log, relations = run.known.log, run.relations
-    lasers = [reading.laser for reading in log.readings]
+    lasers = [reading.required_laser("map entropy") for reading in log.readings]
     spread = median_and_worst(run.disturbed_errors) if run.disturbed_errors else None
     return {
         "path_m": round(log.path_length, 1),
@@ -189,8 +189,8 @@ def _picture(runs: list[Run]) -> Figure:
 def _draw(axes: Axes, run: Run) -> None:
     floor = run.known.floor
     axes.plot(*floor[:: -(-len(floor) // _DRAWN)].T, ",", color=FLOOR)
-    surfaces = transform_segments(run.frame, run.mapped.mapper.surfaces)
+    surfaces = transform_segments(run.frame, run.mapped.mapper.snapshot().segments)
     draw_floor(axes, surfaces, SURFACE)
     axes.plot(*compose(run.frame, run.mapped.poses)[:, :2].T, color=PATH, lw=0.5)
     error = f"{run.surface_error:.2f} m" if run.surface_error is not None else "no map"
-    axes.set_title(f"{run.real.name}, {run.mapped.mapper.name}: {error}")
+    axes.set_title(f"{run.real.name}, {run.mapped.mapper.spec.name}: {error}")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Poses, Segments
-from albot_core.maps.place_graph import Network
+from albot_core.mappers.albot1.places.network_view import Network
 from albot_maps.world import World
 
 if TYPE_CHECKING:

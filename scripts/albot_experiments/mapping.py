@@ -51,14 +51,16 @@ def map_readings(
     views, last = len(readings), len(readings) - 1
     poses, home = np.empty((views, 3)), np.empty((views, 3))
     updates, lost = np.zeros(views, np.int64), np.zeros(views, np.int64)
-    surfaces = {}
+    surfaces, laid = {}, 0
     for view, reading in enumerate(readings):
-        mapper.update(reading)
-        poses[view], home[view], updates[view] = mapper.pose, mapper.home, mapper.updates
+        laid += mapper.update(reading)
+        estimate = mapper.estimate
+        poses[view], home[view] = estimate.pose, estimate.home_from_robot
+        updates[view] = laid
         if isinstance(mapper, Albot1):
             lost[view] = mapper.lost
         if view in snapshots or view == last:
-            surfaces[view] = mapper.surfaces
+            surfaces[view] = mapper.snapshot().segments
     return MappedJourney(
         mapper=mapper, poses=poses, home=home, updates=updates, lost=lost, surfaces=surfaces
     )

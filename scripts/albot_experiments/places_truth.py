@@ -12,8 +12,8 @@ from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Poses
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.places.events import Event, EventKind
+from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.registry import make_mapper
-from albot_core.maps.place_graph import Network
 from albot_experiments.guided_tour import Journey
 from albot_maps import World
 
@@ -115,7 +115,7 @@ def place_journey(name: str, world: World, journey: Journey) -> PlacedJourney:
         for event in new:
             if event.kind in (EventKind.NEW, EventKind.ENTERED, EventKind.LOST):
                 place = event.other
-        poses[view], places[view] = mapper.pose, place
+        poses[view], places[view] = mapper.estimate.pose, place
         if any(event.kind in (EventKind.NEW, EventKind.ENTERED) for event in new):
             line = _nearest(before, poses[view - 1 : view + 1, :2].mean(axis=0))
             crossing = Crossing(

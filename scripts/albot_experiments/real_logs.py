@@ -93,5 +93,5 @@ def _laid(log: Log, truth: Trajectory | None) -> Points:
     if truth is None:
         raise InputError(log.name, "corrected poses, or a map of the building", "neither")
     at, scans = associate(truth.stamps, log.stamps)
-    lasers = [log.readings[scan].laser for scan in scans]
+    lasers = [log.readings[scan].required_laser("map entropy") for scan in scans]
     return np.asarray(laid_points(lasers, truth.poses[at], _MOST))

@@ -125,12 +125,12 @@ def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:
     readings = tour_readings()
     mapper = Albot1()
     mapper.update(readings[0])
-    few = len(mapper.surfaces)
+    few = len(mapper.snapshot().segments)
     mapper.restore(knowing(mapper.state(), walls))
-    assert len(mapper.surfaces) == few + 1500
+    assert len(mapper.snapshot().segments) == few + 1500
     for reading in readings[1:6]:
         mapper.update(reading)
-    assert np.isfinite(mapper.pose).all()
+    assert np.isfinite(mapper.estimate.pose).all()
 
 
 @pytest.mark.parametrize(

@@ -117,10 +117,10 @@ def test_the_files(corridor, truth_file, call, tmp_path):
     assert {Path(path) for path in told["files"].values()} == set(out.iterdir())
     assert list(out.parent.iterdir()) == [out]
     mapper = load_map(out / "map.albot")
-    assert (mapper.name, mapper.updates) == ("albot1", told["updates"])
+    assert mapper.spec.name == "albot1"
     believed = read_reference(out / "trajectory.tum")
     np.testing.assert_array_equal(believed.stamps, corridor[1].stamps)
-    np.testing.assert_allclose(believed.poses[-1], mapper.pose, atol=1e-9)
+    np.testing.assert_allclose(believed.poses[-1], mapper.estimate.pose, atol=1e-9)
     features = json.loads((out / "surfaces.geojson").read_text())["features"]
     assert sum("kind" not in feature["properties"] for feature in features) == told["surfaces"]
     assert sum("kind" in feature["properties"] for feature in features) == told["places"] == 1

@@ -21,32 +21,32 @@ def test_a_moved_robot_knows_it_and_finds_out_where_it_is(ring_journey: Journey)
     mapper = Albot1()
     for reading in ring_journey.readings[:109]:
         mapper.update(reading)
-    assert not mapper.is_lost
+    assert mapper.estimate.localised
     lost = []
     for reading in ring_journey.readings[65:85]:  # out of P6 back into P4
         mapper.update(reading)
-        lost.append(mapper.is_lost)
-        assert np.isfinite(mapper.pose).all()
-        assert np.isfinite(mapper.surfaces).all()
+        lost.append(not mapper.estimate.localised)
+        assert np.isfinite(mapper.estimate.pose).all()
+        assert np.isfinite(mapper.snapshot().segments).all()
     assert lost.index(True) == 1
     assert not lost[-1]
     assert {EventKind.LOST, EventKind.RELOCALISED} <= set(what_happened(mapper))
     home = relative(ring_journey.truth[84], ring_journey.truth[0])
-    assert np.hypot(*(mapper.home - home)[:2]) < 1.0
+    assert np.hypot(*(mapper.estimate.home_from_robot - home)[:2]) < 1.0
 
 
 def test_one_that_is_lost_can_be_saved(ring_journey: Journey):
     mapper, other = Albot1(), Albot1()
     for reading in (*ring_journey.readings[:109], *ring_journey.readings[65:67]):
         mapper.update(reading)
-    assert mapper.is_lost
+    assert not mapper.estimate.localised
     other.restore(mapper.state())
-    assert other.is_lost
+    assert not other.estimate.localised
     for reading in ring_journey.readings[67:75]:
         assert mapper.update(reading) == other.update(reading)
-        assert np.array_equal(mapper.pose, other.pose)
+        assert np.array_equal(mapper.estimate.pose, other.estimate.pose)
     assert mapper.events == other.events
-    assert not other.is_lost
+    assert other.estimate.localised
 
 
 def test_a_blackout_is_borne(ring_journey: Journey):
@@ -55,10 +55,10 @@ def test_a_blackout_is_borne(ring_journey: Journey):
         dark = LaserScan(ranges=np.full(181, np.inf), geometry=reading.laser.geometry)
         laser = dark if 40 <= view < 44 else reading.laser
         mapper.update(Reading(stamp=reading.stamp, motion=reading.motion, laser=laser))
-    assert not mapper.is_lost
+    assert mapper.estimate.localised
     assert EventKind.LOST not in what_happened(mapper)
     believed = relative(ring_journey.truth[0], ring_journey.truth[79])
-    assert np.hypot(*(mapper.pose - believed)[:2]) < 0.5
+    assert np.hypot(*(mapper.estimate.pose - believed)[:2]) < 0.5
 
 
 def test_one_misread_view_is_not_a_move(ring_journey: Journey):
@@ -91,5 +91,10 @@ def test_any_readings_leave_a_finite_map(seed: int, thesis: bool):
         motion = rng.normal(0.0, 0.5, 3) * rng.integers(0, 2)
         scan = LaserScan(ranges=ranges, geometry=geometry)
         mapper.update(Reading(stamp=0.1 * view, motion=motion, laser=scan))
-        for array in (mapper.pose, mapper.home, mapper.surfaces, mapper.exits):
+        for array in (
+            mapper.estimate.pose,
+            mapper.estimate.home_from_robot,
+            mapper.snapshot().segments,
+            mapper.exits,
+        ):
             assert np.isfinite(array).all()

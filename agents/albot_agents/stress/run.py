@@ -115,7 +115,7 @@ class Watch:
         moment = self._witness.last
         seen = np.concatenate((self._opaque, moment.things))
         observing, laser = self._observing, self._observing.laser
-        ranges = np.asarray(moment.reading.laser.ranges)
+        ranges = np.asarray(moment.reading.required_laser("albot stress").ranges)
         if "laser" in observing.shapes and observing.laser_sectors is None:
             ranges = observing.ranges(observing.split(observation)["laser"])
         eye = compose(pose, np.array(laser.mount))

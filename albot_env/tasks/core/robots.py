@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float32, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
 from albot_core.mappers.mapper import TRAVEL, WayHome
+from albot_core.maps.layers import EMPTY_MAP, MapSnapshot
 from albot_core.sensing.reading import Readings
 from albot_env.sim import PIONEER_3DX
 from albot_env.sim.batch_simulator import BatchSimulator, RobotSnapshot, draw_key
@@ -27,6 +28,9 @@ from albot_env.tasks.core.observation_builder import Survey, Surveyed
 from albot_env.tasks.core.settings import Equipment
 from albot_env.tasks.core.state import Senses, new_standing, reckon, set_out, trail
 from albot_maps import World
+
+_MAPPER_STREAM = 1
+"""Which of a robot's random streams its mapper draws from."""
 
 
 class Expedition:
@@ -67,6 +71,7 @@ class Expedition:
         self.actions = actions
         """What actions ask for."""
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
+        self._unmatched: Int64[np.ndarray, "robots"] = np.full(robots, -1)
         self._never = np.zeros(robots, np.bool_)
         self._mappers = equipment.mappers(robots)
         self._crew = ThreadPool(equipment.threads)
@@ -134,7 +139,8 @@ class Expedition:
         standing = self._standing
         standing.reachable[row] = self._survey.begin(row, world)
         if self._mappers is not None:
-            self._mappers.reset(row)
+            # A stream of its own: how often a mapper draws changes no other noise.
+            self._mappers.reset(row, np.random.default_rng((key, _MAPPER_STREAM)))
         else:
             self._senses.beliefs[row] = 0
             self._senses.ways_home[row, TRAVEL] = 0
@@ -325,11 +331,21 @@ class Expedition:
     @property
     def surface_counts(self) -> Int64[np.ndarray, "robots"]:
         """How many surfaces each remembers."""
-        return self._nothing if self._mappers is None else self._mappers.surface_counts
+        return self._nothing if self._mappers is None else self._mappers.segment_counts
 
-    def surfaces(self, row: int) -> Segments:
-        """The surfaces that a robot remembers, in its map's frame (m)."""
-        return np.empty((0, 4)) if self._mappers is None else self._mappers.surfaces(row)
+    @property
+    def map_versions(self) -> Int64[np.ndarray, "robots"]:
+        """How often each map has changed."""
+        return self._nothing if self._mappers is None else self._mappers.map_versions
+
+    @property
+    def matched_readings(self) -> Int64[np.ndarray, "robots"]:
+        """The earlier reading that each believes was taken where it is now; -1 for none."""
+        return self._unmatched if self._mappers is None else self._mappers.matched_readings
+
+    def snapshot(self, row: int) -> MapSnapshot:
+        """A robot's map."""
+        return EMPTY_MAP if self._mappers is None else self._mappers.snapshot(row)
 
     def things(self, row: int) -> Segments:
         """The outlines of what moves around a robot, where it is now (world frame)."""

@@ -89,7 +89,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         self._discrete = wants_discrete(action, task)
         self.action_space = actions.choice_space if self._discrete else actions.space
         self.observation_space = scaling.flat_space if self._flat else scaling.dict_space
-        self._updates = -1
+        self._map_version = -1
         self._begun = False
         self._trace: Trace | None = None
         self.recorder: Recorder = NullRecorder()
@@ -110,7 +110,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         self._robot.begin(0, world, start, self.np_random)
         self._robot.turn_page()
         self._robot.look()
-        self._updates = -1
+        self._map_version = -1
         self._begun = True
         self._trace = None
         if self._followed:
@@ -184,8 +184,8 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
     def _moment(self, action: np.ndarray | None) -> Moment:
         """How things stand after a reading."""
         robot = self._robot
-        updates = int(robot.updates[0])
-        changed, self._updates = updates != self._updates, updates
+        version, matched = int(robot.map_versions[0]), int(robot.matched_readings[0])
+        changed, self._map_version = version != self._map_version, version
         return Moment(
             action=action,
             reward=float(robot.rewards[0]),
@@ -197,8 +197,9 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             path_length=float(robot.path_lengths[0]),
             belief=robot.beliefs[0].copy(),
             home=robot.homes[0].copy(),
-            updates=updates,
-            surfaces=robot.surfaces(0) if changed else None,
+            updates=int(robot.updates[0]),
+            matched_reading=None if matched < 0 else matched,
+            snapshot=robot.snapshot(0) if changed else None,
             things=robot.things(0),
         )
 

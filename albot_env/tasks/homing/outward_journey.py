@@ -129,7 +129,9 @@ class Outings(Journeys[Outing]):
         scout = self._scout
         reading = scout.readings[0]
         return Percept(
-            ranges=np.minimum(reading.laser.ranges, scout.observing.laser_range),
+            ranges=np.minimum(
+                reading.required_laser("the scout").ranges, scout.observing.laser_range
+            ),
             laser=scout.geometry,
             pose=scout.beliefs[0].copy(),
             motion=reading.motion.copy(),

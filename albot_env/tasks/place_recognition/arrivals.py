@@ -15,9 +15,9 @@ from jaxtyping import Float32, Float64
 
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
-from albot_core.mappers.albot1.places.events import Event, EventKind
-from albot_core.mappers.mapper import Mapper
+from albot_core.mappers.mapper import Mapper, PlaceMemory
 from albot_core.mappers.registry import make_mapper
+from albot_core.maps.layers import EMPTY_MAP, MapSnapshot
 from albot_core.matching.lines import MatchConfig, match_lines, merge_lines
 from albot_core.matching.panorama import Panorama, match_panoramas
 from albot_core.matching.submaps import longest_lines
@@ -57,8 +57,8 @@ class Arrival:
     """What stood around, by the directions of the map."""
     surfaces: Segments
     """The longest surfaces around, by the directions of the map (m)."""
-    place: int
-    """The id of the mapper's place at the time; -1 where it knows no places."""
+    reading: int
+    """The number of its last reading, counted from 0."""
 
 
 class Notebook:
@@ -66,28 +66,33 @@ class Notebook:
 
     Args:
         mapper: Name of the mapper inside, or `none`.
+        rng: From which the mapper's random numbers are derived.
 
     Raises:
         InputError: There is no such mapper.
     """
 
-    def __init__(self, mapper: str) -> None:
-        self._mapper: Mapper | None = None if mapper == NO_MAPPER else make_mapper(mapper)
+    def __init__(self, mapper: str, rng: np.random.Generator | None = None) -> None:
+        stream = None if rng is None else rng.spawn(1)[0]
+        self._mapper: Mapper | None = None
+        if mapper != NO_MAPPER:
+            self._mapper = make_mapper(mapper, rng=stream)
         self._belief = np.zeros(3)
         self._way = 0.0
         self._begun = False
+        self._readings = 0
         self.arrivals: list[Arrival] = []
         """All arrivals so far."""
 
     @property
     def belief(self) -> Pose:
         """Where the robot believes to be (map frame)."""
-        return self._belief.copy() if self._mapper is None else self._mapper.pose.copy()
+        return self._belief.copy() if self._mapper is None else self._mapper.estimate.pose
 
     @property
-    def surfaces(self) -> Segments:
-        """The surfaces that the mapper remembers (map frame, m)."""
-        return np.empty((0, 4)) if self._mapper is None else self._mapper.surfaces.copy()
+    def snapshot(self) -> MapSnapshot:
+        """The mapper's map."""
+        return EMPTY_MAP if self._mapper is None else self._mapper.snapshot()
 
     def follow(self, reading: Reading) -> None:
         """Take in a reading on the way."""
@@ -95,6 +100,7 @@ class Notebook:
             self._belief = compose(self._belief, reading.motion)
             self._way += math.hypot(reading.motion[0], reading.motion[1])
         self._begun = True
+        self._readings += 1
         if self._mapper is not None:
             self._mapper.update(reading)
 
@@ -109,29 +115,25 @@ class Notebook:
         for reading in readings:
             self.follow(reading)
             around = np.array((0.0, 0.0, self.belief[2]))
-            points.append(transform_points(around, reading.laser.points))
-            view = transform_segments(around, construct_view(reading.laser, _VIEW).surfaces)
+            laser = reading.required_laser("place recognition")
+            points.append(transform_points(around, laser.points))
+            view = transform_segments(around, construct_view(laser, _VIEW).surfaces)
             seen = merge_lines(seen, view, _MATCH)
-        network = None if self._mapper is None else self._mapper.network
-        known = None if network is None else network.current
         arrival = Arrival(
             belief=self.belief,
             way=self._way,
             panorama=Panorama.of(np.concatenate(points)),
             surfaces=longest_lines(seen, LARGEST),
-            place=-1 if known is None else known,
+            reading=self._readings - 1,
         )
-        same = self._same_places()
         compared = [
-            self._compare(arrival, other, len(self.arrivals) - k, same)
+            self._compare(arrival, other, len(self.arrivals) - k)
             for k, other in enumerate(self.arrivals)
         ]
         self.arrivals.append(arrival)
         return np.reshape(np.array(compared, np.float32), (-1, len(FEATURES)))
 
-    def _compare(
-        self, here: Arrival, there: Arrival, ago: int, same: dict[int, int]
-    ) -> Float64[np.ndarray, "features"]:
+    def _compare(self, here: Arrival, there: Arrival, ago: int) -> Float64[np.ndarray, "features"]:
         """What tells whether two arrivals were at one place, in numbers from -1 to 1.
 
         `distance` between the believed places, -1 at 0 and 1 at `FARTHEST`, logarithmic;
@@ -148,9 +150,10 @@ class Notebook:
         found = match_panoramas(here.panorama, there.panorama, apart, likeness.pose)
         turn = abs((found.pose[2] + math.pi) % (2 * math.pi) - math.pi)
         place = 0.0
-        if here.place >= 0 and there.place >= 0:
-            one, other = (same.get(place, place) for place in (here.place, there.place))
-            place = 1.0 if one == other else -1.0
+        memory = self._mapper
+        if memory is not None and isinstance(memory, PlaceMemory):
+            is_same = memory.place_at(here.reading) == memory.place_at(there.reading)
+            place = 1.0 if is_same else -1.0
         numbers = (
             _logarithmic(float(np.hypot(*apart[:2])), 1.0, FARTHEST),
             2 * found.agreed - 1,
@@ -165,17 +168,6 @@ class Notebook:
             _logarithmic(here.way - there.way, 10.0, LONGEST),
         )
         return np.clip(numbers, -1, 1)
-
-    def _same_places(self) -> dict[int, int]:
-        """What place each that was found to be another has become."""
-        same: dict[int, int] = {}
-        joins = EventKind.RECOGNIZED, EventKind.FOLLOWED, EventKind.RELOCALISED
-        for event in () if self._mapper is None else self._mapper.events:
-            if isinstance(event, Event) and event.kind in joins:
-                kept, gone = sorted((event.place, event.other))
-                same[gone] = kept
-                same = {place: kept if into == gone else into for place, into in same.items()}
-        return same
 
 
 def _logarithmic(length: float, knee: float, longest: float) -> float:

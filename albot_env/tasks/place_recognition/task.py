@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.types import Pose, Segments
 from albot_core.kernels.arguments import KernelArguments
+from albot_core.maps.layers import MapSnapshot
 from albot_core.ranges import SHARE, check_fields
 from albot_env.tasks.core.actions import Numbers
 from albot_env.tasks.core.robots import Expedition
@@ -170,9 +171,14 @@ class Judging(Expedition):
             "recall": judged.recall,
         }
 
-    def surfaces(self, row: int) -> Segments:
-        """The surfaces that a robot remembered where it is now, in its map's frame (m)."""
-        return self._at(row).surfaces
+    def snapshot(self, row: int) -> MapSnapshot:
+        """A robot's map as it was where it is now."""
+        return self._at(row).snapshot
+
+    @property
+    def map_versions(self) -> Int64[np.ndarray, "robots"]:
+        """As `updates`."""
+        return self._judgement.arrivals
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:

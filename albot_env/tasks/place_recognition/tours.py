@@ -17,7 +17,8 @@ from jaxtyping import Bool, Float32, Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Pose
+from albot_core.maps.layers import MapSnapshot
 from albot_core.ranges import SHARE, check_fields
 from albot_core.sensing.reading import Reading
 from albot_env.sim.simulator import THESIS_STEPS, Simulator, follow_leg
@@ -47,8 +48,8 @@ class Stop:
     """The last reading."""
     belief: Pose
     """Where it believed to be (map frame)."""
-    surfaces: Segments
-    """The surfaces that it remembered (map frame, m)."""
+    snapshot: MapSnapshot
+    """Its map."""
     pose: Pose
     """Where it was (world frame)."""
     room: int
@@ -109,7 +110,7 @@ class Tour:
             "path_lengths": np.array([stop.path_length for stop in stops]),
             "times": np.array([stop.reading.stamp for stop in stops]),
             "collided": np.array([stop.collided for stop in stops]),
-            "ranges": np.array([stop.reading.laser.ranges for stop in stops]),
+            "ranges": np.array([stop.reading.required_laser("a tour").ranges for stop in stops]),
             "echoes": np.array([() if sonar is None else sonar.ranges for sonar in sonars], float),
         }
 
@@ -174,7 +175,7 @@ class _Guide:
     ) -> None:
         self._world = world
         self._simulator = Simulator(world, sensors=equipment.sensors, movables=False)
-        self._notebook = Notebook(equipment.mapper)
+        self._notebook = Notebook(equipment.mapper, rng)
         self._notebook.follow(self._simulator.reset(rng, start))
         self._path_length = 0.0
         self._collided = False
@@ -207,7 +208,7 @@ class _Guide:
             candidates=candidates,
             reading=readings[-1],
             belief=self._notebook.belief,
-            surfaces=self._notebook.surfaces,
+            snapshot=self._notebook.snapshot,
             pose=pose,
             room=_room_at(self._world, pose),
             path_length=self._path_length,

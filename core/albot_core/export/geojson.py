@@ -1,24 +1,35 @@
-"""Surfaces and places as GeoJSON, for geographic and plotting programs.
+"""Maps as GeoJSON, for geographic and plotting programs: one function a layer.
 
-A FeatureCollection with a LineString for every surface and, of a mapper that knows places, a
-Point for every place and a LineString for every exit. The coordinates are no longitudes
-and latitudes, which RFC 7946 would have, but metres in the map's frame: x forward and y left
-of the robot as it stood when the map began. The collection's member `frame` says so.
+The coordinates are no longitudes and latitudes, which RFC 7946 would have, but metres in the map's
+frame: x forward and y left of the robot as it stood when the map began. The collection's member
+`frame` says so.
 """
 
 from __future__ import annotations
 
 import json
+from functools import singledispatch
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64
 
 from albot_core.files import write_text
-from albot_core.geometry.types import Points, Segments
-from albot_core.maps.place_graph import NOWHERE, Network
+from albot_core.geometry.types import Points
+from albot_core.maps.layers import (
+    Layer,
+    MapSnapshot,
+    OccupancyGridLayer,
+    ParticlesLayer,
+    PlaceGraph,
+    SegmentsLayer,
+    TrajectoryLayer,
+)
 
 FRAME = "metres; x forward and y left of where the robot set out"
+
+OCCUPIED = 0.65
+"""Cells of an occupancy grid are exported from this probability on."""
 
 _DIGITS = 4
 """Digits after the point: a tenth of a millimetre."""
@@ -27,26 +38,91 @@ _DIGITS = 4
 Feature = dict[str, object]
 
 
-def map_to_geojson(surfaces: Segments, network: Network = NOWHERE) -> dict[str, object]:
-    """A map as a GeoJSON object.
+def map_to_geojson(snapshot: MapSnapshot) -> dict[str, object]:
+    """A map as a GeoJSON FeatureCollection.
 
-    The property `id` of a surface is its place in the map. Places and their exits have the
-    property `kind` as well: a `place` is at its middle, with its number as `id` and its
-    `label`; an `exit` bears the numbers of the place that it is `of` and that it `leads_to`.
+    - Line segments: a LineString each; `id` is its number in the map.
+    - Occupancy grid: a Point with `kind` `cell` at the centre of each occupied cell, with its
+      `probability`.
+    - Place graph: a Point with `kind` `place` for each place, with its number as `id` and its
+      `label`; for each edge a LineString, with the numbers of the place that it is `of` and that
+      it `leads_to`: with `kind` `exit` across its doorway, or, where it has none, with `kind`
+      `link` from place to place.
+    - Particles: a Point with `kind` `particle` each, with `heading` (rad) and `weight`.
+    - Trajectory: a LineString with `kind` `trajectory`.
     """
-    features = [_line(line, id=number) for number, line in enumerate(surfaces)]
-    features += [_point(p.middle, kind="place", id=p.id, label=p.label) for p in network.places]
-    features += [
-        _line(line, kind="exit", of=place.id, leads_to=door.leads_to)
-        for place in network.places
-        for line, door in zip(place.placed_exits, place.exits, strict=True)
-    ]
+    features = [feature for layer in snapshot.layers for feature in layer_features(layer)]
     return {"type": "FeatureCollection", "frame": FRAME, "features": features}
 
 
-def _line(line: Float64[np.ndarray, "4"], **properties: object) -> Feature:
-    x1, y1, x2, y2 = (line.round(_DIGITS) + 0.0).tolist()
-    return _feature("LineString", [[x1, y1], [x2, y2]], properties)
+def write_geojson(snapshot: MapSnapshot, path: Path) -> None:
+    """Write a map as a GeoJSON file, whole or not at all."""
+    write_text(path, json.dumps(map_to_geojson(snapshot)) + "\n")
+
+
+@singledispatch
+def layer_features(layer: Layer) -> list[Feature]:
+    """The features of a layer, see `map_to_geojson`."""
+    raise NotImplementedError(type(layer).__name__)
+
+
+@layer_features.register
+def _segments(layer: SegmentsLayer) -> list[Feature]:
+    return [_line(line.reshape(2, 2), id=number) for number, line in enumerate(layer.segments)]
+
+
+@layer_features.register
+def _occupancy_grid(layer: OccupancyGridLayer) -> list[Feature]:
+    with np.errstate(invalid="ignore"):
+        occupied = layer.occupancy >= OCCUPIED
+    chances = layer.occupancy[occupied].round(_DIGITS).tolist()
+    centres = layer.centres(OCCUPIED)
+    return [
+        _point(at, kind="cell", probability=chance)
+        for at, chance in zip(centres, chances, strict=True)
+    ]
+
+
+@layer_features.register
+def _place_graph(layer: PlaceGraph) -> list[Feature]:
+    places = [_point(n.middle, kind="place", id=n.id, label=n.label) for n in layer.nodes]
+    exits = [edge for edge in layer.edges if edge.doorway is not None]
+    doorways = [
+        _line(line.reshape(2, 2), kind="exit", of=edge.source, leads_to=edge.target)
+        for line, edge in zip(layer.doorways(), exits, strict=True)
+    ]
+    links = [
+        _line(
+            np.stack((layer.node(edge.source).middle, layer.node(edge.target).middle)),
+            kind="link",
+            of=edge.source,
+            leads_to=edge.target,
+        )
+        for edge in layer.edges
+        if edge.doorway is None
+    ]
+    return places + doorways + links
+
+
+@layer_features.register
+def _particles(layer: ParticlesLayer) -> list[Feature]:
+    return [
+        _point(pose[:2], kind="particle", heading=_rounded(pose[2]), weight=float(weight))
+        for pose, weight in zip(layer.poses, layer.weights, strict=True)
+    ]
+
+
+@layer_features.register
+def _trajectory(layer: TrajectoryLayer) -> list[Feature]:
+    return [_line(layer.poses[:, :2], kind="trajectory")] if len(layer.poses) > 1 else []
+
+
+def _rounded(number: float) -> float:
+    return round(float(number), _DIGITS) + 0.0
+
+
+def _line(points: Float64[np.ndarray, "points 2"], **properties: object) -> Feature:
+    return _feature("LineString", (points.round(_DIGITS) + 0.0).tolist(), properties)
 
 
 def _point(at: Points, **properties: object) -> Feature:
@@ -56,8 +132,3 @@ def _point(at: Points, **properties: object) -> Feature:
 def _feature(kind: str, coordinates: list[object], properties: dict[str, object]) -> Feature:
     geometry = {"type": kind, "coordinates": coordinates}
     return {"type": "Feature", "properties": properties, "geometry": geometry}
-
-
-def write_geojson(surfaces: Segments, path: Path, network: Network = NOWHERE) -> None:
-    """Write a map as a GeoJSON file, whole or not at all."""
-    write_text(path, json.dumps(map_to_geojson(surfaces, network)) + "\n")

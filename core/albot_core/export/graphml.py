@@ -1,8 +1,9 @@
-"""The network of places as GraphML, for programs that draw and count graphs."""
+"""Place graphs as GraphML, for programs that draw and count graphs."""
 
 from __future__ import annotations
 
 import io
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.files import replacing
-from albot_core.maps.place_graph import Network
+from albot_core.maps.layers import PlaceGraph
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -19,44 +20,51 @@ _DIGITS = 4
 """Digits after the point: a tenth of a millimetre."""
 
 
-def network_to_graph(network: Network) -> nx.MultiGraph:
-    """The network as an undirected graph; two places may be joined by several exits.
+def place_graph_to_networkx(graph: PlaceGraph) -> nx.MultiGraph:
+    """A place graph as an undirected graph; two places may be joined by several edges.
 
     Nodes are the ids of places, with `x` and `y` (the place's middle in the map's frame, m),
-    `surfaces` and `exits` (how many it has), and `current` and `home`. An edge is an exit,
-    with `line` (x1 y1 x2 y2 in the map's frame, m) as the place `of` has it, to its left.
+    `surfaces` and `exits` (how many it has), and `current` and `home`. An edge that is known both
+    ways stands there once, with the motion `dx`, `dy` (m), `dtheta` (rad) from the frame of the
+    place `of` to the other's, and, where it has a doorway, the doorway's `line` (x1 y1 x2 y2 in
+    the map's frame, m), `of` to its left.
     """
     # Imported here, since it takes long and most runs write no graph.
     import networkx as nx
 
-    graph = nx.MultiGraph(frame="metres; x forward and y left of where the robot set out")
-    for place in network.places:
-        x, y = (place.middle.round(_DIGITS) + 0.0).tolist()
-        graph.add_node(
-            place.id,
-            label=place.label,
+    made = nx.MultiGraph(frame="metres; x forward and y left of where the robot set out")
+    exits = Counter(edge.source for edge in graph.edges)
+    for node in graph.nodes:
+        x, y = (node.middle.round(_DIGITS) + 0.0).tolist()
+        made.add_node(
+            node.id,
+            label=node.label,
             x=x,
             y=y,
-            surfaces=len(place.surfaces),
-            exits=len(place.exits),
-            current=place.id == network.current,
-            home=place.id == network.home,
+            surfaces=len(node.segments),
+            exits=exits[node.id],
+            current=node.id == graph.current,
+            home=node.id == graph.home,
         )
-    for place in network.places:
-        lines = place.placed_exits
-        for number, door in enumerate(place.exits):
-            if (place.id, number) < (door.leads_to, door.exit_there):
-                line = _as_text(lines[number])
-                graph.add_edge(place.id, door.leads_to, line=line, of=place.id)
-    return graph
+    lines = iter(graph.doorways())
+    for number, edge in enumerate(graph.edges):
+        line = None if edge.doorway is None else next(lines)
+        if edge.reverse is not None and edge.reverse < number:
+            continue
+        dx, dy, dtheta = (edge.motion.round(_DIGITS) + 0.0).tolist()
+        attributes = {"of": edge.source, "dx": dx, "dy": dy, "dtheta": dtheta}
+        if line is not None:
+            attributes["line"] = _as_text(line)
+        made.add_edge(edge.source, edge.target, **attributes)
+    return made
 
 
-def write_graphml(network: Network, path: Path) -> None:
-    """Write the network as a GraphML file, whole or not at all."""
+def write_graphml(graph: PlaceGraph, path: Path) -> None:
+    """Write a place graph as a GraphML file, whole or not at all."""
     import networkx as nx
 
     content = io.BytesIO()
-    nx.write_graphml(network_to_graph(network), content)
+    nx.write_graphml(place_graph_to_networkx(graph), content)
     with replacing(path) as stream:
         stream.write(content.getvalue())
 

@@ -1,7 +1,8 @@
-"""A picture of a map: what was remembered, and where the robot believed to go."""
+"""A picture of a map: its layers, and where the robot believed to go. One function a layer."""
 
 from __future__ import annotations
 
+from functools import singledispatch
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,8 +10,15 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.files import replacing
-from albot_core.geometry.types import Segments
-from albot_core.maps.place_graph import NOWHERE, Network
+from albot_core.maps.layers import (
+    Layer,
+    MapSnapshot,
+    OccupancyGridLayer,
+    ParticlesLayer,
+    PlaceGraph,
+    SegmentsLayer,
+    TrajectoryLayer,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,35 +29,35 @@ _WIDTH = 10.0
 _SHAPES = (0.4, 1.4)
 """Least and largest height of the map's frame, to its width."""
 
+_MOST_LABELLED = 100
+"""Places of larger graphs are drawn small, and without their labels."""
+
 _SURFACE, _PATH, _REFERENCE, _HOME = "#1f2933", "#d9480f", "#2b8a3e", "#1864ab"
-_PLACE, _EXIT = "#5f3dc4", "#e64980"
+_PLACE, _EXIT, _PARTICLE, _TRAJECTORY = "#5f3dc4", "#e64980", "#f59f00", "#0b7285"
 
 
 def write_picture(
     path: Path,
     *,
     title: str,
-    surfaces: Segments,
+    snapshot: MapSnapshot,
     believed: Float64[np.ndarray, "moments 3"],
     reference: Float64[np.ndarray, "others 3"] | None = None,
-    network: Network = NOWHERE,
 ) -> None:
     """Draw a map as a PNG file, whole or not at all; all in the map's frame (m).
 
     Args:
         path: Where to write it.
         title: What stands above it.
-        surfaces: The surfaces remembered.
+        snapshot: The map.
         believed: Where the robot believed to be.
         reference: Where it was, laid on `believed`; not drawn where there is none.
-        network: The places remembered, which are drawn as nodes with their links and exits.
     """
     # Imported here, since it takes long and most runs draw nothing.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    drawn = [np.zeros((1, 2)), surfaces.reshape(-1, 2), believed[:, :2]]
-    drawn += [place.middle[None] for place in network.places]
+    drawn = [np.zeros((1, 2)), believed[:, :2], *map(layer_points, snapshot.layers)]
     if reference is not None:
         drawn.append(reference[:, :2])
     low, high = _bounds(np.concatenate(drawn))
@@ -63,9 +71,15 @@ def write_picture(
     axes.set_aspect("equal")
     axes.grid(color="#e4e7eb", linewidth=0.6)
     axes.set_axisbelow(True)
-    _draw(axes, surfaces, believed, reference)
-    if network.places:
-        _draw_network(axes, network)
+    if reference is not None:
+        x, y = reference[:, 0], reference[:, 1]
+        axes.plot(x, y, color=_REFERENCE, linewidth=1.2, alpha=0.8, label="reference, aligned")
+    axes.plot(
+        believed[:, 0], believed[:, 1], color=_PATH, linewidth=1.2, alpha=0.8, label="believed path"
+    )
+    for layer in snapshot.layers:
+        draw_layer(layer, axes)
+    axes.plot(0, 0, "*", color=_HOME, markersize=14, linestyle="none", label="home", zorder=3)
     figure.legend(loc="outside lower center", ncols=6, frameon=False)
     with replacing(path) as stream:
         figure.savefig(stream, format="png")
@@ -80,52 +94,125 @@ def _bounds(
     return low - margin, high + margin
 
 
-def _draw(
-    axes: Axes,
-    surfaces: Segments,
-    believed: Float64[np.ndarray, "moments 3"],
-    reference: Float64[np.ndarray, "others 3"] | None,
-) -> None:
+@singledispatch
+def layer_points(layer: Layer) -> Float64[np.ndarray, "points 2"]:
+    """Points of a layer, so many that the picture that shows them shows all of it (m)."""
+    raise NotImplementedError(type(layer).__name__)
+
+
+@singledispatch
+def draw_layer(layer: Layer, axes: Axes) -> None:
+    """Draw a layer into axes of the map's frame."""
+    raise NotImplementedError(type(layer).__name__)
+
+
+@layer_points.register
+def _points_of_segments(layer: SegmentsLayer) -> Float64[np.ndarray, "points 2"]:
+    return layer.segments.reshape(-1, 2)
+
+
+@draw_layer.register(SegmentsLayer)
+def _draw_segments(layer: SegmentsLayer, axes: Axes) -> None:
     from matplotlib.collections import LineCollection
 
-    if reference is not None:
-        x, y = reference[:, 0], reference[:, 1]
-        axes.plot(x, y, color=_REFERENCE, linewidth=1.2, alpha=0.8, label="reference, aligned")
-    axes.plot(
-        believed[:, 0], believed[:, 1], color=_PATH, linewidth=1.2, alpha=0.8, label="believed path"
-    )
-    lines = list(surfaces.reshape(-1, 2, 2))
-    axes.add_collection(
-        LineCollection(lines, colors=_SURFACE, linewidths=1.1, label="surfaces"), autolim=False
-    )
-    axes.plot(0, 0, "*", color=_HOME, markersize=14, linestyle="none", label="home", zorder=3)
+    lines = list(layer.segments.reshape(-1, 2, 2))
+    drawn = LineCollection(lines, colors=_SURFACE, linewidths=1.1, label="surfaces")
+    axes.add_collection(drawn, autolim=False)
 
 
-def _draw_network(axes: Axes, network: Network) -> None:
+@layer_points.register
+def _points_of_grid(layer: OccupancyGridLayer) -> Float64[np.ndarray, "points 2"]:
+    return layer.corners
+
+
+@draw_layer.register(OccupancyGridLayer)
+def _draw_grid(layer: OccupancyGridLayer, axes: Axes) -> None:
+    """Occupied cells black, free ones white; what is unknown stays as the paper."""
+    from matplotlib.transforms import Affine2D
+
+    rows, columns = layer.occupancy.shape
+    x, y, turn = layer.origin.tolist()
+    axes.imshow(
+        np.ma.masked_invalid(layer.occupancy),
+        cmap="Greys",
+        vmin=0,
+        vmax=1,
+        origin="lower",
+        extent=(0, columns * layer.resolution, 0, rows * layer.resolution),
+        transform=Affine2D().rotate(turn).translate(x, y) + axes.transData,
+        interpolation="nearest",
+        zorder=0.6,
+    )
+
+
+@layer_points.register
+def _points_of_graph(layer: PlaceGraph) -> Float64[np.ndarray, "points 2"]:
+    return np.reshape([node.middle for node in layer.nodes], (-1, 2)).astype(np.float64)
+
+
+@draw_layer.register(PlaceGraph)
+def _draw_graph(layer: PlaceGraph, axes: Axes) -> None:
     from matplotlib.collections import LineCollection
 
-    places = network.places
-    exits = np.concatenate([place.placed_exits for place in places]).reshape(-1, 2, 2)
-    middles = {place.id: place.middle for place in places}
-    links = [(middles[one], middles[other]) for one, other in network.links]
+    if not layer.nodes:
+        return
+    middles = {node.id: node.middle for node in layer.nodes}
+    links = [(middles[one], middles[other]) for one, other in layer.links]
+    doorways = list(layer.doorways().reshape(-1, 2, 2))
     for lines, style in (
         (links, {"colors": _PLACE, "linewidths": 1.4, "alpha": 0.6}),
-        (list(exits), {"colors": _EXIT, "linewidths": 3.0, "label": "exits"}),
+        (doorways, {"colors": _EXIT, "linewidths": 3.0, "label": "exits"}),
     ):
-        axes.add_collection(LineCollection(lines, zorder=4, **style), autolim=False)
+        if lines:
+            axes.add_collection(LineCollection(lines, zorder=4, **style), autolim=False)
     x, y = np.array(list(middles.values())).T
+    many = len(middles) > _MOST_LABELLED
+    size, label = (4 if many else 15), "places"
     axes.plot(
         x,
         y,
         "o",
         color=_PLACE,
-        markersize=15,
+        markersize=size,
         alpha=0.85,
         linestyle="none",
-        label="places",
+        label=label,
         zorder=5,
     )
-    for place, across, up in zip(places, x, y, strict=True):
-        axes.text(
-            across, up, place.label, color="white", size=7, ha="center", va="center", zorder=6
-        )
+    if many:
+        return
+    for node, across, up in zip(layer.nodes, x, y, strict=True):
+        axes.text(across, up, node.label, color="white", size=7, ha="center", va="center", zorder=6)
+
+
+@layer_points.register
+def _points_of_particles(layer: ParticlesLayer) -> Float64[np.ndarray, "points 2"]:
+    return layer.poses[:, :2]
+
+
+@draw_layer.register(ParticlesLayer)
+def _draw_particles(layer: ParticlesLayer, axes: Axes) -> None:
+    x, y, heading = layer.poses.T
+    axes.quiver(
+        x,
+        y,
+        np.cos(heading),
+        np.sin(heading),
+        color=_PARTICLE,
+        angles="xy",
+        width=0.002,
+        scale=60,
+        label="particles",
+        zorder=3,
+    )
+
+
+@layer_points.register
+def _points_of_trajectory(layer: TrajectoryLayer) -> Float64[np.ndarray, "points 2"]:
+    return layer.poses[:, :2]
+
+
+@draw_layer.register(TrajectoryLayer)
+def _draw_trajectory(layer: TrajectoryLayer, axes: Axes) -> None:
+    x, y, _ = layer.poses.T
+    axes.plot(x, y, color=_TRAJECTORY, linewidth=1.2, label="corrected path", zorder=2.5)

@@ -20,7 +20,7 @@ _FILE = ArchiveFormat(name=FORMAT, version=VERSION, kind="map file", largest=1 <
 
 def save_map(mapper: Mapper, path: str | Path) -> None:
     """Write all that `mapper` remembers to `path`, whole or not at all."""
-    _FILE.write(Path(path), {"mapper": mapper.name}, mapper.state())
+    _FILE.write(Path(path), {"mapper": mapper.spec.name}, mapper.state())
 
 
 def load_map(path: str | Path) -> Mapper:
@@ -54,7 +54,7 @@ def _check_state(path: Path, mapper: Mapper, state: dict[str, np.ndarray]) -> No
         if name not in state:
             raise InputError(path, f"the array {name}", "none", place=f"{name}.npy")
         if name not in kept:
-            raise InputError(path, f"only arrays of {mapper.name}", name, place=f"{name}.npy")
+            raise InputError(path, f"only arrays of {mapper.spec.name}", name, place=f"{name}.npy")
         mine, theirs = kept[name], state[name]
         if (mine.dtype, mine.ndim) != (theirs.dtype, theirs.ndim):
             raise InputError(

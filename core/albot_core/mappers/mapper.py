@@ -1,17 +1,110 @@
-"""The mapper: what all mapping systems offer, and how they are found, saved and restored."""
+"""The mapper: what every mapping system offers, and what some offer more."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
-from albot_core.geometry.poses import compose
-from albot_core.geometry.types import Pose, Segments
-from albot_core.maps.place_graph import Network
-from albot_core.sensing.reading import Reading, Readings
+from albot_core.errors import InputError
+from albot_core.geometry.poses import relative
+from albot_core.geometry.types import Pose, Poses
+from albot_core.maps.layers import MapSnapshot
+from albot_core.sensing.reading import Reading, Readings, Sensor
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapperSpec:
+    """What is known of a mapping system before one is made."""
+
+    name: str
+    """The name in commands, files and results."""
+    summary: str
+    """What it does, in one line."""
+    paper: str
+    """Where it is described."""
+    sensors: frozenset[Sensor]
+    """The sensors without which it does not work, besides the odometer."""
+    layers: tuple[str, ...]
+    """The kinds of layers that its maps have (see `albot_core.maps.layers`)."""
+    factory: str
+    """What makes one from a config, `module:name`, imported when it is first needed."""
+    config: str
+    """What makes its default config, a frozen dataclass, `module:name`."""
+    batch: str | None = None
+    """What makes a batch from a count of robots and a config, `module:name`; None where nothing
+    does, and the mappers of many robots are looped over."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Estimate:
+    """What a mapper believes after its latest reading."""
+
+    pose: Pose
+    """Where the robot is, in the map's frame."""
+    home: Pose
+    """Where the robot set out, in the map's frame."""
+    localised: bool = True
+    """Whether it believes that the pose is right; false while it knows that it is lost."""
+    place: int | None = None
+    """Id of the present place; None where it knows no places."""
+    matched_reading: int | None = None
+    """The earlier reading, counted from 0 since the reset, that it believes was taken at the
+    present place on an earlier visit: "I have been here". None where it recognises nothing."""
+    map_version: int = 0
+    """Grows with every change of the map, also where only what was remembered has moved."""
+
+    @property
+    def home_from_robot(self) -> Pose:
+        """Where the robot set out, in the robot's present frame."""
+        return relative(self.pose, self.home)
+
+
+@runtime_checkable
+class Mapper(Protocol):
+    """A system that builds a map from readings.
+
+    The map's frame is the robot's frame at the first reading after a reset. A mapper draws every
+    random number from the generator given to `reset`, or from one made of seed 0 before the first.
+    """
+
+    @property
+    def spec(self) -> MapperSpec:
+        """What is known of it by its name."""
+
+    @property
+    def config(self) -> Any:
+        """All its thresholds: a frozen dataclass."""
+
+    @property
+    def estimate(self) -> Estimate:
+        """What it believes after the latest reading."""
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget everything; the next reading is the first."""
+
+    def update(self, reading: Reading) -> bool:
+        """Take in a reading; true where it was added to the map.
+
+        The motion of the first reading after a reset is ignored: it says how the robot came to
+        the place where the map begins.
+
+        Raises:
+            InputError: The reading lacks a sensor that the spec names.
+        """
+
+    def snapshot(self) -> MapSnapshot:
+        """The map as it is now. Its arrays stay as they are while the mapper goes on."""
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything the mapper remembers, as arrays by name."""
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become the mapper that returned `state`; the run continues as if never stopped."""
+
 
 WayHome = Float64[np.ndarray, "7"]
 """A believed way home, in the map's frame: `EXIT`, `POINT` and `TRAVEL`."""
@@ -27,72 +120,62 @@ robot has lost its way or knows none."""
 
 
 @runtime_checkable
-class Mapper(Protocol):
-    """A system that builds a map from readings.
-
-    The map's frame is the robot's frame at the first reading after a reset, so home,
-    where the robot set out, is the map's origin. State lives in plain arrays: what
-    `state` returns and `restore` takes is all there is.
-    """
-
-    @property
-    def name(self) -> str:
-        """The name under which `make_mapper` finds it."""
-
-    @property
-    def pose(self) -> Pose:
-        """Where the robot believes to be, in the map's frame."""
-
-    @property
-    def surfaces(self) -> Segments:
-        """The surfaces remembered, in the map's frame."""
-
-    @property
-    def home(self) -> Pose:
-        """Where home is believed to be, in the robot's present frame."""
-
-    @property
-    def exits(self) -> Segments:
-        """The lines across the exits seen and remembered, in the map's frame, if any."""
-
-    @property
-    def network(self) -> Network:
-        """The places remembered and the exits between them; empty where it knows no places."""
-
-    @property
-    def events(self) -> Sequence[object]:
-        """What happened to the network and why, in order; each is told as one line."""
+class RouteHome(Protocol):
+    """A mapper that knows a way home, not only where home is."""
 
     @property
     def way_home(self) -> WayHome:
-        """The way home that it believes in, as seen from where it is now (see `WayHome`).
+        """The way home that it believes in, from where it is now (see `WayHome`).
 
         It may be kept for a little way, until the robot has moved on.
         """
 
-    @property
-    def is_lost(self) -> bool:
-        """Whether it knows that the robot is not where it believed, and not yet where it is."""
+
+@runtime_checkable
+class PlaceMemory(Protocol):
+    """A mapper that remembers places, recognises them, and says why."""
 
     @property
-    def updates(self) -> int:
-        """How often a view was added to the map since the reset."""
+    def events(self) -> Sequence[object]:
+        """What happened to its places and why, in order; each is told as one line."""
 
-    def reset(self) -> None:
-        """Forget everything; the next reading is the first."""
+    def place_at(self, reading: int) -> int:
+        """Id of the place where a reading was taken, as it believes now.
 
-    def update(self, reading: Reading) -> bool:
-        """Take in a reading; true where a view was added to the map.
-
-        The motion of the first reading after a reset is ignored: it says how the robot
-        came to the place where the map begins.
+        Args:
+            reading: The reading's number, counted from 0 since the reset.
         """
 
-    def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
 
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`; the run continues as if never stopped."""
+@runtime_checkable
+class CorrectedTrajectory(Protocol):
+    """A mapper that corrects its earlier poses."""
+
+    def corrected_poses(self) -> Poses:
+        """The robot's pose at every reading since the reset, as believed now, (readings, 3)."""
+
+
+Capability = TypeVar("Capability")
+
+_CAPABILITIES: dict[type, str] = {
+    RouteHome: "a way home",
+    PlaceMemory: "a memory of places",
+    CorrectedTrajectory: "a corrected trajectory",
+}
+
+
+def require(mapper: Mapper, capability: type[Capability]) -> Capability:
+    """The mapper as one that has a capability: `RouteHome`, `PlaceMemory`, `CorrectedTrajectory`.
+
+    Raises:
+        InputError: It has not.
+    """
+    if not isinstance(mapper, capability):
+        has = [what for kind, what in _CAPABILITIES.items() if isinstance(mapper, kind)]
+        found = f"one with {', '.join(has)}" if has else "one without"
+        expected = f"a mapper with {_CAPABILITIES[capability]}"
+        raise InputError(f"mapper {mapper.spec.name}", expected, found)
+    return mapper
 
 
 @runtime_checkable
@@ -100,119 +183,71 @@ class MapperBatch(Protocol):
     """Mappers of one kind, one a robot, that take in the readings of many at once.
 
     What the mapper of a row does is to the last bit what a single one does. Rows do not
-    touch each other: threads may update disjoint rows at the same time.
+    touch each other: threads may update disjoint rows at the same time. The arrays are written
+    over by updates.
     """
 
     @property
+    def spec(self) -> MapperSpec:
+        """What is known of the mappers by their name."""
+
+    @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
-        """Where each robot believes to be, in its map's frame: one array, written over."""
+        """`Estimate.pose` of each: one and the same array."""
 
     @property
     def homes(self) -> Float64[np.ndarray, "robots 3"]:
-        """Where home is believed to be, in each one's map's frame: written over."""
-
-    @property
-    def ways_home(self) -> Float64[np.ndarray, "robots 7"]:
-        """The way home that each believes in, as of the last `find_ways`: written over."""
+        """`Estimate.home` of each: one and the same array."""
 
     @property
     def places(self) -> Bool[np.ndarray, "robots 2"]:
-        """Whether each is in a place that it knows from before; whether it has lost its way.
+        """Whether each recognises its place; whether it is lost: one and the same array."""
 
-        Written over (see `Network.familiar` and `Mapper.is_lost`).
-        """
+    @property
+    def matched_readings(self) -> Int64[np.ndarray, "robots"]:
+        """`Estimate.matched_reading` of each, -1 for none: one and the same array."""
 
     @property
     def current_places(self) -> Int64[np.ndarray, "robots"]:
-        """The id of the place that each believes to be in; -1 where it knows no places.
+        """`Estimate.place` of each, -1 for none: one and the same array."""
 
-        Written over (see `Network.current`).
+    @property
+    def map_versions(self) -> Int64[np.ndarray, "robots"]:
+        """`Estimate.map_version` of each."""
+
+    @property
+    def updates(self) -> Int64[np.ndarray, "robots"]:
+        """How many readings were added to each one's map since its reset."""
+
+    @property
+    def segment_counts(self) -> Int64[np.ndarray, "robots"]:
+        """How many line segments are in each one's map."""
+
+    @property
+    def recognises_places(self) -> bool:
+        """Whether they are mappers with a memory of places, who can match readings."""
+
+    @property
+    def ways_home(self) -> Float64[np.ndarray, "robots 7"]:
+        """`RouteHome.way_home` of each, as of the last `find_ways`: one and the same array.
+
+        Of mappers that know no way home, only the travel that their belief of home rests on.
         """
 
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
         """Find the ways home of some."""
 
-    @property
-    def updates(self) -> Int64[np.ndarray, "robots"]:
-        """How often each has added a view to its map since its reset."""
-
-    @property
-    def surface_counts(self) -> Int64[np.ndarray, "robots"]:
-        """How many surfaces each remembers."""
-
-    def reset(self, row: int) -> None:
+    def reset(self, row: int, rng: np.random.Generator) -> None:
         """Let one forget everything."""
 
     def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
         """Let some take in their readings, which stand in the same rows."""
 
-    def surfaces(self, row: int) -> Segments:
-        """The surfaces that one remembers, in its map's frame (a copy)."""
+    def snapshot(self, row: int) -> MapSnapshot:
+        """The map of one."""
 
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Everything that one remembers, as arrays by name (copies)."""
 
     def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
         """Let one become the one that returned `state`."""
-
-
-class LoopedMappers:
-    """A batch of mappers that know nothing of batches: one after the other.
-
-    Args:
-        mappers: The mappers, one a robot.
-    """
-
-    def __init__(self, mappers: Sequence[Mapper]) -> None:
-        self._mappers = tuple(mappers)
-        self.poses = np.zeros((len(self._mappers), 3))
-        self.homes = np.zeros((len(self._mappers), 3))
-        self.ways_home = np.full((len(self._mappers), 7), np.nan)
-        self.places = np.zeros((len(self._mappers), 2), np.bool_)
-        self.current_places = np.full(len(self._mappers), -1)
-        self.updates = np.zeros(len(self._mappers), np.int64)
-        self.surface_counts = np.zeros(len(self._mappers), np.int64)
-
-    def reset(self, row: int) -> None:
-        """Let one forget everything."""
-        self._mappers[row].reset()
-        self._note(row)
-
-    def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
-        """Let some take in their readings, which stand in the same rows."""
-        for row in rows.tolist():
-            if self._mappers[row].update(readings[row]):
-                self._note(row)
-            self._place(row)
-
-    def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Find the ways home of some."""
-        for row in rows.tolist():
-            self.ways_home[row] = self._mappers[row].way_home
-
-    def surfaces(self, row: int) -> Segments:
-        """The surfaces that one remembers, in its map's frame."""
-        return self._mappers[row].surfaces.copy()
-
-    def state(self, row: int) -> dict[str, np.ndarray]:
-        """Everything that one remembers, as arrays by name."""
-        return self._mappers[row].state()
-
-    def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
-        """Let one become the one that returned `state`."""
-        self._mappers[row].restore(state)
-        self._note(row)
-
-    def _note(self, row: int) -> None:
-        mapper = self._mappers[row]
-        self._place(row)
-        self.updates[row] = mapper.updates
-        self.surface_counts[row] = len(mapper.surfaces)
-
-    def _place(self, row: int) -> None:
-        mapper = self._mappers[row]
-        self.poses[row] = mapper.pose
-        self.homes[row] = compose(mapper.pose, mapper.home)
-        network = mapper.network
-        self.places[row] = network.familiar, mapper.is_lost
-        self.current_places[row] = -1 if network.current is None else network.current

@@ -91,9 +91,10 @@ def local_submaps(
         if k:
             lines = transform_segments(back, lines)
             scans = [scan.moved(back) for scan in scans if scan.way >= way - TRAIL]
-        eye = np.array(reading.laser.geometry.mount[:2])
-        scans.append(_Scan(way=way, eye=eye, points=reading.laser.points))
-        view = construct_view(reading.laser, view_config).surfaces
+        laser = reading.required_laser("place recognition")
+        eye = np.array(laser.geometry.mount[:2])
+        scans.append(_Scan(way=way, eye=eye, points=laser.points))
+        view = construct_view(laser, view_config).surfaces
         lines, seen_at = _update_lines(lines, seen_at, view, way, config)
         if way >= (submaps[-1].way + SPACING if submaps else 0.0):
             points, grid = _draw_grid(scans)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -11,6 +12,9 @@ from jaxtyping import Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Ranges
 from albot_core.ranges import FINITE, Range, check_fields
+
+Sensor = Literal["laser", "sonar", "scene"]
+"""What a reading can hold besides the odometer's motion."""
 
 _BEAMS = Range("a whole number from 2", 2.0, whole=True)
 
@@ -146,14 +150,14 @@ class SonarScan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """What the robot senses at a step. It never holds the truth."""
+    """What the robot senses at a step, by whichever sensors it has. It never holds the truth."""
 
     stamp: float
     """Time (s) on the robot's or the log's clock."""
     motion: Pose
     """Odometry: the robot's pose now, in its own frame at the previous reading."""
-    laser: LaserScan
-    """The laser's sweep at this step."""
+    laser: LaserScan | None = None
+    """The laser's sweep at this step; None on a robot without a laser."""
     sonar: SonarScan | None = None
     """The sonars' echoes at this step; None on a robot without sonars."""
     scene: int | None = None
@@ -162,6 +166,19 @@ class Reading:
     def __post_init__(self) -> None:
         if self.motion.shape != (3,) or not np.isfinite(self.motion).all():
             raise InputError("Reading.motion", "three finite numbers", str(self.motion))
+
+    def required_laser(self, by: str) -> LaserScan:
+        """The laser's sweep.
+
+        Args:
+            by: Who needs it, for the error.
+
+        Raises:
+            InputError: The robot has no laser.
+        """
+        if self.laser is None:
+            raise InputError("Reading.laser", f"a laser scan, which {by} needs", "none")
+        return self.laser
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -172,10 +189,10 @@ class Readings:
     """Times (s), as `Reading.stamp`."""
     motions: Float64[np.ndarray, "robots 3"]
     """Odometry, as `Reading.motion`."""
-    laser: LaserGeometry
-    """Where the beams of all lasers point."""
-    ranges: Float64[np.ndarray, "robots beams"]
-    """The lasers' ranges (m), as `LaserScan.ranges`."""
+    laser: LaserGeometry | None = None
+    """Where the beams of all lasers point; None on robots without."""
+    ranges: Float64[np.ndarray, "robots beams"] | None = None
+    """The lasers' ranges (m), as `LaserScan.ranges`; None on robots without."""
     sonar: SonarGeometry | None = None
     """Where the sonars of all robots point; None on robots without."""
     echoes: Float64[np.ndarray, "robots sonars"] | None = None
@@ -185,7 +202,9 @@ class Readings:
 
     def __getitem__(self, row: int) -> Reading:
         """A copy of what one robot senses."""
-        sonar, scene = None, None
+        laser, sonar, scene = None, None, None
+        if self.laser is not None and self.ranges is not None:
+            laser = LaserScan(ranges=self.ranges[row].copy(), geometry=self.laser)
         if self.sonar is not None and self.echoes is not None:
             sonar = SonarScan(ranges=self.echoes[row].copy(), geometry=self.sonar)
         if self.scenes is not None and self.scenes[row] >= 0:
@@ -193,7 +212,7 @@ class Readings:
         return Reading(
             stamp=float(self.stamps[row]),
             motion=self.motions[row].copy(),
-            laser=LaserScan(ranges=self.ranges[row].copy(), geometry=self.laser),
+            laser=laser,
             sonar=sonar,
             scene=scene,
         )

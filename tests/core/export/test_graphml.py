@@ -10,9 +10,10 @@ import pytest
 from PIL import Image
 
 from albot_core.export.geojson import write_geojson
-from albot_core.export.graphml import network_to_graph, write_graphml
+from albot_core.export.graphml import place_graph_to_networkx, write_graphml
 from albot_core.export.picture import write_picture
-from albot_core.maps.place_graph import NOWHERE, Exit, Network, Place
+from albot_core.mappers.albot1.places.network_view import Exit, Network, Place
+from albot_core.maps.layers import MapSnapshot, PlaceGraph, SegmentsLayer
 
 
 def exit_at(x: float, leads_to: int, exit_there: int) -> Exit:
@@ -25,18 +26,18 @@ def place(number: int, frame: tuple[float, ...], *exits: Exit) -> Place:
 
 
 @pytest.fixture
-def network() -> Network:
+def network() -> PlaceGraph:
     """P1 and P3 joined by two exits, P4 behind P3; P3's frame is turned by a quarter."""
     first = place(0, (0, 0, 0), exit_at(2, 2, 0), exit_at(4, 2, 1))
     second = place(2, (10, 0, np.pi / 2), exit_at(1, 0, 0), exit_at(3, 0, 1), exit_at(5, 3, 0))
     third = place(3, (20, 0, 0), exit_at(0, 2, 2))
-    return Network(places=(first, second, third), current=2, home=0)
+    return Network(places=(first, second, third), current=2, home=0).place_graph
 
 
 def test_the_graph_has_places_and_exits(network, tmp_path):
     write_graphml(network, tmp_path / "a.graphml")
     graph = nx.read_graphml(tmp_path / "a.graphml", node_type=int, force_multigraph=True)
-    assert dict(graph.nodes(data=True)) == dict(network_to_graph(network).nodes(data=True))
+    assert dict(graph.nodes(data=True)) == dict(place_graph_to_networkx(network).nodes(data=True))
     assert graph.nodes[2] == {
         "label": "P3",
         "x": 10.0,
@@ -62,13 +63,14 @@ def test_the_same_network_is_the_same_bytes(network, tmp_path):
 
 
 def test_no_places_are_an_empty_graph(tmp_path):
-    write_graphml(NOWHERE, tmp_path / "a.graphml")
+    write_graphml(PlaceGraph(), tmp_path / "a.graphml")
     assert len(nx.read_graphml(tmp_path / "a.graphml")) == 0
 
 
 def test_places_stand_beside_the_surfaces_in_geojson(network, tmp_path):
     path = tmp_path / "map.geojson"
-    write_geojson(np.array([[0.0, 0, 1, 0]]), path, network)
+    surfaces = SegmentsLayer(segments=np.array([[0.0, 0, 1, 0]]))
+    write_geojson(MapSnapshot(layers=(surfaces, network)), path)
     features = json.loads(path.read_text())["features"]
     kinds = [feature["properties"].get("kind") for feature in features]
     assert kinds == [None, *3 * ["place"], *6 * ["exit"]]
@@ -80,12 +82,12 @@ def test_places_stand_beside_the_surfaces_in_geojson(network, tmp_path):
 
 def test_places_are_drawn_over_the_map(network, tmp_path):
     images = []
-    for given in (NOWHERE, network):
+    surfaces = SegmentsLayer(segments=np.array([[0.0, 5, 20, 5]]))
+    for given in (PlaceGraph(), network):
         path = tmp_path / "map.png"
         believed = np.array([[0.0, 0, 0], [20, 5, 0]])
-        write_picture(
-            path, title="", surfaces=np.array([[0.0, 5, 20, 5]]), believed=believed, network=given
-        )
+        snapshot = MapSnapshot(layers=(surfaces, given))
+        write_picture(path, title="", snapshot=snapshot, believed=believed)
         with Image.open(path) as picture:
             images.append(np.asarray(picture.convert("RGB")).astype(int))
     purple = [np.abs(image - (0x72, 0x58, 0xCC)).max(axis=-1) < 25 for image in images]

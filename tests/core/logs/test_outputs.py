@@ -17,6 +17,7 @@ from albot_core.export.picture import write_picture
 from albot_core.export.tum import write_tum
 from albot_core.geometry.poses import wrap_angle
 from albot_core.logs.reader import read_reference
+from albot_core.maps.layers import EMPTY_MAP, MapSnapshot, SegmentsLayer
 
 FINITE = st.floats(-1e6, 1e6, allow_subnormal=False)
 
@@ -84,7 +85,12 @@ def test_raw_odometry_is_no_reference(kind, write, log_text):
 
 def test_surfaces_as_geojson(tmp_path):
     path = tmp_path / "map.geojson"
-    write_geojson(np.array([[0, 0, 1, 2.00004], [-0.00001, 3, 4, 5]]), path)
+    write_geojson(
+        MapSnapshot(
+            layers=(SegmentsLayer(segments=np.array([[0, 0, 1, 2.00004], [-0.00001, 3, 4, 5]])),)
+        ),
+        path,
+    )
     map_ = json.loads(path.read_text())
     assert map_["type"] == "FeatureCollection"
     assert "metres" in map_["frame"]
@@ -98,7 +104,7 @@ def test_surfaces_as_geojson(tmp_path):
 
 def test_no_surfaces_as_geojson(tmp_path):
     path = tmp_path / "map.geojson"
-    write_geojson(np.empty((0, 4)), path)
+    write_geojson(EMPTY_MAP, path)
     assert json.loads(path.read_text())["features"] == []
 
 
@@ -107,12 +113,13 @@ def test_a_picture_shows_surfaces_and_paths(wide, tmp_path):
     path = tmp_path / "map.png"
     turn = slice(None) if wide else slice(None, None, -1)
     surfaces = np.array([[0.0, 3, 20, 3], [0, -3, 20, -3]]).reshape(-1, 2, 2)[..., turn]
+    walls = np.ascontiguousarray(surfaces).reshape(-1, 4)
     believed = np.zeros((50, 3))
     believed[:, 0 if wide else 1] = np.linspace(0, 20, 50)
     write_picture(
         path,
         title="a corridor",
-        surfaces=np.ascontiguousarray(surfaces).reshape(-1, 4),
+        snapshot=MapSnapshot(layers=(SegmentsLayer(segments=walls),)),
         believed=believed,
         reference=believed + 1.0,
     )
@@ -135,7 +142,7 @@ def test_a_picture_of_nothing(tmp_path):
         write_picture(
             tmp_path / "map.png",
             title="nothing",
-            surfaces=np.empty((0, 4)),
+            snapshot=EMPTY_MAP,
             believed=np.zeros((1, 3)),
         )
     with Image.open(tmp_path / "map.png") as image:

@@ -49,14 +49,14 @@ def test_a_map_comes_back_exactly(name, count, tmp_path):
     mapper = led(name, count)
     save_map(mapper, tmp_path / "a.albot")
     back = load_map(tmp_path / "a.albot")
-    assert back.name == mapper.name
+    assert back.spec.name == mapper.spec.name
     state = mapper.state()
     assert back.state().keys() == state.keys()
     for key, array in back.state().items():
         assert array.dtype == state[key].dtype
         np.testing.assert_array_equal(array, state[key])
-    np.testing.assert_array_equal(back.pose, mapper.pose)
-    np.testing.assert_array_equal(back.surfaces, mapper.surfaces)
+    np.testing.assert_array_equal(back.estimate.pose, mapper.estimate.pose)
+    np.testing.assert_array_equal(back.snapshot().segments, mapper.snapshot().segments)
 
 
 def test_a_run_goes_on_as_if_never_stopped(name, tmp_path):
@@ -83,7 +83,7 @@ def test_saving_replaces_and_leaves_nothing_beside(tmp_path):
     path = tmp_path / "a.albot"
     path.write_bytes(b"old")
     save_map(led("odometry"), path)
-    assert load_map(path).updates > 0
+    assert load_map(path).estimate.map_version > 0
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -97,7 +97,7 @@ def test_the_file_is_plain_numpy_and_json(tmp_path):
         assert {member.date_time for member in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
     assert header == {"format": "albot-map", "version": 4, "mapper": "odometry"}
     with np.load(path, allow_pickle=False) as arrays:
-        np.testing.assert_array_equal(arrays["surfaces"], mapper.surfaces)
+        np.testing.assert_array_equal(arrays["surfaces"], mapper.snapshot().segments)
 
 
 def rewrite(path: Path, **members: bytes | None) -> Path:
@@ -200,5 +200,5 @@ def test_a_torn_or_changed_file_is_refused_or_loads_the_same(data, tmp_path):
     except InputError as error:
         assert "\n" not in str(error)
         return
-    np.testing.assert_array_equal(back.surfaces, mapper.surfaces)
-    np.testing.assert_array_equal(back.pose, mapper.pose)
+    np.testing.assert_array_equal(back.snapshot().segments, mapper.snapshot().segments)
+    np.testing.assert_array_equal(back.estimate.pose, mapper.estimate.pose)

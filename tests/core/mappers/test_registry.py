@@ -14,6 +14,8 @@ from albot_core.mappers.mapper import Mapper
 from albot_core.mappers.registry import MAPPERS, make_mapper, mapper_names
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 
+RNG = np.random.default_rng(0)
+
 LASER = LaserGeometry()
 
 
@@ -67,11 +69,11 @@ def test_no_mapper_is_imported_before_it_is_made():
 def test_a_fresh_mapper_is_at_home(name):
     mapper = make_mapper(name)
     assert isinstance(mapper, Mapper)
-    assert mapper.name == name
-    assert mapper.updates == 0
-    assert mapper.surfaces.shape == (0, 4)
-    np.testing.assert_array_equal(mapper.pose, np.zeros(3))
-    np.testing.assert_array_equal(mapper.home, np.zeros(3))
+    assert mapper.spec.name == name
+    assert mapper.estimate.map_version == 0
+    assert mapper.snapshot().segments.shape == (0, 4)
+    np.testing.assert_array_equal(mapper.estimate.pose, np.zeros(3))
+    np.testing.assert_array_equal(mapper.estimate.home_from_robot, np.zeros(3))
 
 
 def test_the_motion_of_the_first_reading_is_ignored(name):
@@ -79,22 +81,22 @@ def test_the_motion_of_the_first_reading_is_ignored(name):
     first = readings(1)[0]
     still.update(first)
     moved.update(Reading(stamp=0.0, motion=np.array((3.0, 2.0, 1.0)), laser=first.laser))
-    np.testing.assert_array_equal(moved.pose, still.pose)
-    np.testing.assert_array_equal(moved.surfaces, still.surfaces)
+    np.testing.assert_array_equal(moved.estimate.pose, still.estimate.pose)
+    np.testing.assert_array_equal(moved.snapshot().segments, still.snapshot().segments)
 
 
 def test_a_mapper_counts_its_updates_and_sees_walls(name):
     mapper = make_mapper(name)
     laid = sum(mapper.update(reading) for reading in readings())
-    assert mapper.updates == laid >= 1
-    assert mapper.surfaces.shape[1] == 4
-    assert len(mapper.surfaces) >= 2
-    assert np.isfinite(mapper.surfaces).all()
+    assert mapper.estimate.map_version == laid >= 1
+    assert mapper.snapshot().segments.shape[1] == 4
+    assert len(mapper.snapshot().segments) >= 2
+    assert np.isfinite(mapper.snapshot().segments).all()
     # The corridor's walls lie a metre, its niches 1.6 m, to either side.
-    assert np.abs(mapper.surfaces[:, [1, 3]]).max() < 1.8
+    assert np.abs(mapper.snapshot().segments[:, [1, 3]]).max() < 1.8
     # Inexact mappers are a step off at most.
-    np.testing.assert_allclose(mapper.pose, (4.4, 0, 0), atol=0.3)
-    np.testing.assert_allclose(mapper.home, (-4.4, 0, 0), atol=0.3)
+    np.testing.assert_allclose(mapper.estimate.pose, (4.4, 0, 0), atol=0.3)
+    np.testing.assert_allclose(mapper.estimate.home_from_robot, (-4.4, 0, 0), atol=0.3)
 
 
 def test_two_mappers_of_a_name_agree_to_the_last_bit(name):
@@ -110,13 +112,13 @@ def test_reset_makes_a_mapper_new(name):
     mapper, fresh = make_mapper(name), make_mapper(name)
     for reading in readings():
         mapper.update(reading)
-    mapper.reset()
-    assert mapper.updates == 0
+    mapper.reset(RNG)
+    assert mapper.estimate.map_version == 0
     for reading in readings():
         mapper.update(reading)
         fresh.update(reading)
-    np.testing.assert_array_equal(mapper.pose, fresh.pose)
-    np.testing.assert_array_equal(mapper.surfaces, fresh.surfaces)
+    np.testing.assert_array_equal(mapper.estimate.pose, fresh.estimate.pose)
+    np.testing.assert_array_equal(mapper.snapshot().segments, fresh.snapshot().segments)
 
 
 def test_the_readings_are_left_as_they_were(name):
@@ -133,4 +135,4 @@ def test_a_mapper_goes_to_another_process(name: str) -> None:
     mapper = make_mapper(name)
     twin = ForkingPickler.loads(ForkingPickler.dumps(mapper))
     assert type(twin) is type(mapper)
-    np.testing.assert_array_equal(twin.pose, mapper.pose)
+    np.testing.assert_array_equal(twin.estimate.pose, mapper.estimate.pose)

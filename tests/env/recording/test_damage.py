@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from albot_core.errors import InputError
@@ -41,7 +42,11 @@ def test_a_file_cut_anywhere_gives_its_beginning_or_a_clear_error(
 @pytest.mark.parametrize("share", [0.3, 0.6])
 def test_a_flipped_byte_is_found(episode: Path, share: float) -> None:
     data = bytearray(episode.read_bytes())
-    data[int(len(data) * share)] ^= 0xFF
+    with episode.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[0]
+    data[chunk.chunk_start_offset + int(share * chunk.chunk_length)] ^= 0xFF
     episode.write_bytes(data)
     with pytest.raises(InputError, match="expected an episode in MCAP format"):
         _stamps(episode)
@@ -82,7 +87,7 @@ def _sonar(**changes: object) -> dict[str, object]:
 
 def _header(**changes: object) -> bytes:
     header = {
-        "format": 2,
+        "format": 3,
         "environment": "Albot/Explore-v0",
         "world": "w",
         "walls": [[0, 0, 1, 0]],
@@ -113,7 +118,7 @@ def test_another_mcap_file_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "place"),
     [
-        ({"format": 1}, "header/format"),
+        ({"format": 2}, "header/format"),
         ({"walls": [[0, 0, 1]]}, "header/walls/0"),
         ({"start": None}, "header/start"),
         ({"seed": "one"}, "header/seed"),

@@ -13,6 +13,7 @@ from mcap.reader import make_reader
 from albot_core.errors import InputError
 from albot_core.mappers.registry import make_mapper
 from albot_env.recording.episode import Moment, NullRecorder, Recorder
+from albot_env.recording.layers import plain_layer
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.schemas import TOPICS
 from albot_env.recording.writer import EpisodeWriter
@@ -44,7 +45,7 @@ def _flat(moment: Moment) -> list[np.ndarray]:
         moment.pose,
         moment.belief,
         moment.home,
-        np.empty(0) if moment.surfaces is None else moment.surfaces,
+        np.empty(0) if moment.snapshot is None else moment.snapshot.segments,
     ]
 
 
@@ -77,9 +78,13 @@ def test_recorded_readings_rebuild_the_map(episode: Path) -> None:
     mapper = make_mapper("albot1")
     for moment in EpisodeReader(episode).moments():
         mapper.update(moment.reading)
-        assert np.array_equal(mapper.pose, moment.belief)
-        if moment.surfaces is not None:
-            assert np.array_equal(mapper.surfaces, moment.surfaces)
+        assert np.array_equal(mapper.estimate.pose, moment.belief)
+        matched = mapper.estimate.matched_reading
+        assert matched == moment.matched_reading
+        if moment.snapshot is not None:
+            mine, theirs = mapper.snapshot(), moment.snapshot
+            assert np.array_equal(mine.segments, theirs.segments)
+            assert plain_layer(mine.place_graph) == plain_layer(theirs.place_graph)
 
 
 def test_the_same_seed_gives_the_same_bytes(make_env, tmp_path: Path) -> None:
@@ -107,7 +112,7 @@ def test_any_mcap_reader_finds_messages_as_their_schemas_say(episode: Path) -> N
     assert counts["/albot/header"] == counts["/walls"] == 1
     for topic in ("/albot/step", "/scan", "/tf", "/home"):
         assert counts[topic] == 41
-    assert 1 <= counts["/albot/map"] == counts["/surfaces"] < 41
+    assert 1 <= counts["/albot/map"] == counts["/map/segments"] < 41
 
 
 def test_foxglove_shows_things_where_they_are(episode: Path) -> None:
@@ -127,9 +132,9 @@ def test_foxglove_shows_things_where_they_are(episode: Path) -> None:
     scan = [content for topic, content in messages if topic == "/scan"][-1]
     assert len(scan["ranges"]) == 181
     assert (scan["start_angle"], scan["end_angle"]) == pytest.approx((-np.pi / 2, np.pi / 2))
-    scene = [content for topic, content in messages if topic == "/surfaces"][-1]
+    scene = [content for topic, content in messages if topic == "/map/segments"][-1]
     points = [[p["x"], p["y"]] for p in scene["entities"][0]["lines"][0]["points"]]
-    surfaces = next(m.surfaces for m in reversed(moments) if m.surfaces is not None)
+    surfaces = next(m.snapshot.segments for m in reversed(moments) if m.snapshot is not None)
     assert np.reshape(points, (-1, 4)) == pytest.approx(surfaces, abs=5.1e-4)
 
 

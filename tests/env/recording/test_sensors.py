@@ -59,7 +59,8 @@ def moment(stamp: float, echoes: list[float] | None, scene: int | None) -> Momen
         belief=np.zeros(3),
         home=np.zeros(3),
         updates=0,
-        surfaces=None,
+        matched_reading=None,
+        snapshot=None,
     )
 
 

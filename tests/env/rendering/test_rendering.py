@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.text import Text
 
 from albot_core.errors import InputError
+from albot_core.maps.layers import EMPTY_MAP, MapSnapshot, SegmentsLayer
 from albot_env.rendering.canvas import BACKGROUND, PALETTE, PANEL, paint_array
 from albot_env.rendering.frame import Frame, position_error
 from albot_env.rendering.picture import save_picture
@@ -30,6 +31,7 @@ def frame() -> Frame:
     Its map frame is turned by a quarter against the world's. The map is perfect.
     """
     walls = np.array(((0, 0, 10, 0), (10, 0, 10, 10), (10, 10, 0, 10), (0, 10, 0, 0)), float)
+    surfaces = np.array(((-2.0, 2.0, -2.0, -8.0), (8.0, -8.0, 8.0, 2.0)))
     return Frame(
         world="room",
         mapper="albot1",
@@ -42,7 +44,7 @@ def frame() -> Frame:
         pose=np.array((6.0, 2.0, np.pi / 2)),
         path=np.array(((2.0, 2.0), (6.0, 2.0))),
         hits=np.array(((8.0, 0.0), (0.0, 6.0))),
-        surfaces=np.array(((-2.0, 2.0, -2.0, -8.0), (8.0, -8.0, 8.0, 2.0))),
+        snapshot=MapSnapshot(layers=(SegmentsLayer(segments=surfaces),)),
         belief=np.array((0.0, -4.0, 0.0)),
         believed_path=np.array(((0.0, 0.0), (0.0, -4.0))),
         home=np.array((0.0, 4.0, 0.0)),
@@ -136,7 +138,7 @@ def test_a_picture_that_cannot_be_written_leaves_nothing(frame: Frame, tmp_path:
 def test_an_empty_map_can_be_drawn(frame: Frame, tmp_path: Path) -> None:
     empty = replace(
         frame,
-        surfaces=np.empty((0, 4)),
+        snapshot=EMPTY_MAP,
         hits=np.empty((0, 2)),
         path=frame.path[:1],
         believed_path=frame.believed_path[:1],

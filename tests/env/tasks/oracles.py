@@ -13,7 +13,7 @@ from jaxtyping import Float, Float32, Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose
-from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Mapper
+from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Mapper, RouteHome, require
 from albot_core.sensing.reading import LaserScan, Reading
 from albot_env.tasks.core.coverage import CoverageConfig, laid, no_ground
 from albot_env.tasks.core.coverage_kernels import (
@@ -75,8 +75,13 @@ def observe(
     """
     if config.shows_ways_over_ground and wayfinding is None:
         raise InputError("observe", "a Wayfinding that has followed the robot", "None")
-    way = mapper.way_home if config.shows_way_home else np.full(7, np.nan)
-    home, flags = mapper.home, (mapper.network.familiar, mapper.is_lost)
+    way = np.full(7, np.nan)
+    if config.shows_way_home:
+        way = require(mapper, RouteHome).way_home
+    estimate = mapper.estimate
+    home, pose = estimate.home_from_robot, estimate.pose
+    flags = estimate.matched_reading is not None, not estimate.localised
+    laser = reading.required_laser("observe")
     scale = config.home_scale
     parts = {name: np.empty(shape, np.float32) for name, shape in config.shapes.items()}
     shown = parts | {name: np.empty(6, np.float32) for name in PARTS if name not in parts}
@@ -85,21 +90,21 @@ def observe(
     observe_home(home, scale, shown["home"])
     shown["confidence"][0] = observe_confidence(way[TRAVEL], config.home_drift, config.home_near)
     shown["place"][:2] = np.where(flags, 1, -1)
-    observe_exit(mapper.pose, way[EXIT], scale, shown["exit"])
-    observe_way(mapper.pose, way[POINT], scale, shown["way"])
+    observe_exit(pose, way[EXIT], scale, shown["exit"])
+    observe_way(pose, way[POINT], scale, shown["way"])
     if wayfinding is not None:
         shortcut = wayfinding.shortcut(way[TRAVEL])
-        observe_way(mapper.pose, shortcut, scale, shown["shortcut"])
-        observe_way(mapper.pose, wayfinding.onward, scale, shown["onward"])
+        observe_way(pose, shortcut, scale, shown["shortcut"])
+        observe_way(pose, wayfinding.onward, scale, shown["onward"])
     if "laser" in parts:
-        parts["laser"] = observe_ranges(config, reading.laser.ranges)
+        parts["laser"] = observe_ranges(config, laser.ranges)
     if "sonar" in parts and reading.sonar is not None:
         echoes = reading.sonar.ranges
         scale_ranges(echoes, config.sonar_scale, parts["sonar"])
     if "coverage" in parts:
-        parts["coverage"] = coverage.patch(mapper.pose)
+        parts["coverage"] = coverage.patch(pose)
     if "frontier" in parts:
-        found = coverage.frontier(mapper.pose, reading.laser, len(parts["frontier"]))
+        found = coverage.frontier(pose, laser, len(parts["frontier"]))
         scale_ranges(found, config.laser_scale, parts["frontier"])
     shown["time_left"][0] = observe_time(time_left, config.time_scale)
     return parts

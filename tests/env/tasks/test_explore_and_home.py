@@ -125,7 +125,7 @@ def test_observations_are_a_function_of_the_readings_and_the_time(
     moments = list(EpisodeReader(tmp_path / "trip.mcap").moments())
     for step, (moment, observation) in enumerate(zip(moments, seen, strict=True)):
         mapper.update(moment.reading)
-        ground.follow(moment.reading.motion, mapper.pose, moment.reading.laser)
+        ground.follow(moment.reading.motion, mapper.estimate.pose, moment.reading.laser)
         left = (60 - step) * CONTROL_STEP
         again = observe(env.observing, moment.reading, mapper, ground, left)
         assert again.keys() == observation.keys()

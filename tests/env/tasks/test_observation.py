@@ -85,9 +85,12 @@ def assert_replayed(seen: list[tuple[Any, Any]], path: Path, config: Observation
     assert len(moments) == len(seen)
     for moment, (observation, _) in zip(moments, seen, strict=True):
         mapper.update(moment.reading)
-        ground.follow(moment.reading.motion, mapper.pose, moment.reading.laser)
-        home, laser = compose(mapper.pose, mapper.home), moment.reading.laser
-        wayfinding.follow(moment.reading.motion, mapper.pose, laser, home, ground)
+        ground.follow(moment.reading.motion, mapper.estimate.pose, moment.reading.laser)
+        home, laser = (
+            compose(mapper.estimate.pose, mapper.estimate.home_from_robot),
+            moment.reading.laser,
+        )
+        wayfinding.follow(moment.reading.motion, mapper.estimate.pose, laser, home, ground)
         again = observe(config, moment.reading, mapper, ground, wayfinding=wayfinding)
         assert again.keys() == observation.keys()
         for name, part in observation.items():

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
+from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.mappers.albot1.addresses import COLUMNS, RobotArrays, addresses_of
@@ -35,7 +36,9 @@ from albot_core.mappers.albot1.state import (
 )
 from albot_core.mappers.albot1.step import BatchArrays, step_robots
 from albot_core.mappers.albot1.trail.breadcrumbs import WAYPOINT_AHEAD
-from albot_core.mappers.mapper import EXIT, POINT, TRAVEL
+from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, MapperSpec
+from albot_core.mappers.registry import mapper_spec
+from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.sensing.reading import LaserGeometry, Readings
 
 AFRESH = 0.2
@@ -51,18 +54,29 @@ class Albot1Batch:
     Args:
         count: How many robots.
         config: All thresholds; by default those of `albot1`.
+        name: The name under which the mappers are known.
     """
 
-    def __init__(self, count: int, config: Albot1Config | None = None) -> None:
+    recognises_places = True
+    """Whether the mappers match readings: these do."""
+
+    def __init__(
+        self, count: int, config: Albot1Config | None = None, name: str = "albot1"
+    ) -> None:
+        self.spec: MapperSpec = mapper_spec(name)
+        """What is known of the mappers by their name."""
         self.config = config or Albot1Config()
         self._limits = self.config.limits
         self._arrays: list[RobotArrays] = []
         self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
+        self._readings = np.zeros(count, np.int64)
         self._homes = np.zeros((count, 3))
+        self._matched_readings = np.full(count, -1)
         self._places = np.zeros((count, 2), np.bool_)
         self._ways_home = np.full((count, 7), np.nan)
         self._next_exits = np.full((count, 4), np.nan)
         self._found_at = np.full((count, 2), np.inf)
+        self._network_versions = np.zeros(count, np.int64)
         self._versions = [-1] * count
         self._expecting = [-1] * count
         self._robots = BatchArrays(
@@ -87,11 +101,6 @@ class Albot1Batch:
             self._set_addresses(row)
         self._arguments_cache = ArgumentsCache(self._arguments)
 
-    @classmethod
-    def thesis(cls, count: int) -> Albot1Batch:
-        """As `Albot1.thesis`."""
-        return cls(count, Albot1Config.thesis())
-
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
         """Where each robot believes to be, in its map's frame. Written over by updates."""
@@ -106,6 +115,16 @@ class Albot1Batch:
     def current_places(self) -> Int64[np.ndarray, "robots"]:
         """The id of the place that each believes to be in. Written over."""
         return self._robots.current
+
+    @property
+    def matched_readings(self) -> Int64[np.ndarray, "robots"]:
+        """A reading of the first stay in the present place; -1 in a new place. Written over."""
+        return self._matched_readings
+
+    @property
+    def map_versions(self) -> Int64[np.ndarray, "robots"]:
+        """How often each map has changed: its surfaces, or its network of places."""
+        return self.updates + self._network_versions
 
     @property
     def places(self) -> Bool[np.ndarray, "robots 2"]:
@@ -146,7 +165,7 @@ class Albot1Batch:
         return self._robots.progress[:, UPDATES]
 
     @property
-    def surface_counts(self) -> Int64[np.ndarray, "robots"]:
+    def segment_counts(self) -> Int64[np.ndarray, "robots"]:
         """How many surfaces each remembers. Written over by updates."""
         return self._robots.surfaces
 
@@ -155,8 +174,9 @@ class Albot1Batch:
         """At how many views no landmark was recognised and path integration stood in."""
         return self._robots.progress[:, UNRECOGNIZED]
 
-    def reset(self, row: int) -> None:
-        """Let one forget everything."""
+    def reset(self, row: int, rng: np.random.Generator) -> None:
+        """Let one forget everything. It draws no random number."""
+        self._readings[row] = 0
         pm, view, exits, _, _ = self._arrays[row]
         clear_map(pm)
         exits.counts[:], exits.crossing[:] = 0, 0
@@ -170,8 +190,15 @@ class Albot1Batch:
         self._robots.surfaces[row] = 0
 
     def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
-        """Let some take in their readings, which stand in the same rows."""
-        self.follow(rows, readings.ranges, readings.motions, readings.laser)
+        """Let some take in their readings, which stand in the same rows.
+
+        Raises:
+            InputError: The robots have no laser.
+        """
+        ranges, laser = readings.ranges, readings.laser
+        if ranges is None or laser is None:
+            raise InputError("Readings.laser", f"a laser, which {self.spec.name} needs", "none")
+        self.follow(rows, ranges, readings.motions, laser)
 
     def follow(
         self,
@@ -181,6 +208,7 @@ class Albot1Batch:
         laser: LaserGeometry,
     ) -> None:
         """`update` with the arrays of readings that matter to the map."""
+        self._readings[rows] += 1
         arguments = self._arguments_cache.arguments(laser)
         ranges, motions = np.ascontiguousarray(ranges), np.ascontiguousarray(motions)
         done = step_robots(rows, 0, arguments, ranges, motions)
@@ -199,6 +227,11 @@ class Albot1Batch:
         exits = self._arrays[row].exits
         return exits.lines[: exits.counts[0]].copy()
 
+    def snapshot(self, row: int) -> MapSnapshot:
+        """The map of one: its surfaces and its network of places."""
+        graph = self._networks[row].snapshot().place_graph
+        return MapSnapshot(layers=(SegmentsLayer(segments=self.surfaces(row)), graph))
+
     def surfaces(self, row: int) -> Segments:
         """The surfaces that one remembers, in its map's frame (a copy)."""
         pm = self._arrays[row].pm
@@ -210,6 +243,7 @@ class Albot1Batch:
         pm, view, exits, _, _ = self._arrays[row]
         robots, network = self._robots, self._networks[row]
         rows = {name: getattr(robots, field)[row].copy() for name, field in STORED_ROWS.items()}
+        rows["readings"] = np.array(self._readings[row])
         return rows | stored_arrays(pm, view, exits, network)
 
     def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
@@ -228,6 +262,7 @@ class Albot1Batch:
         self._set_addresses(row)
         for name, field in STORED_ROWS.items():
             getattr(self._robots, field)[row] = state[name]
+        self._readings[row] = state["readings"]
         self._robots.surfaces[row] = pm.counts[ALIVE]
         compose_pose(view.pose, self._robots.since[row], self._robots.poses[row])
 
@@ -240,7 +275,10 @@ class Albot1Batch:
         """Note what the network says of home and of the present place."""
         network = self._networks[row]
         self._homes[row] = network.home
-        self._places[row] = network.is_familiar, network.lost_since > 0
+        matched = network.matched_reading
+        self._matched_readings[row] = -1 if matched is None else matched
+        self._network_versions[row] = network.version
+        self._places[row] = matched is not None, network.lost_since > 0
         robots = self._robots
         robots.current[row], robots.is_lost[row] = network.current, network.lost_since > 0
         robots.map_to_graph[row] = network.map_to_graph
@@ -251,6 +289,7 @@ class Albot1Batch:
 
     def _handle_events(self, row: int) -> None:
         """Handle what happened to one at its last reading."""
+        self._networks[row].reading = int(self._readings[row]) - 1
         robot, events = self._robot(row), int(self._robots.events[row])
         handle_events(robot, events, self._limits)
         self._robots.surfaces[row] = robot.pm.counts[ALIVE]

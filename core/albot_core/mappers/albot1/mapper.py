@@ -7,14 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.poses import relative
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Segments
 from albot_core.mappers.albot1.batch import Albot1Batch
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.places.events import Event
+from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.albot1.places.wayfinding import pointing, way_lines
-from albot_core.mappers.mapper import WayHome
-from albot_core.maps.place_graph import Network
+from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
+from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import Reading
 
 _ITSELF = np.zeros(1, np.int64)
@@ -22,7 +22,9 @@ _ITSELF = np.zeros(1, np.int64)
 
 
 class Albot1:
-    """Albot1's perceptual map (Hossain 2014, algorithms 1 to 4).
+    """Albot1's perceptual map (Hossain 2014, algorithms 1 to 4), and its network of places.
+
+    It knows a route home (`RouteHome`) and remembers places (`PlaceMemory`).
 
     The robot remembers a view as the local environment that it is about to explore, follows
     the landmarks in it, and just before the last of them go out of sight locates itself by
@@ -35,7 +37,7 @@ class Albot1:
 
     def __init__(self, config: Albot1Config | None = None, name: str = "albot1") -> None:
         self._name = name
-        self._robot = Albot1Batch(1, config)
+        self._robot = Albot1Batch(1, config, name)
 
     @classmethod
     def thesis(cls) -> Albot1:
@@ -47,40 +49,47 @@ class Albot1:
         """All thresholds."""
         return self._robot.config
 
-    def reset(self) -> None:
-        """Forget everything; the next reading is the first."""
-        self._robot.reset(0)
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget everything; the next reading is the first. It draws no random number."""
+        self._robot.reset(0, rng)
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading (algorithm 4); true where a view was laid over the map."""
+        """Take in a reading (algorithm 4); true where a view was laid over the map.
+
+        Raises:
+            InputError: The reading lacks a laser scan.
+        """
         before = self.updates
-        laser = reading.laser
+        laser = reading.required_laser(self._name)
         self._robot.follow(_ITSELF, laser.ranges[None], reading.motion[None], laser.geometry)
         return self.updates > before
 
     @property
-    def name(self) -> str:
-        """The name under which `make_mapper` finds it."""
-        return self._name
+    def spec(self) -> MapperSpec:
+        """What is known of it by its name."""
+        return self._robot.spec
 
     @property
-    def pose(self) -> Pose:
-        """Where the robot believes to be, in the map's frame."""
-        return np.array(self._robot.poses[0])
-
-    @property
-    def surfaces(self) -> Segments:
-        """The surfaces of the perceptual map, in the map's frame (m)."""
-        return self._robot.surfaces(0)
-
-    @property
-    def home(self) -> Pose:
-        """Where home is believed to be, in the robot's present frame.
+    def estimate(self) -> Estimate:
+        """What it believes after the latest reading.
 
         Home is where it was left in the perceptual map; once a known place is recognised,
-        where it lies from there.
+        where it lies from there. A reading matches one of the first stay in the present place.
         """
-        return relative(self._robot.poses[0], self._robot.homes[0])
+        robot = self._robot
+        matched = int(robot.matched_readings[0])
+        return Estimate(
+            pose=np.array(robot.poses[0]),
+            home=np.array(robot.homes[0]),
+            localised=not robot.places[0, 1],
+            place=robot.network(0).current,
+            matched_reading=None if matched < 0 else matched,
+            map_version=int(robot.map_versions[0]),
+        )
+
+    def snapshot(self) -> MapSnapshot:
+        """The surfaces of the perceptual map, and the network of places."""
+        return self._robot.snapshot(0)
 
     @property
     def exits(self) -> Segments:
@@ -111,10 +120,9 @@ class Albot1:
         self._robot.find_ways(_ITSELF)
         return np.array(self._robot.ways_home[0])
 
-    @property
-    def is_lost(self) -> bool:
-        """Whether it was moved, knows it, and has not recognised a place since."""
-        return self._robot.network(0).lost_since > 0
+    def place_at(self, reading: int) -> int:
+        """Id of the place where a reading was taken, as it believes now."""
+        return self._robot.network(0).place_at(reading)
 
     def way_to(self, place: int) -> Segments:
         """The exits on the believed way to a place, the next first, in the map's frame (m).

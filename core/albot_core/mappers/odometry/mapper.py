@@ -14,10 +14,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.geometry.poses import compose, inverse, relative, transform_segments
-from albot_core.geometry.types import Pose, Segments
-from albot_core.mappers.mapper import WayHome
-from albot_core.maps.place_graph import NOWHERE, Network
+from albot_core.geometry.poses import compose, relative, transform_segments
+from albot_core.geometry.types import Segments
+from albot_core.mappers.mapper import Estimate, MapperSpec
+from albot_core.mappers.registry import mapper_spec
+from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import ViewConfig, construct_view
 
@@ -45,99 +46,73 @@ class OdometryConfig:
 
 
 class OdometryMapper:
-    """Path integration, with the views laid down where it leads."""
+    """Path integration, with the views laid down where it leads.
 
-    def __init__(self, config: OdometryConfig | None = None) -> None:
+    Args:
+        config: How the map is kept small.
+        name: The name under which the mapper is known.
+    """
+
+    def __init__(self, config: OdometryConfig | None = None, name: str = "odometry") -> None:
+        self._name = name
         self.config = config or OdometryConfig()
-        self.reset()
+        self.reset(np.random.default_rng(0))
 
     @property
-    def name(self) -> str:
-        """The name under which `make_mapper` finds it."""
-        return "odometry"
+    def spec(self) -> MapperSpec:
+        """What is known of it by its name."""
+        return mapper_spec(self._name)
 
     @property
-    def pose(self) -> Pose:
-        """Where the odometer says that the robot is, in the map's frame."""
-        return self._pose.copy()
+    def estimate(self) -> Estimate:
+        """Where the odometer says that the robot is; home is where the odometer began."""
+        return Estimate(pose=self._pose.copy(), home=np.zeros(3), map_version=self._updates)
 
-    @property
-    def surfaces(self) -> Segments:
-        """The surfaces remembered, in the map's frame, oldest first."""
-        return self._store[max(self._end - self.config.capacity, 0) : self._end].copy()
-
-    @property
-    def home(self) -> Pose:
-        """Where home is by the odometer, in the robot's present frame."""
-        return inverse(self._pose)
-
-    @property
-    def exits(self) -> Segments:
-        """None: it knows no exits."""
-        return np.empty((0, 4))
-
-    @property
-    def network(self) -> Network:
-        """Empty: it knows no places."""
-        return NOWHERE
-
-    @property
-    def events(self) -> tuple[object, ...]:
-        """None: it knows no places."""
-        return ()
-
-    @property
-    def way_home(self) -> WayHome:
-        """No exit and no point ahead; its belief rests on all that it has driven."""
-        return np.array((*6 * (np.nan,), self._driven))
-
-    @property
-    def is_lost(self) -> bool:
-        """Never: it believes its odometer."""
-        return False
-
-    @property
-    def updates(self) -> int:
-        """How many views were laid down since the reset."""
-        return self._updates
-
-    def reset(self) -> None:
-        """Forget everything; the next reading is the first."""
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget everything; the next reading is the first. It draws no random number."""
         self._pose = np.zeros(3)
         self._laid_at = np.zeros(3)
-        self._driven = 0.0
         self._updates = 0
         self._store = np.empty((0, 4))
         self._end = 0
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading; true where its view was laid down."""
+        """Take in a reading; true where its view was laid down.
+
+        Raises:
+            InputError: The reading lacks a laser scan.
+        """
+        laser = reading.required_laser(self._name)
         if self._updates:
             self._pose = compose(self._pose, reading.motion)
-            self._driven += float(np.hypot(reading.motion[0], reading.motion[1]))
             if not self._has_moved_on():
                 return False
-        view = construct_view(reading.laser, self.config.view)
+        view = construct_view(laser, self.config.view)
         self._remember(transform_segments(self._pose, view.surfaces))
         self._laid_at = self._pose
         self._updates += 1
         return True
 
+    def snapshot(self) -> MapSnapshot:
+        """The surfaces remembered, oldest first."""
+        # What was laid down is never written over, so no copy is made.
+        kept = self._store[max(self._end - self.config.capacity, 0) : self._end]
+        kept.flags.writeable = False
+        return MapSnapshot(layers=(SegmentsLayer(segments=kept),))
+
     def state(self) -> dict[str, np.ndarray]:
         """Everything the mapper remembers, as arrays by name."""
         return {
-            "pose": self.pose,
+            "pose": self._pose.copy(),
             "laid_at": self._laid_at.copy(),
-            "driven": np.array(self._driven),
             "updates": np.array(self._updates, np.int64),
-            "surfaces": self.surfaces,
+            "surfaces": self.snapshot().segments.copy(),
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Become the mapper that returned `state`."""
         self._pose = state["pose"].copy()
         self._laid_at = state["laid_at"].copy()
-        self._driven = float(state["driven"])
         self._updates = int(state["updates"])
         self._store = state["surfaces"].copy()
         self._end = len(self._store)
@@ -153,7 +128,7 @@ class OdometryMapper:
         The store holds twice what is kept, so that each surface is moved once on average.
         """
         if self._end + len(surfaces) > len(self._store):
-            kept = self.surfaces
+            kept = self.snapshot().segments
             self._store = np.empty((2 * (len(kept) + len(surfaces)), 4))
             self._store[: len(kept)] = kept
             self._end = len(kept)

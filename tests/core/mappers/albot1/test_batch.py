@@ -11,9 +11,12 @@ import pytest
 from albot_core.mappers.albot1.batch import Albot1Batch
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.mapper import Albot1
-from albot_core.mappers.mapper import LoopedMappers, MapperBatch
+from albot_core.mappers.looped import LoopedMappers
+from albot_core.mappers.mapper import MapperBatch
 from albot_core.mappers.registry import make_mapper, make_mappers
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading, Readings
+
+RNG = np.random.default_rng(0)
 
 LASER = LaserGeometry(beams=61, spacing=np.radians(3.0))
 SPACED = {"view_spacing": 0.3, "view_turn": np.radians(15.0)}
@@ -64,11 +67,11 @@ def same(batch: Albot1Batch, row: int, single: Albot1) -> None:
     assert mine.keys() == theirs.keys()
     for name, array in theirs.items():
         np.testing.assert_array_equal(mine[name], array, err_msg=f"{name} of {row}")
-    np.testing.assert_array_equal(batch.poses[row], single.pose)
-    np.testing.assert_array_equal(batch.surfaces(row), single.surfaces)
+    np.testing.assert_array_equal(batch.poses[row], single.estimate.pose)
+    np.testing.assert_array_equal(batch.surfaces(row), single.snapshot().segments)
     assert batch.updates[row] == single.updates
     assert batch.lost[row] == single.lost
-    assert batch.surface_counts[row] == len(single.surfaces)
+    assert batch.segment_counts[row] == len(single.snapshot().segments)
 
 
 @pytest.mark.parametrize("config", CONFIGS, ids=["thesis", "improved", "spaced"])
@@ -80,12 +83,12 @@ def test_a_batch_does_what_single_ones_do(config: Albot1Config) -> None:
         readings = drive.step()
         rows = rng.permutation(count)[: rng.integers(0, count + 1)]
         if step % 97 == 96:
-            batch.reset(step % count)
-            singles[step % count].reset()
+            batch.reset(step % count, RNG)
+            singles[step % count].reset(RNG)
         batch.update(rows, readings)
         for row in rows.tolist():
             singles[row].update(readings[row])
-            np.testing.assert_array_equal(batch.poses[row], singles[row].pose)
+            np.testing.assert_array_equal(batch.poses[row], singles[row].estimate.pose)
         if step % 50 == 0:
             for row, single in enumerate(singles):
                 same(batch, row, single)
@@ -120,15 +123,15 @@ def test_maps_grow_and_are_emptied() -> None:
             )
             batch.update(np.array([2, 0]), everyone)
             single.update(reading)
-        assert len(single.surfaces) > 400
+        assert len(single.snapshot().segments) > 400
         same(batch, 0, single)
         same(batch, 2, single)
-        assert batch.surface_counts[1] == 0
+        assert batch.segment_counts[1] == 0
         for row in (0, 2):
-            batch.reset(row)
+            batch.reset(row, RNG)
             assert batch.surfaces(row).shape == (0, 4)
             assert not batch.poses[row].any()
-        single.reset()
+        single.reset(RNG)
 
 
 def test_two_threads_may_lead_disjoint_rows() -> None:
@@ -141,7 +144,7 @@ def test_two_threads_may_lead_disjoint_rows() -> None:
     def lead(batch: Albot1Batch, rows: np.ndarray) -> None:
         for step, readings in enumerate(given):
             if step % 40 == 39:
-                batch.reset(int(rows[0]))
+                batch.reset(int(rows[0]), RNG)
             batch.update(rows, readings)
 
     threads = [threading.Thread(target=lead, args=(two, half)) for half in halves]

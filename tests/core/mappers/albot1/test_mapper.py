@@ -15,6 +15,8 @@ from albot_core.mappers.mapper import Mapper
 from albot_core.sensing.reading import LaserGeometry, Reading
 from tests.core.scenes import FURNITURE, ROOM, house_walk, scan_from, two_rooms
 
+RNG = np.random.default_rng(0)
+
 PRESETS = [Albot1, Albot1.thesis]
 
 
@@ -46,7 +48,7 @@ def run(mapper: Albot1, readings: list[Reading]) -> np.ndarray:
     poses = []
     for reading in readings:
         mapper.update(reading)
-        poses.append(mapper.pose)
+        poses.append(mapper.estimate.pose)
     return np.array(poses)
 
 
@@ -55,7 +57,7 @@ def test_it_is_a_mapper(make: type[Albot1]) -> None:
     mapper = make()
     assert isinstance(mapper, Mapper)
     assert mapper.updates == 0
-    assert mapper.surfaces.shape == (0, 4)
+    assert mapper.snapshot().segments.shape == (0, 4)
 
 
 @pytest.mark.parametrize("make", PRESETS)
@@ -83,8 +85,8 @@ def test_the_default_corrects_an_odometer_that_turns_wrongly() -> None:
 
 def test_surfaces_lie_on_the_walls() -> None:
     run(mapper := Albot1(), readings(walk(), noise=0.01))
-    assert len(mapper.surfaces) >= 10
-    for x1, y1, x2, y2 in mapper.surfaces:
+    assert len(mapper.snapshot().segments) >= 10
+    for x1, y1, x2, y2 in mapper.snapshot().segments:
         middle = np.array([(x1 + x2) / 2, (y1 + y2) / 2])
         start, along = ROOM[:, :2], ROOM[:, 2:] - ROOM[:, :2]
         share = np.clip(((middle - start) * along).sum(1) / (along**2).sum(1), 0, 1)
@@ -98,8 +100,8 @@ def test_moving_the_whole_world_changes_nothing(make: type[Albot1]) -> None:
     here, there = make(), make()
     run(here, readings(path))
     run(there, readings(compose(motion, path), transform_segments(motion, ROOM)))
-    assert here.surfaces.shape == there.surfaces.shape
-    assert np.allclose(here.surfaces, there.surfaces, atol=1e-6)
+    assert here.snapshot().segments.shape == there.snapshot().segments.shape
+    assert np.allclose(here.snapshot().segments, there.snapshot().segments, atol=1e-6)
 
 
 @pytest.mark.parametrize("make", PRESETS)
@@ -107,11 +109,11 @@ def test_the_same_readings_give_the_same_bits(make: type[Albot1]) -> None:
     given = readings(walk(), noise=0.01)
     one, other = make(), make()
     assert np.array_equal(run(one, given), run(other, given))
-    assert np.array_equal(one.surfaces, other.surfaces)
-    one.reset()
-    assert one.surfaces.shape == (0, 4)
+    assert np.array_equal(one.snapshot().segments, other.snapshot().segments)
+    one.reset(RNG)
+    assert one.snapshot().segments.shape == (0, 4)
     assert np.array_equal(run(one, given), run(other := make(), given))
-    assert np.array_equal(one.surfaces, other.surfaces)
+    assert np.array_equal(one.snapshot().segments, other.snapshot().segments)
 
 
 @pytest.mark.parametrize("make", PRESETS)
@@ -123,27 +125,27 @@ def test_a_restored_mapper_goes_on_as_if_never_stopped(make: type[Albot1], cut: 
     run(first, given[:cut])
     second = make()
     second.restore(first.state())
-    assert np.array_equal(second.pose, whole[cut - 1])
+    assert np.array_equal(second.estimate.pose, whole[cut - 1])
     assert np.array_equal(run(second, given[cut:]), whole[cut:])
-    assert np.array_equal(second.surfaces, never_stopped.surfaces)
+    assert np.array_equal(second.snapshot().segments, never_stopped.snapshot().segments)
     assert second.updates == never_stopped.updates
 
 
 def test_the_state_shares_no_memory() -> None:
     run(mapper := Albot1(), readings(walk(10)))
-    before = mapper.surfaces
+    before = mapper.snapshot().segments
     for array in mapper.state().values():
         array[...] = 0
-    assert np.array_equal(mapper.surfaces, before)
+    assert np.array_equal(mapper.snapshot().segments, before)
 
 
 def test_a_contradictory_state_is_refused_and_nothing_is_lost() -> None:
     run(mapper := Albot1(), readings(walk(10)))
-    state, before = mapper.state(), mapper.surfaces
+    state, before = mapper.state(), mapper.snapshot().segments
     state["view.slots"][0] = 10**9
     with pytest.raises(InputError, match="slots"):
         mapper.restore(state)
-    assert np.array_equal(mapper.surfaces, before)
+    assert np.array_equal(mapper.snapshot().segments, before)
 
 
 def test_in_the_dark_path_integration_stands_in() -> None:
@@ -152,7 +154,9 @@ def test_in_the_dark_path_integration_stands_in() -> None:
     poses = run(mapper := Albot1(), readings(path, dark))
     assert np.allclose(poses[-1], relative(path[0], path[-1]))
     assert mapper.lost == 9
-    assert np.allclose(compose(mapper.pose, mapper.home), np.zeros(3), atol=1e-12)
+    assert np.allclose(
+        compose(mapper.estimate.pose, mapper.estimate.home_from_robot), np.zeros(3), atol=1e-12
+    )
 
 
 def test_a_bare_corridor_is_followed_by_its_walls() -> None:
@@ -178,10 +182,12 @@ def test_a_reading_near_the_last_view_only_moves_the_robot(make: type[Albot1]) -
             # What the mapper makes of a view is what one does that is given the views alone.
             view = Reading(stamp=reading.stamp, motion=since, laser=reading.laser)
             assert seldom.update(view) is laid
-            last, since, views = seldom.pose, np.zeros(3), views + 1
+            last, since, views = seldom.estimate.pose, np.zeros(3), views + 1
         assert not (since.any() and laid)
-        np.testing.assert_allclose(spaced.pose, compose(last, since), atol=1e-9)
-        np.testing.assert_allclose(spaced.surfaces, seldom.surfaces, atol=1e-9)
+        np.testing.assert_allclose(spaced.estimate.pose, compose(last, since), atol=1e-9)
+        np.testing.assert_allclose(
+            spaced.snapshot().segments, seldom.snapshot().segments, atol=1e-9
+        )
     assert 20 < views < 80
     assert spaced.updates == seldom.updates > 1
     assert spaced.lost == seldom.lost
@@ -205,7 +211,7 @@ def test_lasers_may_differ_from_reading_to_reading() -> None:
         scan = scan_from(pose, ROOM, fine if i % 2 else LaserGeometry())
         motion = relative(path[max(i - 1, 0)], pose)
         mapper.update(Reading(stamp=float(i), motion=motion, laser=scan))
-    assert np.hypot(*(mapper.pose - relative(path[0], path[-1]))[:2]) < 0.05
+    assert np.hypot(*(mapper.estimate.pose - relative(path[0], path[-1]))[:2]) < 0.05
 
 
 @pytest.mark.parametrize(
@@ -256,7 +262,9 @@ def test_a_lost_robot_finds_its_way_by_its_views_alone(seed: int) -> None:
             since = np.zeros(3)
         told = [[(e.step, e.kind, e.place, e.other) for e in m.events] for m in (spaced, seldom)]
         assert told[0] == told[1]
-        assert spaced.is_lost == seldom.is_lost
-        np.testing.assert_allclose(spaced.pose, compose(seldom.pose, since), atol=1e-9)
-        lost += spaced.is_lost
+        assert (not spaced.estimate.localised) == (not seldom.estimate.localised)
+        np.testing.assert_allclose(
+            spaced.estimate.pose, compose(seldom.estimate.pose, since), atol=1e-9
+        )
+        lost += not spaced.estimate.localised
     assert lost > 0

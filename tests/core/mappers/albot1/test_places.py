@@ -15,6 +15,8 @@ from albot_core.mappers.mapper import EXIT, TRAVEL
 from albot_core.sensing.reading import Reading, Readings
 from tests.core.scenes import FURNITURE, house_walk, scan_from, two_rooms
 
+RNG = np.random.default_rng(0)
+
 HOUSE = np.concatenate((two_rooms(), FURNITURE))
 
 
@@ -99,13 +101,13 @@ def test_a_run_restored_in_the_middle_goes_on_bit_for_bit(noisy, cut):
     whole, first = led(noisy), led(noisy[:cut])
     second = Albot1()
     second.restore(first.state())
-    np.testing.assert_array_equal(second.pose, first.pose)
-    np.testing.assert_array_equal(second.home, first.home)
+    np.testing.assert_array_equal(second.estimate.pose, first.estimate.pose)
+    np.testing.assert_array_equal(second.estimate.home_from_robot, first.estimate.home_from_robot)
     for reading in noisy[cut:]:
         second.update(reading)
     same_state(second.state(), whole.state())
     assert second.events == whole.events
-    np.testing.assert_array_equal(second.home, whole.home)
+    np.testing.assert_array_equal(second.estimate.home_from_robot, whole.estimate.home_from_robot)
 
 
 def test_a_batch_does_what_a_single_one_does(noisy):
@@ -126,11 +128,11 @@ def test_a_batch_does_what_a_single_one_does(noisy):
         for row in rows.tolist():
             singles[row].update(given[row])
         if k == 40:
-            batch.reset(1)
-            singles[1].reset()
+            batch.reset(1, RNG)
+            singles[1].reset(RNG)
     for row, single in enumerate(singles):
         same_state(batch.state(row), single.state())
-        home = compose(single.pose, single.home)
+        home = compose(single.estimate.pose, single.estimate.home_from_robot)
         np.testing.assert_allclose(batch.homes[row], home, atol=1e-12)
         batch.find_ways(np.array([row]))
         np.testing.assert_array_equal(batch.ways_home[row], single.way_home)
@@ -176,7 +178,7 @@ def test_a_damaged_memory_is_refused_and_nothing_is_lost(noisy, name, damage):
 
 def test_a_reset_forgets_the_places(noisy):
     mapper = led(noisy[:30])
-    mapper.reset()
+    mapper.reset(RNG)
     same_state(mapper.state(), Albot1().state())
     assert mapper.network.links == ()
     assert len(mapper.exits) == 0

@@ -11,6 +11,8 @@ from albot_core.mappers.odometry.mapper import OdometryConfig, OdometryMapper
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 from albot_core.sensing.view import construct_view
 
+RNG = np.random.default_rng(0)
+
 LASER = LaserGeometry()
 
 
@@ -38,30 +40,30 @@ def random_readings(seed: int, count: int) -> list[Reading]:
 
 def test_the_first_reading_is_where_the_map_begins():
     mapper = OdometryMapper()
-    assert mapper.updates == 0
-    assert mapper.surfaces.shape == (0, 4)
+    assert mapper.estimate.map_version == 0
+    assert mapper.snapshot().segments.shape == (0, 4)
     assert mapper.update(reading((5.0, 5.0, 1.0)))
-    np.testing.assert_array_equal(mapper.pose, np.zeros(3))
-    np.testing.assert_array_equal(mapper.home, np.zeros(3))
-    assert mapper.updates == 1
-    assert len(mapper.surfaces) > 0
-    np.testing.assert_allclose(mapper.surfaces[:, [0, 2]], 4.0, atol=1e-9)
+    np.testing.assert_array_equal(mapper.estimate.pose, np.zeros(3))
+    np.testing.assert_array_equal(mapper.estimate.home_from_robot, np.zeros(3))
+    assert mapper.estimate.map_version == 1
+    assert len(mapper.snapshot().segments) > 0
+    np.testing.assert_allclose(mapper.snapshot().segments[:, [0, 2]], 4.0, atol=1e-9)
 
 
 def test_a_wall_seen_from_two_places_lies_in_one():
     mapper = OdometryMapper()
     mapper.update(reading((0, 0, 0), 4.0))
-    before = len(mapper.surfaces)
+    before = len(mapper.snapshot().segments)
     assert mapper.update(reading((1.5, 0, 0), 2.5))
-    assert len(mapper.surfaces) > before
-    np.testing.assert_allclose(mapper.surfaces[:, [0, 2]], 4.0, atol=1e-9)
+    assert len(mapper.snapshot().segments) > before
+    np.testing.assert_allclose(mapper.snapshot().segments[:, [0, 2]], 4.0, atol=1e-9)
 
 
 def test_a_wrong_odometer_draws_the_wall_twice():
     mapper = OdometryMapper()
     mapper.update(reading((0, 0, 0), 4.0))
     mapper.update(reading((1.0, 0, 0), 2.5))
-    xs = np.unique(np.round(mapper.surfaces[:, [0, 2]], 6))
+    xs = np.unique(np.round(mapper.snapshot().segments[:, [0, 2]], 6))
     assert xs.tolist() == [3.5, 4.0]
 
 
@@ -75,8 +77,10 @@ def test_pose_and_home_are_the_sum_of_the_steps(seed):
         mapper.update(step)
         if k:
             expected = compose(expected, step.motion)
-        np.testing.assert_allclose(relative(expected, mapper.pose), 0, atol=1e-9)
-        np.testing.assert_allclose(relative(inverse(expected), mapper.home), 0, atol=1e-9)
+        np.testing.assert_allclose(relative(expected, mapper.estimate.pose), 0, atol=1e-9)
+        np.testing.assert_allclose(
+            relative(inverse(expected), mapper.estimate.home_from_robot), 0, atol=1e-9
+        )
 
 
 def test_every_view_lies_where_it_was_seen():
@@ -86,21 +90,21 @@ def test_every_view_lies_where_it_was_seen():
         assert mapper.update(step)
         pose = compose(pose, step.motion) if k else pose
         laid.append(transform_segments(pose, construct_view(step.laser).surfaces))
-    np.testing.assert_allclose(mapper.surfaces, np.concatenate(laid))
-    assert mapper.updates == 20
+    np.testing.assert_allclose(mapper.snapshot().segments, np.concatenate(laid))
+    assert mapper.estimate.map_version == 20
 
 
 def test_a_robot_that_stands_lays_no_view_twice():
     mapper = OdometryMapper(OdometryConfig(step=0.2, turn=np.deg2rad(20)))
     mapper.update(reading((0, 0, 0)))
-    count = len(mapper.surfaces)
+    count = len(mapper.snapshot().segments)
     for _ in range(3):
         assert not mapper.update(reading((0.06, 0, 0)))
-    assert len(mapper.surfaces) == count
+    assert len(mapper.snapshot().segments) == count
     assert mapper.update(reading((0.06, 0, 0)))
     assert not mapper.update(reading((0, 0, np.deg2rad(15))))
     assert mapper.update(reading((0, 0, np.deg2rad(15))))
-    assert mapper.updates == 3
+    assert mapper.estimate.map_version == 3
 
 
 def test_the_map_is_bounded_and_keeps_the_newest():
@@ -109,21 +113,22 @@ def test_the_map_is_bounded_and_keeps_the_newest():
     for step in random_readings(1, 60):
         plain.update(step)
         small.update(step)
-        np.testing.assert_array_equal(small.surfaces, plain.surfaces[-30:])
-    assert len(plain.surfaces) > 100
+        np.testing.assert_array_equal(small.snapshot().segments, plain.snapshot().segments[-30:])
+    assert len(plain.snapshot().segments) > 100
     assert len(small._store) < 200
 
 
 def test_what_is_given_out_is_no_part_of_the_memory():
     mapper = OdometryMapper()
     mapper.update(reading((0, 0, 0)))
-    kept = mapper.surfaces
-    mapper.surfaces[:] = 0
-    mapper.pose[:] = 7
+    kept = mapper.snapshot().segments
+    with pytest.raises(ValueError, match="read-only"):
+        mapper.snapshot().segments[:] = 0
+    mapper.estimate.pose[:] = 7
     for array in mapper.state().values():
         array[...] = 9
-    np.testing.assert_array_equal(mapper.surfaces, kept)
-    np.testing.assert_array_equal(mapper.pose, np.zeros(3))
+    np.testing.assert_array_equal(mapper.snapshot().segments, kept)
+    np.testing.assert_array_equal(mapper.estimate.pose, np.zeros(3))
 
 
 @settings(deadline=None, max_examples=15)
@@ -145,7 +150,7 @@ def test_reset_forgets_everything():
     mapper, fresh = OdometryMapper(), OdometryMapper()
     for step in random_readings(2, 5):
         mapper.update(step)
-    mapper.reset()
+    mapper.reset(RNG)
     for name, array in fresh.state().items():
         np.testing.assert_array_equal(array, mapper.state()[name])
 

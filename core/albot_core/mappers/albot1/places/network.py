@@ -6,6 +6,9 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from itertools import pairwise
+
 import numpy as np
 from jaxtyping import Bool, Int64
 
@@ -21,6 +24,7 @@ from albot_core.geometry.types import Pose, Segments
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.perceptual_map.frames import relative_pose
 from albot_core.mappers.albot1.places.events import Event, EventKind, EventLog
+from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.albot1.places.place import (
     Line,
     Passage,
@@ -31,7 +35,6 @@ from albot_core.mappers.albot1.places.place import (
     reversed_line,
 )
 from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs
-from albot_core.maps.place_graph import Network
 
 START = 0
 """The id of the place that the robot set out from; a place found to be it becomes it."""
@@ -72,11 +75,30 @@ class PlaceNetwork:
         # Of each visit, counted from 1: its place, and the map-to-graph transform then.
         self.visits: list[int] = [-1, START]
         self.visit_transforms: list[Pose] = [np.zeros(3), np.zeros(3)]
+        self.reading = 0
+        """The number of the reading that is being taken in."""
+        # Of each stay in a place, in order: its first reading, and the place. None is forgotten.
+        self.stays: list[tuple[int, int]] = [(0, START)]
 
     @property
     def here(self) -> Site:
         """The place that the robot believes to be in."""
         return self.sites[self.current]
+
+    @property
+    def matched_reading(self) -> int | None:
+        """A reading of the first stay in the present place, halfway through it.
+
+        None where the robot has not been there before.
+        """
+        for (first, place), (after, _) in pairwise(self.stays):
+            if place == self.current:
+                return (first + after) // 2
+        return None
+
+    def place_at(self, reading: int) -> int:
+        """Id of the place where a reading was taken, as it believes now."""
+        return self.stays[bisect_right(self.stays, reading, key=lambda stay: stay[0]) - 1][1]
 
     @property
     def is_familiar(self) -> bool:
@@ -190,6 +212,7 @@ class PlaceNetwork:
         self.current = place
         self.compared_from = np.full(3, np.nan)
         self.visits.append(place)
+        self.stays.append((self.reading, place))
         self.visit_transforms.append(self.map_to_graph)
         self.version += 1
 
@@ -270,6 +293,9 @@ def _replace_place(network: PlaceNetwork, gone: Site, kept: Site, pose: Pose) ->
     # Where the frame of the one kept lay in the visits to the one gone.
     moved = compose(compose(gone.frame, inverse(pose)), inverse(kept.frame))
     network.breadcrumbs.move(network.breadcrumbs.places == gone.id, inverse(moved), kept.id)
+    network.stays = [
+        (first, kept.id if place == gone.id else place) for first, place in network.stays
+    ]
     for visit, place in enumerate(network.visits):
         if place == gone.id:
             network.visits[visit] = kept.id

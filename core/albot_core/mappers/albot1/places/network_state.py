@@ -22,6 +22,7 @@ _SHAPES = {
     "links": ("exits", 2),
     "visits": ("visits",),
     "displacements": ("visits", 3),
+    "stays": ("stays", 2),
     "standing": (4,),
     "displacement": (3,),
     "looked_from": ("looks", 3),
@@ -48,6 +49,7 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
         ),
         "visits": np.array(network.visits, np.int64),
         "displacements": np.array(network.visit_transforms),
+        "stays": np.array(network.stays, np.int64),
         "standing": np.array(
             (
                 network.current,
@@ -77,6 +79,7 @@ def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> P
     network.sites = _sites(stored)
     network.visits = stored["visits"].tolist()
     network.visit_transforms = list(stored["displacements"].copy())
+    network.stays = [(first, place) for first, place in stored["stays"].tolist()]
     standing = stored["standing"].tolist()
     network.current, network.next_id, network.lost_since = standing[:3]
     network.breadcrumbs = _breadcrumbs(stored)
@@ -141,6 +144,11 @@ def _check_places(stored: Mapping[str, np.ndarray]) -> None:
         raise InputError(
             "places.visits", "visits to known places, the last to the present one", "others"
         )
+    firsts, stays = stored["stays"].T
+    if not (
+        len(stays) and firsts[0] == 0 and (np.diff(firsts) >= 0).all() and set(stays) <= set(ids)
+    ):
+        raise InputError("places.stays", "first readings and known places, in order", "others")
     if next_id <= max(ids) or not 0 <= lost_since < len(visits):
         raise InputError("places.standing", "the next id and a visit", f"{next_id}, {lost_since}")
     kinds = stored["events"][:, 1]

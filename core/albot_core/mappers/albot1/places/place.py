@@ -11,7 +11,7 @@ from jaxtyping import Float64
 from albot_core.geometry.poses import relative, transform_segments, wrap_angle
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.albot1.config import PlacesConfig
-from albot_core.maps.place_graph import Exit, Place
+from albot_core.mappers.albot1.places.network_view import Exit, Place
 from albot_core.matching.lines import merge_lines
 
 SAME_EXIT = 0.75

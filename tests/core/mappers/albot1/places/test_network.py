@@ -11,9 +11,9 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
+from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.albot1.places.place import Passage, Site
 from albot_core.mappers.albot1.places.recognition import relocalise
-from albot_core.maps.place_graph import Network
 from tests.core.mappers.albot1.building import (
     RING,
     SIDE,

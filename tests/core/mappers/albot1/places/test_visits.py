@@ -110,7 +110,15 @@ def test_a_robot_that_forgets_visits_maps_as_one_that_does_not(
             for k, (scan, motion) in enumerate(zip(scans, motions, strict=True)):
                 way = back if lap and k == 0 else motion
                 mapper.update(Reading(stamp=float(k), motion=way, laser=scan))
-                seen.append(np.concatenate((mapper.pose, mapper.home, mapper.surfaces.ravel())))
+                seen.append(
+                    np.concatenate(
+                        (
+                            mapper.estimate.pose,
+                            mapper.estimate.home_from_robot,
+                            mapper.snapshot().segments.ravel(),
+                        )
+                    )
+                )
             visits.append(len(mapper.state()["places.visits"]))
         runs.append((np.concatenate(seen).tobytes(), mapper.events, visits[-1]))
     assert runs[0][:2] == runs[1][:2]

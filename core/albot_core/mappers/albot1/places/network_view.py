@@ -1,4 +1,4 @@
-"""The network of places that a mapper remembers, as its users see it."""
+"""The network of places in the thesis's terms, as it is at one moment: places and their exits."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.poses import transform_points, transform_segments
+from albot_core.geometry.poses import relative, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
+from albot_core.maps.layers import PlaceEdge, PlaceGraph, PlaceNode
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,6 +98,32 @@ class Network:
         }
         return tuple(sorted(pair for pair in pairs if pair[0] != pair[1]))
 
-
-NOWHERE = Network()
-"""The network of a mapper that knows no places."""
+    @property
+    def place_graph(self) -> PlaceGraph:
+        """The network as a layer of a map; each exit is an edge."""
+        nodes = {
+            place.id: PlaceNode(
+                id=place.id,
+                label=place.label,
+                pose=place.frame,
+                middle=place.middle,
+                segments=place.surfaces,
+            )
+            for place in self.places
+        }
+        exits = [(place.id, door) for place in self.places for door in range(len(place.exits))]
+        numbers = {door: number for number, door in enumerate(exits)}
+        edges = tuple(
+            PlaceEdge(
+                source=place.id,
+                target=door.leads_to,
+                motion=relative(place.frame, nodes[door.leads_to].pose),
+                doorway=door.line,
+                reverse=numbers[door.leads_to, door.exit_there],
+            )
+            for place in self.places
+            for door in place.exits
+        )
+        return PlaceGraph(
+            nodes=tuple(nodes.values()), edges=edges, current=self.current, home=self.home
+        )

@@ -1,0 +1,102 @@
+"""The layers of a map as shapes to draw: one function a layer."""
+
+from __future__ import annotations
+
+from functools import singledispatch
+
+import numpy as np
+
+from albot_core.geometry.poses import compose, transform_points, transform_segments
+from albot_core.geometry.types import Pose
+from albot_core.maps.layers import (
+    Layer,
+    OccupancyGridLayer,
+    ParticlesLayer,
+    PlaceGraph,
+    SegmentsLayer,
+    TrajectoryLayer,
+)
+from albot_env.rendering.shapes import Shape
+
+
+@singledispatch
+def layer_shapes(layer: Layer, frame: Pose) -> tuple[Shape, ...]:
+    """The shapes of a layer, from back to front.
+
+    Args:
+        layer: The layer.
+        frame: Where the map's frame is drawn (world frame).
+    """
+    raise NotImplementedError(type(layer).__name__)
+
+
+@singledispatch
+def layer_summary(layer: Layer) -> str:
+    """What is in a layer, in two words; empty where there is nothing to count."""
+    raise NotImplementedError(type(layer).__name__)
+
+
+@layer_shapes.register
+def _segments(layer: SegmentsLayer, frame: Pose) -> tuple[Shape, ...]:
+    data = transform_segments(frame, layer.segments)
+    return (Shape(kind="segments", style="surface", label="surfaces remembered", data=data),)
+
+
+@layer_summary.register
+def _segments_summary(layer: SegmentsLayer) -> str:
+    return f"{len(layer.segments)} surfaces"
+
+
+@layer_shapes.register
+def _occupancy_grid(layer: OccupancyGridLayer, frame: Pose) -> tuple[Shape, ...]:
+    data = compose(frame, layer.origin)
+    return (Shape(kind="grid", style="grid", label="occupancy grid", data=data, grid=layer),)
+
+
+@layer_summary.register
+def _occupancy_grid_summary(layer: OccupancyGridLayer) -> str:
+    rows, columns = layer.occupancy.shape
+    return f"{columns} × {rows} cells"
+
+
+@layer_shapes.register
+def _place_graph(layer: PlaceGraph, frame: Pose) -> tuple[Shape, ...]:
+    if not layer.nodes:
+        return ()
+    middles = np.array([node.middle for node in layer.nodes])
+    links = [(*layer.node(one).middle, *layer.node(other).middle) for one, other in layer.links]
+    lines = transform_segments(frame, np.reshape(links, (-1, 4)).astype(np.float64))
+    doorways = transform_segments(frame, layer.doorways())
+    shapes = (
+        Shape(kind="segments", style="link", label="links", data=lines),
+        Shape(kind="segments", style="doorway", label="doorways", data=doorways),
+        Shape(kind="marks", style="place", label="places", data=transform_points(frame, middles)),
+    )
+    return tuple(shape for shape in shapes if len(shape.data))
+
+
+@layer_summary.register
+def _place_graph_summary(layer: PlaceGraph) -> str:
+    return f"{len(layer.nodes)} places"
+
+
+@layer_shapes.register
+def _particles(layer: ParticlesLayer, frame: Pose) -> tuple[Shape, ...]:
+    data = transform_points(frame, layer.poses[:, :2])
+    return (Shape(kind="dots", style="particle", label="particles", data=data),)
+
+
+@layer_summary.register
+def _particles_summary(layer: ParticlesLayer) -> str:
+    return f"{len(layer.poses)} particles"
+
+
+@layer_shapes.register
+def _trajectory(layer: TrajectoryLayer, frame: Pose) -> tuple[Shape, ...]:
+    data = transform_points(frame, layer.poses[:, :2])
+    return (Shape(kind="line", style="corrected", label="path corrected", data=data),)
+
+
+@layer_summary.register
+def _trajectory_summary(layer: TrajectoryLayer) -> str:
+    return ""

@@ -1,0 +1,110 @@
+"""A batch of mappers that know nothing of batches."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Int64
+
+from albot_core.mappers.mapper import TRAVEL, Mapper, MapperSpec, PlaceMemory, RouteHome
+from albot_core.maps.layers import MapSnapshot, SegmentsLayer
+from albot_core.sensing.reading import Readings
+
+_TRAVEL, _UPDATES, _BEGUN = "batch.travel", "batch.updates", "batch.begun"
+"""What a state holds besides the mapper's own arrays."""
+
+
+class LoopedMappers:
+    """Mappers that take in their readings one after the other (a `MapperBatch`).
+
+    Args:
+        mappers: The mappers, one a robot, one at least, all of one kind.
+    """
+
+    def __init__(self, mappers: Sequence[Mapper]) -> None:
+        self._mappers = tuple(mappers)
+        count = len(self._mappers)
+        self.spec: MapperSpec = self._mappers[0].spec
+        self.recognises_places = isinstance(self._mappers[0], PlaceMemory)
+        self._knows_routes = isinstance(self._mappers[0], RouteHome)
+        self._has_segments = SegmentsLayer.kind in self.spec.layers
+        self.poses = np.zeros((count, 3))
+        self.homes = np.zeros((count, 3))
+        self.places = np.zeros((count, 2), np.bool_)
+        self.matched_readings = np.full(count, -1)
+        self.current_places = np.full(count, -1)
+        self.map_versions = np.zeros(count, np.int64)
+        self.updates = np.zeros(count, np.int64)
+        self.segment_counts = np.zeros(count, np.int64)
+        self.ways_home = np.full((count, 7), np.nan)
+        self.ways_home[:, TRAVEL] = 0.0
+        self._begun = [False] * count
+        for row in range(count):
+            self._take_estimate(row)
+
+    def reset(self, row: int, rng: np.random.Generator) -> None:
+        """Let one forget everything."""
+        self._mappers[row].reset(rng)
+        self.updates[row] = 0
+        self.ways_home[row, TRAVEL] = 0.0
+        self._begun[row] = False
+        self.map_versions[row] = -1
+        self._take_estimate(row)
+
+    def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
+        """Let some take in their readings, which stand in the same rows."""
+        for row in rows.tolist():
+            reading = readings[row]
+            self.updates[row] += self._mappers[row].update(reading)
+            if self._begun[row] and not self._knows_routes:
+                x, y, _ = reading.motion.tolist()
+                self.ways_home[row, TRAVEL] += math.hypot(x, y)
+            self._begun[row] = True
+            self._take_estimate(row)
+
+    def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Find the ways home of some, where the mappers know any."""
+        if self._knows_routes:
+            for row in rows.tolist():
+                mapper = self._mappers[row]
+                assert isinstance(mapper, RouteHome)
+                self.ways_home[row] = mapper.way_home
+
+    def snapshot(self, row: int) -> MapSnapshot:
+        """The map of one."""
+        return self._mappers[row].snapshot()
+
+    def state(self, row: int) -> dict[str, np.ndarray]:
+        """Everything that one remembers, as arrays by name (copies)."""
+        return self._mappers[row].state() | {
+            _TRAVEL: np.array(self.ways_home[row, TRAVEL]),
+            _UPDATES: np.array(self.updates[row]),
+            _BEGUN: np.array(self._begun[row]),
+        }
+
+    def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
+        """Let one become the one that returned `state`."""
+        own = {name: array for name, array in state.items() if not name.startswith("batch.")}
+        self._mappers[row].restore(own)
+        self.ways_home[row, TRAVEL] = state[_TRAVEL]
+        self.updates[row] = state[_UPDATES]
+        self._begun[row] = bool(state[_BEGUN])
+        self.map_versions[row] = -1
+        self._take_estimate(row)
+
+    def _take_estimate(self, row: int) -> None:
+        mapper = self._mappers[row]
+        estimate = mapper.estimate
+        self.poses[row] = estimate.pose
+        self.homes[row] = estimate.home
+        self.current_places[row] = -1 if estimate.place is None else estimate.place
+        matched = estimate.matched_reading
+        self.matched_readings[row] = -1 if matched is None else matched
+        self.places[row, 0] = matched is not None
+        self.places[row, 1] = not estimate.localised
+        if estimate.map_version != self.map_versions[row]:
+            self.map_versions[row] = estimate.map_version
+            if self._has_segments:
+                self.segment_counts[row] = len(mapper.snapshot().segments)
