@@ -1,20 +1,21 @@
-"""How many steps a second the environments take, beside what one would write first."""
+"""How many steps a second the environments take, compared with simple baselines."""
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import cycle, islice
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
 
-import albot_env  # noqa: F401  (registers the environments)
-from albot_benchmarks.irsim import irsim_found, irsim_laser
-from albot_benchmarks.naive import NaiveEnv
-from albot_benchmarks.rates import Lap, Rate, best_rates
+from albot_benchmarks.baselines import PymunkLoopEnv, irsim_found, irsim_laser
+from albot_benchmarks.timing import Rate, Workload, best_rates, rate_of
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim.thread_pool import ThreadPool
 from albot_env.tasks.core.observation import ObservationConfig
@@ -82,6 +83,9 @@ CASES = (
     Case(mapper="albot1", num_envs=1024, steps=32768, threads=0),
 )
 
+PROCESS_CASE = Case(mapper="none", num_envs=256, steps=4096)
+"""The batch that is stepped in several processes at once."""
+
 
 def measure_environments(rounds: int, cases: Sequence[Case] = CASES) -> list[Row]:
     """Time robots that wander about in `Albot/Explore-v0`, alone and in batches.
@@ -103,49 +107,49 @@ def measure_environments(rounds: int, cases: Sequence[Case] = CASES) -> list[Row
         process grew (where the system tells; else 0).
     """
     world = load_world(WORLD)
-    laps, memory = _laps(cases, world)
-    rivals = _rivals(world)
-    rates = best_rates({**laps, **rivals}, rounds)
+    workloads, memory = _workloads(cases, world)
+    baselines = _baselines(world)
+    rates = best_rates({**workloads, **baselines}, rounds)
     rows = [
         _row(ENVIRONMENT, case, rates[case.name])
         | ({"memory_mib": memory[case.name]} if case.name in memory else {})
         for case in cases
     ]
-    rows += [_row(name, Case(mapper=None), rates[name]) for name in rivals]
+    rows += [_row(name, Case(mapper=None), rates[name]) for name in baselines]
     for row in rows:
         row["segments"] = len(world.walls)
-        row["ratio"] = float(row["steps_per_cpu_second"] or 0) / rates[_NAIVE].by_processor
+        row["ratio"] = float(row["steps_per_cpu_second"] or 0) / rates[_PYMUNK].cpu
     return rows
 
 
-def _laps(cases: Sequence[Case], world: World) -> tuple[dict[str, Lap], dict[str, float]]:
+def _workloads(cases: Sequence[Case], world: World) -> tuple[dict[str, Workload], dict[str, float]]:
     """Turns of the cases by name, and of the heaviest how much memory it takes (MiB)."""
-    laps: dict[str, Lap] = {}
+    workloads: dict[str, Workload] = {}
     memory: dict[str, float] = {}
     # The heaviest comes first: those after it use what others have given back.
     for case in sorted(cases, key=lambda case: case != HEAVIEST):
         before = _resident_mib()
-        laps[case.name] = make_lap(case, world)
+        workloads[case.name] = make_workload(case, world)
         if case == HEAVIEST:
-            laps[case.name]()
+            workloads[case.name]()
             memory[case.name] = _resident_mib() - before
-    return laps, memory
+    return workloads, memory
 
 
-_NAIVE, _IRSIM = "pymunk in a Python loop", "ir-sim, its laser alone"
+_PYMUNK, _IRSIM = "pymunk in a Python loop", "ir-sim, its laser alone"
 
 
-def _rivals(world: World) -> dict[str, Lap]:
-    """What ours is held against."""
-    naive = NaiveEnv(world, LaserGeometry())
-    rivals = {_NAIVE: _lap(naive.step, _actions(2), 1, 100)}
+def _baselines(world: World) -> dict[str, Workload]:
+    """What the environments are compared with."""
+    naive = PymunkLoopEnv(world, LaserGeometry())
+    baselines = {_PYMUNK: _workload(naive.step, _actions(2), 1, 100)}
     if irsim_found():
         scan = irsim_laser(world, LaserGeometry())
-        rivals[_IRSIM] = _lap(lambda _: scan(), _actions(2), 1, 30)
-    return rivals
+        baselines[_IRSIM] = _workload(lambda _: scan(), _actions(2), 1, 30)
+    return baselines
 
 
-def make_lap(case: Case, world: World) -> Lap:
+def make_workload(case: Case, world: World) -> Workload:
     """A turn of a case: random actions, from where the turn before has led.
 
     What comes before the first has led away from the start: maps are not empty any more.
@@ -154,8 +158,8 @@ def make_lap(case: Case, world: World) -> Lap:
     env = make_single(case, world) if case.mode == "single" else make_batch(case, world)
     actions = _actions(2) if case.mode == "single" else _actions(count, 2)
     env.reset(seed=0)
-    _lap(env.step, actions, count, _RUN_IN)()
-    return _lap(env.step, actions, count, max(1, case.steps // count))
+    _workload(env.step, actions, count, _RUN_IN)()
+    return _workload(env.step, actions, count, max(1, case.steps // count))
 
 
 def make_single(case: Case, world: World) -> Any:
@@ -187,18 +191,18 @@ def _config(case: Case) -> ExploreConfig:
     return ExploreConfig(observations=shown)
 
 
-def _lap(
+def _workload(
     step: Callable[[np.ndarray], Any], actions: np.ndarray, environments: int, steps: int
-) -> Lap:
-    """So many steps, with the actions that come after those of the lap before."""
+) -> Workload:
+    """So many steps, with the actions that come after those of the workload before."""
     ahead = cycle(actions)
 
-    def lap() -> int:
+    def workload() -> int:
         for action in islice(ahead, steps):
             step(action)
         return environments * steps
 
-    return lap
+    return workload
 
 
 def _actions(*shape: int) -> np.ndarray:
@@ -215,8 +219,8 @@ def _row(name: str, case: Case, rate: Rate) -> Row:
         "threads": ThreadPool(case.threads).size,
         "mapper": case.mapper,
         "parts": None if case.parts is None else ", ".join(case.parts),
-        "steps_per_second": rate.by_clock,
-        "steps_per_cpu_second": rate.by_processor,
+        "steps_per_second": rate.wall_clock,
+        "steps_per_cpu_second": rate.cpu,
     }
 
 
@@ -228,3 +232,69 @@ def _resident_mib() -> float:
             if line.startswith("VmRSS:"):
                 return int(line.split()[1]) / 1024
     return 0.0
+
+
+def measure_processes(
+    case: Case = PROCESS_CASE, processes: int = 2, seconds: float = 2.0, rounds: int = 3
+) -> Row:
+    """Time a batch in one process, and in several at once, in turns.
+
+    Args:
+        case: The batch that each process steps.
+        processes: How many.
+        seconds: Length of a turn.
+        rounds: How many turns each has; the best counts.
+
+    Returns:
+        `id`, `num_envs`, `mapper`, `processes`; `single` and `together`, steps a second of
+        one process alone and of all at once in sum; `scaling`, their ratio, and
+        `scaling_cpu`, the same by the time that processors worked: what it would be where
+        every process has a core of its own.
+    """
+    context = get_context("spawn")
+    links: list[Connection] = []
+    workers = []
+    for _ in range(processes):
+        link, other = context.Pipe()
+        worker = context.Process(target=_work, args=(other, case), daemon=True)
+        worker.start()
+        other.close()
+        links.append(link)
+        workers.append(worker)
+    try:
+        for link in links:
+            link.recv()  # It has compiled.
+        alone = together = Rate()
+        for _ in range(rounds):
+            alone = alone.better(_turn(links[:1], seconds))
+            together = together.better(_turn(links, seconds))
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.join()
+    return {
+        "id": ENVIRONMENT,
+        "num_envs": case.num_envs,
+        "mapper": case.mapper,
+        "processes": processes,
+        "single": alone.wall_clock,
+        "together": together.wall_clock,
+        "scaling": together.wall_clock / alone.wall_clock,
+        "scaling_cpu": together.cpu / alone.cpu,
+    }
+
+
+def _turn(links: list[Connection], seconds: float) -> Rate:
+    """The rates of these processes at once, in sum."""
+    for link in links:
+        link.send(seconds)
+    return sum((link.recv() for link in links), Rate())
+
+
+def _work(link: Connection, case: Case) -> None:
+    """Step the batch for as long as is asked for; tell the rate."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Who started this process ends it.
+    workload = make_workload(case, load_world(WORLD))
+    link.send(workload())
+    while True:
+        link.send(rate_of(workload, link.recv()))

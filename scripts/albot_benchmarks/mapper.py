@@ -16,7 +16,7 @@ from albot_core.mappers.albot1.state import stored_map
 from albot_core.mappers.mapper import Mapper, MapperBatch
 from albot_core.mappers.registry import make_mapper, make_mappers
 from albot_core.sensing.reading import Reading, Readings
-from albot_experiments.guided_tour import Journey, guided_tour
+from albot_experiments.tours import Journey, guided_tour
 from albot_maps import load_world
 
 _SIZES = (1_000, 100_000)

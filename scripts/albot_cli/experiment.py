@@ -10,14 +10,13 @@ import click
 from albot_cli.outputs import check_folder
 from albot_cli.progress import progress
 from albot_core.errors import InputError
-from albot_experiments.index import write_index
 from albot_experiments.registry import (
     EXPERIMENTS,
     FIRST_SEED,
     Experiment,
     find_experiment,
 )
-from albot_experiments.report import Report, cell, rows
+from albot_experiments.report import Report, cell, rows, write_index
 
 ALL = "all"
 """The ID that stands for every experiment."""

@@ -11,10 +11,9 @@ from jaxtyping import Float64
 from albot_core.geometry.poses import relative
 from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_experiments.drawing import draw_network, draw_route
-from albot_experiments.guided_tour import guided_tour
 from albot_experiments.places_truth import PlacedJourney, place_journey
-from albot_experiments.report import Figures, Report
-from albot_experiments.seeds import one_by_one
+from albot_experiments.report import Figures, Report, one_by_one
+from albot_experiments.tours import guided_tour
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:

@@ -11,11 +11,10 @@ import numpy as np
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Points, Poses
 from albot_experiments.drawing import draw_map, draw_route
-from albot_experiments.guided_tour import Journey, guided_tour, true_motions
 from albot_experiments.mapping import MAPPERS, MappedJourney, map_readings
-from albot_experiments.report import Figures, Report, key
-from albot_experiments.seeds import one_by_one
+from albot_experiments.report import Figures, Report, key, one_by_one
 from albot_experiments.shape import SHAPE_BOUND, Shape, median_and_worst, shape_of
+from albot_experiments.tours import Journey, guided_tour, true_motions
 from albot_maps import World, load_world
 from albot_maps.routes import Routes
 

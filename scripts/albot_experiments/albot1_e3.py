@@ -15,9 +15,8 @@ from albot_core.geometry.types import Points, Pose, Poses, Segments
 from albot_core.mappers.mapper import Mapper
 from albot_core.mappers.registry import make_mapper
 from albot_env.sim.simulator import StartStop
-from albot_experiments.guided_tour import Journey, guided_tour
-from albot_experiments.report import Report
-from albot_experiments.seeds import one_by_one
+from albot_experiments.report import Report, one_by_one
+from albot_experiments.tours import Journey, guided_tour
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.registry import make_mapper
-from albot_experiments.guided_tour import Journey
+from albot_experiments.tours import Journey
 from albot_maps import World
 
 DOORWAY = 1.0

@@ -19,7 +19,7 @@ from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.logs.log import Log
 from albot_core.logs.reader import read_log, read_reference
 from albot_core.logs.wean import read_wean_map
-from albot_experiments.data import data_folder
+from albot_experiments.registry import data_folder
 
 _MOST = 200_000
 """Points of a reference map."""

@@ -1,16 +1,19 @@
-"""The experiments by name."""
+"""The experiments by name, and the real logs that some of them need."""
 
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from difflib import get_close_matches
+from pathlib import Path
 
 from albot_core.errors import InputError
-from albot_experiments.data import data_folder
 from albot_experiments.report import Report
 
+VARIABLE = "ALBOT_DATA"
+"""The environment variable that names the folder with the logs."""
 FIRST_SEED = 1000
 """Reports begin with this seed. Those below are for development: what was chosen by looking at
 them is not reported on them."""
@@ -114,3 +117,17 @@ def find_experiment(name: str) -> Experiment:
     near = get_close_matches(name, EXPERIMENTS, n=1)
     hint = f"{name!r}; did you mean {near[0]!r}?" if near else repr(name)
     raise InputError("experiment", f"one of {', '.join(sorted(EXPERIMENTS))}", hint)
+
+
+def data_folder() -> Path:
+    """The folder with the real logs.
+
+    Raises:
+        InputError: The environment names none.
+    """
+    named = os.environ.get(VARIABLE)
+    if not named:
+        raise InputError(VARIABLE, "the folder that holds the real logs, as logs/", "not set")
+    if not (Path(named) / "logs").is_dir():
+        raise InputError(VARIABLE, "a folder that holds logs/", named)
+    return Path(named)

@@ -1,14 +1,15 @@
-"""What an experiment reports, and the folder that it is written to."""
+"""What an experiment reports, the folder that it is written to, and the page over all reports."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from albot_core.errors import InputError
 from albot_core.files import replacing, write_text
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ Figures: TypeAlias = "Scalar | Mapping[str, Figures]"
 
 _COLOURS = 48
 """How many colours a picture has."""
+COMMAND = "albot experiment run all --out docs/experiments"
+"""What writes the page over all reports."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,3 +157,55 @@ def _small_png(figure: Figure) -> bytes:
             packed, format="png", optimize=True
         )
     return packed.getvalue()
+
+
+def write_index(reports: Sequence[Report], folder: Path) -> Path:
+    """Write the page over the reports that stand in `folder`, each in a folder of its name.
+
+    The page stands beside the folder and is called after it: `experiments.md` over
+    `experiments/`.
+    """
+    page = folder.with_name(f"{folder.name}.md")
+    write_text(page, index(reports, folder.name))
+    return page
+
+
+def index(reports: Sequence[Report], folder: str) -> str:
+    """The page in Markdown; links lead into `folder`."""
+    lines = [
+        "# The papers' experiments",
+        "",
+        "Each experiment is repeated in the simulator or on real logs and held against what its",
+        "paper reports; a link leads to all its figures and to how it was done. This page and the",
+        "reports are written by one command:",
+        "",
+        "```",
+        COMMAND,
+        "```",
+        "",
+        "`albot experiment list` names the experiments, `albot experiment run ID` runs one. A",
+        "worst figure is that of the worst seed.",
+        "",
+        "| | experiment | reached |",
+        "|---|---|---|",
+    ]
+    for report in reports:
+        link = f"[{report.id}]({folder}/{report.id}/report.md)"
+        lines.append(f"| {link} | {report.title} | {cell(report.holds)} |")
+    for report in reports:
+        lines += ["", f"## {report.id}: {report.title}", "", *report.table(), ""]
+        lines += [f"![{name}]({folder}/{report.id}/{name}.png)" for name in report.pictures]
+    return "\n".join(lines) + "\n"
+
+
+def one_by_one(seeds: range, progress: Callable[[int], None]) -> Iterator[int]:
+    """The seeds one after the other; `progress` is told how many are done.
+
+    Raises:
+        InputError: No seeds.
+    """
+    if not len(seeds):
+        raise InputError("seeds", "at least one", "none")
+    for done, seed in enumerate(seeds, start=1):
+        yield seed
+        progress(done)

@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from albot_experiments.drawing import draw_map
-from albot_experiments.driven_tour import driven_tour, views_apart
-from albot_experiments.guided_tour import Journey
 from albot_experiments.mapping import MAPPERS, MappedJourney, map_readings
-from albot_experiments.report import Figures, Report
-from albot_experiments.seeds import one_by_one
+from albot_experiments.report import Figures, Report, one_by_one
 from albot_experiments.shape import SHAPE_BOUND, Shape, median_and_worst, shape_of
+from albot_experiments.tours import Journey, driven_tour, thinned_views
 from albot_maps import World, load_world
 
 if TYPE_CHECKING:
@@ -159,7 +157,7 @@ def drive(spacing: Spacing, seeds: range, progress: Callable[[int], None]) -> Dr
     by_mapper: dict[str, list[Drive]] = {name: [] for name in MAPPERS}
     for seed in one_by_one(seeds, progress):
         ridden = driven_tour(world, world.tours[TOUR], np.random.default_rng(seed))
-        journey = views_apart(ridden, spacing.distance, spacing.turn)
+        journey = thinned_views(ridden, spacing.distance, spacing.turn)
         for name in MAPPERS:
             by_mapper[name].append(map_drive(name, world, journey))
         journeys.append(journey)

@@ -1,4 +1,4 @@
-"""The environments' benchmark: its rows, and that rivals do what ours does. No test of speed."""
+"""The environments' benchmark: its rows, and that baselines do what ours does. No test of speed."""
 
 from __future__ import annotations
 
@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 from albot_benchmarks import environment
-from albot_benchmarks.environment import SENSORS, Case, make_lap, measure_environments
-from albot_benchmarks.irsim import irsim_found, irsim_laser
-from albot_benchmarks.naive import NaiveEnv
-from albot_benchmarks.rates import best_rates
+from albot_benchmarks.baselines import PymunkLoopEnv, irsim_found, irsim_laser
+from albot_benchmarks.environment import SENSORS, Case, make_workload, measure_environments
+from albot_benchmarks.timing import best_rates
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.stress.geometry import ray_ranges
 from albot_maps import load_world
@@ -53,43 +52,43 @@ def test_the_world_has_about_200_walls() -> None:
 
 @pytest.mark.parametrize(("case", "steps"), [(CASES[1], 3), (CASES[2], 6)])
 def test_a_lap_tells_how_many_steps_it_was(case: Case, steps: int) -> None:
-    assert make_lap(case, load_world("square-loop"))() == steps
+    assert make_workload(case, load_world("square-loop"))() == steps
 
 
 def test_rates_are_the_best_of_turns_taken_in_turn() -> None:
     turns = []
 
-    def lap(name: str, steps: int) -> int:
+    def workload(name: str, steps: int) -> int:
         turns.append(name)
         return steps
 
-    laps = {"a": lambda: lap("a", 1), "b": lambda: lap("b", 10**6)}
-    rates = best_rates(laps, rounds=2)
+    workloads = {"a": lambda: workload("a", 1), "b": lambda: workload("b", 10**6)}
+    rates = best_rates(workloads, rounds=2)
     assert turns == ["a", "b"] * 3
-    assert rates["b"].by_clock > rates["a"].by_clock > 0
-    assert rates["b"].by_processor > rates["a"].by_processor > 0
+    assert rates["b"].wall_clock > rates["a"].wall_clock > 0
+    assert rates["b"].cpu > rates["a"].cpu > 0
 
 
 def test_waiting_counts_by_the_clock_alone() -> None:
-    def lap() -> int:
+    def workload() -> int:
         time.sleep(0.05)
         return 1
 
-    rate = best_rates({"lap": lap}, rounds=1)["lap"]
-    assert 0 < rate.by_clock <= 20
-    assert rate.by_processor > 2 * rate.by_clock
+    rate = best_rates({"workload": workload}, rounds=1)["workload"]
+    assert 0 < rate.wall_clock <= 20
+    assert rate.cpu > 2 * rate.wall_clock
 
 
 def test_the_naive_laser_sees_the_walls() -> None:
     world = load_world("random:maze:1")
-    env, geometry = NaiveEnv(world, LaserGeometry()), LaserGeometry()
+    env, geometry = PymunkLoopEnv(world, LaserGeometry()), LaserGeometry()
     expected = ray_ranges(world.walls, world.starts[0], geometry.bearings)
     assert np.abs(env.scan() - np.minimum(expected, 30)).max() < 0.06
 
 
 def test_the_naive_robot_drives_and_walls_stop_it() -> None:
     world = load_world("square-loop")
-    env, geometry = NaiveEnv(world, LaserGeometry()), LaserGeometry()
+    env, geometry = PymunkLoopEnv(world, LaserGeometry()), LaserGeometry()
     ahead = ray_ranges(world.walls, world.starts[0], geometry.bearings)[90]
     first = env.step(np.array((1, 0), np.float32))
     assert abs(first[90] - (ahead - 0.1)) < 0.06

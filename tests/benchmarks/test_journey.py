@@ -8,7 +8,7 @@ import numpy as np
 
 from albot_benchmarks.journey import measure_journey
 from albot_benchmarks.patrol import STEPS, patrol
-from albot_cli.bench_report import _journey
+from albot_cli.bench import _journey
 from albot_maps import load_world
 
 

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from albot_benchmarks import environment, laser, learner, processes
+from albot_benchmarks import environment, laser, learner
+from albot_benchmarks import environment as processes
 from albot_benchmarks.environment import Case
 from albot_benchmarks.mapper import copies_of, knowing, measure_mappers, tour_readings
-from albot_cli.bench_report import as_text
+from albot_cli.bench import as_text
 from albot_cli.main import albot
 from albot_core.errors import InputError
 from albot_core.mappers.albot1.mapper import Albot1

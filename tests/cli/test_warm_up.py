@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-import albot_cli.warm_up as module
+import albot_cli.play as module
 
 
 class FakeProcess:

@@ -12,7 +12,7 @@ import pytest
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks.explore.env import ExploreEnv
 from albot_experiments.albot1_c1 import loop_from
-from albot_experiments.guided_tour import Journey, guided_tour
+from albot_experiments.tours import Journey, guided_tour
 from albot_maps import Room, World, load_world
 
 MakeEnv = Callable[..., ExploreEnv]

@@ -10,7 +10,7 @@ from albot_core.geometry.poses import relative
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
-from albot_experiments.guided_tour import Journey
+from albot_experiments.tours import Journey
 
 
 def what_happened(mapper: Albot1) -> list[EventKind]:

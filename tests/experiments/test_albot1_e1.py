@@ -7,7 +7,7 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_experiments import albot1_e1 as e1
-from albot_experiments.guided_tour import Journey, guided_tour
+from albot_experiments.tours import Journey, guided_tour
 from albot_maps import World, load_world
 
 RING = e1.ROUTES[0]

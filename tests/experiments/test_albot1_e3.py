@@ -13,7 +13,7 @@ from albot_cli.main import albot
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_experiments import albot1_e3 as e3
-from albot_experiments.guided_tour import Journey, guided_tour
+from albot_experiments.tours import Journey, guided_tour
 from albot_maps import load_world
 
 

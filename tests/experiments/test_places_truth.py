@@ -12,7 +12,6 @@ from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_experiments import albot1_c1 as c1
 from albot_experiments import albot1_c2 as c2
 from albot_experiments import albot1_c3 as c3
-from albot_experiments.guided_tour import Journey
 from albot_experiments.places_truth import (
     Crossing,
     PlacedJourney,
@@ -20,6 +19,7 @@ from albot_experiments.places_truth import (
     place_journey,
     same_in_the_end,
 )
+from albot_experiments.tours import Journey
 from albot_maps import World, load_world
 
 

@@ -10,9 +10,8 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from albot_experiments.index import index, write_index
 from albot_experiments.registry import EXPERIMENTS
-from albot_experiments.report import Report, rows
+from albot_experiments.report import Report, index, rows, write_index
 
 PAGE = Path(__file__).parents[2] / "docs" / "experiments.md"
 SPREAD = {"median": 0.25, "worst": 1.5}

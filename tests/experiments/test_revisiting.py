@@ -11,8 +11,7 @@ from click.testing import CliRunner
 
 from albot_cli.main import albot
 from albot_experiments import albot1_e4, albot1_e5, revisiting
-from albot_experiments.driven_tour import driven_tour, views_apart
-from albot_experiments.guided_tour import Journey
+from albot_experiments.tours import Journey, driven_tour, thinned_views
 from albot_maps import load_world
 
 
@@ -35,7 +34,7 @@ def test_revisiting_begins_where_the_robot_comes_back():
 def test_the_thesis_takes_the_bare_corridor_for_short_where_views_are_many():
     world = load_world("office-ring")
     ridden = driven_tour(world, np.array([[1.3, 12.0], [1.3, 25.0]]), np.random.default_rng(2))
-    many, few = (views_apart(ridden, spacing, 1.0) for spacing in (0.1, 1.0))
+    many, few = (thinned_views(ridden, spacing, 1.0) for spacing in (0.1, 1.0))
     lengths = {
         (name, how): revisiting.map_drive(name, world, journey).corridor
         for name in ("albot1", "albot1-thesis")

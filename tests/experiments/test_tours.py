@@ -1,4 +1,4 @@
-"""Driving goes where the tour says; the log's views are as far apart as asked for."""
+"""The guide leads the robot where the tour says, in steps of the size asked for."""
 
 from __future__ import annotations
 
@@ -9,9 +9,57 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 from albot_env.sim.odometer import ODOMETERS
-from albot_experiments.driven_tour import Driving, driven_tour, views_apart
-from albot_experiments.guided_tour import Journey
+from albot_env.sim.simulator import StartStop
+from albot_experiments.tours import (
+    Driving,
+    Journey,
+    driven_tour,
+    guided_tour,
+    thinned_views,
+    true_motions,
+)
 from albot_maps import load_world
+
+
+def test_the_steps_are_counted_in_closed_form() -> None:
+    world = load_world("square-loop")
+    x, y, _ = world.starts[0]
+    tour = np.array([[x, y], [x + 1.0, y], [x + 2.5, y]])
+    journey = guided_tour(world, tour, np.random.default_rng(0), steps=StartStop(move=0.6))
+    # Two moves of 0.5 m and three of 0.5 m, no turn; and the first reading.
+    assert len(journey.readings) == 6
+    assert journey.path_length == pytest.approx(2.5, abs=0.02)
+    assert np.hypot(*(journey.truth[-1, :2] - tour[-1])) < 0.02
+
+
+def test_an_ideal_odometer_measures_the_true_motions() -> None:
+    world = load_world("square-loop")
+    x, y, _ = world.starts[0]
+    tour = np.array([[x, y], [x + 1.5, y], [x + 0.5, y]])
+    journey = guided_tour(
+        world, tour, np.random.default_rng(0), odometer=ODOMETERS["ideal"], steps=StartStop()
+    )
+    # The half turn back is four turns of 45 degrees.
+    assert len(journey.readings) == 1 + 2 + 4 + 1
+    motions = np.array([reading.motion for reading in journey.readings])
+    assert np.allclose(motions[1:], true_motions(journey)[1:], atol=2e-3)
+    pose = journey.truth[0]
+    for motion in true_motions(journey)[1:]:
+        pose = compose(pose, motion)
+    assert np.allclose(pose[:2], journey.truth[-1, :2])
+
+
+def test_a_tour_through_a_wall_is_refused() -> None:
+    world = load_world("square-loop")
+    x, y, _ = world.starts[0]
+    with pytest.raises(InputError, match="clear of walls, found a wall"):
+        guided_tour(world, np.array([[x, y], [x, y + 40.0]]), np.random.default_rng(0))
+
+
+def test_steps_must_have_a_size() -> None:
+    with pytest.raises(InputError, match="above 0"):
+        StartStop(move=0.0)
+
 
 LASER = LaserGeometry(beams=2)
 
@@ -34,7 +82,7 @@ def ridden(motions: list[tuple[float, float, float]]) -> Journey:
 def test_views_are_noted_by_distance_and_by_turn_in_closed_form():
     straight = [(0.25, 0.0, 0.0)] * 9
     turning = [(0.0, 0.0, np.radians(4.0))] * 7
-    journey = views_apart(ridden(straight + turning), 1.0, np.radians(10.0))
+    journey = thinned_views(ridden(straight + turning), 1.0, np.radians(10.0))
     # Views after 4 and 8 steps straight on; 0.25 m later after three steps of turning, twice.
     assert [round(each.stamp) for each in journey.readings] == [0, 4, 8, 12, 15]
     assert np.allclose(journey.readings[1].motion, [1.0, 0.0, 0.0])
@@ -44,7 +92,7 @@ def test_views_are_noted_by_distance_and_by_turn_in_closed_form():
 def test_motions_between_views_add_up_to_the_way():
     rng = np.random.default_rng(5)
     full = ridden([tuple(step) for step in rng.normal(0, 0.1, (200, 3))])
-    journey = views_apart(full, 0.5, np.radians(30.0))
+    journey = thinned_views(full, 0.5, np.radians(30.0))
     assert 5 < len(journey.readings) < 150
     pose = np.zeros(3)
     for each, truth in zip(journey.readings, journey.truth, strict=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from albot_benchmarks.machine import calibrate, describe_machine
+from albot_benchmarks.timing import calibrate, describe_machine
 
 
 def test_both_pieces_of_work_are_timed() -> None:
