@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
+import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 from jaxtyping import Float32
@@ -44,14 +45,27 @@ class Agent(Protocol):
         """
 
 
-def choose(agent: Agent, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
+def choose_action(agent: Agent, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
     """The action of an agent, which is shown the truth only where it says that it knows it."""
     return agent.act(observation, info if agent.knows_truth else {})
 
 
-def filled(driving: Float32[np.ndarray, "2"], actions: Box, *, declares: bool = False) -> Action:
+def fill_action(
+    driving: Float32[np.ndarray, "2"], actions: Box, *, declares: bool = False
+) -> Action:
     """Speed and turn rate as an action of this space; `declares` goes into a third number."""
     (length,) = actions.shape
     action = np.full(length, 1.0 if declares else -1.0, np.float32)
     action[:2] = driving
     return action
+
+
+def begin_episode(
+    env: gymnasium.Env[Any, Any], agent: Agent, seed: int
+) -> tuple[Any, dict[str, Any]]:
+    """Reset environment and agent; the first observation and info.
+
+    The environment draws from `seed` itself: the agent must not draw the same numbers.
+    """
+    agent.reset(np.random.default_rng((seed, 1)), env.action_space)
+    return env.reset(seed=seed)

@@ -8,19 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from albot_agents.agent import Agent
-from albot_agents.plain import hint
-from albot_agents.scripted.albot1_homing import Albot1Homing
-from albot_agents.scripted.gap_explorer import GapExplorerAgent
-from albot_agents.scripted.nearest_frontier import NearestFrontier
-from albot_agents.scripted.oracle import Oracle
-from albot_agents.scripted.path_integration import PathIntegration
+from albot_agents.scripted.exploring import (
+    GapExplorerAgent,
+    NearestFrontier,
+    RandomAgent,
+    RoundTripAgent,
+)
+from albot_agents.scripted.homing import Albot1Homing, Oracle, PathIntegration
 from albot_agents.scripted.place_judge import PlaceJudge
-from albot_agents.scripted.round_trip import RoundTripAgent
-from albot_agents.scripted.wanderer import Wanderer
 from albot_agents.trained.agent_file import SUFFIX, AgentFile, read_agent
-from albot_agents.trained.shipped import shipped_agents
-from albot_agents.trained.trained_agent import TrainedAgent
-from albot_core.errors import InputError
+from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
+from albot_core.errors import InputError, did_you_mean
 from albot_env.tasks.core.observation import ObservationConfig
 
 EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
@@ -96,9 +94,9 @@ AGENTS = {
         make=PlaceJudge,
         tasks=(PLACES,),
     ),
-    Wanderer.name: AgentEntry(
+    RandomAgent.name: AgentEntry(
         summary="Acts at random: the lower bound.",
-        make=lambda _: Wanderer(),
+        make=lambda _: RandomAgent(),
         mapper="none",
         tasks=(*DRIVING, PLACES),
     ),
@@ -133,7 +131,7 @@ def find_agent(name: str) -> AgentEntry:
         return _trained(name, Path(name))
     names = (*AGENTS, *shipped)
     expected = f"one of {', '.join(names)}, or a file"
-    raise InputError("agent", expected, f"{name or 'nothing'}{hint(name, names)}")
+    raise InputError("agent", expected, f"{name or 'nothing'}{did_you_mean(name, names)}")
 
 
 def check_agent(name: str, task: str) -> None:

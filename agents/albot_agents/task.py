@@ -11,8 +11,8 @@ import gymnasium
 from gymnasium.envs.registration import load_env_creator
 
 import albot_env
-from albot_agents.plain import Where, hint, read_fields
-from albot_core.errors import InputError
+from albot_agents.plain_data import Location, read_fields
+from albot_core.errors import InputError, did_you_mean
 
 assert albot_env.__doc__  # Importing it registers the environments.
 
@@ -32,7 +32,7 @@ def check_task(task: str) -> None:
     """
     tasks = task_names()
     if task not in tasks:
-        found = f"{task or 'nothing'}{hint(task, tasks)}"
+        found = f"{task or 'nothing'}{did_you_mean(task, tasks)}"
         raise InputError("task", f"one of {', '.join(tasks)}", found)
 
 
@@ -52,7 +52,7 @@ def config_kind(task: str) -> Any:
     return next(kind for kind in kinds if kind is not type(None))
 
 
-def read_settings(task: str, data: Any, where: Where) -> dict[str, Any]:
+def read_settings(task: str, data: Any, where: Location) -> dict[str, Any]:
     """Settings of a batch of a task's environments from plain data.
 
     Raises:

@@ -1,4 +1,9 @@
-"""Work in parallel processes, one of which may die without taking the others along."""
+"""Tasks in parallel processes, one of which may die without taking the others along.
+
+A pool of the standard library breaks as a whole where one of its processes dies, and does not say
+of what. Here a new process takes the dead one's place, and the task comes back with the step that
+it had reached and the cause.
+"""
 
 from __future__ import annotations
 
@@ -15,95 +20,99 @@ from typing import Any, Generic, TypeVar
 _CONTEXT = get_context("spawn")
 """Processes that begin anew are the same on every system, and inherit no threads."""
 
-
 Task = TypeVar("Task")
-Outcome = TypeVar("Outcome")
+Result = TypeVar("Result")
 
 
-class Trade(ABC, Generic[Task, Outcome]):
-    """What worker processes do; it is pickled."""
-
-    @abstractmethod
-    def work(self, task: Task, tell: Callable[[int], None]) -> Outcome:
-        """Do a task; `tell` is called with the number of each step of it before it is taken."""
+class TaskRunner(ABC, Generic[Task, Result]):
+    """What worker processes do with each task. It is pickled and sent to every process."""
 
     @abstractmethod
-    def died(self, task: Task, step: int, cause: str) -> Outcome:
-        """What becomes of a task in whose step of this number the process died."""
+    def run(self, task: Task, on_step: Callable[[int], None]) -> Result:
+        """Run a task; `on_step` is called with the number of each step before it is taken."""
+
+    @abstractmethod
+    def on_crash(self, task: Task, step: int, cause: str) -> Result:
+        """The result of a task in whose step of this number the process died."""
 
 
 def run_parallel(
-    trade: Trade[Task, Outcome], tasks: Iterable[Task], jobs: int
-) -> Generator[Outcome, None, None]:
-    """What becomes of tasks, in the order in which they are done.
+    runner: TaskRunner[Task, Result], tasks: Iterable[Task], jobs: int
+) -> Generator[Result, None, None]:
+    """The results of tasks, in the order in which they are done.
 
     Leaving the iterator ends all processes.
 
     Args:
-        trade: What is to be done with each.
+        runner: What is done with each task.
         tasks: The tasks.
         jobs: How many are done at once.
     """
     waiting = iter(tasks)
-    workers = [_Worker(trade, task) for task in islice(waiting, jobs)]
+    workers = [_Worker(runner, task) for task in islice(waiting, jobs)]
     try:
         while workers:
-            told = wait([worker.link for worker in workers])
-            for worker in [worker for worker in workers if worker.link in told]:
-                outcome = worker.outcome()
+            ready = wait([worker.link for worker in workers])
+            for worker in [worker for worker in workers if worker.link in ready]:
+                result = worker.receive()
                 workers.remove(worker)
                 following = next(waiting, None)
                 if following is None:
                     worker.end()
                 else:
-                    workers.append(worker.given(following))
-                yield outcome
+                    workers.append(worker.start(following))
+                yield result
     finally:
         for worker in workers:
             worker.end()
 
 
-class _Worker(Generic[Task, Outcome]):
+class _Worker(Generic[Task, Result]):
     """A process that does one task after another.
 
     Args:
-        trade: What it does.
+        runner: What it does with each.
         task: The first task.
     """
 
-    def __init__(self, trade: Trade[Task, Outcome], task: Task) -> None:
-        self._trade = trade
+    def __init__(self, runner: TaskRunner[Task, Result], task: Task) -> None:
+        self._runner = runner
         self.link, other = _CONTEXT.Pipe()
         self._step = _CONTEXT.RawValue("q", 0)
-        self._process = _CONTEXT.Process(target=_work, args=(trade, other, self._step), daemon=True)
-        with _unheard_interrupts():
+        arguments = (runner, other, self._step)
+        self._process = _CONTEXT.Process(target=_serve, args=arguments, daemon=True)
+        with _ignored_interrupts():
             self._process.start()
         other.close()  # The process has its own: when it dies, the link breaks.
-        self._begin(task)
+        self._send(task)
 
-    def _begin(self, task: Task) -> None:
+    def _send(self, task: Task) -> None:
         self._task = task
         self._step.value = 0
         self.link.send(task)
 
-    def given(self, task: Task) -> _Worker[Task, Outcome]:
-        """The worker that does this task next: another one where this has died."""
+    def start(self, task: Task) -> _Worker[Task, Result]:
+        """Start a task; the worker that does it: another one where this has died."""
         try:
-            self._begin(task)
+            self._send(task)
         except ConnectionError:
             self.end()
-            return _Worker(self._trade, task)
+            return _Worker(self._runner, task)
         return self
 
-    def outcome(self) -> Outcome:
-        """What became of the task, as soon as the process tells or has died."""
+    def receive(self) -> Result:
+        """Wait for the result of the task, or for the process to die."""
         try:
-            outcome: Outcome = self.link.recv()
+            result: Result = self.link.recv()
         except (EOFError, ConnectionError):
             self._process.join()
-            what = f"the process died: {_cause(self._process.exitcode or 0)}"
-            return self._trade.died(self._task, int(self._step.value), what)
-        return outcome
+            status = self._process.exitcode or 0
+            died = (
+                f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+            )
+            cause = f"the process died: {died}"
+            return self._runner.on_crash(self._task, int(self._step.value), cause)
+        return result
 
     def end(self) -> None:
         """End the process, whatever it is doing."""
@@ -112,10 +121,10 @@ class _Worker(Generic[Task, Outcome]):
         self.link.close()
 
 
-def _work(trade: Trade[Any, Any], link: Connection, step: Any) -> None:
-    """Do the tasks that come through the link, until there are no more."""
+def _serve(runner: TaskRunner[Any, Any], link: Connection, step: Any) -> None:
+    """In the process: run the tasks that come through the link, until there are no more."""
 
-    def tell(number: int) -> None:
+    def on_step(number: int) -> None:
         step.value = number
 
     while True:
@@ -123,22 +132,17 @@ def _work(trade: Trade[Any, Any], link: Connection, step: Any) -> None:
             task = link.recv()
         except EOFError:
             return
-        link.send(trade.work(task, tell))
-
-
-def _cause(status: int) -> str:
-    """What an exit status means."""
-    return f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
+        link.send(runner.run(task, on_step))
 
 
 @contextmanager
-def _unheard_interrupts() -> Iterator[None]:
+def _ignored_interrupts() -> Iterator[None]:
     """Processes started meanwhile never hear Ctrl-C: the one that started them ends them."""
     if threading.current_thread() is not threading.main_thread():
         yield  # Only the main thread hears it and may say who else does.
         return
-    heard = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, heard)
+        signal.signal(signal.SIGINT, handler)

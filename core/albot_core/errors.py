@@ -1,8 +1,9 @@
-"""The one error that bad input raises."""
+"""The one error that bad input raises, and how it names what may have been meant."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import difflib
+from collections.abc import Callable, Iterable
 from functools import partial
 
 
@@ -32,6 +33,12 @@ class InputError(ValueError):
     def __reduce__(self) -> tuple[Callable[..., InputError], tuple[str, ...]]:
         """What worker processes send of it."""
         return partial(InputError, place=self.place), (self.source, self.expected, self.found)
+
+
+def did_you_mean(name: object, known: Iterable[str]) -> str:
+    """` (did you mean …?)` with the known name nearest to this one; empty where none is near."""
+    near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.5)
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 def _one_line(told: object) -> str:

@@ -21,7 +21,7 @@ def command() -> None:
 def list_agents(as_json: bool) -> None:
     """List the agents and what each does; of trained ones, where their cards are."""
     from albot_agents.registry import agent_names, find_agent, make_agent
-    from albot_agents.trained.shipped import card_of
+    from albot_agents.trained.trained_agent import card_path
 
     rows = []
     for name in agent_names():
@@ -29,7 +29,7 @@ def list_agents(as_json: bool) -> None:
         row: dict[str, Any] = {"name": name, "summary": entry.summary, "mapper": entry.mapper}
         row["knows_truth"] = entry.file is None and make_agent(name).knows_truth
         if entry.file is not None:
-            row |= {"task": entry.file.task, "card": str(card_of(name))}
+            row |= {"task": entry.file.task, "card": str(card_path(name))}
         rows.append(row)
     if as_json:
         click.echo(json.dumps({"agents": rows}))

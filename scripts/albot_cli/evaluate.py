@@ -129,13 +129,13 @@ def _way_out(task: str, text: str) -> Any:
 
 def _run(trials: list[Trial], jobs: int) -> tuple[list[Outcome], bool]:
     """What becomes of the trials, in their order, and whether Ctrl-C ended it before."""
-    from albot_agents.evaluation.trial import Evaluation
+    from albot_agents.evaluation.trial import TrialRunner
     from albot_agents.workers import run_parallel
 
     done: dict[int, Outcome] = {}
     stopped = False
     numbers = {(trial.world, trial.seed): k for k, trial in enumerate(trials)}
-    results = run_parallel(Evaluation(), trials, min(jobs, len(trials)))
+    results = run_parallel(TrialRunner(), trials, min(jobs, len(trials)))
     try:
         with progress("evaluate", len(trials), "episodes") as tell, closing(results):
             for outcome in results:

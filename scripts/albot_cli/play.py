@@ -153,7 +153,7 @@ def _run(
     """Run an episode; its summary. `sensors` holds the presets of `SENSORS`."""
     import gymnasium
 
-    from albot_agents.episode import begin_episode
+    from albot_agents.agent import begin_episode
     from albot_agents.registry import check_agent, find_agent, make_agent
     from albot_cli.stage import open_stage
     from albot_env.recording.writer import EpisodeWriter
@@ -215,12 +215,14 @@ def _drive(
     stage: Stage,
 ) -> tuple[int, int, dict[str, Any]]:
     """Drive to the end, or until nobody watches: steps, steps in contact, and the last info."""
-    from albot_agents.agent import choose
+    from albot_agents.agent import choose_action
 
     observation, info = first
     steps, contacts, over = 0, 0, False
     while not over:
-        observation, _, terminated, truncated, info = env.step(choose(driver, observation, info))
+        observation, _, terminated, truncated, info = env.step(
+            choose_action(driver, observation, info)
+        )
         steps += 1
         contacts += info["collided"]
         watched = stage.step(info["time"], lambda: explorer.frame)

@@ -16,8 +16,7 @@ from albot_cli.progress import progress
 from albot_core.errors import InputError
 
 if TYPE_CHECKING:
-    from albot_agents.results.contest import Meeting
-    from albot_agents.results.run import Figures
+    from albot_agents.evaluation.comparison import Figures, PairedTrials
 
 
 @click.command()
@@ -64,25 +63,25 @@ def command(
     It is written anew after each task: Ctrl-C loses no more than those of the present one. The exit
     status is 130 then.
     """
+    from albot_agents.evaluation.comparison import COMPARISONS, PLANS, RANDOM, plan_paired_trials
     from albot_agents.evaluation.plan import parse_seeds
-    from albot_agents.results.contest import CONTESTS, PLANS, RANDOM, plan_meetings
-    from albot_agents.results.page import page, read_figures, save_figures
+    from albot_agents.evaluation.results_page import read_figures, render_page, save_figures
     from albot_core.files import write_text
 
-    known = [contest.task for contest in CONTESTS]
+    known = [contest.task for contest in COMPARISONS]
     for task in tasks:
         if task not in known:
             raise InputError("--task", f"one of {', '.join(known)}", task)
     figures = out.with_suffix(".json")
     check_file(out)
     read_figures(figures)  # What is there and is none of ours is told before the work.
-    contests = [contest for contest in CONTESTS if not tasks or contest.task in tasks]
+    contests = [contest for contest in COMPARISONS if not tasks or contest.task in tasks]
     worlds = {kind: [spec] for kind, spec in RANDOM.items()}
     ranges = dict.fromkeys(RANDOM, parse_seeds(seeds))
     if plans is not None:
         worlds[PLANS] = [str(plans / "*.xml")]
         ranges[PLANS] = parse_seeds(plan_seeds)
-    planned = [plan_meetings([contest], worlds, ranges) for contest in contests]
+    planned = [plan_paired_trials([contest], worlds, ranges) for contest in contests]
     said = ["albot", "results", *(word for task in tasks for word in ("--task", task))]
     said += ["--seeds", seeds]
     if plans is not None:
@@ -90,16 +89,16 @@ def command(
     rows, measured = [], 0
     for found in _measure(planned, jobs or os.cpu_count() or 1):
         rows = save_figures(found, _line(said), figures)
-        write_text(out, page(rows))
+        write_text(out, render_page(rows))
         measured += len(found)
     facts = {"rows": rows, "files": {"page": str(out), "figures": str(figures)}}
     click.echo(json.dumps(facts) if as_json else f"{measured} rows, see {out}")
     return 0
 
 
-def _measure(planned: list[list[Meeting]], jobs: int) -> Iterator[Figures]:
+def _measure(planned: list[list[PairedTrials]], jobs: int) -> Iterator[Figures]:
     """The figures of one task after the other."""
-    from albot_agents.results.run import run_meetings
+    from albot_agents.evaluation.comparison import run_paired_trials
 
     before = 0
     with progress("results", sum(map(len, planned)), "meetings") as tell:
@@ -108,7 +107,7 @@ def _measure(planned: list[list[Meeting]], jobs: int) -> Iterator[Figures]:
             def over(done: int, before: int = before) -> None:
                 tell(before + done)
 
-            yield run_meetings(meetings, jobs, over)
+            yield run_paired_trials(meetings, jobs, over)
             before += len(meetings)
 
 

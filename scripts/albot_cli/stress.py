@@ -14,8 +14,7 @@ import click
 from albot_cli.progress import progress
 
 if TYPE_CHECKING:
-    from albot_agents.stress.plan import Episode
-    from albot_agents.stress.run import Outcome
+    from albot_agents.stress import Episode, Outcome
 
 _STOPPED = 130
 
@@ -80,7 +79,7 @@ def command(
     0 where nothing is, 1 where something is, and 130 where Ctrl-C ended it before.
     """
     from albot_agents.registry import EXPLORE, check_agent
-    from albot_agents.stress.plan import plan_episodes
+    from albot_agents.stress import plan_episodes
 
     _check_mapper(mapper)
     chosen = tuple(dict.fromkeys(agents))
@@ -167,11 +166,11 @@ class _Tally:
 
 def _run(episodes: list[Episode], jobs: int, tally: _Tally) -> None:
     """Run the episodes, or as many as there are before Ctrl-C."""
-    from albot_agents.stress.trade import Stress
+    from albot_agents.stress import StressRunner
     from albot_agents.workers import run_parallel
 
     length = episodes[0].steps
-    outcomes = run_parallel(Stress(), episodes, jobs)
+    outcomes = run_parallel(StressRunner(), episodes, jobs)
     try:
         with progress("stress", len(episodes) * length, "steps") as tell, closing(outcomes):
             for done, outcome in enumerate(outcomes, start=1):

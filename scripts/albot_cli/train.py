@@ -17,8 +17,8 @@ from albot_core.errors import InputError
 from albot_env.vector.spinning import spin_briefly
 
 if TYPE_CHECKING:
-    from albot_agents.training.folder import RunFolder
     from albot_agents.training.plan import TrainingPlan
+    from albot_agents.training.run_files import RunFolder
 
 _STOPPED = 130
 _NEEDED = ("sb3_contrib", "stable_baselines3", "tensorboard", "torch")
@@ -80,8 +80,8 @@ def _begin(
 ) -> tuple[RunFolder, TrainingPlan]:
     """The run's folder, made or found, and its plan."""
     from albot_agents.task import check_task
-    from albot_agents.training.folder import RunFolder, free_folder
-    from albot_agents.training.reading import read_plan, shipped_plan
+    from albot_agents.training.plan_file import read_plan, shipped_plan
+    from albot_agents.training.run_files import RunFolder, free_folder
 
     if task is not None:
         check_task(task)

@@ -8,8 +8,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from albot_agents.agent import Agent, choose
-from albot_agents.episode import begin_episode
+from albot_agents.agent import Agent, begin_episode, choose_action
 from albot_agents.registry import AGENTS, agent_names, check_agent, find_agent, make_agent
 from albot_core.errors import InputError
 from tests.env.quick import DRIVEN, IDS, JUDGED, LOOP, SETTINGS
@@ -30,7 +29,7 @@ def _actions(agent: Agent, env: Any, seed: int, steps: int = 50) -> list[Any]:
     observation, info = begin_episode(env, agent, seed)
     actions = []
     for _ in range(steps):
-        actions.append(choose(agent, observation, info))
+        actions.append(choose_action(agent, observation, info))
         assert actions[-1] in env.action_space
         observation, _, over, _, info = env.step(actions[-1])
         if over:
@@ -75,7 +74,7 @@ def test_who_does_not_know_the_truth_is_not_shown_it(
         return np.zeros(2, np.float32)
 
     monkeypatch.setattr(agent, "act", act)
-    choose(agent, None, {"pose": 1})
+    choose_action(agent, None, {"pose": 1})
     assert shown == [{"pose": 1} if name == "oracle" else {}]
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from albot_agents.scripted.senses import make_sense
+from albot_agents.scripted.driving import decode_observation
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
 from albot_core.planning.explorer import StallDetector
@@ -322,7 +322,7 @@ def test_a_stall_is_detected_on_the_spot_and_on_long_ways() -> None:
 def test_percepts_undo_the_observation(make_env) -> None:
     env = make_env(odometer="ideal")
     for observation, info in drive(env, 40)[::10]:
-        percept = make_sense(observation, ObservationConfig())
+        percept = decode_observation(observation, ObservationConfig())
         start = np.array((2.0, 2.0, 0.0))
         assert percept.pose == pytest.approx(relative(start, info["pose"]), abs=0.02)
         assert percept.ranges.min() > 0.2

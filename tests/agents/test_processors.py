@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import albot_env
-from albot_agents.agent import choose
+from albot_agents.agent import choose_action
 from albot_agents.registry import make_agent
 
 assert albot_env.__doc__  # Importing it registers the environments.
@@ -31,7 +31,7 @@ def journey() -> str:
         observation, info = env.reset(seed=3)
         over = False
         while not over:
-            action = choose(agent, observation, info)
+            action = choose_action(agent, observation, info)
             observation, _, _, over, info = env.step(action)
             ranges = observing.ranges(observing.split(observation)["laser"])
             for part in (np.asarray(action), observation, ranges):

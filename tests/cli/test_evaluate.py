@@ -12,7 +12,7 @@ import pytest
 
 from albot_agents import workers
 from albot_agents.evaluation.plan import Trial
-from albot_agents.evaluation.trial import Evaluation, Outcome, run_trial
+from albot_agents.evaluation.trial import Outcome, TrialRunner, run_trial
 from albot_cli.main import main
 from albot_core.errors import InputError
 
@@ -40,9 +40,9 @@ def run(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> A
     return albot
 
 
-def _inline(trade: Evaluation, trials: list[Trial], jobs: int) -> Any:
+def _inline(trade: TrialRunner, trials: list[Trial], jobs: int) -> Any:
     """As `run_parallel`, in this process."""
-    yield from (trade.work(trial, lambda _: None) for trial in trials)
+    yield from (trade.run(trial, lambda _: None) for trial in trials)
 
 
 def test_the_whole_command_with_workers(run: Albot, tmp_path: Path) -> None:
@@ -69,8 +69,8 @@ def test_the_same_seeds_give_the_same_figures(run: Albot, monkeypatch: pytest.Mo
 
 
 def test_ctrl_c_tells_what_there_is(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
-    def stopped(trade: Evaluation, trials: list[Trial], jobs: int) -> Any:
-        yield trade.work(trials[0], lambda _: None)
+    def stopped(trade: TrialRunner, trials: list[Trial], jobs: int) -> Any:
+        yield trade.run(trials[0], lambda _: None)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(workers, "run_parallel", stopped)
@@ -134,9 +134,9 @@ def test_bad_input_is_one_line(run: Albot, words: tuple[str, ...], found: str) -
 
 def test_what_is_wrong_with_a_trial_comes_back_as_an_error() -> None:
     trial = Trial(task="Albot/Homing-v0", agent="random", world="nowhere", seed=1)
-    assert isinstance(Evaluation().work(trial, lambda _: None), InputError)
+    assert isinstance(TrialRunner().run(trial, lambda _: None), InputError)
     with pytest.raises(RuntimeError, match="seed 1, step 3: the process died"):
-        Evaluation().died(trial, 3, "the process died")
+        TrialRunner().on_crash(trial, 3, "the process died")
 
 
 def test_a_trial_tells_its_steps() -> None:

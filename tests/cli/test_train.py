@@ -12,7 +12,7 @@ import pytest
 
 from albot_agents import workers
 from albot_agents.evaluation.plan import Trial
-from albot_agents.evaluation.trial import Evaluation
+from albot_agents.evaluation.trial import TrialRunner
 from albot_cli import train
 from albot_cli.main import main
 from tests.agents.training.tiny import TASK, plan_file
@@ -39,9 +39,9 @@ def config(tmp_path: Path) -> Path:
     return plan_file(tmp_path / "plan.yml", n_timesteps=32)
 
 
-def _inline(trade: Evaluation, trials: list[Trial], jobs: int) -> Any:
+def _inline(trade: TrialRunner, trials: list[Trial], jobs: int) -> Any:
     """As `run_parallel`, in this process."""
-    yield from (trade.work(trial, lambda _: None) for trial in trials)
+    yield from (trade.run(trial, lambda _: None) for trial in trials)
 
 
 def test_train_resume_evaluate_and_tell(
@@ -80,16 +80,16 @@ def test_train_resume_evaluate_and_tell(
 def test_ctrl_c_says_how_to_go_on(
     run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from albot_agents.training.course import Course
+    from albot_agents.training.curriculum import Curriculum
 
-    step = Course.step_wait
+    step = Curriculum.step_wait
 
-    def interrupted(course: Course) -> object:
+    def interrupted(course: Curriculum) -> object:
         if course.episodes:
             raise KeyboardInterrupt
         return step(course)
 
-    monkeypatch.setattr(Course, "step_wait", interrupted)
+    monkeypatch.setattr(Curriculum, "step_wait", interrupted)
     status, out, err = run("train", "--config", config, "--out", tmp_path / "run")
     assert (status, err) == (130, "")
     assert "stopped before the end" in out

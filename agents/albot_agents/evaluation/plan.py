@@ -40,11 +40,11 @@ class Trial:
         Raises:
             InputError: There is no such world, mapper or sensor.
         """
-        settings = {"world": self.place, **self.settings}
+        settings = {"world": self.loaded_world, **self.settings}
         return gymnasium.make(self.task, disable_env_checker=True, **settings)
 
     @property
-    def place(self) -> World:
+    def loaded_world(self) -> World:
         """Its world: for trials that follow each other in one world the same object.
 
         Raises:

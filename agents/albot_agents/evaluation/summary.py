@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from albot_agents.evaluation.exploring import area_under
-from albot_agents.evaluation.trial import Outcome
+from albot_agents.evaluation.trial import Outcome, area_under
 from albot_core.evaluation.intervals import bootstrap, wilson
 
 _SEED = 0

@@ -1,4 +1,4 @@
-"""One episode of an evaluation: what became of it."""
+"""One episode of an evaluation: how it is run, and what is measured in it."""
 
 from __future__ import annotations
 
@@ -9,19 +9,20 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from albot_agents.agent import choose
-from albot_agents.episode import begin_episode
-from albot_agents.evaluation.exploring import sample_curve
+from albot_agents.agent import begin_episode, choose_action
 from albot_agents.evaluation.plan import Trial
 from albot_agents.registry import make_agent
-from albot_agents.workers import Trade
+from albot_agents.workers import TaskRunner
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
+
+HORIZON = 200
+"""The way driven (m) over which coverage is measured."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """What became of an episode."""
+    """What was measured in an episode."""
 
     trial: Trial
     """The episode."""
@@ -44,12 +45,12 @@ class Outcome:
         return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
 
 
-def run_trial(trial: Trial, tell: Callable[[int], None] = lambda _: None) -> Outcome:
+def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> Outcome:
     """Run an episode to its end.
 
     Args:
         trial: The episode.
-        tell: Is called with the number of each step before it is taken.
+        on_step: Is called with the number of each step before it is taken.
 
     Raises:
         InputError: There is no such world, mapper or sensor.
@@ -57,14 +58,14 @@ def run_trial(trial: Trial, tell: Callable[[int], None] = lambda _: None) -> Out
     env = trial.make()
     try:
         agent = make_agent(trial.agent, env.get_wrapper_attr("observing"))
-        tell(0)
+        on_step(0)
         observation, info = begin_episode(env, agent, trial.seed)
         path, coverages = [info["pose"][:2]], [info.get("coverage")]
         explores = info["path_length"] == 0.0  # No outward journey has covered ground before.
         collisions, touched, over = 0, False, False
         while not over:
-            tell(len(path))
-            action = choose(agent, observation, info)
+            on_step(len(path))
+            action = choose_action(agent, observation, info)
             observation, _, terminated, truncated, info = env.step(action)
             path.append(info["pose"][:2])
             coverages.append(info.get("coverage"))
@@ -85,26 +86,49 @@ def run_trial(trial: Trial, tell: Callable[[int], None] = lambda _: None) -> Out
 def _explored(
     trial: Trial, path: Float64[np.ndarray, "steps 2"], coverages: Sequence[float | None]
 ) -> dict[str, Any]:
-    """What a trial that set out from the start says of exploring, where its task covers ground."""
+    """The rooms and the curve of coverage; nothing where the task measures no coverage."""
     known = [share for share in coverages if share is not None]
     if not known:
         return {}
-    rooms = len(trial.place.reachable_rooms)
+    rooms = len(trial.loaded_world.reachable_rooms)
     return {"rooms": rooms, "coverage_curve": sample_curve(path, known)}
 
 
-class Evaluation(Trade[Trial, "Outcome | InputError"]):
+def sample_curve(
+    path: Float64[np.ndarray, "steps 2"], coverages: Sequence[float]
+) -> Float64[np.ndarray, "samples"]:
+    """The share of the ground covered after 0, 1, 2, … `HORIZON` metres.
+
+    Between two steps it is interpolated; after the last one it stays as it is.
+
+    Args:
+        path: Where the robot was at each step (m).
+        coverages: The share covered by then.
+    """
+    driven = np.append(0.0, np.hypot(*np.diff(path, axis=0).T).cumsum())
+    # Who stands and looks covers at no cost: of the steps at one place the last counts.
+    last = np.append(np.diff(driven) > 0, True)
+    shares = np.asarray(coverages)[last]
+    return np.asarray(np.interp(np.arange(HORIZON + 1.0), driven[last], shares))
+
+
+def area_under(curve: Float64[np.ndarray, "samples"]) -> float:
+    """The mean height of a curve of even samples, by trapezia: 1 where all was covered at once."""
+    return float((curve[1:] + curve[:-1]).mean() / 2)
+
+
+class TrialRunner(TaskRunner[Trial, "Outcome | InputError"]):
     """Runs trials; what is wrong with one comes back as the error that it is."""
 
-    def work(self, task: Trial, tell: Callable[[int], None]) -> Outcome | InputError:
+    def run(self, task: Trial, on_step: Callable[[int], None]) -> Outcome | InputError:
         """Run a trial."""
         try:
-            return run_trial(task, tell)
+            return run_trial(task, on_step)
         except InputError as error:
             return error
 
-    def died(self, task: Trial, step: int, cause: str) -> Outcome | InputError:
-        """A trial that was not survived: our fault.
+    def on_crash(self, task: Trial, step: int, cause: str) -> Outcome | InputError:
+        """Report that the process died in a trial, which is our fault.
 
         Raises:
             RuntimeError: Always.

@@ -1,47 +1,55 @@
-"""What scripted agents that drive have in common: from observations to senses, and to actions."""
+"""What scripted agents that drive have in common: observations decoded, commands made actions.
+
+A scripted agent sees what a learned one sees: observations scaled to [-1, 1]. The `decode_…`
+functions undo the scaling, for the planners of `albot_core.planning`.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Any, ClassVar, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from gymnasium.spaces import Box
 
-from albot_agents.agent import Action, filled
-from albot_agents.scripted.senses import SENSED, make_sense
+from albot_agents.agent import Action, fill_action
+from albot_core.planning.navigator import KnownWay
 from albot_core.planning.percept import Percept
 from albot_core.planning.steering import Command
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 
+SENSED_PARTS = ("laser", "motion", "heading", "home")
+"""The parts of an observation that `decode_observation` decodes."""
+
 
 @runtime_checkable
 class Driver(Protocol):
-    """Gives commands; what it goes by is its own matter."""
+    """A planner of `albot_core.planning` that gives drive commands."""
 
     def reset(self, rng: np.random.Generator) -> None:
         """Begin anew."""
 
 
-Drives = TypeVar("Drives", bound=Driver)
+DriverT = TypeVar("DriverT", bound=Driver)
 
 
-class DrivingAgent(Generic[Drives]):
-    """Lets a driver drive.
+class DrivingAgent(Generic[DriverT]):
+    """An agent that drives as a planner commands.
 
     Args:
         observing: How the environment makes observations.
-        driver: Who drives.
+        driver: The planner.
 
     Raises:
-        InputError: Observations lack something that is sensed.
+        InputError: Observations lack one of `SENSED_PARTS`.
     """
 
     name: ClassVar[str]
     knows_truth: ClassVar[bool] = False
 
-    def __init__(self, observing: ObservationConfig, driver: Drives) -> None:
-        observing.require(SENSED, self.name)
+    def __init__(self, observing: ObservationConfig, driver: DriverT) -> None:
+        observing.require(SENSED_PARTS, self.name)
         self._observing = observing
         self._driver = driver
 
@@ -50,14 +58,59 @@ class DrivingAgent(Generic[Drives]):
         self._driver.reset(rng)
         self._actions = actions
 
-    def _sense(self, observation: Any) -> Percept:
-        """What is sensed, by an observation."""
-        return make_sense(observation, self._observing)
+    def _decode(self, observation: Any) -> Percept:
+        """What an observation says of the sensors' readings."""
+        return decode_observation(observation, self._observing)
 
     def _drive(self, command: Command) -> Action:
         """The action that is this command, and declares nothing."""
-        return filled(ActionConfig().shares(command), self._actions)
+        return fill_action(ActionConfig().shares(command), self._actions)
 
     def _declare(self) -> Action:
         """The action that stops and declares home."""
-        return filled(np.zeros(2, np.float32), self._actions, declares=True)
+        return fill_action(np.zeros(2, np.float32), self._actions, declares=True)
+
+
+def decode_observation(observation: Any, config: ObservationConfig) -> Percept:
+    """Undo the scaling of an observation, flat or by part."""
+    parts = observation if isinstance(observation, dict) else config.split(observation)
+    heading = math.atan2(parts["heading"][1], parts["heading"][0])
+    cos, sin = np.cos(heading), np.sin(heading)
+    distance = config.home_distance(parts["home"][2])
+    home_x, home_y = distance * parts["home"][0], distance * parts["home"][1]
+    step = np.array((config.step_length, config.step_length, config.step_turn))
+    return Percept(
+        ranges=config.ranges(parts["laser"]),
+        laser=config.laser,
+        # Home is the map's origin, so the robot is at minus the turned home vector.
+        pose=np.array((sin * home_y - cos * home_x, -sin * home_x - cos * home_y, heading)),
+        motion=parts["motion"] * step,
+    )
+
+
+def decode_time_left(observation: Any, config: ObservationConfig) -> float:
+    """The time left (s)."""
+    parts = observation if isinstance(observation, dict) else config.split(observation)
+    return config.time_left(parts["time_left"][0])
+
+
+def decode_travel_home(observation: Any, config: ObservationConfig) -> float:
+    """The length of the travel that the belief of home rests on (m)."""
+    parts = observation if isinstance(observation, dict) else config.split(observation)
+    return config.travel_home(parts["confidence"][0])
+
+
+def decode_known_way(observation: Any, config: ObservationConfig) -> KnownWay | None:
+    """The way home that the map holds; None for none, or where it is not shown.
+
+    Where no confidence is shown, which tells its length, it is infinitely long.
+    """
+    if "way" not in config.shapes:
+        return None
+    parts = observation if isinstance(observation, dict) else config.split(observation)
+    part = np.asarray(parts["way"], float)
+    if part[3] <= 0:
+        return None
+    shows_length = "confidence" in config.shapes
+    length = decode_travel_home(observation, config) if shows_length else np.inf
+    return KnownWay(config.home_distance(part[2]) * part[:2], length)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from albot_agents.plain import Where, plain, read_config, read_fields
+from albot_agents.plain_data import Location, read_config, read_fields, to_plain
 from albot_agents.task import config_kind, for_one, read_settings, task_names
 from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import TrainingPlan
@@ -77,7 +77,7 @@ class AgentFile:
         data = self.settings["config"].get("observations")
         if data is None:
             return None
-        return read_config(ObservationConfig, data, Where("the agent's observations"))
+        return read_config(ObservationConfig, data, Location("the agent's observations"))
 
     @property
     def fingerprint(self) -> str:
@@ -97,10 +97,10 @@ class AgentFile:
         """
         header = {
             "task": self.task,
-            "settings": plain(self.settings),
+            "settings": to_plain(self.settings),
             "discrete": self.discrete,
-            "network": plain(self.network),
-            "training": plain(self.training),
+            "network": to_plain(self.network),
+            "training": to_plain(self.training),
         }
         FORMAT.write(path, header, self.weights)
 
@@ -117,7 +117,7 @@ class AgentFile:
         """
         its = dict(self.settings)
         config, kind = its.pop("config", {}), config_kind(task)
-        where = Where(f"the agent's settings in {task}")
+        where = Location(f"the agent's settings in {task}")
         base = settings.get("config") or kind()
         seen = read_config(kind, config, where, base)
         return for_one(task, read_settings(task, its, where)) | dict(settings) | {"config": seen}
@@ -131,7 +131,7 @@ def read_agent(path: Path) -> AgentFile:
             belongs to an agent; the message names the place in it.
     """
     header, weights = FORMAT.read(path)
-    where = Where(f"{path}, {HEADER}")
+    where = Location(f"{path}, {HEADER}")
     kinds = {"task": str, "settings": dict[str, Any], "discrete": bool}
     kinds |= {"network": NetworkConfig, "training": TrainingFacts}
     fields = read_fields(kinds, header, where)
@@ -152,15 +152,15 @@ def kept_settings(task: str, settings: Mapping[str, Any], observing: Any) -> dic
         settings: The settings.
         observing: How the environment makes observations, fitted to its sensors.
     """
-    kept = {name: plain(settings[name]) for name in KEPT_SETTINGS if name in settings}
-    config = plain(settings.get("config") or config_kind(task)())
+    kept = {name: to_plain(settings[name]) for name in KEPT_SETTINGS if name in settings}
+    config = to_plain(settings.get("config") or config_kind(task)())
     if "observations" in config:
-        config["observations"] = plain(observing)
+        config["observations"] = to_plain(observing)
     return kept | {"config": {key: config[key] for key in KEPT_CONFIG if key in config}}
 
 
 def _check_settings(
-    task: str, settings: Mapping[str, Any], network: NetworkConfig, where: Where
+    task: str, settings: Mapping[str, Any], network: NetworkConfig, where: Location
 ) -> None:
     """Refuse settings that are none, or whose observations are not what the network takes."""
     unknown = sorted(settings.keys() - set(KEPT_SETTINGS))

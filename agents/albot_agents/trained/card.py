@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from albot_agents.plain import merged, plain
+from albot_agents.plain_data import merged, to_plain
 from albot_agents.trained.agent_file import AgentFile
 from albot_core.errors import InputError
 from albot_core.files import read_bytes, replacing, write_text
@@ -56,7 +56,7 @@ def write_card(
         _draw(curve, picture)
         written.append(picture)
         sections.append(f"## Learning curve\n\n![Learning curve]({picture.name})")
-    plan = yaml.safe_dump(plain(agent.training.plan), sort_keys=False)
+    plan = yaml.safe_dump(to_plain(agent.training.plan), sort_keys=False)
     sections.append(f"## Plan\n\n```yaml\n{plan}```")
     write_text(path, "\n\n".join(sections) + "\n")
     return written

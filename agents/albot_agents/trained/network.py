@@ -12,12 +12,11 @@ from albot_core.errors import InputError
 from albot_core.ranges import Range, check_fields
 
 Row = Float32[np.ndarray, "*rows units"]
-Made = Float32[np.ndarray, "*rows made"]
+Output = Float32[np.ndarray, "*rows outputs"]
 CANDIDATES = ("arrivals", "mask")
 """The parts of observations whose candidates are weighed."""
 ABSENT = np.float32(-1e8)
-"""What says of a candidate that is not there that it is this one; finite, so that PyTorch's
-gradients are."""
+"""The score of a candidate that is absent; finite, so that PyTorch's gradients are."""
 NOTHING = np.float32(-1.0)
 """What is pooled where there is no candidate: no unit gives less."""
 
@@ -46,7 +45,7 @@ class NetworkConfig:
     """How a policy network is built: LSTM layers, hidden layers, and a linear one for actions.
 
     One that weighs candidates looks at each of them with the same layers. Its observations are a
-    row of numbers for each candidate, and then which of them there are (above 0); the
+    row of numbers for each candidate, and then which of them are present (above 0); the
     outputs weigh "none of them", and each.
     """
 
@@ -130,7 +129,7 @@ class Network:
     def __init__(self, config: NetworkConfig, weights: Mapping[str, np.ndarray]) -> None:
         self._config = config
         self._weights = weights
-        self._activate = _ACTIVATIONS[config.activation]
+        self._activation = _ACTIVATIONS[config.activation]
         self.reset()
 
     def reset(self) -> None:
@@ -144,39 +143,43 @@ class Network:
     ) -> Float32[np.ndarray, "outputs"]:
         """The network's answer to the next observation."""
         if self._config.candidates:
-            return self._weigh(observation)
+            return self._score_candidates(observation)
         row = observation
         for k in range(self._config.lstm_layers):
-            row = self._remember(k, row)
-        return self._linear("action", self._look(row))
+            row = self._lstm_step(k, row)
+        return self._linear("action", self._hidden_layers(row))
 
-    def draw(
+    def sample(
         self, answer: Float32[np.ndarray, "outputs"], rng: np.random.Generator
     ) -> Float32[np.ndarray, "outputs"]:
         """Numbers drawn about an answer: each from a normal distribution."""
         spread = np.exp(self._weights["action.log_std"])
         return np.asarray(answer + spread * rng.standard_normal(len(answer), np.float32))
 
-    def _weigh(self, observation: Float32[np.ndarray, "inputs"]) -> Float32[np.ndarray, "outputs"]:
+    def _score_candidates(
+        self, observation: Float32[np.ndarray, "inputs"]
+    ) -> Float32[np.ndarray, "outputs"]:
         """What says "none of the candidates", by what is largest in any, and what says each."""
         candidates, width = self._config.candidates, self._config.width
-        there = observation[candidates * width :] > 0
-        seen = self._look(observation[: candidates * width].reshape(candidates, width))
-        pooled = np.max(seen, axis=0, where=there[:, np.newaxis], initial=NOTHING)
+        present = observation[candidates * width :] > 0
+        seen = self._hidden_layers(observation[: candidates * width].reshape(candidates, width))
+        pooled = np.max(seen, axis=0, where=present[:, np.newaxis], initial=NOTHING)
         none, this = self._linear("action", pooled)[0], self._linear("action", seen)[:, 1]
-        return np.concatenate(((none,), np.where(there, this, ABSENT)))
+        return np.concatenate(((none,), np.where(present, this, ABSENT)))
 
-    def _look(self, row: Row) -> Made:
+    def _hidden_layers(self, row: Row) -> Output:
         """What the hidden layers make of a row, or of each of several."""
         for k in range(len(self._config.layers)):
-            row = self._activate(self._linear(f"layer{k}", row))
+            row = self._activation(self._linear(f"layer{k}", row))
         return row
 
-    def _linear(self, name: str, row: Row) -> Made:
+    def _linear(self, name: str, row: Row) -> Output:
         """What a linear layer makes of them."""
         return np.asarray(row @ self._weights[f"{name}.weight"].T + self._weights[f"{name}.bias"])
 
-    def _remember(self, k: int, row: Float32[np.ndarray, "inputs"]) -> Float32[np.ndarray, "units"]:
+    def _lstm_step(
+        self, k: int, row: Float32[np.ndarray, "inputs"]
+    ) -> Float32[np.ndarray, "units"]:
         """One step of an LSTM layer."""
         weights = self._weights
         gates = weights[f"lstm{k}.input"] @ row + weights[f"lstm{k}.hidden"] @ self._hidden[k]

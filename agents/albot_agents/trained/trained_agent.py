@@ -1,23 +1,28 @@
-"""A trained agent in an environment."""
+"""A trained agent in an environment, and the trained agents that come with the project."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete, Space
 
 from albot_agents.agent import Action
-from albot_agents.plain import differences, plain
-from albot_agents.trained.agent_file import AgentFile
+from albot_agents.plain_data import differences, to_plain
+from albot_agents.trained.agent_file import SUFFIX, AgentFile
 from albot_agents.trained.network import CANDIDATES, Network
 from albot_core.errors import InputError
 from albot_env.tasks.core.observation import ObservationConfig
 
+_FOLDER = Path(str(resources.files("albot_agents.trained")))
+"""Where the files of the trained agents lie that come with the project."""
+
 
 class TrainedAgent:
-    """Does what its network holds for best, or draws about it where it was made to.
+    """Acts as its network says: the mean action, the likeliest one, or one drawn about the mean.
 
     Args:
         name: Its name, or the path of its file.
@@ -37,9 +42,9 @@ class TrainedAgent:
         self._observing = observing
         self._network = Network(file.network, file.weights)
         trained = file.settings["config"].get("observations")
-        apart = [] if trained is None else differences(plain(observing), trained)
-        if apart:
-            raise InputError(name, "observations as in its training", "; ".join(apart))
+        differing = [] if trained is None else differences(to_plain(observing), trained)
+        if differing:
+            raise InputError(name, "observations as in its training", "; ".join(differing))
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
         """Begin anew.
@@ -69,7 +74,7 @@ class TrainedAgent:
         if self._file.discrete:
             return np.int64(np.argmax(answer))
         if self._file.network.sampled:
-            answer = self._network.draw(answer, self._rng)
+            answer = self._network.sample(answer, self._rng)
         return np.asarray(np.clip(answer, -1, 1))
 
     def _check_observations(self) -> None:
@@ -81,3 +86,14 @@ class TrainedAgent:
         if length != network.inputs:
             expected = f"observations of {network.inputs} numbers"
             raise InputError(self.name, expected, f"{length}")
+
+
+def shipped_agents() -> dict[str, Path]:
+    """The files of the trained agents that come with the project, by name in alphabetical order."""
+    files = {path.stem: path for path in _FOLDER.glob(f"*{SUFFIX}")}
+    return dict(sorted(files.items()))
+
+
+def card_path(name: str) -> Path:
+    """The model card of a shipped agent."""
+    return _FOLDER / f"{name}.md"

@@ -14,9 +14,9 @@ from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from albot_agents.evaluation.plan import parse_seeds, plan_trials
 from albot_agents.task import batch_settings
+from albot_agents.training.journeys import prepare_journeys
 from albot_agents.training.plan import TrainingPlan
-from albot_agents.training.reading import evaluation_settings
-from albot_agents.training.stock import lay_in
+from albot_agents.training.plan_file import evaluation_settings
 from albot_core.errors import InputError
 from albot_core.files import replacing
 
@@ -27,12 +27,12 @@ dimensions: evaluations, and episodes."""
 
 
 class Evaluations:
-    """Measures a policy again and again, and keeps what it found.
+    """Evaluates a policy again and again, and keeps the results in a file.
 
     Args:
         plan: The plan.
         path: The file in which the results stand, which is read where it is there.
-        samples: Results after more samples than these (which no checkpoint holds) are let go.
+        samples: Results after more samples than these (which no checkpoint holds) are dropped.
 
     Raises:
         InputError: There is no such world or setting, or the file is none of ours.
@@ -55,18 +55,18 @@ class Evaluations:
             **settings,
         )
         self._path = path
-        self._found: dict[str, np.ndarray] = _read(path, len(trials), samples)
+        self._results: dict[str, np.ndarray] = _read_results(path, len(trials), samples)
 
     @property
     def best(self) -> tuple[float, float]:
         """The best score so far; minus infinity where there is none."""
-        scores = [self._score(k) for k in range(len(self._found["timesteps"]))]
+        scores = [self._score(k) for k in range(len(self._results["timesteps"]))]
         return max(scores, default=(-np.inf, -np.inf))
 
     @property
     def samples(self) -> int:
         """Samples before the last evaluation; 0 where there is none."""
-        return int(self._found["timesteps"][-1]) if len(self._found["timesteps"]) else 0
+        return int(self._results["timesteps"][-1]) if len(self._results["timesteps"]) else 0
 
     @property
     def last(self) -> dict[str, float | None]:
@@ -74,7 +74,7 @@ class Evaluations:
         if not self.samples:
             return {}
         names = {"success_rate": "successes", "spl": "spl", "return": "results"}
-        rows = {name: self._found[key][-1] for name, key in names.items()}
+        rows = {name: self._results[key][-1] for name, key in names.items()}
         return {
             name: None if np.isnan(row).any() else float(row.mean()) for name, row in rows.items()
         }
@@ -83,22 +83,22 @@ class Evaluations:
     def curve(self) -> dict[str, list[float]]:
         """Means after so many `samples`: `return`, and where known `success_rate` and `spl`."""
         names = {"return": "results", "success_rate": "successes", "spl": "spl"}
-        curve = {"samples": self._found["timesteps"].astype(float).tolist()}
-        means = {name: self._found[key].mean(axis=1) for name, key in names.items()}
+        curve = {"samples": self._results["timesteps"].astype(float).tolist()}
+        means = {name: self._results[key].mean(axis=1) for name, key in names.items()}
         return curve | {
             name: row.tolist() for name, row in means.items() if not np.isnan(row).any()
         }
 
-    def lay_in(self, tell: Callable[[str], None]) -> None:
-        """Lay in the journeys of the episodes; before the first evaluation, which would make them.
+    def prepare_journeys(self, report: Callable[[str], None]) -> None:
+        """Make the journeys of the episodes; before the first evaluation, which would make them.
 
         Args:
-            tell: Is told how it goes.
+            report: Is called with the progress, in words.
         """
-        lay_in(self._task, self._batch, self._settings, tell)
+        prepare_journeys(self._task, self._batch, self._settings, report)
 
     def measure(self, learner: OnPolicyAlgorithm) -> bool:
-        """Measure the policy as it is now, and write the results; whether it is the best so far.
+        """Evaluate the policy as it is now, and write the results. Returns whether it is the best.
 
         Raises:
             InputError: The file cannot be written.
@@ -106,19 +106,19 @@ class Evaluations:
         best = self.best
         ends = self._run(learner)
         for name, row in ends.items():
-            self._found[name] = np.concatenate((self._found[name], row[np.newaxis]))
+            self._results[name] = np.concatenate((self._results[name], row[np.newaxis]))
         with replacing(self._path) as stream:
-            np.savez(stream, **self._found)  # type: ignore[arg-type]
+            np.savez(stream, **self._results)  # type: ignore[arg-type]
         return self._score(-1) > best
 
     def close(self) -> None:
-        """Let the environments go."""
+        """Close the environments."""
         self._batch.close()
 
     def _score(self, k: int) -> tuple[float, float]:
         """How good an evaluation was: by success first, then by the mean return."""
-        rate = float(self._found["successes"][k].mean())
-        return (0.0 if np.isnan(rate) else rate), float(self._found["results"][k].mean())
+        rate = float(self._results["successes"][k].mean())
+        return (0.0 if np.isnan(rate) else rate), float(self._results["results"][k].mean())
 
     def _run(self, learner: OnPolicyAlgorithm) -> dict[str, np.ndarray]:
         """One episode in each environment."""
@@ -144,7 +144,7 @@ class Evaluations:
         return ends | {"timesteps": timesteps, "results": returns, "ep_lengths": lengths}
 
 
-def _read(path: Path, episodes: int, samples: int) -> dict[str, np.ndarray]:
+def _read_results(path: Path, episodes: int, samples: int) -> dict[str, np.ndarray]:
     """What the file holds, up to so many samples; nothing where there is none."""
     if not path.exists():
         kinds: Mapping[str, Any] = {"timesteps": np.int64, "ep_lengths": np.int64}

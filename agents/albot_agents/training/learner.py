@@ -1,16 +1,20 @@
-"""The learner: stable-baselines3's PPO as a plan wants it."""
+"""The learner: stable-baselines3's PPO as a plan wants it, and its policy for candidates."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import torch
+from gymnasium import spaces
 from sb3_contrib import RecurrentPPO
 from stable_baselines3 import PPO
+from stable_baselines3.common.distributions import CategoricalDistribution
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.torch_layers import MlpExtractor
 from stable_baselines3.common.vec_env import VecEnv
 
-from albot_agents.training.candidates import CandidatePolicy
+from albot_agents.trained.network import ABSENT, NOTHING
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_core.errors import InputError
 
@@ -71,10 +75,10 @@ def choose_device(plan: TrainingPlan) -> str:
     return "cuda" if there and widest >= GPU_UNITS else "cpu"
 
 
-def _policy_kind(plan: TrainingPlan) -> str | type[CandidatePolicy]:
+def _policy_kind(plan: TrainingPlan) -> str | type[DeepSetsPolicy]:
     if plan.recurrent:
         return "MlpLstmPolicy"
-    return CandidatePolicy if plan.policy.kind == "candidates" else "MlpPolicy"
+    return DeepSetsPolicy if plan.policy.kind == "candidates" else "MlpPolicy"
 
 
 def _policy_settings(plan: TrainingPlan) -> dict[str, Any]:
@@ -101,3 +105,88 @@ def _set_initial_action(learner: OnPolicyAlgorithm, policy: PolicyPlan) -> None:
         raise InputError("PolicyPlan.initial_action", f"{len(bias)} numbers", found)
     with torch.no_grad():
         bias.copy_(torch.tensor(policy.initial_action))
+
+
+class DeepSetsPolicy(ActorCriticPolicy):
+    """Chooses one of several candidates, or none of them, whatever their order.
+
+    After Zaheer et al., Deep sets, NeurIPS 2017, with the maximum for the sum. The same layers
+    score each candidate alone; "none" is scored by each unit's maximum over the candidates, and so
+    is the value, by a network of its own. Observations and answers are as `NetworkConfig` says.
+    """
+
+    def _build_mlp_extractor(self) -> None:
+        assert isinstance(self.action_space, spaces.Discrete)
+        self.mlp_extractor = DeepSetsExtractor(
+            int(self.action_space.n) - 1,
+            self.features_dim,
+            net_arch=self.net_arch,
+            activation_fn=self.activation_fn,
+            device=self.device,
+        )
+
+    def _build(self, lr_schedule: Any) -> None:
+        assert isinstance(self.action_space, spaces.Discrete)
+        self.action_dist = _Answers(int(self.action_space.n))
+        super()._build(lr_schedule)
+
+
+class DeepSetsExtractor(MlpExtractor):
+    """Networks of policy and value that are applied to each candidate alone.
+
+    Args:
+        candidates: How many there can be.
+        length: Numbers in an observation.
+        settings: As for `MlpExtractor`.
+    """
+
+    def __init__(self, candidates: int, length: int, **settings: Any) -> None:
+        self._candidates = candidates
+        self._width = length // candidates - 1
+        super().__init__(self._width, **settings)
+
+    def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
+        """The units pooled over all candidates, and those of each.
+
+        Of shape (observations, 1 + candidates, units + 1); the last number says whether it is
+        there.
+        """
+        rows, there = self._split(features)
+        units = self.policy_net(rows)
+        each = torch.cat((units, there.to(units.dtype)), dim=2)
+        together = torch.nn.functional.pad(_pooled(units, there), (0, 1), value=1.0)
+        return torch.cat((together[:, None], each), dim=1)
+
+    def forward_critic(self, features: torch.Tensor) -> torch.Tensor:
+        """The units pooled over all candidates, of shape (observations, units)."""
+        rows, there = self._split(features)
+        return _pooled(self.value_net(rows), there)
+
+    def _split(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """The candidates' rows, and a mask of those that are there (…, candidates, 1)."""
+        end = self._candidates * self._width
+        rows = features[:, :end].reshape(-1, self._candidates, self._width)
+        return rows, features[:, end:, None] > 0
+
+
+class _Answers(CategoricalDistribution):
+    """A distribution over "none" and the candidates."""
+
+    def proba_distribution_net(self, latent_dim: int) -> torch.nn.Module:
+        """The layer that gives its logits."""
+        return _AnswerLayer(latent_dim, 2)
+
+
+class _AnswerLayer(torch.nn.Linear):
+    """Two scores: that of "none", taken of the pooled units, and that of "this one", of each."""
+
+    def forward(self, latent: torch.Tensor) -> torch.Tensor:
+        """The logits (observations, 1 + candidates) of what `forward_actor` gives."""
+        scores, there = super().forward(latent[:, :, :-1]), latent[:, 1:, -1] > 0
+        this = scores[:, 1:, 1].masked_fill(~there, float(ABSENT))
+        return torch.cat((scores[:, :1, 0], this), dim=1)
+
+
+def _pooled(units: torch.Tensor, there: torch.Tensor) -> torch.Tensor:
+    """Each unit's maximum over the candidates that are there."""
+    return units.masked_fill(~there, float(NOTHING)).amax(dim=1).clamp(min=float(NOTHING))

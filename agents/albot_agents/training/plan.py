@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from albot_agents.evaluation.plan import parse_seeds
-from albot_agents.plain import hint
-from albot_agents.training.schedule import Schedule, parse_schedule
-from albot_core.errors import InputError
+from albot_core.errors import InputError, did_you_mean
 from albot_core.ranges import FINITE, POSITIVE, SHARE, Range, check_fields
 
 ALGORITHMS = ("ppo", "recurrent_ppo")
@@ -205,4 +205,47 @@ class TrainingPlan:
 
 def _check_name(place: str, name: str, names: tuple[str, ...]) -> None:
     if name not in names:
-        raise InputError(place, f"one of {', '.join(names)}", f"{name}{hint(name, names)}")
+        raise InputError(place, f"one of {', '.join(names)}", f"{name}{did_you_mean(name, names)}")
+
+
+_LINEAR = re.compile(r"lin_([^_]+)(?:_([^_]+))?")
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A number that goes evenly from one value to another."""
+
+    first: float
+    """Its value at the beginning…"""
+    last: float
+    """…and at the end."""
+
+    def __call__(self, remaining: float | int) -> float:
+        """The value when this share of the training is still to come."""
+        return self.last + (self.first - self.last) * remaining
+
+
+def parse_schedule(value: float | str, name: str) -> Schedule:
+    """The schedule that a number stands for, or `lin_A` (from A to 0), or `lin_A_B`.
+
+    Args:
+        value: What is written.
+        name: What is scheduled, for the error.
+
+    Raises:
+        InputError: It is none of these, or a value of it is negative or not finite.
+    """
+    expected = "a number from 0, lin_A or lin_A_B"
+    try:
+        if isinstance(value, str):
+            found = _LINEAR.fullmatch(value)
+            if found is None:
+                raise ValueError
+            schedule = Schedule(float(found[1]), float(found[2] or 0))
+        else:
+            schedule = Schedule(value, value)
+    except ValueError:
+        raise InputError(name, expected, str(value)) from None
+    if not (0 <= schedule.first < math.inf and 0 <= schedule.last < math.inf):
+        raise InputError(name, expected, str(value))
+    return schedule

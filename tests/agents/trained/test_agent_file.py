@@ -16,9 +16,8 @@ from gymnasium.spaces import Box, Discrete
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from albot_agents.agent import choose
-from albot_agents.episode import begin_episode
-from albot_agents.plain import plain
+from albot_agents.agent import begin_episode, choose_action
+from albot_agents.plain_data import to_plain
 from albot_agents.registry import find_agent, make_agent
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, read_agent
 from albot_agents.trained.card import read_evaluation, write_card
@@ -52,7 +51,7 @@ def _agent(discrete: bool = False, outputs: int = 3) -> AgentFile:
         settings={
             "mapper": "odometry",
             "action": "discrete" if discrete else "continuous",
-            "config": {"observations": plain(SEEN), "actions": {"speed": 0.5}},
+            "config": {"observations": to_plain(SEEN), "actions": {"speed": 0.5}},
         },
         discrete=discrete,
         network=network,
@@ -94,9 +93,9 @@ def test_it_acts_in_the_environment_made_for_it(discrete: bool, tmp_path: Path) 
     env = gymnasium.make(TASK, world="square-loop", **made)
     agent = make_agent(str(tmp_path / "a.albot"), env.get_wrapper_attr("observing"))
     observation, info = begin_episode(env, agent, 3)
-    first = choose(agent, observation, info)
+    first = choose_action(agent, observation, info)
     for _ in range(3):
-        action = choose(agent, observation, info)
+        action = choose_action(agent, observation, info)
         assert action in env.action_space
         observation, *_, info = env.step(action)
     assert isinstance(first, np.int64) == discrete

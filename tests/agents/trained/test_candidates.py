@@ -13,9 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from albot_agents.trained.network import Network, NetworkConfig
-from albot_agents.training.candidates import CandidatePolicy
-from albot_agents.training.export import policy_weights
-from albot_agents.training.learner import make_learner
+from albot_agents.training.checkpoint import policy_weights
+from albot_agents.training.learner import DeepSetsPolicy, make_learner
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_core.errors import InputError
 
@@ -24,9 +23,9 @@ MOST, WIDTH = 6, 4
 ACTIVATIONS = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 
 
-def _policy(layers: tuple[int, ...], activation: str) -> CandidatePolicy:
+def _policy(layers: tuple[int, ...], activation: str) -> DeepSetsPolicy:
     torch.manual_seed(3)
-    policy = CandidatePolicy(
+    policy = DeepSetsPolicy(
         Box(-1, 1, (MOST * (WIDTH + 1),), np.float32),
         Discrete(MOST + 1),
         lambda _: 1e-3,
@@ -38,7 +37,7 @@ def _policy(layers: tuple[int, ...], activation: str) -> CandidatePolicy:
     return policy
 
 
-def _network(policy: CandidatePolicy, layers: tuple[int, ...], activation: str) -> Network:
+def _network(policy: DeepSetsPolicy, layers: tuple[int, ...], activation: str) -> Network:
     config = NetworkConfig(
         inputs=MOST * (WIDTH + 1),
         layers=layers,

@@ -12,7 +12,7 @@ from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from albot_agents.trained.network import Network, NetworkConfig
-from albot_agents.training.export import policy_weights
+from albot_agents.training.checkpoint import policy_weights
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_core.errors import InputError
 
@@ -71,7 +71,7 @@ def test_numbers_are_drawn_as_by_its_original() -> None:
     policy = _policy(ActorCriticPolicy, plan, Box(-1, 1, (3,), np.float32))
     network, rng = _network(policy, plan, 3), np.random.default_rng(4)
     row = rng.uniform(-1, 1, LENGTH).astype(np.float32)
-    drawn = np.array([network.draw(network(row), rng) for _ in range(20_000)])
+    drawn = np.array([network.sample(network(row), rng) for _ in range(20_000)])
     original = policy.get_distribution(torch.tensor(row[np.newaxis])).distribution
     mean, deviation = (tensor.detach().numpy()[0] for tensor in (original.mean, original.stddev))
     np.testing.assert_allclose(drawn.mean(axis=0), mean, atol=0.05)

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from albot_agents.training.folder import RunFolder
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.run import TrainingRun
+from albot_agents.training.run_files import RunFolder
 from tests.agents.training.tiny import begun
 
 Trained = tuple[RunFolder, TrainingPlan, TrainingRun, dict[str, Any]]

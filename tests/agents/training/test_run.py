@@ -16,9 +16,9 @@ from gymnasium.spaces import Box
 from albot_agents.registry import make_agent
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.training.checkpoint import checkpoints, read_checkpoint, take_checkpoint
-from albot_agents.training.folder import RunFolder, free_folder
-from albot_agents.training.reading import read_plan
+from albot_agents.training.plan_file import read_plan
 from albot_agents.training.run import TrainingRun
+from albot_agents.training.run_files import RunFolder, free_folder
 from albot_core.archive import ArchiveFormat
 from albot_core.errors import InputError
 from tests.agents.training.conftest import Trained

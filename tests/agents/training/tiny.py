@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from albot_agents.plain import merged
-from albot_agents.training.folder import RunFolder
+from albot_agents.plain_data import merged
 from albot_agents.training.plan import TrainingPlan
-from albot_agents.training.reading import read_plan
+from albot_agents.training.plan_file import read_plan
+from albot_agents.training.run_files import RunFolder
 from albot_core.files import write_text
 
 TASK = "Albot/Homing-v0"

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from albot_agents.plain import Where, differences, merged, plain, read_config, read_value
+from albot_agents.plain_data import Location, differences, merged, read_config, read_value, to_plain
 from albot_agents.task import (
     batch_settings,
     check_task,
@@ -18,16 +18,16 @@ from albot_agents.task import (
 from albot_core.errors import InputError
 from albot_env.tasks.core.observation import ObservationConfig
 
-WHERE = Where("a.yml")
+WHERE = Location("a.yml")
 
 
 @pytest.mark.parametrize("task", task_names())
 def test_the_configuration_of_every_task_comes_back(task: str) -> None:
     config = config_kind(task)()
-    data = json.loads(json.dumps(plain(config)))
+    data = json.loads(json.dumps(to_plain(config)))
     assert read_config(config_kind(task), data, WHERE) == config
     assert read_config(config_kind(task), {}, WHERE) == config
-    assert differences(data, plain(config)) == []
+    assert differences(data, to_plain(config)) == []
 
 
 @pytest.mark.parametrize("task", task_names())

@@ -8,9 +8,8 @@ import gymnasium
 import numpy as np
 import pytest
 
-from albot_agents.agent import choose
-from albot_agents.episode import begin_episode
-from albot_agents.plain import merged
+from albot_agents.agent import begin_episode, choose_action
+from albot_agents.plain_data import merged
 from albot_agents.registry import find_agent, make_agent
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.trained.card import write_card
@@ -44,7 +43,7 @@ def test_a_judge_is_trained_and_judges(tmp_path: Path) -> None:
     env = gymnasium.make(TASK, world="square-loop", **find_agent(name).environment(TASK, {}))
     agent = make_agent(name, env.get_wrapper_attr("observing"))
     observation, info = begin_episode(env, agent, 3)
-    answer = choose(agent, observation, info)
+    answer = choose_action(agent, observation, info)
     expected, _ = run.learner.predict(observation, deterministic=True)
     assert isinstance(answer, np.int64)
     assert answer == expected

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from albot_agents.training import monitor
+from albot_agents.training import run_files
 from albot_agents.training.checkpoint import Checkpoint, checkpoints, read_checkpoint, restore
-from albot_agents.training.monitor import MonitorFile
+from albot_agents.training.run_files import EpisodeLog
 from albot_core.errors import InputError
 from tests.agents.training.conftest import Trained
 
@@ -62,7 +62,7 @@ def test_a_checkpoint_is_what_it_says(saved: Checkpoint, trained: Trained, tmp_p
 
 
 def test_a_full_disk_leaves_whole_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file = MonitorFile(tmp_path / "monitor.csv", "Albot/Homing-v0")
+    file = EpisodeLog(tmp_path / "monitor.csv", "Albot/Homing-v0")
     file.add([(1.5, 10, 0.25, 1.0, None)])
     whole = file.size
 
@@ -71,7 +71,7 @@ def test_a_full_disk_leaves_whole_lines(tmp_path: Path, monkeypatch: pytest.Monk
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(monitor, "_write_all", full)
+        patch.setattr(run_files, "_write_all", full)
         with pytest.raises(InputError, match="No space left on device"):
             file.add([(2.0, 3, 0.5)])
     assert (tmp_path / "monitor.csv").stat().st_size == file.size == whole
@@ -79,12 +79,12 @@ def test_a_full_disk_leaves_whole_lines(tmp_path: Path, monkeypatch: pytest.Monk
     lines = (tmp_path / "monitor.csv").read_text().splitlines()
     assert lines[2:] == ["1.5,10,0.25,1,", "2,3,0.5"]
     with pytest.raises(InputError, match="999 bytes or more"):
-        MonitorFile(tmp_path / "monitor.csv", "Albot/Homing-v0", 999)
+        EpisodeLog(tmp_path / "monitor.csv", "Albot/Homing-v0", 999)
 
 
 def test_the_curve_of_its_episodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(monitor, "POINTS", 2)
-    file = MonitorFile(tmp_path / "monitor.csv", "Albot/Explore-v0")
+    monkeypatch.setattr(run_files, "POINTS", 2)
+    file = EpisodeLog(tmp_path / "monitor.csv", "Albot/Explore-v0")
     assert file.curve == {}
     file.add([(1.0, 10, 0.1), (3.0, 20, 0.2), (-4.0, 5, 0.3)])
     assert file.curve == {"samples": [30.0, 35.0], "return": [2.0, -4.0]}
@@ -101,5 +101,5 @@ def test_a_write_in_parts_is_whole() -> None:
             return min(3, len(content))
 
     stream: Any = Slow()
-    monitor._write_all.__wrapped__(stream, b"0123456789")  # type: ignore[attr-defined]
+    run_files._write_all(stream, b"0123456789")
     assert stream.taken == b"0123456789"

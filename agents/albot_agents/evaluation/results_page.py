@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from albot_agents.results.run import Figures
+from albot_agents.evaluation.comparison import Figures
 from albot_core.errors import InputError
 from albot_core.files import write_text
 
@@ -38,11 +38,11 @@ def save_figures(figures: Figures, command: str, path: Path) -> list[dict[str, A
     Raises:
         InputError: The file cannot be written, or is there and is none of ours.
     """
-    tasks = {cell.task for cell in figures}
+    tasks = {row.task for row in figures}
     rows = [row for row in read_figures(path) if row["task"] not in tasks]
-    for cell, found in figures.items():
+    for row, found in figures.items():
         kept = {key: found[key] for key in _KEYS if found.get(key) is not None}
-        rows.append({**asdict(cell), "command": command, **kept})
+        rows.append({**asdict(row), "command": command, **kept})
     write_text(path, json.dumps(rows, indent=1) + "\n")
     return rows
 
@@ -66,7 +66,7 @@ def read_figures(path: Path) -> list[dict[str, Any]]:
     return rows
 
 
-def page(rows: Sequence[Mapping[str, Any]]) -> str:
+def render_page(rows: Sequence[Mapping[str, Any]]) -> str:
     """The page in Markdown."""
     lines = [
         "# Results",

@@ -11,7 +11,7 @@ from typing import Any
 import gymnasium
 import yaml
 
-from albot_agents.plain import Where, merged, plain, read_config
+from albot_agents.plain_data import Location, merged, read_config, to_plain
 from albot_agents.task import check_task, read_settings
 from albot_agents.training.plan import StagePlan, TrainingPlan
 from albot_core.errors import InputError
@@ -19,7 +19,7 @@ from albot_core.files import write_text
 from albot_maps.formats.yaml_document import YamlDocument, read_yaml
 
 _SHIPPED = resources.files("albot_agents.training") / "configs"
-_MEMORY = Where("training plan")
+_MEMORY = Location("training plan")
 
 
 def read_plan(path: Path, task: str | None = None, **changes: Any) -> TrainingPlan:
@@ -57,10 +57,12 @@ def save_plan(plan: TrainingPlan, path: Path) -> None:
     Raises:
         InputError: Nothing can be written there.
     """
-    write_text(path, yaml.safe_dump(plain(plan), sort_keys=False))
+    write_text(path, yaml.safe_dump(to_plain(plan), sort_keys=False))
 
 
-def stage_settings(plan: TrainingPlan, stage: StagePlan, where: Where = _MEMORY) -> dict[str, Any]:
+def stage_settings(
+    plan: TrainingPlan, stage: StagePlan, where: Location = _MEMORY
+) -> dict[str, Any]:
     """What the batch of environments of a stage is made with.
 
     Raises:
@@ -70,7 +72,7 @@ def stage_settings(plan: TrainingPlan, stage: StagePlan, where: Where = _MEMORY)
     return _dealt(settings, plan.n_envs)
 
 
-def evaluation_settings(plan: TrainingPlan, where: Where = _MEMORY) -> dict[str, Any]:
+def evaluation_settings(plan: TrainingPlan, where: Location = _MEMORY) -> dict[str, Any]:
     """What the environments of the evaluations are made with, besides their worlds.
 
     They are the training's as its curriculum ends.
@@ -88,7 +90,7 @@ def evaluation_settings(plan: TrainingPlan, where: Where = _MEMORY) -> dict[str,
 def _plan(
     document: YamlDocument, source: object, task: str | None, changes: Mapping[str, Any]
 ) -> TrainingPlan:
-    where = Where(source, place=document.place)
+    where = Location(source, place=document.place)
     data = document.data
     if isinstance(data, dict):
         named = data.get("task")
@@ -102,7 +104,7 @@ def _plan(
     return plan
 
 
-def _check_environments(plan: TrainingPlan, where: Where) -> None:
+def _check_environments(plan: TrainingPlan, where: Location) -> None:
     """Refuse settings that are none, or that the learner cannot do with."""
     read_settings(plan.task, plan.env, where.at("env"))
     for k, stage in enumerate(plan.curriculum):
@@ -117,7 +119,7 @@ def _check_environments(plan: TrainingPlan, where: Where) -> None:
         _try_out(plan, k, settings, where)
 
 
-def _try_out(plan: TrainingPlan, stage: int, settings: Mapping[str, Any], where: Where) -> None:
+def _try_out(plan: TrainingPlan, stage: int, settings: Mapping[str, Any], where: Location) -> None:
     """Make environments of a stage, one in each world, to tell where in the plan they are wrong."""
     given = dict(settings)
     if isinstance(given.get("world"), list):
@@ -134,7 +136,7 @@ def _try_out(plan: TrainingPlan, stage: int, settings: Mapping[str, Any], where:
         raise place.at(*named).error(expected.strip(), error.found) from None
 
 
-def _check_discount(plan: TrainingPlan, settings: Mapping[str, Any], where: Where) -> None:
+def _check_discount(plan: TrainingPlan, settings: Mapping[str, Any], where: Location) -> None:
     """Shaping by a potential leaves the best policy as it is with one discount factor only."""
     weights = getattr(settings.get("config"), "weights", None)
     discount = getattr(weights, "discount", plan.gamma)

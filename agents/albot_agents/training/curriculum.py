@@ -1,4 +1,4 @@
-"""The environments of a training: one batch, whose stages follow each other."""
+"""The environments of a training: one batch, which goes through the stages of a curriculum."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 from stable_baselines3.common.vec_env import VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
-from albot_agents.training.monitor import FIGURES, Row
+from albot_agents.training.journeys import prepare_journeys
 from albot_agents.training.plan import TrainingPlan
-from albot_agents.training.reading import stage_settings
-from albot_agents.training.stock import lay_in
+from albot_agents.training.plan_file import stage_settings
+from albot_agents.training.run_files import FIGURES, Row
 from albot_core.errors import InputError
 from albot_env.vector.sb3 import BatchedVecEnv, make_sb3
 
@@ -22,8 +22,8 @@ RECENT = 500
 """Episodes that the success rate goes by."""
 
 
-class Course(VecEnvWrapper):
-    """A batch of environments that counts episodes and moves from stage to stage.
+class Curriculum(VecEnvWrapper):
+    """A batch of environments that records its episodes and moves from stage to stage.
 
     Each stage's environments are made when it begins, with the plan's settings and its own.
 
@@ -40,7 +40,7 @@ class Course(VecEnvWrapper):
         if not 0 <= stage < len(plan.stages):
             raise InputError("stage", f"one below {len(plan.stages)}", str(stage))
         self._plan = plan
-        self._began = time.monotonic() - elapsed
+        self._start_time = time.monotonic() - elapsed
         self._rows: list[Row] = []
         self._returns = np.zeros(plan.n_envs)
         self._lengths = np.zeros(plan.n_envs, np.int64)
@@ -49,15 +49,15 @@ class Course(VecEnvWrapper):
         """Episodes that ended since the training began or was resumed."""
         self.stage = stage
         """Number of the stage."""
-        self.stepping = 0.0
-        """Seconds that the environments took."""
+        self.step_seconds = 0.0
+        """Seconds that stepping the environments took."""
         self.venv: BatchedVecEnv
-        super().__init__(self._make(stage))
+        super().__init__(self._make_batch(stage))
 
     @property
     def elapsed(self) -> float:
         """Seconds that the training has taken, those before it was resumed among them."""
-        return time.monotonic() - self._began
+        return time.monotonic() - self._start_time
 
     @property
     def success_rate(self) -> float | None:
@@ -65,34 +65,34 @@ class Course(VecEnvWrapper):
         return float(np.mean(self._recent)) if self._recent else None
 
     def is_over(self, samples: int) -> bool:
-        """Whether the stage is, after so many samples of its own."""
-        its = self._plan.stages[self.stage]
+        """Whether the stage is over after so many samples of its own."""
+        stage = self._plan.stages[self.stage]
         if self.stage == len(self._plan.stages) - 1:
             return False
-        if its.for_steps is not None and samples >= its.for_steps:
+        if stage.for_steps is not None and samples >= stage.for_steps:
             return True
         rate = self.success_rate if len(self._recent) == RECENT else None
-        return its.until_success is not None and rate is not None and rate >= its.until_success
+        return stage.until_success is not None and rate is not None and rate >= stage.until_success
 
-    def lay_in(self, tell: Callable[[str], None]) -> None:
-        """Lay in the journeys of this stage; before the reset that would make them.
+    def prepare_journeys(self, report: Callable[[str], None]) -> None:
+        """Make the journeys of this stage; before the reset that would make them one by one.
 
         Args:
-            tell: Is told how it goes.
+            report: Is called with the progress, in words.
         """
-        lay_in(self._plan.task, self.venv.batch, self._settings, tell)
+        prepare_journeys(self._plan.task, self.venv.batch, self._settings, report)
 
-    def next_stage(self, seed: int, tell: Callable[[str], None]) -> VecEnvObs:
+    def next_stage(self, seed: int, report: Callable[[str], None]) -> VecEnvObs:
         """Begin the next stage; the first observations.
 
         Args:
             seed: Decides what is drawn in it.
-            tell: Is told how it goes to lay in its journeys.
+            report: Is called with the progress of making its journeys, in words.
 
         Raises:
             InputError: An environment cannot be made, or its spaces are others.
         """
-        following = self._make(self.stage + 1)
+        following = self._make_batch(self.stage + 1)
         for name in ("observation_space", "action_space"):
             before, after = getattr(self.venv, name), getattr(following, name)
             if before != after:
@@ -101,7 +101,7 @@ class Course(VecEnvWrapper):
         self.venv = following
         self.stage += 1
         self._recent.clear()
-        self.lay_in(tell)
+        self.prepare_journeys(report)
         self.seed(seed)
         return self.reset()
 
@@ -115,29 +115,29 @@ class Course(VecEnvWrapper):
         """Take the step; the info of an episode's last one holds `episode`, as a monitor's."""
         began = time.perf_counter()
         observations, rewards, over, infos = self.venv.step_wait()
-        self.stepping += time.perf_counter() - began
+        self.step_seconds += time.perf_counter() - began
         self._returns += rewards
         self._lengths += 1
         for k in np.flatnonzero(over).tolist():
-            self._end(k, infos[k])
+            self._record_episode(k, infos[k])
         self._returns[over] = 0
         self._lengths[over] = 0
         return observations, rewards, over, infos
 
     def take_rows(self) -> list[Row]:
-        """The episodes that have ended since this was last called, for the monitor file."""
+        """Remove and return the episodes that ended since the last call, for the episode log."""
         rows, self._rows = self._rows, []
         return rows
 
-    def _end(self, row: int, info: dict[str, Any]) -> None:
-        its = {"r": float(self._returns[row]), "l": int(self._lengths[row]), "t": self.elapsed}
-        info["episode"] = its
+    def _record_episode(self, row: int, info: dict[str, Any]) -> None:
+        episode = {"r": float(self._returns[row]), "l": int(self._lengths[row]), "t": self.elapsed}
+        info["episode"] = episode
         self.episodes += 1
         figures = (float(info[name]) if name in info else None for name in FIGURES)
-        self._rows.append((*its.values(), *figures))
+        self._rows.append((*episode.values(), *figures))
         if "is_success" in info:
             self._recent.append(bool(info["is_success"]))
 
-    def _make(self, stage: int) -> BatchedVecEnv:
+    def _make_batch(self, stage: int) -> BatchedVecEnv:
         self._settings = stage_settings(self._plan, self._plan.stages[stage])
         return make_sb3(self._plan.task, self._plan.n_envs, **self._settings)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from albot_agents.evaluation.exploring import HORIZON, area_under, sample_curve
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.summary import summarise
-from albot_agents.evaluation.trial import Outcome, run_trial
+from albot_agents.evaluation.trial import HORIZON, Outcome, area_under, run_trial, sample_curve
 
 
 def _straight(driven: np.ndarray) -> np.ndarray:

@@ -9,15 +9,14 @@ from typing import Any
 import pytest
 
 from albot_agents.task import task_names
-from albot_agents.training.plan import StagePlan, TrainingPlan
-from albot_agents.training.reading import (
+from albot_agents.training.plan import StagePlan, TrainingPlan, parse_schedule
+from albot_agents.training.plan_file import (
     evaluation_settings,
     read_plan,
     save_plan,
     shipped_plan,
     stage_settings,
 )
-from albot_agents.training.schedule import parse_schedule
 from albot_core.errors import InputError
 from tests.agents.training.tiny import TASK, plan_file
 

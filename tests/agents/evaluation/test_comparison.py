@@ -7,16 +7,22 @@ from pathlib import Path
 
 import pytest
 
-from albot_agents.results import contest as contest_module
-from albot_agents.results import run as run_module
-from albot_agents.results.contest import OFFICES, PLANS, Contest, Meeting, plan_meetings
-from albot_agents.results.page import page, read_figures, save_figures
-from albot_agents.results.run import Figures, run_meetings
+from albot_agents.evaluation import comparison
+from albot_agents.evaluation.comparison import (
+    OFFICES,
+    PLANS,
+    Comparison,
+    Figures,
+    PairedTrials,
+    plan_paired_trials,
+    run_paired_trials,
+)
+from albot_agents.evaluation.results_page import read_figures, render_page, save_figures
 from albot_cli.main import main
 from albot_core.errors import InputError
 from tests.env.quick import STROLL
 
-SHORT = Contest(
+SHORT = Comparison(
     task="Albot/Homing-v0",
     agents=("random", "path-integration"),
     kinds=(OFFICES, PLANS),
@@ -26,18 +32,18 @@ SHORT = Contest(
 
 def test_all_agents_meet_in_each_world_with_each_seed() -> None:
     worlds = {OFFICES: ["square-loop", "office-ring"]}
-    meetings = plan_meetings([SHORT], worlds, {OFFICES: range(5, 8)})
-    assert len(meetings) == 6
-    for meeting in meetings:
-        assert [cell.agent for cell in meeting.cells] == list(SHORT.agents)
-        assert [trial.agent for trial in meeting.trials] == list(SHORT.agents)
-        assert len({(trial.world, trial.seed) for trial in meeting.trials}) == 1
-        assert {trial.settings["odometer"] for trial in meeting.trials} == {"pioneer"}
+    planned = plan_paired_trials([SHORT], worlds, {OFFICES: range(5, 8)})
+    assert len(planned) == 6
+    for paired in planned:
+        assert [row.agent for row in paired.rows] == list(SHORT.agents)
+        assert [trial.agent for trial in paired.trials] == list(SHORT.agents)
+        assert len({(trial.world, trial.seed) for trial in paired.trials}) == 1
+        assert {trial.settings["odometer"] for trial in paired.trials} == {"pioneer"}
 
 
 def test_agents_that_meet_begin_at_the_same_place_and_figures_are_of_all(tmp_path: Path) -> None:
-    meetings = plan_meetings([SHORT], {OFFICES: ["square-loop"]}, {OFFICES: range(2)})
-    figures = run_meetings(meetings, jobs=1)
+    planned = plan_paired_trials([SHORT], {OFFICES: ["square-loop"]}, {OFFICES: range(2)})
+    figures = run_paired_trials(planned, jobs=1)
     chance, integration = figures.values()
     assert chance["mean_initial_distance_m"] == integration["mean_initial_distance_m"]
     assert chance["episodes"] == integration["episodes"] == 2
@@ -56,14 +62,14 @@ def test_agents_that_meet_begin_at_the_same_place_and_figures_are_of_all(tmp_pat
     assert rows == read_figures(path)
     assert [row["task"] for row in rows] == ["Albot/Other-v0", *2 * ["Albot/Homing-v0"]]
     assert rows[1]["success_rate"] == chance["success_rate"]
-    text = page(rows)
+    text = render_page(rows)
     assert "| k | o | `a` | 3 | 0.50 |" in text
     assert "albot results" in text
 
 
 def test_rates_are_written_with_their_intervals() -> None:
     row = {"task": "T", "agent": "a", "odometer": "o", "kind": "k", "command": "c", "episodes": 9}
-    text = page([row | {"success_rate": 0.5, "ci95": [0.25, 0.75], "spl": 0.123}])
+    text = render_page([row | {"success_rate": 0.5, "ci95": [0.25, 0.75], "spl": 0.123}])
     assert "| k | o | `a` | 9 | 50% (25%–75%) | 0.12 |" in text
 
 
@@ -78,7 +84,7 @@ def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
 def test_the_command_refuses_before_it_works(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(contest_module, "CONTESTS", (SHORT,))
+    monkeypatch.setattr(comparison, "COMPARISONS", (SHORT,))
     for words, said in (
         (["--task", "Albot/Homing-v1"], "--task: expected one of Albot/Homing-v0"),
         (["--seeds", "5..3"], "--seeds"),
@@ -94,16 +100,16 @@ def test_the_command_refuses_before_it_works(
 def test_ctrl_c_keeps_the_tasks_that_are_measured(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    measured: list[Meeting] = []
+    measured: list[PairedTrials] = []
 
-    def stop_at_the_second(meetings: list[Meeting], jobs: int, tell: object) -> Figures:
+    def stop_at_the_second(planned: list[PairedTrials], jobs: int, tell: object) -> Figures:
         if measured:
             raise KeyboardInterrupt
-        measured.extend(meetings)
-        return {meetings[0].cells[0]: {"episodes": 1, "success_rate": 1.0}}
+        measured.extend(planned)
+        return {planned[0].rows[0]: {"episodes": 1, "success_rate": 1.0}}
 
-    monkeypatch.setattr(contest_module, "CONTESTS", (SHORT, SHORT))
-    monkeypatch.setattr(run_module, "run_meetings", stop_at_the_second)
+    monkeypatch.setattr(comparison, "COMPARISONS", (SHORT, SHORT))
+    monkeypatch.setattr(comparison, "run_paired_trials", stop_at_the_second)
     out = tmp_path / "page.md"
     monkeypatch.setattr("sys.argv", ["albot", "results", "--seeds", "1..1", "--out", str(out)])
     with pytest.raises(SystemExit) as stopped:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 
+from albot_agents.agent import begin_episode, choose_action
 from albot_agents.evaluation.plan import Trial
 from albot_agents.evaluation.trial import Outcome, run_trial
+from albot_agents.registry import make_agent
 from albot_core.geometry.poses import compose, inverse, transform_points
 from albot_core.planning.navigator import GoalSeeker
 from albot_core.planning.percept import Percept
@@ -16,6 +19,7 @@ from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import RayCaster
 from albot_env.tasks.homing.outward_journey import OutingConfig
 from albot_env.tasks.homing.task import HomingConfig
+from tests.env.quick import IDS
 
 OUT = HomingConfig(outing=OutingConfig(shortest=6.0, longest=6.0, away=3.0))
 
@@ -81,3 +85,33 @@ def test_an_approach_finds_its_way_out_of_a_bag() -> None:
         pose = compose(pose, motion)
         assert caster.scan(pose).min() > 0.2
     assert np.hypot(*(target - pose[:2])) < 0.3
+
+
+assert "Albot/Homing-v0" in IDS
+
+
+def _come_home(world: Any, seed: int, **outing: float) -> dict[str, Any]:
+    config = HomingConfig(outing=OutingConfig(**outing))
+    env = gymnasium.make("Albot/Homing-v0", world=world, config=config, max_episode_steps=900)
+    agent = make_agent("albot1-homing", env.get_wrapper_attr("observing"))
+    observation, info = begin_episode(env, agent, seed)
+    over = False
+    while not over:
+        action = choose_action(agent, observation, info)
+        observation, _, ended, cut, info = env.step(action)
+        over = ended or cut
+    return dict(info)
+
+
+def test_it_comes_home_from_another_room_without_touching_anything() -> None:
+    info = _come_home("random:office:3?rooms=4", 3, shortest=12.0, longest=16.0, away=3.0)
+    assert info["is_success"]
+    assert info["spl"] > 0.5
+    assert not info["collided"]
+
+
+def test_where_no_way_is_shown_it_makes_straight_for_home() -> None:
+    env = gymnasium.make("Albot/Explore-v0", world="square-loop", mapper="odometry")
+    agent = make_agent("albot1-homing", env.get_wrapper_attr("observing"))
+    observation, info = begin_episode(env, agent, 1)
+    assert np.array_equal(choose_action(agent, observation, info), [0, 0])

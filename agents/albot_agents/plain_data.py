@@ -1,20 +1,21 @@
 """Configurations from plain data, such as YAML and JSON hold, and back.
 
-A configuration is a frozen dataclass. What its fields may hold stands in their types, so that
-nothing has to be listed anywhere else.
+A configuration is a frozen dataclass. What its fields may hold stands in their types. A value of
+another type is refused, never converted (cattrs makes 3 of 3.9 and of True), and so is an unknown
+key (msgspec lets it pass). The error names the file, the place in it, what was expected and what
+was found.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar, get_args, get_origin
 
-from albot_core.errors import InputError
+from albot_core.errors import InputError, did_you_mean
 from albot_maps.formats.yaml_document import Steps, dotted, shown
 
 Config = TypeVar("Config")
@@ -23,8 +24,8 @@ _NONE: Mapping[str, Any] = types.MappingProxyType({})
 
 
 @dataclass(frozen=True)
-class Where:
-    """A place in plain data, for errors."""
+class Location:
+    """Where in a file plain data stands, for errors."""
 
     source: object
     """The file."""
@@ -33,16 +34,18 @@ class Where:
     place: Callable[[Steps], str] = field(default=dotted)
     """How errors name a path."""
 
-    def at(self, *steps: str | int) -> Where:
-        """A place further in."""
+    def at(self, *steps: str | int) -> Location:
+        """The location of a key or an index within this one."""
         return dataclasses.replace(self, path=(*self.path, *steps))
 
     def error(self, expected: str, found: str) -> InputError:
-        """What is wrong here."""
+        """The error that something else was expected here."""
         return InputError(self.source, expected, found, place=self.place(self.path))
 
 
-def read_config(kind: type[Config], data: Any, where: Where, base: Config | None = None) -> Config:
+def read_config(
+    kind: type[Config], data: Any, where: Location, base: Config | None = None
+) -> Config:
     """A configuration of a kind from a mapping of its fields.
 
     Args:
@@ -58,9 +61,14 @@ def read_config(kind: type[Config], data: Any, where: Where, base: Config | None
     """
     hints = typing.get_type_hints(kind)
     fields = [each for each in dataclasses.fields(kind) if each.init]  # type: ignore[arg-type]
-    bases = {
-        each.name: _default(each) if base is None else getattr(base, each.name) for each in fields
-    }
+    bases = {}
+    for each in fields:
+        if base is not None:
+            bases[each.name] = getattr(base, each.name)
+        elif each.default_factory is not dataclasses.MISSING:
+            bases[each.name] = each.default_factory()
+        else:
+            bases[each.name] = each.default
     values = read_fields({each.name: hints[each.name] for each in fields}, data, where, bases)
     for name, default in bases.items():
         if default is dataclasses.MISSING and name not in values:
@@ -73,15 +81,8 @@ def read_config(kind: type[Config], data: Any, where: Where, base: Config | None
         raise place.error(error.expected, error.found) from None
 
 
-def _default(each: dataclasses.Field[Any]) -> Any:
-    """What a field holds where nothing is said; `MISSING` where something must be."""
-    if each.default_factory is not dataclasses.MISSING:
-        return each.default_factory()
-    return each.default
-
-
 def read_fields(
-    known: Mapping[str, Any], data: Any, where: Where, bases: Mapping[str, Any] = _NONE
+    known: Mapping[str, Any], data: Any, where: Location, bases: Mapping[str, Any] = _NONE
 ) -> dict[str, Any]:
     """The values of a mapping whose keys are known, each of the type that is known of it.
 
@@ -92,14 +93,15 @@ def read_fields(
         raise where.error(f"a mapping with {_listed(known)}", shown(data))
     for key in data:
         if key not in known:
-            raise where.at(key).error(f"one of {_listed(known)}", f"{key}{hint(key, known)}")
+            found = f"{key}{did_you_mean(key, known)}"
+            raise where.at(key).error(f"one of {_listed(known)}", found)
     return {
         key: read_value(known[key], value, where.at(key), bases.get(key))
         for key, value in data.items()
     }
 
 
-def read_value(kind: Any, data: Any, where: Where, base: Any = None) -> Any:
+def read_value(kind: Any, data: Any, where: Location, base: Any = None) -> Any:
     """A value of a type; a configuration's fields that are left out are those of `base`.
 
     Raises:
@@ -107,7 +109,7 @@ def read_value(kind: Any, data: Any, where: Where, base: Any = None) -> Any:
     """
     origin = get_origin(kind)
     if origin in (typing.Union, types.UnionType):
-        return _read_one_of(get_args(kind), data, where, base)
+        return _read_union(get_args(kind), data, where, base)
     if dataclasses.is_dataclass(kind) and isinstance(kind, type):
         return read_config(kind, data, where, base if isinstance(base, kind) else None)
     if origin is tuple:
@@ -131,16 +133,15 @@ def read_value(kind: Any, data: Any, where: Where, base: Any = None) -> Any:
     raise where.error(_name(kind), shown(data))
 
 
-def _read_one_of(kinds: Iterable[Any], data: Any, where: Where, base: Any) -> Any:
-    """A value of one of these types: the first that takes it."""
+def _read_union(kinds: Iterable[Any], data: Any, where: Location, base: Any) -> Any:
+    """A value of the first of these types that takes it."""
     kinds = [kind for kind in kinds if kind is not type(None)]
     if data is None:
         return None
     nested = [kind for kind in kinds if dataclasses.is_dataclass(kind)]
     if isinstance(data, Mapping) and len(nested) == 1:
-        return read_value(
-            nested[0], data, where, base
-        )  # Its error says more than that of them all.
+        # Its error says more than that of them all.
+        return read_value(nested[0], data, where, base)
     for kind in kinds:
         try:
             return read_value(kind, data, where)
@@ -149,7 +150,7 @@ def _read_one_of(kinds: Iterable[Any], data: Any, where: Where, base: Any) -> An
     raise where.error(" or ".join(map(_name, kinds)), shown(data))
 
 
-def _read_tuple(kinds: tuple[Any, ...], data: Any, where: Where) -> tuple[Any, ...]:
+def _read_tuple(kinds: tuple[Any, ...], data: Any, where: Location) -> tuple[Any, ...]:
     if not isinstance(data, list | tuple):
         raise where.error("a list", shown(data))
     if len(kinds) == 2 and kinds[1] is Ellipsis:
@@ -162,14 +163,16 @@ def _read_tuple(kinds: tuple[Any, ...], data: Any, where: Where) -> tuple[Any, .
     )
 
 
-def plain(value: Any) -> Any:
+def to_plain(value: Any) -> Any:
     """A configuration, or a value in one, as plain data; `read_config` undoes it."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {each.name: plain(getattr(value, each.name)) for each in dataclasses.fields(value)}
+        return {
+            each.name: to_plain(getattr(value, each.name)) for each in dataclasses.fields(value)
+        }
     if isinstance(value, Mapping):
-        return {str(key): plain(each) for key, each in value.items()}
+        return {str(key): to_plain(each) for key, each in value.items()}
     if isinstance(value, list | tuple):
-        return [plain(each) for each in value]
+        return [to_plain(each) for each in value]
     return value
 
 
@@ -193,12 +196,6 @@ def differences(one: Any, other: Any, path: Steps = ()) -> list[str]:
             for line in differences(one.get(key), other.get(key), (*path, key))
         ]
     return [] if one == other else [f"{dotted(path)} {shown(one)}, not {shown(other)}"]
-
-
-def hint(name: object, known: Iterable[str]) -> str:
-    """` (did you mean …?)`, or nothing where none of the names is near."""
-    close = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.5)
-    return f" (did you mean {close[0]}?)" if close else ""
 
 
 def _listed(known: Iterable[str]) -> str:

@@ -8,8 +8,8 @@ import gymnasium
 import pytest
 
 import albot_env  # noqa: F401  (registers the environments)
-from albot_agents.training import stock
-from albot_agents.training.stock import lay_in
+from albot_agents.training import journeys as prepared
+from albot_agents.training.journeys import prepare_journeys
 from albot_core.errors import InputError
 from albot_env.tasks.core import journeys
 from albot_env.tasks.core.journeys import Shelf
@@ -36,10 +36,10 @@ def test_no_reset_makes_what_was_laid_in(two_rooms: World, monkeypatch: pytest.M
     lazy = gymnasium.make_vec(TASK, num_envs=6, **given)
     wanted, _ = lazy.reset(seed=3)
     monkeypatch.setattr(journeys, "SHELF", Shelf())
-    monkeypatch.setattr(stock, "FEWEST", 1)
+    monkeypatch.setattr(prepared, "FEWEST_JOURNEYS", 1)
     told: list[str] = []
     batch: Any = gymnasium.make_vec(TASK, num_envs=6, **given)
-    lay_in(TASK, batch, given, told.append)
+    prepare_journeys(TASK, batch, given, told.append)
     assert told[0] == "0 of 4 journeys made"  # Two from each of two starts.
     assert told[-1] == "4 of 4 journeys made"
     assert batch.missing_journeys() == []
@@ -51,11 +51,11 @@ def test_no_reset_makes_what_was_laid_in(two_rooms: World, monkeypatch: pytest.M
 def test_few_journeys_and_one_thread_are_no_reason_to_start_processes(
     two_rooms: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stock, "run_parallel", lambda *_: pytest.fail("processes"))
+    monkeypatch.setattr(prepared, "run_parallel", lambda *_: pytest.fail("processes"))
     for given in (settings(two_rooms, threads=2), settings(two_rooms, threads=1, journeys=40)):
         batch: Any = gymnasium.make_vec(TASK, num_envs=2, **given)
         missing = len(batch.missing_journeys())
-        lay_in(TASK, batch, given)
+        prepare_journeys(TASK, batch, given)
         assert len(batch.missing_journeys()) == missing > 0
 
 
@@ -76,11 +76,11 @@ def test_worlds_that_robots_share_are_gone_through_once(two_rooms: World) -> Non
 def test_a_journey_that_cannot_be_made_is_left_to_its_reset(
     two_rooms: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stock, "FEWEST", 1)
+    monkeypatch.setattr(prepared, "FEWEST_JOURNEYS", 1)
     task = "Albot/PlaceRecognition-v0"
     given = {"world": "random:hall:1?porches=0", "mapper": "none", "journeys": 2, "threads": 2}
     batch: Any = gymnasium.make_vec(task, 2, **given)
-    lay_in(task, batch, given)
+    prepare_journeys(task, batch, given)
     assert len(batch.missing_journeys()) == 2
     with pytest.raises(InputError, match="two rooms"):
         batch.reset(seed=1)

@@ -1,0 +1,193 @@
+"""The table of results: agents compared in the same episodes of the same tasks.
+
+`COMPARISONS` says which agents are compared in which task, with which odometers and worlds. In each
+world and with each seed every agent runs an episode, all in one process (`PairedTrials`), so that
+they share its journeys.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from typing import Any
+
+from albot_agents.evaluation.plan import Trial, plan_trials
+from albot_agents.evaluation.summary import summarise
+from albot_agents.evaluation.trial import Outcome, run_trial
+from albot_agents.registry import find_agent
+from albot_agents.workers import TaskRunner, run_parallel
+from albot_core.errors import InputError
+
+OFFICES, APARTMENTS, PLANS = "random offices", "random apartments", "real floor plans"
+RANDOM = {OFFICES: "random:office", APARTMENTS: "random:apartment"}
+"""Kinds of generated worlds, and their specs: each seed is a world."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A task, and the agents compared in it."""
+
+    task: str
+    """Id of the environment."""
+    agents: tuple[str, ...]
+    """Names of the agents."""
+    odometers: tuple[str, ...] = ("pioneer",)
+    """The presets of noise."""
+    kinds: tuple[str, ...] = (OFFICES, APARTMENTS, PLANS)
+    """The kinds of worlds."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """What else environments are made with."""
+
+
+COMPARISONS = (
+    Comparison(
+        task="Albot/Homing-v0",
+        agents=(
+            "oracle",
+            "albot1-homing",
+            "homing",
+            "homing-blind",
+            "homing-mapless",
+            "path-integration",
+            "random",
+        ),
+        odometers=("pioneer", "poor"),
+        # So many journeys that hardly two episodes share one, but all agents of an episode do.
+        settings={"journeys": 2**31},
+    ),
+    Comparison(
+        task="Albot/Explore-v0",
+        agents=("gap-explorer", "nearest-frontier", "exploring", "random"),
+    ),
+    Comparison(task="Albot/ExploreAndHome-v0", agents=("round-trip", "random")),
+    # Rooms are the truth of places: the floor plans' are cut otherwise than robots see them.
+    Comparison(
+        task="Albot/PlaceRecognition-v0",
+        agents=("place-judge", "place-recognition", "random"),
+        kinds=(OFFICES, APARTMENTS),
+        settings={"journeys": 2**31},
+    ),
+)
+"""All that the table holds."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableRow:
+    """A row of the table: an agent with an odometer in a kind of worlds."""
+
+    task: str
+    agent: str
+    odometer: str
+    kind: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairedTrials:
+    """One episode of each of several agents: the same world, seed and noise."""
+
+    rows: tuple[TableRow, ...]
+    """The rows that the episodes belong to."""
+    trials: tuple[Trial, ...]
+    """The episodes, in the same order."""
+
+
+def plan_paired_trials(
+    comparisons: Iterable[Comparison],
+    worlds: Mapping[str, Sequence[str]],
+    seeds: Mapping[str, range],
+) -> list[PairedTrials]:
+    """Every agent in every world with every seed, those of one world and seed together.
+
+    Args:
+        comparisons: Which agents in which tasks.
+        worlds: The world specs of each kind; kinds that are missing are left out.
+        seeds: The seeds of each kind.
+
+    Raises:
+        InputError: There is no such agent or world.
+    """
+    return [
+        paired
+        for comparison in comparisons
+        for kind in comparison.kinds
+        if kind in worlds
+        for odometer in comparison.odometers
+        for paired in _pair_trials(comparison, kind, odometer, worlds[kind], seeds[kind])
+    ]
+
+
+def _pair_trials(
+    comparison: Comparison, kind: str, odometer: str, worlds: Sequence[str], seeds: range
+) -> Iterator[PairedTrials]:
+    columns = []
+    for agent in comparison.agents:
+        wanted = {"odometer": odometer, **comparison.settings}
+        settings = find_agent(agent).environment(comparison.task, wanted)
+        columns.append(plan_trials(comparison.task, agent, worlds, seeds, settings))
+    rows = tuple(
+        TableRow(task=comparison.task, agent=agent, odometer=odometer, kind=kind)
+        for agent in comparison.agents
+    )
+    for trials in zip(*columns, strict=True):
+        yield PairedTrials(rows=rows, trials=trials)
+
+
+Figures = Mapping[TableRow, Mapping[str, Any]]
+"""What came of each row: see `summarise`."""
+
+
+Numbered = tuple[int, PairedTrials]
+"""Paired trials and their number."""
+Outcomes = tuple[int, list[Outcome]] | InputError
+"""Their number and the outcome of each; or what is wrong with one of them."""
+
+
+class PairedTrialsRunner(TaskRunner[Numbered, Outcomes]):
+    """Runs paired trials. The journeys that agents share are made once, in this one process."""
+
+    def run(self, task: Numbered, on_step: Callable[[int], None]) -> Outcomes:
+        """Run all episodes of paired trials."""
+        number, paired = task
+        try:
+            return number, [run_trial(trial, on_step) for trial in paired.trials]
+        except InputError as error:
+            return error
+
+    def on_crash(self, task: Numbered, step: int, cause: str) -> Outcomes:
+        """Report that the process died, which is our fault.
+
+        Raises:
+            RuntimeError: Always.
+        """
+        trial = task[1].trials[0]
+        raise RuntimeError(f"{trial.task} in {trial.world}, seed {trial.seed}: {cause}")
+
+
+def run_paired_trials(
+    planned: Sequence[PairedTrials], jobs: int, on_done: Callable[[int], None] = lambda _: None
+) -> Figures:
+    """The figures of each row.
+
+    Args:
+        planned: The episodes.
+        jobs: Processes.
+        on_done: Is called with how many paired trials are done.
+
+    Raises:
+        InputError: There is no such world, mapper or sensor.
+    """
+    done: dict[int, list[Outcome]] = {}
+    results = run_parallel(PairedTrialsRunner(), enumerate(planned), min(jobs, len(planned)))
+    with closing(results):
+        for result in results:
+            if isinstance(result, InputError):
+                raise result
+            number, outcomes = result
+            done[number] = outcomes
+            on_done(len(done))
+    rows: dict[TableRow, list[Outcome]] = {}
+    for number, paired in enumerate(planned):
+        for row, outcome in zip(paired.rows, done[number], strict=True):
+            rows.setdefault(row, []).append(outcome)
+    return {row: summarise(outcomes) for row, outcomes in rows.items()}

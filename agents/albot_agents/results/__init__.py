@@ -1,1 +1,0 @@
-"""The table of results: every agent in buildings, and with odometers, that none was made in."""

@@ -1,0 +1,112 @@
+"""Agents that drive home: by the map, by the odometer alone, and by the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium.spaces import Box
+
+from albot_agents.agent import Action
+from albot_agents.scripted.driving import DrivingAgent, decode_known_way
+from albot_core.geometry.poses import compose, inverse, transform_points
+from albot_core.geometry.types import Pose
+from albot_core.planning.navigator import GoalSeeker, Navigator
+from albot_env.tasks.core.observation import ObservationConfig
+
+
+class Albot1Homing(DrivingAgent[Navigator]):
+    """Drives over Albot1's network of places: back through its exits, one place at a time.
+
+    It uses only what the map holds: over the network of places the way back to the place that
+    it set out from (Hossain 2014, section 4.2.3, brings known places into the perceptual map
+    one at a time), within a place the trail that it came by. Where that is much longer than a way
+    that it has not seen to be barred, it tries the latter; that is ours. Round what is in the way
+    it goes by its laser.
+
+    Args:
+        observing: How the environment makes observations. Where they do not show the way home
+            (the part `way`), it makes straight for home.
+    """
+
+    name: ClassVar[str] = "albot1-homing"
+
+    ARRIVED = 0.3
+    """How near to where it believes home to be it declares (m)."""
+
+    def __init__(self, observing: ObservationConfig) -> None:
+        super().__init__(observing, Navigator())
+
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+        """The action that leads on towards home, or declares it."""
+        percept = self._decode(observation)
+        home = inverse(percept.pose)[:2]
+        if np.hypot(*home) < self.ARRIVED:
+            return self._declare()
+        known = decode_known_way(observation, self._observing)
+        return self._drive(self._driver.command(percept, home, known))
+
+
+class PathIntegration(DrivingAgent[GoalSeeker]):
+    """Follows the odometer's home vector round obstacles, and declares home where it is nothing.
+
+    From the first observation it takes where home is believed to be, and from there on adds up
+    the odometer alone. With the mapper `none` inside, what is believed first is what
+    the odometer has added up on the way out: then no map is in it at all.
+
+    Args:
+        observing: How the environment makes observations.
+    """
+
+    name: ClassVar[str] = "path-integration"
+
+    ARRIVED = 0.2
+    """The home vector is nothing where it is shorter than this (m)."""
+
+    def __init__(self, observing: ObservationConfig) -> None:
+        super().__init__(observing, GoalSeeker())
+
+    def reset(self, rng: np.random.Generator, actions: Box) -> None:
+        """Begin anew."""
+        super().reset(rng, actions)
+        self._pose: Pose | None = None
+
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+        """The action that leads on towards home, or declares it."""
+        percept = self._decode(observation)
+        self._pose = percept.pose if self._pose is None else compose(self._pose, percept.motion)
+        home = inverse(self._pose)[:2]
+        if np.hypot(*home) < self.ARRIVED:
+            return self._declare()
+        return self._drive(self._driver.command(percept, home))
+
+
+class Oracle(DrivingAgent[GoalSeeker]):
+    """The upper bound: knows the truth, and still has to drive.
+
+    It takes from `info` where the robot is (`pose`), where it set out (`start`) and where the
+    shortest way home turns next (`next_turn_home`); outside `Albot/Homing-v0` it heads
+    straight for the start.
+
+    Args:
+        observing: How the environment makes observations.
+    """
+
+    name: ClassVar[str] = "oracle"
+    knows_truth: ClassVar[bool] = True
+
+    ARRIVED = 0.2
+    """How near to home it stops (m)."""
+
+    def __init__(self, observing: ObservationConfig) -> None:
+        super().__init__(observing, GoalSeeker())
+
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+        """The action that leads on along the shortest way, or declares home."""
+        percept = self._decode(observation)
+        pose, home = info["pose"], info["start"][:2]
+        if np.hypot(*(home - pose[:2])) < self.ARRIVED:
+            return self._declare()
+        turn = transform_points(inverse(pose), info.get("next_turn_home", home))
+        return self._drive(self._driver.command(percept, turn))

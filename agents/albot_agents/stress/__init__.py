@@ -1,1 +1,0 @@
-"""Agents in many worlds, watched at every step, in processes of their own."""
