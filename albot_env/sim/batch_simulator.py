@@ -83,7 +83,7 @@ class BatchSimulator:
             states=np.zeros((robots, 6)),
             poses=np.zeros((robots, 3)),
             touched=np.zeros((robots, 2), np.bool_),
-            ids=np.zeros(robots, np.int64),
+            body_ids=np.zeros(robots, np.int64),
         )
         self._all_rows: Int64[np.ndarray, "robots"] = np.arange(robots)
         self._sensors = SensorSuite(sensors, robot, self._robots)
@@ -173,7 +173,7 @@ class BatchSimulator:
         """
         robots = self._robots
         self._obstacles.remove(row)
-        space = self._spaces.place(row, world, pose, robots.ids)
+        space = self._spaces.place(row, world, pose, robots.body_ids)
         if self._spaces.moves(world):
             self._obstacles.place(row, world, space, pose, key)
         self._reserve_buffers(1 + self._obstacles.most_bodies)

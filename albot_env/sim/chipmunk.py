@@ -76,7 +76,7 @@ class RobotArrays(NamedTuple):
     """(n, 3) float64: x, y, heading, which is in [-pi, pi)."""
     touched: np.ndarray
     """(n, 2) bool: pushed back by a wall in the last physics step; in any since cleared."""
-    ids: np.ndarray
+    body_ids: np.ndarray
     """(n,) int64: pymunk's ids of the bodies."""
 
 
@@ -157,7 +157,7 @@ def _note_pushed_robots(
         first, second = load_word(pair), load_word(pair + 8)
         for m in range(count):
             i = rows[m]
-            if robots.ids[i] == first or robots.ids[i] == second:
+            if robots.body_ids[i] == first or robots.body_ids[i] == second:
                 robots.touched[i, 0] = robots.touched[i, 1] = True
 
 

@@ -45,16 +45,16 @@ def command_doors(
 
 @kernel()
 def place_doors(
-    tables: ObstacleTables, i: int, key: np.uint64, place: int, robot: np.ndarray, radius: float
+    tables: ObstacleTables, i: int, key: np.uint64, counter: int, robot: np.ndarray, radius: float
 ) -> None:
     """Shut or open the doors of robot i by chance, as an episode begins.
 
-    A door that somebody stands in the way of gets the other of both states. `place` is that of the
-    first door's key in the stream.
+    A door that somebody stands in the way of gets the other of both states. `counter`
+    is that of the first door's key.
     """
     for d in range(tables.robots[i].doors, tables.robots[i].doors_end):
         door = tables.doors[d]
-        door.key = draw(key, place + d - tables.robots[i].doors)
+        door.key = draw(key, counter + d - tables.robots[i].doors)
         door.rate = 0.0
         door.wanted = 1 if draw_uniform(door.key, 0) < 0.5 else 0
         door.angle = door.heading + door.opening * door.wanted

@@ -88,7 +88,7 @@ class RobotConfig:
     ) -> Float64[np.ndarray, "robots 2"]:
         """The wheel speeds left, right for many (v, ω) commands, each as by `wheels_for`."""
         targets = np.empty_like(commands)
-        aim(commands, self.max_speed, self.max_turn_rate, self.wheel_base, targets)
+        fill_wheel_targets(commands, self.max_speed, self.max_turn_rate, self.wheel_base, targets)
         return targets
 
     def limited(self, wheels: Wheels) -> Wheels:
@@ -130,7 +130,7 @@ def wheels_for(
 
 
 @kernel()
-def aim(
+def fill_wheel_targets(
     commands: np.ndarray,
     top_speed: float,
     top_turn_rate: float,

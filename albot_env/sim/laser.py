@@ -126,7 +126,7 @@ class RayCaster:
     def scan_batch(self, poses: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n beams"]:
         """The true ranges (m) of robots at `poses`; infinite where no wall is in reach."""
         count = len(poses)
-        poses = np.ascontiguousarray(poses, np.float64)  # Entries take nothing else.
+        poses = np.ascontiguousarray(poses, np.float64)  # The kernel takes nothing else.
         cells = np.empty(count, np.int64)
         buildings = np.zeros(count, np.int64)
         self._locator.locate(np.arange(count), buildings, poses, cells, cells)

@@ -1,4 +1,4 @@
-"""Compiled random numbers: a stream that is a function of a key and of a place in it.
+"""Compiled random numbers: a counter-based generator, so a function of a key and of a counter.
 
 SplitMix64 (Steele, Lea and Flood, Fast splittable pseudorandom number generators, OOPSLA
 2014) adds a constant to its state and scrambles the sum, so its n-th number can be had
@@ -23,24 +23,24 @@ _SECOND = np.uint64(0x94D049BB133111EB)
 
 
 @kernel()
-def draw(key: np.uint64, place: int) -> np.uint64:
-    """The 64 random bits at a place (uint64) of the stream with this key (uint64)."""
-    bits = key + _STEP * np.uint64(place)
+def draw(key: np.uint64, counter: int) -> np.uint64:
+    """The 64 random bits of this key (uint64) and counter."""
+    bits = key + _STEP * np.uint64(counter)
     bits = (bits ^ (bits >> np.uint64(30))) * _FIRST
     bits = (bits ^ (bits >> np.uint64(27))) * _SECOND
     return bits ^ (bits >> np.uint64(31))
 
 
 @kernel()
-def draw_uniform(key: np.uint64, place: int) -> float:
-    """A number in [0, 1), each as likely, from a place of the stream."""
-    return np.float64(draw(key, place) >> np.uint64(11)) * 2.0**-53
+def draw_uniform(key: np.uint64, counter: int) -> float:
+    """A number in [0, 1), each as likely as the others."""
+    return np.float64(draw(key, counter) >> np.uint64(11)) * 2.0**-53
 
 
 @kernel()
-def draw_normals(key: np.uint64, place: int) -> tuple[float, float]:
-    """Two independent normal numbers, from two places on (Box and Muller's transform)."""
-    first, second = draw_uniform(key, place), draw_uniform(key, place + 1)
+def draw_normals(key: np.uint64, counter: int) -> tuple[float, float]:
+    """Two independent normal numbers, from two counters (Box and Muller's transform)."""
+    first, second = draw_uniform(key, counter), draw_uniform(key, counter + 1)
     radius = np.sqrt(-2.0 * np.log(1.0 - first))
     angle = 2.0 * np.pi * second
     return radius * np.cos(angle), radius * np.sin(angle)

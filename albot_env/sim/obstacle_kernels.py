@@ -20,7 +20,7 @@ from albot_env.sim.obstacle_tables import SIDES, ObstacleTables
 from albot_env.sim.walkers import command_walkers, place_walkers
 
 _KEYS = 2**62
-"""Where in a robot's stream the keys of its obstacles stand, beyond all that its sensors draw."""
+"""The counter of the keys of a robot's obstacles, beyond all that its sensors draw."""
 
 
 @kernel(nogil=True)

@@ -5,8 +5,8 @@ random numbers but with all systematic errors; `read_odometer` adds the random o
 count anew. It begins an episode with zeros, and the episode with a reading, before the wheels
 turn: that draws what holds for the episode.
 
-Numbers that few odometers need come from places in the robot's stream beyond all that
-readings take in turn, so that one with them draws the same two numbers a reading.
+Numbers that few odometers need have counters beyond all that readings take in turn, so that an
+odometer with them draws the same two numbers a reading.
 """
 
 from __future__ import annotations
@@ -199,12 +199,12 @@ ERRORS = 15
 """Length of `errors`."""
 
 ODOMETER_DRAWS = 2
-"""Places in the robot's stream that a reading takes."""
+"""Random numbers that a reading draws."""
 
 _EPISODE: Any = np.int64(2**62)
-"""Where in the stream the episode's two numbers are."""
+"""The counter of the episode's two numbers."""
 _SLIPS: Any = np.int64(2**62 + 2)
-"""Where in the stream the slips' numbers begin: three for each."""
+"""The first counter of the slips' numbers: three for each."""
 
 CASTER_PIVOT = 0.2
 """L: distance of the pivot behind the axle (m); nominal, as of a Pioneer 3-DX."""
@@ -308,12 +308,12 @@ def _move(count: np.ndarray, distance: float, turn: float) -> None:
 
 @kernel()
 def read_odometer(
-    count: np.ndarray, errors: np.ndarray, key: np.uint64, place: int, motion: np.ndarray
+    count: np.ndarray, errors: np.ndarray, key: np.uint64, counter: int, motion: np.ndarray
 ) -> None:
     """Write the motion measured, with its random error, and begin to count anew."""
     if count[DISTANCE] == 0.0:
         _begin_episode(count, errors, key)
-    noise_along, noise_heading = draw_normals(key, place)
+    noise_along, noise_heading = draw_normals(key, counter)
     along, error = _random_errors(count, errors, noise_along, noise_heading)
     if errors[SLIP_LENGTH] > 0.0:
         excess, turn = _wheel_slip(count, errors, key)
@@ -366,17 +366,17 @@ def _wheel_slip(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> tuple[
     count[ROLLED] += (count[LEFT_WAY] + count[RIGHT_WAY]) / 2
     along = turn = 0.0
     while count[ROLLED] >= count[NEXT_SLIP]:
-        place = _SLIPS + 3 * int(count[SLIPS])
-        length = errors[SLIP_LENGTH] * _draw_exponential(key, place + 1)
-        side = 1.0 if draw(key, place + 2) >> np.uint64(63) else -1.0
+        counter = _SLIPS + 3 * int(count[SLIPS])
+        length = errors[SLIP_LENGTH] * _draw_exponential(key, counter + 1)
+        side = 1.0 if draw(key, counter + 2) >> np.uint64(63) else -1.0
         along += length / 2
         turn += side * length / errors[BASE]
         count[SLIPS] += 1.0
-        count[NEXT_SLIP] += errors[SLIP_GAP] * _draw_exponential(key, place + 3)
+        count[NEXT_SLIP] += errors[SLIP_GAP] * _draw_exponential(key, counter + 3)
     return along, turn
 
 
 @kernel()
-def _draw_exponential(key: np.uint64, place: int) -> float:
+def _draw_exponential(key: np.uint64, counter: int) -> float:
     """An exponentially distributed number of mean 1: how long one waits for what is rare."""
-    return -math.log(1.0 - draw_uniform(key, place))
+    return -math.log(1.0 - draw_uniform(key, counter))

@@ -296,7 +296,7 @@ def _raise_grazing(rays: np.ndarray, directions: np.ndarray, walls: np.ndarray, 
 def add_range_errors(
     ranges: np.ndarray,
     key: np.uint64,
-    place: int,
+    counter: int,
     normals: np.ndarray,
     dropout: int,
     max_range: float,
@@ -304,7 +304,7 @@ def add_range_errors(
 ) -> None:
     """Make of a laser's true `ranges` (m) what it reports; `bits` (beams,) is room to work in."""
     for k in range(ranges.shape[0]):
-        bits[k] = draw(key, place + k)
+        bits[k] = draw(key, counter + k)
     for k in range(ranges.shape[0]):
         ranges[k] += load_element(normals, bits[k] >> np.uint64(52))
     for k in range(ranges.shape[0]):

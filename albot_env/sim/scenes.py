@@ -111,7 +111,7 @@ the rates, which it does not give, are ours.
 
 
 SCENE_DRAWS = 6
-"""Places in the robot's stream that a look takes."""
+"""Random numbers that a look draws."""
 
 
 class SceneConstants(NamedTuple):
@@ -142,25 +142,25 @@ class SceneConstants(NamedTuple):
 
 @kernel(nogil=True)
 def recognise_scene(
-    x: float, y: float, heading: float, scenes: SceneConstants, key: np.uint64, place: int
+    x: float, y: float, heading: float, scenes: SceneConstants, key: np.uint64, counter: int
 ) -> int:
     """The number of the scene that a robot sees; -1 where none.
 
     Args:
-        x: The robot's place, world frame (m).
-        y: The robot's place, world frame (m).
+        x: Where the robot is, world frame (m).
+        y: Where the robot is, world frame (m).
         heading: Its heading (rad).
         scenes: The scenes.
-        key: Key of the robot's stream.
-        place: First of the SCENE_DRAWS places in it that a look takes.
+        key: Key to the robot's random numbers.
+        counter: Counter of the first of the SCENE_DRAWS numbers that a look draws.
     """
-    bits = draw(key, place)
+    bits = draw(key, counter)
     if np.int64(bits & np.uint64(0xFFFFFFFF)) < scenes.missed:
         return -1
     if np.int64(bits >> np.uint64(32)) < scenes.false:
-        return int(np.int64(draw(key, place + 1) >> np.uint64(11)) % scenes.scenes)
-    along, across = draw_normals(key, place + 2)
-    turn, _ = draw_normals(key, place + 4)
+        return int(np.int64(draw(key, counter + 1) >> np.uint64(11)) % scenes.scenes)
+    along, across = draw_normals(key, counter + 2)
+    turn, _ = draw_normals(key, counter + 4)
     x, y = x + scenes.position_noise * along, y + scenes.position_noise * across
     return scene_at(x, y, heading + scenes.heading_noise * turn, scenes)
 

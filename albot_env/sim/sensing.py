@@ -1,8 +1,8 @@
 """Sensing: what the odometer, laser, sonars and camera of many robots report.
 
-Each reading of a robot takes its random numbers from places of its own in the robot's
-stream, whatever the ranges are: the odometer's and then one for each beam; and, far
-away from these, one for each sonar, and the camera's.
+Each reading of a robot has counters of its own for its random numbers, whatever the ranges
+are: the odometer's and then one for each beam; and, far away from these, one for each sonar,
+and the camera's.
 """
 
 from __future__ import annotations
@@ -150,8 +150,8 @@ class SensorSuite:
         self._constants = self._constants._replace(scenes=self._constants.scenes[:0])
 
 
-SONAR_PLACES, CAMERA_PLACES = 2**40, 2**41
-"""Where in a robot's stream the sonars' and the camera's numbers begin."""
+SONAR_COUNTER, CAMERA_COUNTER = 2**40, 2**41
+"""The first counters of the sonars' and the camera's random numbers."""
 
 
 class SensorConstants(NamedTuple):
@@ -245,26 +245,26 @@ def _sense_all(
         outputs.readings[i] += 1
         robot, first, last = transform_of(poses[i]), world.first[i], world.last[i]
 
-        place = reading * draws
-        read_odometer(counts[i], constants.odometer, key, place, outputs.motions[i])
+        counter = reading * draws
+        read_odometer(counts[i], constants.odometer, key, counter, outputs.motions[i])
 
         ranges, cell, obstacles = outputs.ranges[i], outputs.laser_cells[i], world.obstacles
         scan(beams, world.laser_walls, cell, obstacles, first, last, robot, scan_buffers, ranges)
         errors = constants.normals, constants.dropout, beams.max_range
-        add_range_errors(ranges, key, place + ODOMETER_DRAWS, *errors, scan_buffers.bits)
+        add_range_errors(ranges, key, counter + ODOMETER_DRAWS, *errors, scan_buffers.bits)
 
         if count > 0:
             start, end = sonar_walls.spans[outputs.sonar_cells[i]]
             surfaces = sonar_walls.walls, sonar_walls.members[start:end], obstacles[first:last]
-            place = SONAR_PLACES + reading * count * SONAR_DRAWS
+            counter = SONAR_COUNTER + reading * count * SONAR_DRAWS
             echoes = outputs.echoes[i]
-            measure_echoes(*surfaces, robot, sonars, key, place, sonar_buffers, echoes)
+            measure_echoes(*surfaces, robot, sonars, key, counter, sonar_buffers, echoes)
 
         if constants.scenes.shape[0] > 0:
             scenes = _scene_constants(constants.scenes[outputs.buildings[i]])
-            place = CAMERA_PLACES + reading * SCENE_DRAWS
+            counter = CAMERA_COUNTER + reading * SCENE_DRAWS
             x, y, heading = poses[i]
-            outputs.scenes[i] = recognise_scene(x, y, heading, scenes, key, place)
+            outputs.scenes[i] = recognise_scene(x, y, heading, scenes, key, counter)
 
 
 @kernel()

@@ -272,7 +272,10 @@ THESIS_STEPS = StartStop()
 
 
 def follow_leg(simulator: Simulator, waypoint: Points, steps: StartStop) -> Iterator[Reading]:
-    """Turn towards the waypoint and go there; one reading a step."""
+    """Turn towards a waypoint and go there, step by step (thesis, section 3.1.2).
+
+    The robot turns, goes straight, stops and looks: one reading a step.
+    """
     to = waypoint - simulator.pose[:2]
     turn = float(wrap_angle(math.atan2(to[1], to[0]) - simulator.pose[2]))
     parts = int(np.ceil(abs(turn) / steps.turn - 1e-9))

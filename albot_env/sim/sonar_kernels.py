@@ -42,7 +42,7 @@ from albot_env.sim.sonar_echoes import (
 _FAR = 1e9
 """Where surfaces are put that are none (m)."""
 SONAR_DRAWS = 1
-"""Places in the robot's stream that each sonar takes at a reading."""
+"""Random numbers that each sonar draws at a reading."""
 
 
 @kernel()
@@ -53,7 +53,7 @@ def measure_echoes(
     robot: Transform,
     sonars: SonarConstants,
     key: np.uint64,
-    place: int,
+    counter: int,
     buffers: SonarBuffers,
     echoes: np.ndarray,
 ) -> None:
@@ -65,8 +65,8 @@ def measure_echoes(
         obstacles: Surfaces that move (k, 4) float64, world frame (m).
         robot: Where the robot is, world frame.
         sonars: The sonars.
-        key: Key of the robot's stream.
-        place: First of the places in it that the reading takes: SONAR_DRAWS for each sonar.
+        key: Key to the robot's random numbers.
+        counter: Counter of the first that the reading draws: SONAR_DRAWS for each sonar.
         buffers: Room for so many surfaces, to work in.
         echoes: Filled; infinite where nothing came back.
     """
@@ -78,7 +78,7 @@ def measure_echoes(
     find_echoes(buffers, sonars)
     for s in range(mounts.shape[0]):
         reach = heard[s, 0]
-        bits = draw(key, place + s)
+        bits = draw(key, counter + s)
         if np.int64((bits >> np.uint64(26)) & np.uint64(0x1FFFFFF)) < sonars.crosstalk:
             other = s + 1 if (bits >> np.uint64(51)) & np.uint64(1) else s - 1
             if 0 <= other < mounts.shape[0]:

@@ -121,29 +121,26 @@ def locate_and_list(
 def _list_cell(parameters: IndexParameters, building: int, pose: np.ndarray) -> int:
     """The cell of a pose in a building, whose walls are listed now; -1 without room for them."""
     index, (ahead, aside) = parameters.walls, parameters.mount
-    frame = index.frames[building]
-    columns, lines = int(frame[3]), int(frame[4])
+    left, bottom, size, columns, rows, first_cell, first_wall, end = index.frames[building]
     x, y = pose[0], pose[1]
     if ahead != 0.0 or aside != 0.0:  # Sines and cosines cost more than all else here.
         x, y, _, _ = compose_transforms(transform_of(pose), (ahead, aside, 1.0, 0.0))
-    column, line = math.floor((x - frame[0]) / frame[2]), math.floor((y - frame[1]) / frame[2])
-    inside = 0 <= column < columns and 0 <= line < lines
-    cell = int(frame[5]) + int(line * columns + column if inside else lines * columns)
+    column, row = math.floor((x - left) / size), math.floor((y - bottom) / size)
+    inside = 0 <= column < columns and 0 <= row < rows
+    cell = int(first_cell) + int(row * columns + column if inside else rows * columns)
     if index.spans[cell, 0] >= 0:
         return cell
-    first, last = int(frame[6]), int(frame[7])
-    if index.members.shape[0] - index.used[0] < 2 * (last - first):
+    if index.members.shape[0] - index.used[0] < 2 * (end - first_wall):
         return -1
     if inside:
-        span = _list_block(parameters, building, int(column) // BLOCK, int(line) // BLOCK)
+        start, stop = _list_block(parameters, building, int(column) // BLOCK, int(row) // BLOCK)
         index.spans[cell, 0] = index.used[0]
-        x = frame[0] + frame[2] * (column + 0.5)
-        y = frame[1] + frame[2] * (line + 0.5)
-        candidates = index.members[span[0] : span[1]]
-        _list_visible(index, candidates, x, y, frame[2], (parameters.reach, parameters.spread))
-    else:
+        x, y = left + size * (column + 0.5), bottom + size * (row + 0.5)
+        reach = parameters.reach, parameters.spread
+        _list_visible(index, index.members[start:stop], x, y, size, reach)
+    else:  # Outside the grid, and where there is none, every wall matters.
         index.spans[cell, 0] = index.used[0]
-        for j in range(first, last):
+        for j in range(int(first_wall), int(end)):
             index.members[index.used[0]] = j
             index.used[0] += 1
     index.spans[cell, 1] = index.used[0]
@@ -152,22 +149,22 @@ def _list_cell(parameters: IndexParameters, building: int, pose: np.ndarray) -> 
 
 @kernel()
 def _list_block(
-    parameters: IndexParameters, building: int, column: int, line: int
+    parameters: IndexParameters, building: int, column: int, row: int
 ) -> tuple[int, int]:
     """Where in `members` the list of a block of a building's cells is, which is made if need be.
 
     What does not matter in all of the block does not in any of its cells.
     """
     index = parameters.walls
-    frame = index.frames[building]
-    columns, lines = int(frame[3]), int(frame[4])
-    block = int(frame[5]) + columns * lines + 1 + line * -(-columns // BLOCK) + column
+    left, bottom, size, columns, rows, first_cell, first_wall, end = index.frames[building]
+    blocks_a_row = -(-int(columns) // BLOCK)
+    block = int(first_cell) + int(columns) * int(rows) + 1 + row * blocks_a_row + column
     if index.spans[block, 0] < 0:
         index.spans[block, 0] = index.used[0]
-        side = BLOCK * frame[2]
-        x, y = frame[0] + side * (column + 0.5), frame[1] + side * (line + 0.5)
+        side = BLOCK * size
+        x, y = left + side * (column + 0.5), bottom + side * (row + 0.5)
         reach = parameters.reach, parameters.spread
-        _list_from_all(index, int(frame[6]), int(frame[7]), x, y, side, reach)
+        _list_from_all(index, int(first_wall), int(end), x, y, side, reach)
         index.spans[block, 1] = index.used[0]
     return index.spans[block, 0], index.spans[block, 1]
 
@@ -219,7 +216,7 @@ def _list_visible(
 
 @kernel()
 def _sort(keys: np.ndarray, order: np.ndarray) -> None:
-    """Fill `order` with the places of the keys, ascending (Shell's method).
+    """Fill `order` with the indices of the keys, ascending (Shell's method).
 
     numba takes seconds to compile its own sort.
     """

@@ -216,18 +216,18 @@ def _turn_round_if_stuck(walker: Any, duration: float) -> None:
 
 @kernel()
 def place_walkers(
-    tables: ObstacleTables, i: int, key: np.uint64, place: int, robot: np.ndarray, radius: float
+    tables: ObstacleTables, i: int, key: np.uint64, counter: int, robot: np.ndarray, radius: float
 ) -> None:
     """Put the walkers of robot i on their routes by chance.
 
-    They begin clear of it, of each other and of the doors where that can be had. `place` is
-    that of the first walker's key in the stream.
+    They begin clear of it, of each other and of the doors where that can be had. `counter` is
+    that of the first walker's key.
     """
     own = tables.robots[i]
     waypoints = tables.waypoints[own.waypoints : own.waypoints_end]
     for w in range(own.walkers, own.walkers_end):
         walker = tables.walkers[w]
-        mine = draw(key, place + w - own.walkers)
+        mine = draw(key, counter + w - own.walkers)
         walker.speed = walker.slowest + (walker.fastest - walker.slowest) * draw_uniform(mine, 0)
         walker.sense = 1 if draw_uniform(mine, 1) < 0.5 else -1
         walker.idle = walker.vx = walker.vy = walker.wanted_x = walker.wanted_y = 0.0

@@ -60,7 +60,7 @@ class Scene:
             states=np.zeros((1, 6)),
             poses=np.zeros((1, 3)),
             touched=np.zeros((1, 2), np.bool_),
-            ids=np.zeros(1, np.int64),
+            body_ids=np.zeros(1, np.int64),
         )
         self.begin(key, pose)
 
@@ -75,7 +75,7 @@ class Scene:
         self.obstacles.place(0, self.world, self.space, where, key)
         ((place, id_),) = self.space.order
         assert place == 0
-        self.robots.ids[:] = id_
+        self.robots.body_ids[:] = id_
         self.tables = SpaceTables(
             spaces=np.array([self.space.addresses], np.int64),
             robot_counts=np.array([1]),

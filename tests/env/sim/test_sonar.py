@@ -16,7 +16,7 @@ from albot_core.sensing.reading import SonarGeometry
 from albot_env.sim import PIONEER_3DX, Sensors
 from albot_env.sim.batch_simulator import BatchSimulator
 from albot_env.sim.plane_geometry import transform_of
-from albot_env.sim.sensing import SONAR_PLACES
+from albot_env.sim.sensing import SONAR_COUNTER
 from albot_env.sim.sonar import SONARS, SonarConfig
 from albot_env.sim.sonar_echoes import make_sonar_buffers
 from albot_env.sim.sonar_kernels import measure_echoes
@@ -238,7 +238,7 @@ def test_a_batch_hears_as_if_it_listened_to_every_wall() -> None:
         batch.place(0, world, pose, 1)
         batch.locate()
         batch.sense()
-        every = heard(SONARS["pioneer"], world.walls, pose, place=SONAR_PLACES)
+        every = heard(SONARS["pioneer"], world.walls, pose, place=SONAR_COUNTER)
         np.testing.assert_allclose(batch.echoes[0], every, atol=1e-9)
 
 
