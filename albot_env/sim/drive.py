@@ -98,13 +98,6 @@ class RobotConfig:
         excess = max(1.0, turn_rate / self.max_turn_rate)
         return Wheels(left / excess, right / excess)
 
-    def ramped(self, wheels: Wheels, target: Wheels, duration: float) -> Wheels:
-        """The wheel speeds after accelerating from `wheels` towards `target` for a while (s).
-
-        Both wheels change in proportion, so that a turn on the spot stays one.
-        """
-        return Wheels(*ramped(*wheels, *target, self.acceleration * duration))
-
     def motion_of(self, wheels: Wheels) -> tuple[float, float]:
         """Speed (m/s) and turn rate (rad/s) of a robot whose wheels do not slip."""
         return (wheels.left + wheels.right) / 2, (wheels.right - wheels.left) / self.wheel_base
@@ -148,7 +141,10 @@ def fill_wheel_targets(
 def ramped(
     left: float, right: float, to_left: float, to_right: float, possible: float
 ) -> tuple[float, float]:
-    """The wheel speeds, changed in proportion and by at most `possible` (m/s) towards others."""
+    """The wheel speeds, changed by at most `possible` (m/s) towards others.
+
+    Both wheels change in proportion, so that a turn on the spot stays one.
+    """
     change = max(abs(to_left - left), abs(to_right - right))
     if change <= possible:
         return to_left, to_right

@@ -195,8 +195,6 @@ LEFT, RIGHT, BASE, BIAS, ALONG_NOISE, DRIFT_NOISE, TURN_NOISE = range(7)
 WHEEL_NOISE, TICK, CASTER_DRAG, SLIP_GAP, SLIP_LENGTH = range(7, 12)
 DISTANCE_SPREAD, TURN_SPREAD, MORE = range(12, 15)
 """Places in `errors`, the numbers of `OdometerConfig.constants`."""
-ERRORS = 15
-"""Length of `errors`."""
 
 ODOMETER_DRAWS = 2
 """Random numbers that a reading draws."""
