@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from albot_core.geometry.pose_kernels import transform_point
 from albot_core.kernels.compiled import kernel
 from albot_env.sim.chipmunk import (
     SET_TURN_RATE,
@@ -131,7 +132,7 @@ def _box_corner(box: Any, k: int) -> tuple[float, float]:
     along = box.half_length if k == 1 or k == 2 else -box.half_length
     aside = box.half_width if k >= 2 else -box.half_width
     cos, sin = math.cos(box.heading), math.sin(box.heading)
-    return box.x + along * cos - aside * sin, box.y + along * sin + aside * cos
+    return transform_point((box.x, box.y, box.heading), cos, sin, along, aside)
 
 
 @kernel()

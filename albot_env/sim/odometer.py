@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_core.geometry.pose_kernels import length_of, wrap_angle
+from albot_core.geometry.pose_kernels import length_of, rotate, wrap_angle
 from albot_core.kernels.compiled import kernel
 from albot_core.ranges import NOT_NEGATIVE, Range, check_fields
 from albot_env.sim.noise import draw, draw_normals, draw_uniform
@@ -322,7 +322,7 @@ def read_odometer(
     reach = length_of(x, y)
     if reach > 0.0:
         x, y = x + along * x / reach, y + along * y / reach
-    motion[0], motion[1] = cos * x - sin * y, sin * x + cos * y
+    motion[0], motion[1] = rotate(cos, sin, x, y)
     motion[2] = wrap_angle(count[HEADING] + error)
     for i in range(RIGHT_WAY + 1):
         count[i] = 0.0

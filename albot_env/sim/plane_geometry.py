@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from albot_core.geometry.pose_kernels import rotate, transform_point
 from albot_core.kernels.compiled import kernel
 
 Transform = tuple[float, float, float, float]
@@ -19,16 +20,18 @@ def transform_of(pose: np.ndarray) -> Transform:
 
 
 @kernel()
+def transform_from(transform: Transform, x: float, y: float) -> tuple[float, float]:
+    """A point given in the frame of a transform, outside it."""
+    origin_x, origin_y, cos, sin = transform
+    return transform_point((origin_x, origin_y, 0.0), cos, sin, x, y)
+
+
+@kernel()
 def compose_transforms(first: Transform, second: Transform) -> Transform:
     """The transform of what is at `second` in the frame of `first`: first ⊕ second."""
-    x, y, cos, sin = first
-    ahead, aside, its_cos, its_sin = second
-    return (
-        x + cos * ahead - sin * aside,
-        y + sin * ahead + cos * aside,
-        cos * its_cos - sin * its_sin,
-        sin * its_cos + cos * its_sin,
-    )
+    x, y = transform_from(first, second[0], second[1])
+    cos, sin = rotate(first[2], first[3], second[2], second[3])
+    return x, y, cos, sin
 
 
 @kernel()

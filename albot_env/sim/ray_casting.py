@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.pose_kernels import pseudo_angle
+from albot_core.geometry.pose_kernels import pseudo_angle, rotate_back
 from albot_core.kernels.bits import lowest_bit
 from albot_core.kernels.compiled import ZERO, kernel, load_element
 from albot_core.kernels.simd import (
@@ -151,10 +151,8 @@ def _transform_segment(
 ) -> int:
     """Write a segment's ends, seen from x, y, cosine, sine, into column `count`; 0 if behind."""
     x, y, cos, sin = laser
-    sx, sy = segments[k, 0] - x, segments[k, 1] - y
-    ex, ey = segments[k, 2] - x, segments[k, 3] - y
-    sx, sy = cos * sx + sin * sy, cos * sy - sin * sx
-    ex, ey = cos * ex + sin * ey, cos * ey - sin * ex
+    sx, sy = rotate_back(cos, sin, segments[k, 0] - x, segments[k, 1] - y)
+    ex, ey = rotate_back(cos, sin, segments[k, 2] - x, segments[k, 3] - y)
     walls[AX, count], walls[AY, count], walls[BX, count], walls[BY, count] = sx, sy, ex, ey
     return 1 if max(sx, ex) >= behind else 0
 

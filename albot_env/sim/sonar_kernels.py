@@ -18,7 +18,7 @@ from albot_core.kernels.bits import lowest_bit, popcount
 from albot_core.kernels.compiled import ZERO, kernel
 from albot_core.kernels.simd import LANES, FloatTable, FloatVector, float64_predicate, padded_length
 from albot_env.sim.noise import draw
-from albot_env.sim.plane_geometry import Transform, compose_transforms
+from albot_env.sim.plane_geometry import Transform, compose_transforms, transform_from
 from albot_env.sim.sonar import SonarConstants
 from albot_env.sim.sonar_echoes import (
     AREA,
@@ -223,9 +223,7 @@ def _crosstalk_range(sonar: Transform, neighbour: Transform, out: float, tangent
     if out == np.inf:
         return np.inf
     along = out / math.sqrt(1.0 + tangent * tangent)
-    across = along * tangent
-    x = neighbour[0] + neighbour[2] * along - neighbour[3] * across
-    y = neighbour[1] + neighbour[3] * along + neighbour[2] * across
+    x, y = transform_from(neighbour, along, along * tangent)
     return (out + length_of(x - sonar[0], y - sonar[1])) / 2
 
 
