@@ -1,8 +1,8 @@
 """Where compiled code finds the map, the last view and the exits of each of many robots.
 
-BatchArrays remember more or less, so that their maps cannot stand in one array. Each has arrays
-of its own, which are exchanged for larger ones as its map grows; a kernel that leads many
-robots takes a table with the addresses of them all.
+Robots remember more or less, so their maps cannot stand in one array. Each robot has arrays of its
+own, which are exchanged for larger ones as its map grows. A kernel that steps many robots takes a
+table with the addresses of all their arrays.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ MAP_ROOM, VIEW_ROOM, CRUMB_ROOM, LINK_ROOM = 0, 1, 2, 3
 """Places in a robot's row of the table: surfaces its map has room for, surfaces its view has
 room for, and breadcrumbs and links that there is room for; after them the addresses of its
 memory's arrays, of its view's, of its exits', and of its breadcrumbs'."""
-_MEMORY = 4
-_SIGHT = _MEMORY + len(PerceptualMap._fields)
-_EXITS = _SIGHT + len(LocatedView._fields)
+_MAP = 4
+_VIEW = _MAP + len(PerceptualMap._fields)
+_EXITS = _VIEW + len(LocatedView._fields)
 _CRUMBS = _EXITS + len(ExitMemory._fields)
 _GRAPH = _CRUMBS + len(Crumbs._fields)
 COLUMNS = _GRAPH + len(PathGraph._fields)
@@ -63,8 +63,8 @@ _edge_pairs, _truths = array_at(2, kind=types.int8), array_at(kind=types.boolean
 
 @kernel()
 def map_at(table: np.ndarray) -> PerceptualMap:
-    """The memory whose arrays' addresses stand in a row of the table."""
-    capacity, at = table[MAP_ROOM], _MEMORY
+    """The map whose arrays' addresses stand in a row of the table."""
+    capacity, at = table[MAP_ROOM], _MAP
     return PerceptualMap(
         _lines(table[at], capacity),
         _edge_pairs(table[at + 1], capacity),
@@ -82,7 +82,7 @@ def map_at(table: np.ndarray) -> PerceptualMap:
 @kernel()
 def view_at(table: np.ndarray) -> LocatedView:
     """The view whose arrays' addresses stand in a row of the table."""
-    room, at = table[VIEW_ROOM], _SIGHT
+    room, at = table[VIEW_ROOM], _VIEW
     return LocatedView(
         _lines(table[at], room),
         _edge_pairs(table[at + 1], room),

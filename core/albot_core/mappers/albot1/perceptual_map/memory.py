@@ -19,23 +19,22 @@ from albot_core.kernels.compiled import ZERO, kernel
 
 CELL = 2.0
 """Side of a grid cell (m)."""
-
 MAP_ROOM_AT_FIRST = 128
 """Surfaces that a new map has room for; its room is always a power of two."""
-
+VIEW_ROOM_AT_FIRST = 64
+"""Surfaces of a view that a new robot has room for."""
 ALIVE, FREE, NEXT_ID, USED, VISIT, CANDIDATE = 0, 1, 2, 3, 4, 5
 """Places in `PerceptualMap.counts`: surfaces alive, slots on the free list, the next surface id,
 how many slots, from the first on, have ever held a surface, the number of the present visit, and
 an earlier visit that the robot may be on again: the loop-closure candidate (0 for none)."""
-
 OBSERVED, GATE = 0, 1
 """Columns of `PerceptualMap.reobserved`."""
-
 NEVER = np.iinfo(np.int32).max
 """The gate of a visit that is no candidate, however many of its surfaces are observed again."""
-
 NEXT, BEFORE = 0, 1
 """Columns of `PerceptualMap.links`: the next end in the bucket, and the one before."""
+NOT_RECOGNIZED = -1
+"""In `LocatedView.slots`: this surface is no recognised landmark."""
 
 
 class PerceptualMap(NamedTuple):
@@ -65,6 +64,23 @@ class PerceptualMap(NamedTuple):
     """(2 * capacity, 2) int32: the other ends in an end's bucket (see NEXT, BEFORE)."""
     counts: np.ndarray
     """(6,) int64: see ALIVE, FREE, NEXT_ID, USED, VISIT, CANDIDATE."""
+
+
+class LocatedView(NamedTuple):
+    """The arrays of one view with room for `len(surfaces)` surfaces, in the robot's frame."""
+
+    surfaces: np.ndarray
+    """(room, 4) float64: x1, y1, x2, y2 in the robot's frame (m)."""
+    edges: np.ndarray
+    """(room, 2) int8: what the two ends are (see `sensing.view`)."""
+    landmark: np.ndarray
+    """(room,) bool: the surface is a landmark."""
+    slots: np.ndarray
+    """(room,) int64: the map's slot of the surface it was recognised as, or NOT_RECOGNIZED."""
+    size: np.ndarray
+    """(1,) int64: how many surfaces the view has."""
+    pose: np.ndarray
+    """(3,) float64: where in the map the robot believed to see this from."""
 
 
 def empty_map(capacity: int = MAP_ROOM_AT_FIRST) -> PerceptualMap:
@@ -99,55 +115,30 @@ def living(pm: PerceptualMap) -> np.ndarray:
     return np.asarray(pm.ids[: pm.counts[USED]] >= 0)
 
 
-@kernel()
-def cell_of(coordinate: float) -> int:
-    """Index of the grid cell that holds a coordinate."""
-    return int(np.floor(coordinate / CELL))
+def empty_view(room: int = VIEW_ROOM_AT_FIRST) -> LocatedView:
+    """A view of nothing with room for `room` surfaces, seen from the map's origin."""
+    return LocatedView(
+        surfaces=np.zeros((room, 4)),
+        edges=np.zeros((room, 2), np.int8),
+        landmark=np.zeros(room, np.bool_),
+        slots=np.full(room, NOT_RECOGNIZED, np.int64),
+        size=np.zeros(1, np.int64),
+        pose=np.zeros(3),
+    )
 
 
 @kernel()
-def bucket_of(column: int, row: int, buckets: int) -> int:
-    """The bucket in which the ends of a cell are filed; other cells may share it."""
-    return int(((column * 73856093) ^ (row * 19349663)) & (buckets - 1))
-
-
-@kernel()
-def _bucket_of_end(pm: PerceptualMap, end: int) -> int:
-    slot, side = end >> 1, end & 1
-    column = cell_of(pm.surfaces[slot, 2 * side])
-    row = cell_of(pm.surfaces[slot, 2 * side + 1])
-    return bucket_of(column, row, pm.heads.shape[0])
-
-
-@kernel()
-def _file_end(pm: PerceptualMap, end: int) -> None:
-    bucket = _bucket_of_end(pm, end)
-    head = pm.heads[bucket]
-    pm.links[end, NEXT], pm.links[end, BEFORE] = head, -1
-    if head >= 0:
-        pm.links[head, BEFORE] = end
-    pm.heads[bucket] = end
-
-
-@kernel()
-def _unfile_end(pm: PerceptualMap, end: int) -> None:
-    after, before = pm.links[end, NEXT], pm.links[end, BEFORE]
-    if before >= 0:
-        pm.links[before, NEXT] = after
-    else:
-        pm.heads[_bucket_of_end(pm, end)] = after
-    if after >= 0:
-        pm.links[after, BEFORE] = before
-
-
-@kernel()
-def _write(pm: PerceptualMap, slot: int, surface: np.ndarray, edges: np.ndarray) -> None:
-    # Element by element: assigning rows takes numba seconds to compile.
-    for i in range(4):
-        pm.surfaces[slot, i] = surface[i]
-    for end in range(2):
-        pm.edges[slot, end] = edges[end]
-        _file_end(pm, 2 * slot + end)
+def copy_view(source: LocatedView, target: LocatedView) -> None:
+    """Make `target`, which has room for it, the same view."""
+    target.size[0] = source.size[0]
+    for i in range(3):
+        target.pose[i] = source.pose[i]
+    for k in range(source.size[0]):
+        for i in range(4):
+            target.surfaces[k, i] = source.surfaces[k, i]
+        target.edges[k, 0], target.edges[k, 1] = source.edges[k, 0], source.edges[k, 1]
+        target.landmark[k] = source.landmark[k]
+        target.slots[k] = source.slots[k]
 
 
 @kernel()
@@ -197,15 +188,6 @@ def room_left(pm: PerceptualMap) -> int:
 
 
 @kernel()
-def file_all(pm: PerceptualMap) -> None:
-    """File the ends of all surfaces; none must be filed yet."""
-    for slot in range(pm.counts[USED]):
-        if pm.ids[slot] >= 0:
-            _file_end(pm, 2 * slot)
-            _file_end(pm, 2 * slot + 1)
-
-
-@kernel()
 def count_reobserved(pm: PerceptualMap, slot: int) -> None:
     """Note that a surface is in view; its visit, if an earlier one, may become a candidate."""
     visit, now = pm.marks[slot], pm.counts[VISIT]
@@ -219,37 +201,17 @@ def count_reobserved(pm: PerceptualMap, slot: int) -> None:
 
 
 @kernel()
-def sort(values: np.ndarray, count: int) -> None:
-    """Sort the first `count` values in place (Shell's method).
+def find_surfaces(pm: PerceptualMap, box: np.ndarray, found: np.ndarray) -> int:
+    """Find the slots of the surfaces with an end in the box (x_min, y_min, x_max, y_max).
 
-    numba takes more than a second to compile its own sort.
+    They are in `found`, ascending, from its beginning on; how many they are. It must have room
+    for one more than live; with room for twice as many it is seldom full on the way.
     """
-    gap = count // 2
-    while gap > 0:
-        for i in range(gap, count):
-            value, at = values[i], i
-            while at >= gap and values[at - gap] > value:
-                values[at] = values[at - gap]
-                at -= gap
-            values[at] = value
-        gap //= 2
-
-
-@kernel()
-def _keep_distinct(values: np.ndarray, count: int) -> int:
-    """Sort the first `count` values in place, each of them once; how many they are then."""
-    sort(values, count)
-    distinct = ZERO
-    for i in range(count):
-        if distinct == 0 or values[i] != values[distinct - 1]:
-            values[distinct] = values[i]
-            distinct += 1
-    return int(distinct)
-
-
-@kernel()
-def _is_in(box: np.ndarray, x: float, y: float) -> bool:
-    return bool((box[0] <= x) & (x <= box[2]) & (box[1] <= y) & (y <= box[3]))
+    cells = (box[2] - box[0]) * (box[3] - box[1]) / CELL**2
+    # A surface is looked at several times faster than a cell.
+    if pm.counts[USED] < 4.0 * cells:
+        return int(_search_all(pm, box, found))
+    return int(_search_cells(pm, box, found))
 
 
 @kernel()
@@ -288,65 +250,94 @@ def _search_cells(pm: PerceptualMap, box: np.ndarray, found: np.ndarray) -> int:
 
 
 @kernel()
-def find_surfaces(pm: PerceptualMap, box: np.ndarray, found: np.ndarray) -> int:
-    """Find the slots of the surfaces with an end in the box (x_min, y_min, x_max, y_max).
-
-    They are in `found`, ascending, from its beginning on; how many they are. It must have room
-    for one more than live; with room for twice as many it is seldom full on the way.
-    """
-    cells = (box[2] - box[0]) * (box[3] - box[1]) / CELL**2
-    # A surface is looked at several times faster than a cell.
-    if pm.counts[USED] < 4.0 * cells:
-        return int(_search_all(pm, box, found))
-    return int(_search_cells(pm, box, found))
-
-
-NOT_RECOGNIZED = -1
-"""In `LocatedView.slots`: this surface is no recognised landmark."""
-
-
-class LocatedView(NamedTuple):
-    """The arrays of one view with room for `len(surfaces)` surfaces, in the robot's frame."""
-
-    surfaces: np.ndarray
-    """(room, 4) float64: x1, y1, x2, y2 in the robot's frame (m)."""
-    edges: np.ndarray
-    """(room, 2) int8: what the two ends are (see `sensing.view`)."""
-    landmark: np.ndarray
-    """(room,) bool: the surface is a landmark."""
-    slots: np.ndarray
-    """(room,) int64: the map's slot of the surface it was recognised as, or NOT_RECOGNIZED."""
-    size: np.ndarray
-    """(1,) int64: how many surfaces the view has."""
-    pose: np.ndarray
-    """(3,) float64: where in the map the robot believed to see this from."""
-
-
-VIEW_ROOM_AT_FIRST = 64
-"""Surfaces of a view that a new robot has room for."""
-
-
-def empty_view(room: int = VIEW_ROOM_AT_FIRST) -> LocatedView:
-    """A view of nothing with room for `room` surfaces, seen from the map's origin."""
-    return LocatedView(
-        surfaces=np.zeros((room, 4)),
-        edges=np.zeros((room, 2), np.int8),
-        landmark=np.zeros(room, np.bool_),
-        slots=np.full(room, NOT_RECOGNIZED, np.int64),
-        size=np.zeros(1, np.int64),
-        pose=np.zeros(3),
-    )
+def _is_in(box: np.ndarray, x: float, y: float) -> bool:
+    return bool((box[0] <= x) & (x <= box[2]) & (box[1] <= y) & (y <= box[3]))
 
 
 @kernel()
-def copy_view(source: LocatedView, target: LocatedView) -> None:
-    """Make `target`, which has room for it, the same view."""
-    target.size[0] = source.size[0]
-    for i in range(3):
-        target.pose[i] = source.pose[i]
-    for k in range(source.size[0]):
-        for i in range(4):
-            target.surfaces[k, i] = source.surfaces[k, i]
-        target.edges[k, 0], target.edges[k, 1] = source.edges[k, 0], source.edges[k, 1]
-        target.landmark[k] = source.landmark[k]
-        target.slots[k] = source.slots[k]
+def _keep_distinct(values: np.ndarray, count: int) -> int:
+    """Sort the first `count` values in place, each of them once; how many they are then."""
+    sort(values, count)
+    distinct = ZERO
+    for i in range(count):
+        if distinct == 0 or values[i] != values[distinct - 1]:
+            values[distinct] = values[i]
+            distinct += 1
+    return int(distinct)
+
+
+@kernel()
+def sort(values: np.ndarray, count: int) -> None:
+    """Sort the first `count` values in place (Shell's method).
+
+    numba takes more than a second to compile its own sort.
+    """
+    gap = count // 2
+    while gap > 0:
+        for i in range(gap, count):
+            value, at = values[i], i
+            while at >= gap and values[at - gap] > value:
+                values[at] = values[at - gap]
+                at -= gap
+            values[at] = value
+        gap //= 2
+
+
+@kernel()
+def _write(pm: PerceptualMap, slot: int, surface: np.ndarray, edges: np.ndarray) -> None:
+    # Element by element: assigning rows takes numba seconds to compile.
+    for i in range(4):
+        pm.surfaces[slot, i] = surface[i]
+    for end in range(2):
+        pm.edges[slot, end] = edges[end]
+        _file_end(pm, 2 * slot + end)
+
+
+@kernel()
+def _file_end(pm: PerceptualMap, end: int) -> None:
+    bucket = _bucket_of_end(pm, end)
+    head = pm.heads[bucket]
+    pm.links[end, NEXT], pm.links[end, BEFORE] = head, -1
+    if head >= 0:
+        pm.links[head, BEFORE] = end
+    pm.heads[bucket] = end
+
+
+@kernel()
+def _unfile_end(pm: PerceptualMap, end: int) -> None:
+    after, before = pm.links[end, NEXT], pm.links[end, BEFORE]
+    if before >= 0:
+        pm.links[before, NEXT] = after
+    else:
+        pm.heads[_bucket_of_end(pm, end)] = after
+    if after >= 0:
+        pm.links[after, BEFORE] = before
+
+
+@kernel()
+def file_all(pm: PerceptualMap) -> None:
+    """File the ends of all surfaces; none must be filed yet."""
+    for slot in range(pm.counts[USED]):
+        if pm.ids[slot] >= 0:
+            _file_end(pm, 2 * slot)
+            _file_end(pm, 2 * slot + 1)
+
+
+@kernel()
+def _bucket_of_end(pm: PerceptualMap, end: int) -> int:
+    slot, side = end >> 1, end & 1
+    column = cell_of(pm.surfaces[slot, 2 * side])
+    row = cell_of(pm.surfaces[slot, 2 * side + 1])
+    return bucket_of(column, row, pm.heads.shape[0])
+
+
+@kernel()
+def bucket_of(column: int, row: int, buckets: int) -> int:
+    """The bucket in which the ends of a cell are filed; other cells may share it."""
+    return int(((column * 73856093) ^ (row * 19349663)) & (buckets - 1))
+
+
+@kernel()
+def cell_of(coordinate: float) -> int:
+    """Index of the grid cell that holds a coordinate."""
+    return int(np.floor(coordinate / CELL))

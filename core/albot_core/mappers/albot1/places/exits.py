@@ -15,6 +15,7 @@ import numpy as np
 from albot_core.geometry.types import Segments
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
+from albot_core.mappers.albot1.perceptual_map.frames import to_map
 from albot_core.mappers.albot1.perceptual_map.memory import LocatedView
 from albot_core.matching.lines import length_of
 from albot_core.sensing.view import CORNER, OCCLUDING
@@ -27,44 +28,63 @@ WALL = 0.25
 """A wall beside a gap is at least this long (m)…"""
 ASLANT = np.radians(30.0)
 """…and turned no more than this from the line across the gap (rad)."""
+MAX_EXITS = 48
+"""Exits that a robot remembers; the farthest is forgotten for a new one."""
+SEEN_EXIT_RANGE = 0.6
+"""Exits whose middles are nearer than this are one (m)."""
+NEARBY = 3.0
+"""When a place is left, exits farther away are forgotten (m)."""
+THROUGH = 0.3
+"""A robot has crossed an exit once it is this far beyond its line (m)."""
+FAR = 1.0
+"""It has crossed one that it does not see once it is this far beyond its line (m)…"""
+WIDE = 3.0
+"""…unless it has gone so far aside before (m)."""
+ASIDE = 1.2
+"""An exit expected so near to one that is seen (m) is that one: the map may have drifted."""
+NOT_CROSSING, CROSSING_SEEN, CROSSING_EXPECTED = 0, 1, 2
+"""In `ExitMemory.counts[1]`: whether the robot stands in an exit whose line it has passed; in one
+that it has seen, or in one that is only expected."""
+
+
+class ExitMemory(NamedTuple):
+    """The arrays of the exits that one robot remembers."""
+
+    lines: np.ndarray
+    """(MAX_EXITS, 4) float64: their ends x1, y1, x2, y2 in the map's frame (m)."""
+    crossing: np.ndarray
+    """(5,) float64: the exit whose line the robot has passed, and from which side (-1, 1)."""
+    counts: np.ndarray
+    """(3,) int64: exits remembered; whether one is crossed (see NOT_CROSSING); exits expected."""
+    expected: np.ndarray
+    """(MAX_EXITS, 4) float64: where known exits of the present place should be, as `lines`."""
+
+
+def empty_exits() -> ExitMemory:
+    """The exits of a robot that has seen none."""
+    return ExitMemory(
+        np.zeros((MAX_EXITS, 4)), np.zeros(5), np.zeros(3, np.int64), np.zeros((MAX_EXITS, 4))
+    )
 
 
 @kernel()
-def left_of(px: float, py: float, qx: float, qy: float, x: float, y: float) -> float:
-    """How far a point is to the left of the line from p to q (m)."""
-    dx, dy = qx - px, qy - py
-    return float((dx * (y - py) - dy * (x - px)) / np.sqrt(dx * dx + dy * dy))
+def find_exits(view: LocatedView, limits: Albot1Limits, lines: np.ndarray) -> int:
+    """Write the exits in view into `lines` (n, 4), in the robot's frame; return how many.
 
-
-@kernel()
-def crosses_line(line: np.ndarray, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Whether the way from a to b passes a line between its ends."""
-    dx, dy = line[2] - line[0], line[3] - line[1]
-    before = dx * (ay - line[1]) - dy * (ax - line[0])
-    after = dx * (by - line[1]) - dy * (bx - line[0])
-    if (before > 0.0) == (after > 0.0):
-        return False
-    ex, ey = bx - ax, by - ay
-    first = ex * (line[1] - ay) - ey * (line[0] - ax)
-    second = ex * (line[3] - ay) - ey * (line[2] - ax)
-    return bool((first > 0.0) != (second > 0.0))
-
-
-@kernel()
-def _runs_along(surface: np.ndarray, dx: float, dy: float) -> bool:
-    """Whether a surface is a wall that runs along the direction (dx, dy)."""
-    ux, uy = surface[2] - surface[0], surface[3] - surface[1]
-    length = np.sqrt(ux * ux + uy * uy)
-    along = abs(ux * dx + uy * dy) / (length * np.sqrt(dx * dx + dy * dy))
-    return bool(length >= WALL and along >= np.cos(ASLANT))
-
-
-@kernel()
-def _wall_at(view: LocatedView, k: int, side: int) -> int:
-    """The wall whose end a gap begins at, past the face that the wall has in the gap."""
-    beside = k - 1 if side == 0 else k + 1
-    is_corner = 0 <= beside < view.size[0] and view.edges[k, side] == CORNER
-    return beside if is_corner and length_of(view.surfaces[k]) < JAMB else k
+    An exit runs from the end of one surface to the beginning of a later one, right to left
+    as the robot sees it, so that the robot is to its left.
+    """
+    found = 0
+    for i in range(view.size[0] - 1):
+        # What hides nothing at its end can open only towards the next surface.
+        last = view.size[0] if view.edges[i, 1] == OCCLUDING else i + 2
+        for j in range(i + 1, last):
+            if found == lines.shape[0]:
+                return found
+            if _opens(view, i, j) and _is_exit(view, i, j, lines[found], limits):
+                found += 1
+                break
+    return found
 
 
 @kernel()
@@ -101,95 +121,50 @@ def _is_exit(view: LocatedView, i: int, j: int, line: np.ndarray, limits: Albot1
 
 
 @kernel()
-def find_exits(view: LocatedView, limits: Albot1Limits, lines: np.ndarray) -> int:
-    """Write the exits in view into `lines` (n, 4), in the robot's frame; return how many.
-
-    An exit runs from the end of one surface to the beginning of a later one, right to left
-    as the robot sees it, so that the robot is to its left.
-    """
-    found = 0
-    for i in range(view.size[0] - 1):
-        # What hides nothing at its end can open only towards the next surface.
-        last = view.size[0] if view.edges[i, 1] == OCCLUDING else i + 2
-        for j in range(i + 1, last):
-            if found == lines.shape[0]:
-                return found
-            if _opens(view, i, j) and _is_exit(view, i, j, lines[found], limits):
-                found += 1
-                break
-    return found
-
-
-MAX_EXITS = 48
-"""Exits that a robot remembers; the farthest is forgotten for a new one."""
-SEEN_EXIT_RANGE = 0.6
-"""Exits whose middles are nearer than this are one (m)."""
-NEARBY = 3.0
-"""When a place is left, exits farther away are forgotten (m)."""
-NOT_CROSSING, CROSSING_SEEN, CROSSING_EXPECTED = 0, 1, 2
-"""In `ExitMemory.counts[1]`: whether the robot stands in an exit whose line it has passed; in one
-that it has seen, or in one that is only expected."""
-
-
-class ExitMemory(NamedTuple):
-    """The arrays of the exits that one robot remembers."""
-
-    lines: np.ndarray
-    """(MAX_EXITS, 4) float64: their ends x1, y1, x2, y2 in the map's frame (m)."""
-    crossing: np.ndarray
-    """(5,) float64: the exit whose line the robot has passed, and from which side (-1, 1)."""
-    counts: np.ndarray
-    """(3,) int64: exits remembered; whether one is crossed (see NOT_CROSSING); exits expected."""
-    expected: np.ndarray
-    """(MAX_EXITS, 4) float64: where known exits of the present place should be, as `lines`."""
-
-
-def empty_exits() -> ExitMemory:
-    """The exits of a robot that has seen none."""
-    return ExitMemory(
-        np.zeros((MAX_EXITS, 4)), np.zeros(5), np.zeros(3, np.int64), np.zeros((MAX_EXITS, 4))
-    )
-
-
-def expect_exits(exits: ExitMemory, lines: Segments) -> None:
-    """Expect exits at `lines` (n, 4; map frame, m), and no others; only the last MAX_EXITS."""
-    lines = lines[-MAX_EXITS:]
-    exits.expected[: len(lines)] = lines
-    exits.counts[2] = len(lines)
+def _wall_at(view: LocatedView, k: int, side: int) -> int:
+    """The wall whose end a gap begins at, past the face that the wall has in the gap."""
+    beside = k - 1 if side == 0 else k + 1
+    is_corner = 0 <= beside < view.size[0] and view.edges[k, side] == CORNER
+    return beside if is_corner and length_of(view.surfaces[k]) < JAMB else k
 
 
 @kernel()
-def _forget_exit(exits: ExitMemory, k: int) -> None:
-    last = exits.counts[0] - 1
-    for i in range(4):
-        exits.lines[k, i] = exits.lines[last, i]
-    exits.counts[0] = last
-
-
-@kernel()
-def nearest_exit(exits: ExitMemory, x: float, y: float) -> tuple[int, float]:
-    """The remembered exit with its middle nearest to a point, and how near (m)."""
-    best, which = np.inf, -1
-    for k in range(exits.counts[0]):
-        dx = 0.5 * (exits.lines[k, 0] + exits.lines[k, 2]) - x
-        dy = 0.5 * (exits.lines[k, 1] + exits.lines[k, 3]) - y
-        square = dx * dx + dy * dy
-        if square < best:
-            best, which = square, k
-    return which, np.sqrt(best)
-
-
-@kernel()
-def _farthest(exits: ExitMemory, x: float, y: float) -> int:
-    best, which = -1.0, 0
-    for k in range(exits.counts[0]):
-        dx, dy = exits.lines[k, 0] - x, exits.lines[k, 1] - y
-        if dx * dx + dy * dy > best:
-            best, which = dx * dx + dy * dy, k
-    return which
+def _runs_along(surface: np.ndarray, dx: float, dy: float) -> bool:
+    """Whether a surface is a wall that runs along the direction (dx, dy)."""
+    ux, uy = surface[2] - surface[0], surface[3] - surface[1]
+    length = np.sqrt(ux * ux + uy * uy)
+    along = abs(ux * dx + uy * dy) / (length * np.sqrt(dx * dx + dy * dy))
+    return bool(length >= WALL and along >= np.cos(ASLANT))
 
 
 _along, _across, _seen, _placed = scratch(4), scratch(4), scratch(16, 4), scratch(4)
+
+
+@kernel()
+def remember_exits(exits: ExitMemory, view: LocatedView, limits: Albot1Limits) -> None:
+    """Remember the exits in view where they are seen now, and forget those seen to be shut."""
+    pose = view.pose
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    k = 0
+    while k < exits.counts[0]:
+        line = exits.lines[k]
+        dx, dy = line[0] - pose[0], line[1] - pose[1]
+        if dx * dx + dy * dy < EXIT_RANGE * EXIT_RANGE and _is_shut(line, view, cos, sin):
+            _forget_exit(exits, k)
+        else:
+            k += 1
+    seen, placed = _seen(), _placed()
+    for k in range(find_exits(view, limits, seen)):
+        to_map(pose, seen[k], placed)
+        x, y = 0.5 * (placed[0] + placed[2]), 0.5 * (placed[1] + placed[3])
+        which, away = nearest_exit(exits, x, y)
+        if away >= SEEN_EXIT_RANGE:
+            if exits.counts[0] == exits.lines.shape[0]:
+                _forget_exit(exits, _farthest(exits, pose[0], pose[1]))
+            which = exits.counts[0]
+            exits.counts[0] += 1
+        for i in range(4):
+            exits.lines[which, i] = placed[i]
 
 
 @kernel()
@@ -216,82 +191,61 @@ def _is_shut(line: np.ndarray, view: LocatedView, cos: float, sin: float) -> boo
 
 
 @kernel()
-def remember_exits(exits: ExitMemory, view: LocatedView, limits: Albot1Limits) -> None:
-    """Remember the exits in view where they are seen now, and forget those seen to be shut."""
-    pose = view.pose
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    k = 0
-    while k < exits.counts[0]:
-        line = exits.lines[k]
-        dx, dy = line[0] - pose[0], line[1] - pose[1]
-        if dx * dx + dy * dy < EXIT_RANGE * EXIT_RANGE and _is_shut(line, view, cos, sin):
-            _forget_exit(exits, k)
-        else:
-            k += 1
-    seen, placed = _seen(), _placed()
-    for k in range(find_exits(view, limits, seen)):
-        for end in range(2):
-            x, y = seen[k, 2 * end], seen[k, 2 * end + 1]
-            placed[2 * end] = pose[0] + cos * x - sin * y
-            placed[2 * end + 1] = pose[1] + sin * x + cos * y
-        x, y = 0.5 * (placed[0] + placed[2]), 0.5 * (placed[1] + placed[3])
-        which, away = nearest_exit(exits, x, y)
-        if away >= SEEN_EXIT_RANGE:
-            if exits.counts[0] == exits.lines.shape[0]:
-                _forget_exit(exits, _farthest(exits, pose[0], pose[1]))
-            which = exits.counts[0]
-            exits.counts[0] += 1
-        for i in range(4):
-            exits.lines[which, i] = placed[i]
-
-
-def leave_exits(exits: ExitMemory, x: float, y: float) -> None:
-    """Forget the exits of the place left at (x, y), but those nearby: they are the new place's.
-
-    When the robot comes back they are seen again, and elsewhere if the map has drifted since.
-    """
-    lines = exits.lines[: exits.counts[0]]
-    away = np.hypot(*(0.5 * (lines[:, :2] + lines[:, 2:]) - (x, y)).T)
-    kept = lines[away < NEARBY]
-    exits.lines[: len(kept)] = kept
-    exits.counts[0] = len(kept)
-
-
-THROUGH = 0.3
-"""A robot has crossed an exit once it is this far beyond its line (m)."""
-
-FAR = 1.0
-"""It has crossed one that it does not see once it is this far beyond its line (m)…"""
-WIDE = 3.0
-"""…unless it has gone so far aside before (m)."""
-ASIDE = 1.2
-"""An exit expected so near to one that is seen (m) is that one: the map may have drifted."""
+def nearest_exit(exits: ExitMemory, x: float, y: float) -> tuple[int, float]:
+    """The remembered exit with its middle nearest to a point, and how near (m)."""
+    best, which = np.inf, -1
+    for k in range(exits.counts[0]):
+        dx = 0.5 * (exits.lines[k, 0] + exits.lines[k, 2]) - x
+        dy = 0.5 * (exits.lines[k, 1] + exits.lines[k, 3]) - y
+        square = dx * dx + dy * dy
+        if square < best:
+            best, which = square, k
+    return which, np.sqrt(best)
 
 
 @kernel()
-def _is_seen(exits: ExitMemory, line: np.ndarray) -> bool:
-    """Whether an exit is remembered about where one is expected."""
-    _, away = nearest_exit(exits, 0.5 * (line[0] + line[2]), 0.5 * (line[1] + line[3]))
-    return bool(away < ASIDE)
+def _farthest(exits: ExitMemory, x: float, y: float) -> int:
+    best, which = -1.0, 0
+    for k in range(exits.counts[0]):
+        dx, dy = exits.lines[k, 0] - x, exits.lines[k, 1] - y
+        if dx * dx + dy * dy > best:
+            best, which = dx * dx + dy * dy, k
+    return which
 
 
 @kernel()
-def _is_being_crossed(exits: ExitMemory, line: np.ndarray) -> bool:
-    """Whether the robot stands in this exit."""
-    same = exits.counts[1] != NOT_CROSSING
+def _forget_exit(exits: ExitMemory, k: int) -> None:
+    last = exits.counts[0] - 1
     for i in range(4):
-        same = same and exits.crossing[i] == line[i]
-    return bool(same)
+        exits.lines[k, i] = exits.lines[last, i]
+    exits.counts[0] = last
 
 
 @kernel()
-def _is_aside(crossing: np.ndarray, x: float, y: float) -> bool:
-    """Whether a point is WIDE aside of an exit's middle."""
-    dx, dy = crossing[2] - crossing[0], crossing[3] - crossing[1]
-    along = dx * (x - 0.5 * (crossing[0] + crossing[2])) + dy * (
-        y - 0.5 * (crossing[1] + crossing[3])
-    )
-    return bool(abs(along) > WIDE * np.sqrt(dx * dx + dy * dy))
+def cross_exit(exits: ExitMemory, ax: float, ay: float, pose: np.ndarray) -> bool:
+    """Note the way from (ax, ay) to `pose`. Returns whether the robot got through an exit.
+
+    Its line is then in `exits.crossing`. A robot that has passed the line is through only when
+    it is THROUGH beyond it, so that one that dithers in a doorway does not cross it often.
+    It also gets through known exits that it does not see, where they are expected: seen aslant, or
+    with something beside it, a doorway may not look like one. Then the robot must come FAR beyond
+    the line, and not WIDE aside first, as it would where the line lies in a corridor by error.
+    And it must pass no other exit, least of all one that it sees, which may be the one expected.
+    """
+    x, y, crossing, counts = pose[0], pose[1], exits.crossing, exits.counts
+    if counts[1] != CROSSING_SEEN:
+        _note_passed(exits, ax, ay, x, y, CROSSING_SEEN)
+    if counts[1] != CROSSING_SEEN:
+        _note_passed(exits, ax, ay, x, y, CROSSING_EXPECTED)
+    if counts[1] == CROSSING_EXPECTED and _is_aside(crossing, x, y):
+        counts[1] = NOT_CROSSING
+    if counts[1] == NOT_CROSSING:
+        return False
+    through = -crossing[4] * left_of(crossing[0], crossing[1], crossing[2], crossing[3], x, y)
+    if abs(through) < (THROUGH if counts[1] == CROSSING_SEEN else FAR):
+        return False
+    counts[1] = NOT_CROSSING
+    return bool(through > 0.0)
 
 
 @kernel()
@@ -322,27 +276,66 @@ def _note_passed(exits: ExitMemory, ax: float, ay: float, x: float, y: float, wh
 
 
 @kernel()
-def cross_exit(exits: ExitMemory, ax: float, ay: float, pose: np.ndarray) -> bool:
-    """Whether on the way from (ax, ay) to `pose` the robot got through an exit.
+def _is_seen(exits: ExitMemory, line: np.ndarray) -> bool:
+    """Whether an exit is remembered about where one is expected."""
+    _, away = nearest_exit(exits, 0.5 * (line[0] + line[2]), 0.5 * (line[1] + line[3]))
+    return bool(away < ASIDE)
 
-    Its line is then in `exits.crossing`. A robot that has passed the line is through only when
-    it is THROUGH beyond it, so that one that dithers in a doorway does not cross it often.
-    It also gets through known exits that it does not see, where they are expected: seen aslant, or
-    with something beside it, a doorway may not look like one. Then the robot must come FAR beyond
-    the line, and not WIDE aside first, as it would where the line lies in a corridor by error.
-    And it must pass no other exit, least of all one that it sees, which may be the one expected.
+
+@kernel()
+def _is_being_crossed(exits: ExitMemory, line: np.ndarray) -> bool:
+    """Whether the robot stands in this exit."""
+    same = exits.counts[1] != NOT_CROSSING
+    for i in range(4):
+        same = same and exits.crossing[i] == line[i]
+    return bool(same)
+
+
+@kernel()
+def _is_aside(crossing: np.ndarray, x: float, y: float) -> bool:
+    """Whether a point is WIDE aside of an exit's middle."""
+    dx, dy = crossing[2] - crossing[0], crossing[3] - crossing[1]
+    along = dx * (x - 0.5 * (crossing[0] + crossing[2])) + dy * (
+        y - 0.5 * (crossing[1] + crossing[3])
+    )
+    return bool(abs(along) > WIDE * np.sqrt(dx * dx + dy * dy))
+
+
+@kernel()
+def left_of(px: float, py: float, qx: float, qy: float, x: float, y: float) -> float:
+    """How far a point is to the left of the line from p to q (m)."""
+    dx, dy = qx - px, qy - py
+    return float((dx * (y - py) - dy * (x - px)) / np.sqrt(dx * dx + dy * dy))
+
+
+@kernel()
+def crosses_line(line: np.ndarray, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Whether the way from a to b passes a line between its ends."""
+    dx, dy = line[2] - line[0], line[3] - line[1]
+    before = dx * (ay - line[1]) - dy * (ax - line[0])
+    after = dx * (by - line[1]) - dy * (bx - line[0])
+    if (before > 0.0) == (after > 0.0):
+        return False
+    ex, ey = bx - ax, by - ay
+    first = ex * (line[1] - ay) - ey * (line[0] - ax)
+    second = ex * (line[3] - ay) - ey * (line[2] - ax)
+    return bool((first > 0.0) != (second > 0.0))
+
+
+def expect_exits(exits: ExitMemory, lines: Segments) -> None:
+    """Expect exits at `lines` (n, 4; map frame, m), and no others; only the last MAX_EXITS."""
+    lines = lines[-MAX_EXITS:]
+    exits.expected[: len(lines)] = lines
+    exits.counts[2] = len(lines)
+
+
+def leave_exits(exits: ExitMemory, x: float, y: float) -> None:
+    """Forget the exits of the place left at (x, y), but those nearby: they are the new place's.
+
+    When the robot comes back they are seen again, and elsewhere if the map has drifted since.
     """
-    x, y, crossing, counts = pose[0], pose[1], exits.crossing, exits.counts
-    if counts[1] != CROSSING_SEEN:
-        _note_passed(exits, ax, ay, x, y, CROSSING_SEEN)
-    if counts[1] != CROSSING_SEEN:
-        _note_passed(exits, ax, ay, x, y, CROSSING_EXPECTED)
-    if counts[1] == CROSSING_EXPECTED and _is_aside(crossing, x, y):
-        counts[1] = NOT_CROSSING
-    if counts[1] == NOT_CROSSING:
-        return False
-    through = -crossing[4] * left_of(crossing[0], crossing[1], crossing[2], crossing[3], x, y)
-    if abs(through) < (THROUGH if counts[1] == CROSSING_SEEN else FAR):
-        return False
-    counts[1] = NOT_CROSSING
-    return bool(through > 0.0)
+    lines = exits.lines[: exits.counts[0]]
+    away = np.hypot(*(0.5 * (lines[:, :2] + lines[:, 2:]) - (x, y)).T)
+    kept = lines[away < NEARBY]
+    exits.lines[: len(kept)] = kept
+    exits.counts[0] = len(kept)

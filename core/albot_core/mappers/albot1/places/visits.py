@@ -113,10 +113,10 @@ def keep_or_drop_candidate(
     pose: np.ndarray,
     limits: Albot1Limits,
 ) -> bool:
-    """Whether there is a candidate to be compared with the present place now.
+    """Drop a candidate that comes too soon. Returns whether there is one to be compared now.
 
-    A candidate that comes too soon after the last comparison is dropped, unless the robot is
-    lost. While an exit is being crossed nothing tells which of the two places the robot is in.
+    Too soon is too near to where places were compared last. If the robot is lost the candidate
+    stays. While an exit is being crossed nothing tells which of the two places the robot is in.
     """
     if pm.counts[CANDIDATE] == 0 or exits.counts[1] != NOT_CROSSING:
         return False
