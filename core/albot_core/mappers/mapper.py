@@ -217,7 +217,7 @@ class MapperBatch(Protocol):
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
-        """How many readings were added to each one's map since its reset."""
+        """How often a reading was added to each one's map since its reset."""
 
     @property
     def segment_counts(self) -> Int64[np.ndarray, "robots"]:
