@@ -1,29 +1,23 @@
 """The simulator, its sensors, the gymnasium environments, recording and rendering.
 
-Importing this package registers its environments with gymnasium.
+Importing this package registers its environments with gymnasium. A new task is a folder in
+`albot_env.tasks` with the floor plan of the others, and a line in the table below.
 """
 
 import gymnasium
 
-gymnasium.register(
-    id="Albot/Explore-v0",
-    entry_point="albot_env.tasks.explore.env:ExploreEnv",
-    vector_entry_point="albot_env.vector.explore:ExploreVectorEnv",
-    max_episode_steps=6000,
+_TASKS = (
+    # Name, folder in `albot_env.tasks`, steps after which an episode is truncated.
+    ("Explore", "explore", 6000),
+    ("Homing", "homing", 3000),
+    ("ExploreAndHome", "explore_and_home", None),
+    ("PlaceRecognition", "place_recognition", None),
 )
-gymnasium.register(
-    id="Albot/Homing-v0",
-    entry_point="albot_env.tasks.homing.env:HomingEnv",
-    vector_entry_point="albot_env.vector.homing:HomingVectorEnv",
-    max_episode_steps=3000,
-)
-gymnasium.register(
-    id="Albot/ExploreAndHome-v0",
-    entry_point="albot_env.tasks.explore_and_home.env:ExploreAndHomeEnv",
-    vector_entry_point="albot_env.vector.explore_and_home:ExploreAndHomeVectorEnv",
-)
-gymnasium.register(
-    id="Albot/PlaceRecognition-v0",
-    entry_point="albot_env.tasks.place_recognition.env:PlaceRecognitionEnv",
-    vector_entry_point="albot_env.vector.place_recognition:PlaceRecognitionVectorEnv",
-)
+
+for _name, _folder, _steps in _TASKS:
+    gymnasium.register(
+        id=f"Albot/{_name}-v0",
+        entry_point=f"albot_env.tasks.{_folder}.env:{_name}Env",
+        vector_entry_point=f"albot_env.tasks.{_folder}.env:{_name}VectorEnv",
+        max_episode_steps=_steps,
+    )

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import inspect
-import typing
 from collections.abc import Mapping
-from typing import Any, get_args, get_origin
+from typing import Any, get_args
 
 import gymnasium
 from gymnasium.envs.registration import load_env_creator
@@ -73,16 +71,7 @@ def for_one(task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _settings(entry_point: Any) -> dict[str, Any]:
-    """The arguments of what makes an environment, those of `**settings` among them."""
-    maker: Any = load_env_creator(entry_point) if isinstance(entry_point, str) else entry_point
-    parameters = inspect.signature(maker.__init__).parameters
-    kinds: dict[str, Any] = {}
-    for name, kind in typing.get_type_hints(maker.__init__).items():
-        if name not in parameters:
-            continue  # What is returned.
-        if parameters[name].kind is inspect.Parameter.VAR_KEYWORD:
-            assert get_origin(kind) is typing.Unpack
-            kinds |= typing.get_type_hints(get_args(kind)[0])
-        else:
-            kinds[name] = kind
+    """What an environment takes by name: types by name."""
+    maker: Any = load_env_creator(entry_point)
+    kinds: dict[str, Any] = maker.settings()
     return kinds

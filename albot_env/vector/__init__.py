@@ -1,1 +1,1 @@
-"""Many environments at once, in gymnasium's and in stable-baselines3's form."""
+"""Batched environments for stable-baselines3, and how its threads wait."""

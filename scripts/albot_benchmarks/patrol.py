@@ -8,7 +8,7 @@ import numpy as np
 
 from albot_core.sensing.reading import Reading
 from albot_env.sim.simulator import Simulator, StartStop, follow_leg
-from albot_env.tasks.place_recognition.tours import Stops
+from albot_env.tasks.place_recognition.tours import StoppingRooms
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField
 
@@ -27,7 +27,7 @@ def patrol(world: World, rng: np.random.Generator) -> Iterator[Reading]:
     Raises:
         InputError: The world has no two rooms in which a robot can stop.
     """
-    simulator, stops = Simulator(world, movables=False), Stops(world)
+    simulator, stops = Simulator(world, movables=False), StoppingRooms(world)
     yield simulator.reset(rng, world.starts[0])
     here = -1
     while True:

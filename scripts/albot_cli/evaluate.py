@@ -112,11 +112,11 @@ def command(
 
 def _way_out(task: str, text: str) -> Any:
     """The task's configuration with a way out of a length `A..B` (m)."""
-    from albot_env.tasks.homing.outward_journey import OutingConfig
-    from albot_env.tasks.homing.task import Homing, HomingConfig
+    from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
+    from albot_env.tasks.homing.task import HomingConfig, HomingTask
 
-    if task != Homing.task:
-        raise InputError("--outward", f"{Homing.task}, which has a way out", task)
+    if task != HomingTask.environment:
+        raise InputError("--outward", f"{HomingTask.environment}, which has a way out", task)
     number = r"(\d+(?:\.\d+)?)"
     found = re.fullmatch(rf"{number}\.\.{number}", text)
     if found is None:
@@ -124,7 +124,7 @@ def _way_out(task: str, text: str) -> Any:
     shortest, longest = float(found[1]), float(found[2])
     if longest < shortest:
         raise InputError("--outward", "a range A..B with B at least A", text)
-    return HomingConfig(outing=OutingConfig(shortest=shortest, longest=longest))
+    return HomingConfig(outing=OutwardJourneyConfig(shortest=shortest, longest=longest))
 
 
 def _run(trials: list[Trial], jobs: int) -> tuple[list[Outcome], bool]:

@@ -157,12 +157,12 @@ def _run(
     from albot_agents.registry import check_agent, find_agent, make_agent
     from albot_cli.stage import open_stage
     from albot_env.recording.writer import EpisodeWriter
-    from albot_env.tasks.explore.env import ENVIRONMENT, ExploreEnv
+    from albot_env.tasks.explore.env import ExploreEnv
 
     settings = {"world": world, "mapper": mapper, "movables": not no_movables, **sensors}
-    check_agent(agent, ENVIRONMENT)
-    settings = find_agent(agent).environment(ENVIRONMENT, settings)
-    env = gymnasium.make(ENVIRONMENT, max_episode_steps=steps, **settings)
+    check_agent(agent, ExploreEnv.task.environment)
+    settings = find_agent(agent).environment(ExploreEnv.task.environment, settings)
+    env = gymnasium.make(ExploreEnv.task.environment, max_episode_steps=steps, **settings)
     driver = make_agent(agent, env.get_wrapper_attr("observing"))
     warm_up(mapper)
     explorer = env.unwrapped
@@ -316,7 +316,7 @@ def warm_up(mapper: str) -> None:
 
     from albot_env.sim.sensing import sense
     from albot_env.tasks.core.settings import NO_MAPPER
-    from albot_env.tasks.explore.env import ENVIRONMENT
+    from albot_env.tasks.explore.task import ExploreTask
 
     if _is_compiled(sense.compiled):
         return
@@ -324,7 +324,7 @@ def warm_up(mapper: str) -> None:
     command = [sys.executable, "-m", "albot_core.kernels.precompile", mapper]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
         try:
-            env = gymnasium.make(ENVIRONMENT, world="square-loop", mapper=NO_MAPPER)
+            env = gymnasium.make(ExploreTask.environment, world="square-loop", mapper=NO_MAPPER)
             env.reset(seed=0)
             env.step(env.action_space.sample())
             env.close()

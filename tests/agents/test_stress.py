@@ -20,7 +20,7 @@ from albot_core.errors import InputError
 from albot_env.recording.reader import EpisodeReader
 from albot_env.stress.checks import Limits
 from albot_env.tasks.core import single
-from albot_env.tasks.core.robots import Expedition
+from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.explore.env import ExploreEnv
 from albot_maps import World, load_world, load_worlds
 from albot_maps.generators.spec import KINDS
@@ -128,13 +128,13 @@ def test_nor_where_things_move(agent: str):
 
 def test_a_thing_that_sensors_miss_is_found(monkeypatch: pytest.MonkeyPatch):
     """As if the robot's senses met its things where they were before."""
-    whole, first = Expedition.things, []
+    whole, first = BatchedRobots.things, []
 
-    def things(self: Expedition, row: int) -> np.ndarray:
+    def things(self: BatchedRobots, row: int) -> np.ndarray:
         first.append(whole(self, row))
         return first[0]
 
-    monkeypatch.setattr(Expedition, "things", things)
+    monkeypatch.setattr(BatchedRobots, "things", things)
     world = "random:apartment:1?people=3&boxes=4&doors=2"
     [violation, *_] = run(dataclasses.replace(SOUND, world=world, steps=200)).violations
     assert re.search(r"(beam|sonar) \d+ (sees|hears)", violation.what)

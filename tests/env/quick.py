@@ -11,18 +11,18 @@ import numpy as np
 
 import albot_env
 from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
-from albot_env.tasks.homing.outward_journey import OutingConfig
+from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
 from albot_env.tasks.homing.task import HomingConfig
-from albot_env.tasks.place_recognition.task import JudgingConfig
+from albot_env.tasks.place_recognition.task import PlaceRecognitionConfig
 from albot_env.tasks.place_recognition.tours import TourConfig
 from albot_maps import load_world
 
 assert albot_env.__doc__  # Importing it registers the environments.
 IDS = sorted(name for name in gymnasium.registry if name.startswith("Albot/"))
 
-STROLL = HomingConfig(outing=OutingConfig(shortest=1.0, longest=2.0, away=0.0))
+STROLL = HomingConfig(outing=OutwardJourneyConfig(shortest=1.0, longest=2.0, away=0.0))
 """A journey out of a metre or two."""
-GLANCE = JudgingConfig(tour=TourConfig(arrivals=3))
+GLANCE = PlaceRecognitionConfig(tour=TourConfig(arrivals=3))
 """A tour of two stops."""
 loaded = cache(load_world)
 """A world by its name, made once: what is kept of journeys is kept with their world."""

@@ -11,7 +11,7 @@ from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.place_recognition.spaces import FEATURES, NEW
 
 WEIGHTS = {"agreed": 1.0, "sight": 0.5, "share": 0.3, "place": 0.2, "shift": -0.3}
-"""What each feature of an arrival adds to how well it fits (see `Notebook.arrive`)."""
+"""What each feature of an arrival adds to how well it fits (see `PlaceDatabase.arrive`)."""
 ENOUGH = 0.6
 """An arrival that fits as well is taken for the present place. On tours of 68 random offices
 (seeds 20 to 47 and 60 to 99) none that was another fitted better than 0.49."""

@@ -13,8 +13,8 @@ from albot_core.geometry.pose_kernels import angles_from_pseudo
 from albot_core.ranges import POSITIVE, check_fields
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.tasks.core.coverage_kernels import (
-    Ground,
-    Sight,
+    CoverageGrid,
+    CoverageSensor,
 )
 from albot_maps import World
 
@@ -51,7 +51,7 @@ class CoverageConfig:
         """
         return 8 * int(np.ceil(extent / self.cell / 4))
 
-    def sight(self, laser: LaserGeometry) -> Sight:
+    def sensor(self, laser: LaserGeometry) -> CoverageSensor:
         """What such a laser shows of the ground, as the compiled loops take it."""
         # The middles of the parts into which `pseudo_angle` divides the full turn.
         middles = angles_from_pseudo((np.arange(_PARTS) + 0.5) * 4 / _PARTS - 2)
@@ -63,7 +63,7 @@ class CoverageConfig:
         ahead = float(np.cos(middles[beams >= 0]).min(initial=1.0)) - 0.01
         x, y, heading = (float(number) for number in laser.mount)
         first = heading + laser.first_bearing
-        return Sight(self.radius, x, y, first, laser.spacing, beams, ahead)
+        return CoverageSensor(self.radius, x, y, first, laser.spacing, beams, ahead)
 
 
 MARGIN = 5.0
@@ -88,9 +88,9 @@ def map_extent(world: World) -> float:
     return math.hypot(x_max - x_min, y_max - y_min) + MARGIN
 
 
-def no_ground(robots: int, cell: float) -> Ground:
-    """The ground of so many robots, in cells of that size (m); all is still to be laid."""
-    return Ground(
+def empty_coverage(robots: int, cell: float) -> CoverageGrid:
+    """The grids of so many robots, with cells of that size (m), none of which has any yet."""
+    return CoverageGrid(
         grids=np.zeros((robots, 0), np.uint64),
         sides=np.zeros(robots, np.int64),
         centres=np.zeros((robots, 2)),
@@ -98,14 +98,16 @@ def no_ground(robots: int, cell: float) -> Ground:
     )
 
 
-def words_of(ground: Ground, row: int) -> UInt64[np.ndarray, "words"]:
+def words_of(ground: CoverageGrid, row: int) -> UInt64[np.ndarray, "words"]:
     """A robot's own words, to be read and written."""
     words: UInt64[np.ndarray, "words"] = ground.grids[row, : (ground.sides[row] // 8) ** 2]
     return words
 
 
-def laid(ground: Ground, row: int, side: int, centre: tuple[float, float]) -> Ground:
-    """The ground with an uncovered square of so many cells for one robot.
+def with_coverage(
+    ground: CoverageGrid, row: int, side: int, centre: tuple[float, float]
+) -> CoverageGrid:
+    """The grids, with an uncovered one of so many cells along a side for one robot.
 
     These are the same arrays, written over; larger ones only where that is needed.
     """

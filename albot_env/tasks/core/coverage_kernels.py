@@ -1,4 +1,4 @@
-"""Compiled loops over the ground: covering it, finding its frontier.
+"""Compiled loops over the ground: covering it, finding its frontier, cutting patches of it.
 
 A grid of ground is a square of cells, a bit each. Eight by eight cells share a word, so that
 what lies around a robot lies together in memory: column x, row y is bit 8 (y % 8) + x % 8 of
@@ -32,7 +32,7 @@ _SOFT = 0.01
 with float64."""
 
 
-class Ground(NamedTuple):
+class CoverageGrid(NamedTuple):
     """The grids of ground of robots; a row each. Ground beyond a robot's grid is never covered."""
 
     grids: np.ndarray
@@ -45,7 +45,7 @@ class Ground(NamedTuple):
     """Side of a cell (m)."""
 
 
-class Sight(NamedTuple):
+class CoverageSensor(NamedTuple):
     """What of the ground a laser shows."""
 
     radius: float
@@ -66,8 +66,11 @@ class Sight(NamedTuple):
 
 
 @kernel()
-def is_time_to_look(motion: np.ndarray, spacing: float, turn: float, moved: np.ndarray) -> bool:
-    """Add a motion to what was `moved` (m, rad) since the last look; whether one is due."""
+def accumulate_motion(motion: np.ndarray, spacing: float, turn: float, moved: np.ndarray) -> bool:
+    """Add a motion to what was `moved` (m, rad) since the last look; return whether one is due.
+
+    Where it is, `moved` begins anew.
+    """
     moved[0] += length_of(motion[0], motion[1])
     moved[1] += abs(motion[2])
     if moved[0] < spacing and moved[1] < turn:
@@ -78,11 +81,11 @@ def is_time_to_look(motion: np.ndarray, spacing: float, turn: float, moved: np.n
 
 @kernel()
 def cover(
-    ground: Ground,
+    ground: CoverageGrid,
     i: int,
     pose: np.ndarray,
     turn: tuple[float, float],
-    sight: Sight,
+    sensor: CoverageSensor,
     ranges: np.ndarray,
 ) -> int:
     """Mark the cells of robot i whose middles a scan taken at `pose` shows.
@@ -94,13 +97,13 @@ def cover(
     side, cell, centre = ground.sides[i], ground.cell, ground.centres[i]
     cos, sin = turn
     # The laser's place, in cells from the middle of cell (0, 0).
-    eye_x = (pose[0] + cos * sight.x - sin * sight.y - centre[0]) / cell + side / 2 - 0.5
-    eye_y = (pose[1] + sin * sight.x + cos * sight.y - centre[1]) / cell + side / 2 - 0.5
-    eye, radius = (eye_x, eye_y, cos, sin), sight.radius / cell
+    eye_x = (pose[0] + cos * sensor.x - sin * sensor.y - centre[0]) / cell + side / 2 - 0.5
+    eye_y = (pose[1] + sin * sensor.x + cos * sensor.y - centre[1]) / cell + side / 2 - 0.5
+    eye, radius = (eye_x, eye_y, cos, sin), sensor.radius / cell
     first, last = max(0, math.ceil(eye_x - radius)), min(side - 1, math.floor(eye_x + radius))
     low, high = max(0, math.ceil(eye_y - radius)), min(side - 1, math.floor(eye_y + radius))
     grid, words, new = ground.grids[i], side // 8, 0
-    far, least = radius + _SOFT, radius * min(sight.ahead, 0.0) - _SOFT
+    far, least = radius + _SOFT, radius * min(sensor.ahead, 0.0) - _SOFT
     within = np.float32(cos), np.float32(sin), np.float32(far * far), np.float32(least)
     for y in range(low >> 3, (high >> 3) + 1):
         for x in range(first >> 3, (last >> 3) + 1):
@@ -109,7 +112,7 @@ def cover(
             near = _near(_CELLS, 0, (np.float32(eye_x - 8 * x), np.float32(eye_y - 8 * y), *within))
             hidden = int(~grid[word]) & near
             if hidden:
-                seen = _seen(hidden, (8 * x, 8 * y), eye, 1.0 / cell, sight, ranges)
+                seen = _seen(hidden, (8 * x, 8 * y), eye, 1.0 / cell, sensor, ranges)
                 grid[word] |= np.uint64(seen)
                 new += popcount(seen)
     return new
@@ -135,11 +138,11 @@ def _seen(
     corner: tuple[int, int],
     eye: tuple[float, float, float, float],
     per_cell: float,
-    sight: Sight,
+    sensor: CoverageSensor,
     ranges: np.ndarray,
 ) -> int:
     """Which of some cells of a block, told by its first column and row, a scan shows."""
-    beams, radius = sight.beams, sight.radius * per_cell
+    beams, radius = sensor.beams, sensor.radius * per_cell
     x, y, cos, sin = eye
     parts, shown = beams.shape[0], 0
     while cells:
@@ -158,10 +161,10 @@ def _seen(
 
 @kernel()
 def find_frontier(
-    ground: Ground,
+    ground: CoverageGrid,
     i: int,
     pose: np.ndarray,
-    sight: Sight,
+    sensor: CoverageSensor,
     ranges: np.ndarray,
     frontier: np.ndarray,
 ) -> None:
@@ -172,13 +175,13 @@ def find_frontier(
     lie within it.
     """
     grid, side, cell, centre = ground.grids[i], ground.sides[i], ground.cell, ground.centres[i]
-    heading = pose[2] + sight.first
-    eye_x = pose[0] + math.cos(pose[2]) * sight.x - math.sin(pose[2]) * sight.y - centre[0]
-    eye_y = pose[1] + math.sin(pose[2]) * sight.x + math.cos(pose[2]) * sight.y - centre[1]
+    heading = pose[2] + sensor.first
+    eye_x = pose[0] + math.cos(pose[2]) * sensor.x - math.sin(pose[2]) * sensor.y - centre[0]
+    eye_y = pose[1] + math.sin(pose[2]) * sensor.x + math.cos(pose[2]) * sensor.y - centre[1]
     half, sectors = side / 2, frontier.shape[0]
     for k in range(sectors):
         beam = (2 * k + 1) * ranges.shape[0] // (2 * sectors)
-        bearing = heading + beam * sight.spacing
+        bearing = heading + beam * sensor.spacing
         cos, sin = math.cos(bearing), math.sin(bearing)
         frontier[k] = math.inf
         reach = min(ranges[beam], side * cell) - cell
@@ -194,7 +197,7 @@ def find_frontier(
 
 
 @kernel()
-def is_covered(ground: Ground, i: int, x: float, y: float) -> bool:
+def is_covered(ground: CoverageGrid, i: int, x: float, y: float) -> bool:
     """Whether a point (m) is on ground that robot i has covered."""
     side, half = ground.sides[i], ground.sides[i] / 2
     x, y = (x - ground.centres[i, 0]) / ground.cell, (y - ground.centres[i, 1]) / ground.cell
@@ -222,7 +225,7 @@ _SIGNS = _PATTERNS.astype(np.float32)
 
 @kernel()
 def cut_patch(
-    ground: Ground,
+    ground: CoverageGrid,
     i: int,
     pose: np.ndarray,
     turn: tuple[float, float],

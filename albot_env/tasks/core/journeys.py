@@ -1,4 +1,4 @@
-"""Journeys that robots have behind them when an episode begins, and the shelf that keeps them.
+"""Journeys that robots have behind them when an episode begins, and the cache that keeps them.
 
 A journey is a function of its world, start and number alone (and of what the robot set out
 with), whoever asks for it and when; so it may be kept and given to any robot, made again, or made
@@ -27,7 +27,7 @@ for is made again."""
 
 
 @runtime_checkable
-class InWorld(Protocol):
+class Journey(Protocol):
     """A journey that is over: a frozen dataclass."""
 
     @property
@@ -35,10 +35,10 @@ class InWorld(Protocol):
         """Where it was."""
 
 
-Kept = TypeVar("Kept", bound=InWorld)
+Kept = TypeVar("Kept", bound=Journey)
 
 
-class Ticket(NamedTuple):
+class JourneySpec(NamedTuple):
     """What a journey is a function of."""
 
     world: World
@@ -49,7 +49,7 @@ class Ticket(NamedTuple):
     """Which of those that begin there."""
 
 
-class Shelf:
+class JourneyCache:
     """The journeys that are kept. Each holds its world, whose id so is nobody else's."""
 
     def __init__(self) -> None:
@@ -83,7 +83,7 @@ class Shelf:
             self._kept.clear()
 
 
-SHELF = Shelf()
+JOURNEY_CACHE = JourneyCache()
 """The journeys that are kept in this process."""
 
 
@@ -91,51 +91,51 @@ class Journeys(ABC, Generic[Kept]):
     """Makes journeys of one kind, and keeps them.
 
     Args:
-        task: Id of the environment, for the errors.
-        kind: What journeys depend on besides their tickets.
+        environment: Its id, for the errors.
+        kind: What journeys depend on besides their specs.
         count: How many different ones there are from a start; 0 for a new one each time.
 
     Raises:
         InputError: There are fewer journeys than none.
     """
 
-    def __init__(self, task: str, kind: tuple[Any, ...], count: int) -> None:
+    def __init__(self, environment: str, kind: tuple[Any, ...], count: int) -> None:
         if count not in COUNT:
-            raise InputError(task, COUNT.expected, str(count), place="journeys")
+            raise InputError(environment, COUNT.expected, str(count), place="journeys")
         self._kind = kind
         self._count = count
 
     @abstractmethod
-    def travel(self, ticket: Ticket) -> Kept:
+    def travel(self, spec: JourneySpec) -> Kept:
         """Make a journey."""
 
     def draw(self, world: World, start: Pose, rng: np.random.Generator) -> Kept:
         """A journey from a start, drawn at random."""
         if not self._count:
-            return self.travel(Ticket(world, start, int(rng.integers(2**63))))
-        ticket = Ticket(world, start, int(rng.integers(self._count)))
-        kept: Kept = SHELF.fetch(self._key(ticket), lambda: self.travel(ticket))
+            return self.travel(JourneySpec(world, start, int(rng.integers(2**63))))
+        spec = JourneySpec(world, start, int(rng.integers(self._count)))
+        kept: Kept = JOURNEY_CACHE.fetch(self._key(spec), lambda: self.travel(spec))
         return kept
 
-    def missing(self, worlds: Sequence[WorldSet]) -> list[Ticket]:
+    def missing(self, worlds: Sequence[WorldSet]) -> list[JourneySpec]:
         """The journeys through these worlds that are not kept yet; none where not all could be."""
         if not self._count or self._count * sum(map(len, worlds)) > KEPT:
             return []
-        tickets = [
-            Ticket(world, np.asarray(start, np.float64), number)
+        specs = [
+            JourneySpec(world, np.asarray(start, np.float64), number)
             for some in worlds
             for world in some
             for start in world.starts
             for number in range(self._count)
         ]
-        if len(tickets) > KEPT:
+        if len(specs) > KEPT:
             return []
-        keys = {self._key(ticket): ticket for ticket in tickets}
-        return [ticket for key, ticket in keys.items() if key not in SHELF]
+        keys = {self._key(spec): spec for spec in specs}
+        return [spec for key, spec in keys.items() if key not in JOURNEY_CACHE]
 
-    def keep(self, ticket: Ticket, journey: Kept) -> None:
+    def keep(self, spec: JourneySpec, journey: Kept) -> None:
         """Keep a journey that was made elsewhere."""
-        SHELF.put(self._key(ticket), replace(journey, world=ticket.world))  # type: ignore[type-var]
+        JOURNEY_CACHE.put(self._key(spec), replace(journey, world=spec.world))  # type: ignore[type-var]
 
-    def _key(self, ticket: Ticket) -> tuple[Any, ...]:
-        return (self._kind, id(ticket.world), ticket.start.tobytes(), ticket.number)
+    def _key(self, spec: JourneySpec) -> tuple[Any, ...]:
+        return (self._kind, id(spec.world), spec.start.tobytes(), spec.number)

@@ -1,7 +1,7 @@
-"""Observations: what the robot could know, scaled to [-1, 1] without any statistics.
+"""The observation's configuration: which parts there are, and how they are scaled.
 
-This is their form: which parts there are, how long each is and how it is scaled. The survey
-fills them in for many robots at once, `observe` (see `observer`) for one.
+The parts are made by `observation_kernels.observe_robots`, each by a function of
+`observation_parts`.
 """
 
 from __future__ import annotations
@@ -40,17 +40,50 @@ PARTS = (
     "coverage", "frontier", "onward", "time_left",
 )  # fmt: skip
 """All parts that there are, in the order in which they stand in the flat observation."""
-ROUND_TRIP = tuple(part for part in PARTS if part not in ("shortcut", "onward"))
+EXPLORE_AND_HOME_PARTS = tuple(part for part in PARTS if part not in ("shortcut", "onward"))
 """What a robot is shown that is to explore and be home in time."""
-HOMEWARD = tuple(part for part in ROUND_TRIP if part not in ("frontier", "time_left"))
+HOMING_PARTS = tuple(
+    part for part in EXPLORE_AND_HOME_PARTS if part not in ("frontier", "time_left")
+)
 """What a robot is shown that is to find home: no time that does not press, no frontiers."""
-USUAL = tuple(part for part in HOMEWARD if part not in ("confidence", "exit", "way"))
+DEFAULT_PARTS = tuple(part for part in HOMING_PARTS if part not in ("confidence", "exit", "way"))
 """What others are shown: to find the way home costs time."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObservationConfig:
-    """How readings and beliefs become numbers in [-1, 1]."""
+    """How readings and beliefs become numbers in [-1, 1], without any statistics.
+
+    All parts are a function of the readings alone: `laser`, `sonar` and `motion` come from the
+    reading, the others from the mapper, which saw nothing but readings. Directions are cosine and
+    sine in the robot's frame, distances logarithmic from -1 at 0 to 1 at `home_range`.
+
+    Parts:
+        laser: The range of each beam, or the shortest of each sector: 1 at the laser, -1 at
+            `laser_range` and beyond, in between logarithmic.
+        sonar: The range of each echo, likewise, up to `sonar_range`; not for robots without.
+        motion: What the odometer measured in the last step: forward, sideways, and turn.
+        heading: Cosine and sine of the believed heading, as seen from home.
+        home: Direction of home, and its distance.
+        confidence: How sure the mapper may be of that, from 1 to -1 where it has lost its way: the
+            chance that home is within `home_near` of where it is believed (see `home_drift`).
+        place: Whether the robot is in a place that it knows from before, and whether it has lost
+            its way (1 or -1).
+        exit: Direction and distance of the next exit on the believed way home, then the direction
+            in which to go through it, and 1; with none 0, 0, -1, 0, 0, -1.
+        way: Direction and distance of a point some metres ahead on the way home that the robot
+            remembers, and 1; with none 0, 0, -1, -1.
+        shortcut: The same of a way home not known to be barred, where the remembered one is much
+            longer (see `WayfindingConfig`).
+        coverage: The ground around the robot, turned as it is: 1 covered, -1 not. Row 0 lies
+            farthest ahead, column 0 farthest to the left.
+        frontier: How near, along each beam or the middle one of each sector, ground is in sight
+            that is not covered, on the laser's scale; -1 for none (B. Yamauchi, A frontier-based
+            approach for autonomous exploration, CIRA 1997).
+        onward: The same as `way` of the way to ground not covered (see `WayfindingConfig`).
+        time_left: What is left of a time that the robot is given: 1 at `time_range` and more, -1
+            when it is up, in between logarithmic.
+    """
 
     laser: LaserGeometry = field(default_factory=LaserGeometry)
     """Where the laser's beams point."""
@@ -79,8 +112,8 @@ class ObservationConfig:
     """Time left shown as 1 (s), as more is, and as a time without end."""
     laser_sectors: int | None = None
     """Equal sectors of which the laser part shows the shortest range; None for every beam."""
-    parts: tuple[str, ...] = USUAL
-    """What is shown, of `PARTS`; the order does not matter. Robots without sonars lack `sonar`."""
+    parts: tuple[str, ...] = DEFAULT_PARTS
+    """The parts that are shown, of `PARTS`, in any order."""
     coverage: CoverageConfig = field(default_factory=CoverageConfig)
     """The egocentric patch of ground covered."""
     wayfinding: WayfindingConfig = field(default_factory=WayfindingConfig)
@@ -97,7 +130,7 @@ class ObservationConfig:
             raise InputError("ObservationConfig.laser_sectors", expected, str(sectors))
 
     def _check_parts(self) -> None:
-        """Refuse parts that are none, none at all, and one that is named twice."""
+        """Raise InputError if a part is unknown or named twice, or none is named."""
         place, known = "ObservationConfig.parts", ", ".join(PARTS)
         for part in self.parts:
             if part not in PARTS:
@@ -155,11 +188,11 @@ class ObservationConfig:
 
     @property
     def shows_ways_over_ground(self) -> bool:
-        """Whether something is shown for which the ground must be sketched."""
+        """Whether something is shown for which an occupancy grid must be kept."""
         return not {"shortcut", "onward"}.isdisjoint(self.parts)
 
     def require(self, parts: Collection[str], who: str) -> None:
-        """Refuse to do without parts that somebody needs.
+        """Raise InputError if a part is not shown that somebody needs.
 
         Raises:
             InputError: One of the parts is not shown, or the laser only by sectors.
@@ -206,7 +239,7 @@ class ObservationConfig:
 
     @property
     def scales(self) -> Scales:
-        """What the compiled survey goes by."""
+        """What the compiled loop goes by."""
         coverage = self.coverage
         return Scales(
             spacing=coverage.spacing,

@@ -1,4 +1,4 @@
-"""The compiled survey: what robots newly cover and enter, and what they observe."""
+"""The compiled loop that makes observations, and marks what robots newly cover and enter."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpa
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL
 from albot_env.tasks.core.coverage_kernels import (
-    Ground,
-    Sight,
+    CoverageGrid,
+    CoverageSensor,
+    accumulate_motion,
     cover,
     cut_patch,
     find_frontier,
-    is_time_to_look,
 )
 from albot_env.tasks.core.observation_parts import (
     LogScale,
-    find_home,
     find_nearest,
+    locate_home,
     observe_confidence,
     observe_exit,
     observe_home,
@@ -29,17 +29,17 @@ from albot_env.tasks.core.observation_parts import (
     observe_way,
     scale_ranges,
 )
-from albot_env.tasks.core.rooms import find_room
-from albot_env.tasks.core.state import Senses
+from albot_env.tasks.core.rooms import Rooms, find_room
+from albot_env.tasks.core.state import BatchState, Progress
 from albot_env.tasks.core.wayfinding_kernels import (
-    Pencil,
-    Search,
-    Sketches,
-    find_homewards,
-    find_onwards,
-    follow_sketch,
+    OccupancyGrids,
+    OccupancyParams,
+    SearchParams,
+    find_onward,
+    find_shortcut,
     pick_onward,
     pick_shortcut,
+    update_occupancy,
 )
 
 
@@ -81,134 +81,161 @@ class Layout(NamedTuple):
 
 @KernelDispatcher
 @kernel(arrays=True, nogil=True)
-def survey(rows: np.ndarray, arguments: KernelArguments, observations: np.ndarray) -> None:
-    """Survey the robots `rows`; each's observation goes into its row of `observations`.
+def observe_robots(rows: np.ndarray, arguments: KernelArguments, observations: np.ndarray) -> None:
+    """Track the progress of robots `rows`, and fill in their rows of `observations`.
 
-    `arguments` holds `Sight`, the `Ground` truly covered, that believed to be, `Rooms`, `Scales`,
-    `Layout`, `Senses`, `Findings`, `Pencil`, `Search` and `Sketches`.
+    `arguments` holds `CoverageSensor`, the `CoverageGrid` truly covered, that believed to be,
+    `Rooms`, `Scales`, `Layout`, `BatchState`, `Progress`, `OccupancyParams`, `SearchParams` and
+    `OccupancyGrids`.
     """
     contents = unpack(arguments)
-    s, senses = contents[4], contents[6]
-    nearest = np.empty(s.sectors)
-    frontier = np.empty(s.sectors if s.sectors else senses.ranges.shape[1])
-    _survey_all(rows, arguments, observations, nearest, frontier)
+    scales, state = contents[4], contents[6]
+    # They are made here, for the loop itself is faster where it makes no arrays (see `kernel`).
+    nearest = np.empty(scales.sectors)
+    frontier = np.empty(scales.sectors if scales.sectors else state.ranges.shape[1])
+    _observe_robots(rows, arguments, observations, nearest, frontier)
 
 
 @kernel()
-def _survey_all(
+def _observe_robots(
     rows: np.ndarray,
     arguments: KernelArguments,
     observations: np.ndarray,
     nearest: np.ndarray,
     frontier: np.ndarray,
 ) -> None:
-    """`survey`, with room for the nearest ranges and the frontiers by sector (m)."""
+    """`observe_robots`, with room for the nearest ranges and the frontiers by sector (m)."""
     contents = unpack(arguments)
-    sight, covered, believed, rooms, s, layout, senses, findings = contents[:8]
-    pencil, search, sketches = contents[8:]
+    sensor, covered, believed, rooms, scales, layout, state, progress = contents[:8]
+    params, search, occupancy = contents[8:]
     for i in rows:
-        pose, belief, ranges = senses.poses[i], senses.beliefs[i], senses.ranges[i]
+        row, belief, ranges = observations[i], state.beliefs[i], state.ranges[i]
         turn = math.cos(belief[2]), math.sin(belief[2])
-        new = 0
-        if is_time_to_look(senses.motions[i], s.spacing, s.turn, findings.moved[i]):
-            cover(believed, i, belief, turn, sight, ranges)
-            true_turn = math.cos(pose[2]), math.sin(pose[2])
-            new = cover(covered, i, pose, true_turn, sight, ranges)
-        findings.new_ground[i] = new
-        findings.ground[i] += new
-        first = rooms.worlds[i, 0]
-        room = find_room(pose[0], pose[1], rooms.outlines, first, rooms.worlds[i, 1])
-        room = room - first if room >= 0 else -1
-        findings.room[i] = room
-        findings.new_room[i] = room >= 0 and not rooms.entered[i, room]
-        if findings.new_room[i]:
-            rooms.entered[i, room] = True
-            findings.rooms_entered[i] += 1
-        find_home(belief, turn, senses.home_places[i], senses.homes[i])
-        row = observations[i]
-        if layout.laser >= 0:
-            seen = ranges
-            if s.sectors:
-                find_nearest(ranges, nearest)
-                seen = nearest
-            scale_ranges(seen, s.laser, row[layout.laser :])
-        if layout.sonar >= 0:
-            scale_ranges(senses.echoes[i], s.sonar, row[layout.sonar :])
-        _tell_motion(i, s, layout, senses, row)
-        _tell_beliefs(i, s, layout, senses, row)
+        moved = progress.moved[i]
+        progress.new_ground[i] = 0
+        if accumulate_motion(state.motions[i], scales.spacing, scales.turn, moved):
+            cover(believed, i, belief, turn, sensor, ranges)
+            _cover_truly(i, covered, sensor, state, progress)
+        _enter_room(i, rooms, state, progress)
+        locate_home(belief, turn, state.home_places[i], state.homes[i])
+        _observe_sensors(i, scales, layout, state, nearest, row)
+        _observe_beliefs(i, scales, layout, state, row)
         if layout.coverage >= 0:
             patch = row[layout.coverage :]
-            cut_patch(believed, i, belief, turn, s.patch_cell, s.patch_cells, patch)
+            cut_patch(believed, i, belief, turn, scales.patch_cell, scales.patch_cells, patch)
         if layout.frontier >= 0:
-            find_frontier(believed, i, belief, sight, ranges, frontier)
-            scale_ranges(frontier, s.laser, row[layout.frontier :])
+            find_frontier(believed, i, belief, sensor, ranges, frontier)
+            scale_ranges(frontier, scales.laser, row[layout.frontier :])
         if layout.shortcut >= 0 or layout.onward >= 0:
-            _find_ways(i, sight, believed, layout, senses, pencil, search, sketches)
-            _tell_ways(i, s, layout, senses, search, sketches, row)
+            _find_ways(i, sensor, believed, layout, state, params, search, occupancy)
+            _observe_ways(i, scales, layout, state, search, occupancy, row)
+
+
+@kernel()
+def _cover_truly(
+    i: int, covered: CoverageGrid, sensor: CoverageSensor, state: BatchState, progress: Progress
+) -> None:
+    """Mark the ground that robot i truly sees at close range."""
+    pose = state.poses[i]
+    turn = math.cos(pose[2]), math.sin(pose[2])
+    new = cover(covered, i, pose, turn, sensor, state.ranges[i])
+    progress.new_ground[i] = new
+    progress.ground[i] += new
+
+
+@kernel()
+def _enter_room(i: int, rooms: Rooms, state: BatchState, progress: Progress) -> None:
+    """Find the room that robot i is truly in, and mark it as entered."""
+    first, last = rooms.worlds[i]
+    room = find_room(state.poses[i, 0], state.poses[i, 1], rooms.outlines, first, last)
+    room = room - first if room >= 0 else -1
+    progress.room[i] = room
+    progress.new_room[i] = room >= 0 and not rooms.entered[i, room]
+    if progress.new_room[i]:
+        rooms.entered[i, room] = True
+        progress.rooms_entered[i] += 1
+
+
+@kernel()
+def _observe_sensors(
+    i: int,
+    scales: Scales,
+    layout: Layout,
+    state: BatchState,
+    nearest: np.ndarray,
+    row: np.ndarray,
+) -> None:
+    """Fill in the parts laser, sonar and motion of robot i, as far as they are shown."""
+    if layout.laser >= 0:
+        seen = state.ranges[i]
+        if scales.sectors:
+            find_nearest(seen, nearest)
+            seen = nearest
+        scale_ranges(seen, scales.laser, row[layout.laser :])
+    if layout.sonar >= 0:
+        scale_ranges(state.echoes[i], scales.sonar, row[layout.sonar :])
+    if layout.motion >= 0:
+        length, turn = scales.step_length, scales.step_turn
+        observe_motion(state.motions[i], length, turn, row[layout.motion :])
+
+
+@kernel()
+def _observe_beliefs(
+    i: int, scales: Scales, layout: Layout, state: BatchState, row: np.ndarray
+) -> None:
+    """Fill in what robot i believes by its map, as far as it is shown."""
+    home, belief, way = state.homes[i], state.beliefs[i], state.ways_home[i]
+    if layout.heading >= 0:
+        row[layout.heading], row[layout.heading + 1] = math.cos(home[2]), -math.sin(home[2])
+    if layout.home >= 0:
+        observe_home(home, scales.home, row[layout.home :])
+    if layout.confidence >= 0:
+        drift, near = scales.home_drift, scales.home_near
+        row[layout.confidence] = observe_confidence(way[TRAVEL], drift, near)
+    if layout.place >= 0:
+        for flag in range(2):
+            row[layout.place + flag] = 1.0 if state.places[i, flag] else -1.0
+    if layout.exit >= 0:
+        observe_exit(belief, way[EXIT], scales.home, row[layout.exit :])
+    if layout.way >= 0:
+        observe_way(belief, way[POINT], scales.home, row[layout.way :])
 
 
 @kernel()
 def _find_ways(
     i: int,
-    sight: Sight,
-    believed: Ground,
+    sensor: CoverageSensor,
+    believed: CoverageGrid,
     layout: Layout,
-    senses: Senses,
-    pencil: Pencil,
-    search: Search,
-    sketches: Sketches,
+    state: BatchState,
+    params: OccupancyParams,
+    search: SearchParams,
+    occupancy: OccupancyGrids,
 ) -> None:
-    """Let robot i sketch the ground and find those ways over it that are shown."""
-    motion, belief, ranges = senses.motions[i], senses.beliefs[i], senses.ranges[i]
-    if follow_sketch(sketches, i, pencil, sight, motion, belief, ranges):
+    """Draw what robot i sees on its occupancy grid, and find those ways on it that are shown."""
+    motion, belief, ranges = state.motions[i], state.beliefs[i], state.ranges[i]
+    if update_occupancy(occupancy, i, params, sensor, motion, belief, ranges):
         if layout.shortcut >= 0:
-            find_homewards(sketches, i, search, senses.home_places[i])
+            find_shortcut(occupancy, i, search, state.home_places[i])
         if layout.onward >= 0:
-            find_onwards(sketches, i, search, believed)
-
-
-@kernel()
-def _tell_motion(i: int, s: Scales, layout: Layout, senses: Senses, row: np.ndarray) -> None:
-    """Fill in the parts motion, heading and home of robot i, as far as they are shown."""
-    home = senses.homes[i]
-    if layout.motion >= 0:
-        observe_motion(senses.motions[i], s.step_length, s.step_turn, row[layout.motion :])
-    if layout.heading >= 0:
-        row[layout.heading], row[layout.heading + 1] = math.cos(home[2]), -math.sin(home[2])
-    if layout.home >= 0:
-        observe_home(home, s.home, row[layout.home :])
-
-
-@kernel()
-def _tell_beliefs(i: int, s: Scales, layout: Layout, senses: Senses, row: np.ndarray) -> None:
-    """Fill in what robot i makes of its map, as far as it is shown."""
-    belief, way = senses.beliefs[i], senses.ways_home[i]
-    if layout.confidence >= 0:
-        row[layout.confidence] = observe_confidence(way[TRAVEL], s.home_drift, s.home_near)
-    if layout.place >= 0:
-        for flag in range(2):
-            row[layout.place + flag] = 1.0 if senses.places[i, flag] else -1.0
-    if layout.exit >= 0:
-        observe_exit(belief, way[EXIT], s.home, row[layout.exit :])
-    if layout.way >= 0:
-        observe_way(belief, way[POINT], s.home, row[layout.way :])
+            find_onward(occupancy, i, search, believed)
 
 
 @kernel(arrays=True)
-def _tell_ways(
+def _observe_ways(
     i: int,
-    s: Scales,
+    scales: Scales,
     layout: Layout,
-    senses: Senses,
-    search: Search,
-    sketches: Sketches,
+    state: BatchState,
+    search: SearchParams,
+    occupancy: OccupancyGrids,
     row: np.ndarray,
 ) -> None:
-    """Fill in the ways that robot i has found over its sketch, as far as they are shown."""
-    belief = senses.beliefs[i]
+    """Fill in the parts shortcut and onward of robot i, as far as they are shown."""
+    belief = state.beliefs[i]
     if layout.shortcut >= 0:
-        point = pick_shortcut(sketches, i, search, senses.ways_home[i, TRAVEL])
-        observe_way(belief, point, s.home, row[layout.shortcut :])
+        point = pick_shortcut(occupancy, i, search, state.ways_home[i, TRAVEL])
+        observe_way(belief, point, scales.home, row[layout.shortcut :])
     if layout.onward >= 0:
-        point = pick_onward(sketches, i)
-        observe_way(belief, point, s.home, row[layout.onward :])
+        point = pick_onward(occupancy, i)
+        observe_way(belief, point, scales.home, row[layout.onward :])

@@ -1,4 +1,7 @@
-"""Compiled loops of the tasks: reckoning beliefs, observing."""
+"""The parts of an observation, each made by a compiled function, and the scale they are shown on.
+
+What they mean, see `ObservationConfig`.
+"""
 
 from __future__ import annotations
 
@@ -103,7 +106,7 @@ def _direct(east: float, north: float, cos: float, sin: float, row: np.ndarray) 
 
 
 @kernel()
-def find_home(
+def locate_home(
     belief: np.ndarray, turn: tuple[float, float], where: np.ndarray, home: np.ndarray
 ) -> None:
     """Write where home is, seen from a belief, as x, y, heading (3,); `where` it is in the map.

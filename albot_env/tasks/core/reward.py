@@ -1,4 +1,4 @@
-"""Rewards as named terms: what each is worth stands in one place."""
+"""Rewards as named terms: what each is worth, and how they are kept."""
 
 from __future__ import annotations
 
@@ -6,31 +6,42 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from jaxtyping import Float64
 
 from albot_core.errors import InputError
+from albot_core.kernels.compiled import kernel
+from albot_env.tasks.core.state import EpisodeStats
 
 
 @dataclass(frozen=True, kw_only=True)
 class Weights:
-    """What a reward's terms are worth, each in the field of its name."""
+    """What a reward's terms are worth, each in the field of its name.
 
-    terms: ClassVar[tuple[str, ...]]
-    """The terms, in their order."""
+    A field `discount`, where there is one, is no term but the learner's discount factor.
+    """
+
+    terms: ClassVar[Any]
+    """The terms by name, in their order: a NamedTuple of numbers, as compiled code takes them."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not np.isfinite(value):
                 raise InputError(f"{type(self).__name__}.{name}", "a finite number", str(value))
+        discount = getattr(self, "discount", 1.0)
+        if not 0 < discount <= 1:
+            place = f"{type(self).__name__}.discount"
+            raise InputError(place, "within (0, 1]", str(discount))
 
     @property
-    def values(self) -> Float64[np.ndarray, "terms"]:
-        """The weights in the order of the terms."""
-        return np.array([float(getattr(self, name)) for name in self.terms])
+    def values(self) -> Any:
+        """The weights as compiled code takes them."""
+        return self.terms(*(float(getattr(self, name)) for name in self.terms._fields))
 
 
-def check_discount(weights: Any) -> None:
-    """Raise InputError if the discount factor of these weights is not within (0, 1]."""
-    if not 0 < weights.discount <= 1:
-        place = f"{type(weights).__name__}.discount"
-        raise InputError(place, "within (0, 1]", str(weights.discount))
+@kernel()
+def set_reward(i: int, terms: tuple[float, ...], stats: EpisodeStats) -> None:
+    """Set the terms of robot i's reward, and their sum, added in their order."""
+    total = 0.0
+    for k in range(len(terms)):
+        stats.terms[i, k] = terms[k]
+        total += terms[k]
+    stats.rewards[i] = total

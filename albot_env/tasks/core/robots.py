@@ -1,7 +1,7 @@
-"""The expedition: robots that drive and map, each on its own, all in the same compiled loops.
+"""Batched robots: they drive and map, each on its own, all in the same compiled loops.
 
-An environment is an expedition of one, a batch one of many: what a robot finds is
-the same to the last bit. What its steps are worth, a task says that builds on this one.
+A single environment has one robot, a vector environment many: what each gives is the same to the
+last bit. A task is a subclass: it says what a step is worth and when an episode ends.
 """
 
 from __future__ import annotations
@@ -24,17 +24,23 @@ from albot_env.sim.thread_pool import MIN_ROWS_PER_THREAD, ThreadPool
 from albot_env.tasks.core.actions import ActionConfig, Numbers
 from albot_env.tasks.core.journeys import Journeys
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.observation_builder import Survey, Surveyed
+from albot_env.tasks.core.observation_builder import ObservationBuilder, ProgressSnapshot
 from albot_env.tasks.core.settings import Equipment
-from albot_env.tasks.core.state import Senses, new_standing, reckon, set_out, trail
+from albot_env.tasks.core.state import (
+    BatchState,
+    begin_stats,
+    integrate_odometry,
+    new_stats,
+    update_all_stats,
+)
 from albot_maps import World
 
 _MAPPER_STREAM = 1
 """Which of a robot's random streams its mapper draws from."""
 
 
-class Expedition:
-    """Robots that drive, sense, map and look around, to no end.
+class BatchedRobots:
+    """Robots that drive, sense, map and observe, without a task.
 
     Args:
         robots: How many.
@@ -47,7 +53,7 @@ class Expedition:
             is given, or nothing at all.
     """
 
-    task: ClassVar[str] = "Expedition"
+    environment: ClassVar[str] = "BatchedRobots"
     """Id of the environment."""
     has_budget: ClassVar[bool] = False
     """Whether robots are given a time, of which what is left can be observed."""
@@ -65,7 +71,7 @@ class Expedition:
         observations: ObservationConfig,
     ) -> None:
         if "time_left" in observations.parts and not self.has_budget:
-            expected = f"parts that {self.task} has: no time is given to be back in"
+            expected = f"parts that {self.environment} has: no time is given to be back in"
             raise InputError("ObservationConfig.parts", expected, "time_left")
         sensors = equipment.sensors
         self.actions = actions
@@ -74,7 +80,7 @@ class Expedition:
         self._unmatched: Int64[np.ndarray, "robots"] = np.full(robots, -1)
         self._never = np.zeros(robots, np.bool_)
         self._mappers = equipment.mappers(robots)
-        self._crew = ThreadPool(equipment.threads)
+        self._threads = ThreadPool(equipment.threads)
         self.geometry = sensors.laser.geometry
         """Where the lasers' beams point."""
         self.sonar = None if sensors.sonar is None else sensors.sonar.geometry
@@ -84,15 +90,15 @@ class Expedition:
         if not observations.shapes:
             expected = "a part that robots with these sensors have"
             raise InputError("ObservationConfig.parts", expected, ", ".join(observations.parts))
-        self._fleet = BatchSimulator(
+        self._simulator = BatchSimulator(
             robots,
             robot=PIONEER_3DX,
             sensors=sensors,
-            threads=self._crew,
+            threads=self._threads,
             movables=equipment.movables,
         )
-        self._survey = Survey(robots, observations, self.geometry)
-        self._standing = new_standing(robots, len(self.terms_of_reward))
+        self._builder = ObservationBuilder(robots, observations, self.geometry)
+        self._stats = new_stats(robots, len(self.terms_of_reward))
         self._cell_area = observations.coverage.cell**2
         self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
         self._worlds: list[World | None] = [None] * robots
@@ -100,16 +106,16 @@ class Expedition:
         """The name of each robot's world."""
         mappers = self._mappers
         beliefs = np.zeros((robots, 3)) if mappers is None else mappers.poses
-        self._senses = Senses(
-            poses=self._fleet.poses,
+        self._state = BatchState(
+            poses=self._simulator.poses,
             beliefs=beliefs,
             home_places=np.zeros((robots, 3)) if mappers is None else mappers.homes,
             ways_home=np.full((robots, 7), np.nan) if mappers is None else mappers.ways_home,
             places=np.zeros((robots, 2), np.bool_) if mappers is None else mappers.places,
             homes=np.zeros((robots, 3)),
-            motions=self._fleet.motions,
-            ranges=self._fleet.ranges,
-            echoes=self._fleet.echoes,
+            motions=self._simulator.motions,
+            ranges=self._simulator.ranges,
+            echoes=self._simulator.echoes,
         )
         length = observations.flat_space.shape[0]
         self.observations: Float32[np.ndarray, "robots length"] = np.zeros(
@@ -124,10 +130,10 @@ class Expedition:
             InputError: It is not finite, too near to something, or nowhere that a robot can
                 come to from the world's starts.
         """
-        self._fleet.check_start(world, start)
+        self._simulator.check_start(world, start)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
-        """Let a robot set out anew with an empty map; look around before all else.
+        """Let a robot set out anew with an empty map; call `observe` before all else.
 
         The start must be one (see `check_start`).
         """
@@ -135,54 +141,56 @@ class Expedition:
 
     def _set_out(self, row: int, world: World, start: Pose, key: int) -> None:
         """Let a robot set out with an empty map; `key` decides all its noise."""
-        self._fleet.place(row, world, start, key)
-        standing = self._standing
-        standing.reachable[row] = self._survey.begin(row, world)
+        self._simulator.place(row, world, start, key)
+        stats = self._stats
+        stats.reachable[row] = self._builder.begin(row, world)
         if self._mappers is not None:
             # A stream of its own: how often a mapper draws changes no other noise.
             self._mappers.reset(row, np.random.default_rng((key, _MAPPER_STREAM)))
         else:
-            self._senses.beliefs[row] = 0
-            self._senses.ways_home[row, TRAVEL] = 0
+            self._state.beliefs[row] = 0
+            self._state.ways_home[row, TRAVEL] = 0
         self._worlds[row], self.world_names[row] = world, world.name
-        set_out(row, start, standing)
-        standing.before[row], standing.path_lengths[row] = start[:2], 0.0
+        begin_stats(row, start, stats)
+        stats.before[row], stats.path_lengths[row] = start[:2], 0.0
 
-    def rest(self, row: int) -> Rest:
-        """How a robot stands that has come to rest, and all that it knows."""
-        return Rest(
+    def episode_snapshot(self, row: int) -> EpisodeSnapshot:
+        """How a robot stands that is at rest, and all that it knows."""
+        return EpisodeSnapshot(
             start=self.starts[row].copy(),
             path_length=float(self.path_lengths[row]),
-            halt=self._fleet.snapshot(row),
-            surveyed=self._survey.keep(row),
+            body=self._simulator.snapshot(row),
+            progress=self._builder.snapshot(row),
             belief=self.beliefs[row].copy(),
-            way_home=self._senses.ways_home[row].copy(),
+            way_home=self._state.ways_home[row].copy(),
             memory={} if self._mappers is None else self._mappers.state(row),
         )
 
-    def resume(self, row: int, world: World, rest: Rest, key: int | None = None) -> None:
+    def restore(
+        self, row: int, world: World, snapshot: EpisodeSnapshot, key: int | None = None
+    ) -> None:
         """Let a robot stand and know as another one did in this world; its steps count anew.
 
         `key` decides the noise from now on; by default it is the one it had, and what comes next
-        is what would have come, but that it begins an empty sketch of the ground.
+        is what would have come, but that it begins an empty occupancy grid.
         """
-        halt = rest.halt if key is None else rest.halt._replace(key=key)
-        self._set_out(row, world, rest.start, halt.key)
-        self._fleet.restore(row, world, halt)
-        self._survey.resume(row, rest.surveyed)
+        body = snapshot.body if key is None else snapshot.body._replace(key=key)
+        self._set_out(row, world, snapshot.start, body.key)
+        self._simulator.restore(row, world, body)
+        self._builder.restore(row, snapshot.progress)
         if self._mappers is None:
-            self._senses.beliefs[row] = rest.belief
-            self._senses.ways_home[row] = rest.way_home
+            self._state.beliefs[row] = snapshot.belief
+            self._state.ways_home[row] = snapshot.way_home
         else:
-            self._mappers.restore(row, rest.memory)
-        standing = self._standing
-        standing.before[row] = rest.halt.pose[:2]
-        standing.path_lengths[row] = rest.path_length
+            self._mappers.restore(row, snapshot.memory)
+        stats = self._stats
+        stats.before[row] = snapshot.body.pose[:2]
+        stats.path_lengths[row] = snapshot.path_length
 
     @property
     def at_rest(self) -> bool:
         """Whether no wheel turns."""
-        return not self._fleet.wheels.any()
+        return not self._simulator.wheels.any()
 
     def act(self, numbers: Numbers) -> None:
         """One control step of all robots with these actions."""
@@ -190,38 +198,38 @@ class Expedition:
 
     def drive(self, commands: Float64[np.ndarray, "robots 2"]) -> None:
         """One control step of all robots with speeds (m/s) and turn rates (rad/s)."""
-        fleet = self._fleet
-        fleet.clear_contacts()
-        fleet.drive(fleet.robot.targets_for(commands), SUBSTEPS)
-        steps = self._standing.steps
+        simulator = self._simulator
+        simulator.clear_contacts()
+        simulator.drive(simulator.robot.targets_for(commands), SUBSTEPS)
+        steps = self._stats.steps
         steps += 1
         self.observations = np.empty_like(self.observations)
 
-    def turn_page(self) -> None:
+    def detach_observations(self) -> None:
         """Write observations elsewhere from now on: those handed out stay as they are."""
         self.observations = self.observations.copy()
 
-    def look(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
-        """Let all robots, or some, sense, map, look around and reckon what the step was worth."""
+    def observe(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
+        """Let all robots, or some, sense, map and observe, and compute their rewards."""
         chosen = self._everyone if rows is None else rows
-        self._fleet.locate(chosen)
-        self._crew.share(chosen, self._look, MIN_ROWS_PER_THREAD)
+        self._simulator.locate(chosen)
+        self._threads.share(chosen, self._observe, MIN_ROWS_PER_THREAD)
 
-    def _look(self, rows: Int64[np.ndarray, "some"], _: int) -> None:
-        self._fleet.sense(rows)
-        senses = self._senses
+    def _observe(self, rows: Int64[np.ndarray, "some"], _: int) -> None:
+        self._simulator.sense(rows)
+        state = self._state
         if self._mappers is None:
-            reckon(rows, senses.motions, senses.beliefs, senses.ways_home[:, TRAVEL])
+            integrate_odometry(rows, state.motions, state.beliefs, state.ways_home[:, TRAVEL])
         else:
             self._mappers.update(rows, self.readings)
             if self.observing.shows_way_home:
                 self._mappers.find_ways(rows)
-        self._survey.look(rows, senses, self.observations)
-        self._appraise(rows)
+        self._builder.observe(rows, state, self.observations)
+        self._compute_rewards(rows)
 
-    def _appraise(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Reckon how some stand after a look, and what their step was worth."""
-        trail(rows, self._cell_area, self._senses, self._survey.findings, self._standing)
+    def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Bring the statistics of some robots up to date, and compute what their step was worth."""
+        update_all_stats(rows, self._cell_area, self._state, self._builder.progress, self._stats)
 
     @property
     def ended(self) -> Bool[np.ndarray, "robots"]:
@@ -247,27 +255,27 @@ class Expedition:
 
     @property
     def readings(self) -> Readings:
-        """What the robots sensed last. It is written over at the next look."""
-        return self._fleet.readings(self.times)
+        """What the robots sensed last. It is written over at the next `observe`."""
+        return self._simulator.readings(self.times)
 
     def close(self) -> None:
         """Let the threads go."""
-        self._crew.close()
+        self._threads.close()
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
         """Where the robots truly are, in the world frame."""
-        return self._senses.poses
+        return self._state.poses
 
     @property
     def beliefs(self) -> Float64[np.ndarray, "robots 3"]:
         """Where they believe to be, in their maps' frames."""
-        return self._senses.beliefs
+        return self._state.beliefs
 
     @property
     def homes(self) -> Float64[np.ndarray, "robots 3"]:
         """Where they believe home to be, in their own frames."""
-        return self._senses.homes
+        return self._state.homes
 
     @property
     def times(self) -> Float64[np.ndarray, "robots"]:
@@ -277,51 +285,51 @@ class Expedition:
     @property
     def collided(self) -> Bool[np.ndarray, "robots"]:
         """Whether each touched something in the last step."""
-        return self._fleet.collided
+        return self._simulator.collided
 
     @property
     def steps(self) -> Int64[np.ndarray, "robots"]:
         """How many control steps each has taken."""
-        return self._standing.steps
+        return self._stats.steps
 
     @property
     def starts(self) -> Float64[np.ndarray, "robots 3"]:
         """Where each set out (world frame): the origin of its map's frame."""
-        return self._standing.starts
+        return self._stats.starts
 
     @property
     def path_lengths(self) -> Float64[np.ndarray, "robots"]:
         """How far each has truly driven (m)."""
-        return self._standing.path_lengths
+        return self._stats.path_lengths
 
     @property
     def rewards(self) -> Float64[np.ndarray, "robots"]:
         """What the last step was worth to each: the sum of the terms."""
-        return self._standing.rewards
+        return self._stats.rewards
 
     @property
     def terms(self) -> dict[str, Float64[np.ndarray, "robots"]]:
         """What the last step was worth, by the reward's terms."""
-        return dict(zip(self.terms_of_reward, self._standing.terms.T, strict=True))
+        return dict(zip(self.terms_of_reward, self._stats.terms.T, strict=True))
 
     def terms_of(self, row: int) -> dict[str, float]:
         """What the last step was worth to a robot, by the reward's terms."""
-        return dict(zip(self.terms_of_reward, self._standing.terms[row].tolist(), strict=True))
+        return dict(zip(self.terms_of_reward, self._stats.terms[row].tolist(), strict=True))
 
     @property
     def position_errors(self) -> Float64[np.ndarray, "robots"]:
         """Distance from each true position to the believed one (m)."""
-        return self._standing.position_errors
+        return self._stats.position_errors
 
     @property
     def coverages(self) -> Float64[np.ndarray, "robots"]:
         """Share of the ground that can be reached which each has covered."""
-        return self._standing.coverages
+        return self._stats.coverages
 
     @property
     def rooms_entered(self) -> Int64[np.ndarray, "robots"]:
         """How many rooms each has been in."""
-        return self._survey.findings.rooms_entered
+        return self._builder.progress.rooms_entered
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
@@ -349,7 +357,7 @@ class Expedition:
 
     def things(self, row: int) -> Segments:
         """The outlines of what moves around a robot, where it is now (world frame)."""
-        return self._fleet.obstacles(row)
+        return self._simulator.obstacles(row)
 
     def world(self, row: int) -> World:
         """The world that a robot is in."""
@@ -359,26 +367,26 @@ class Expedition:
 
     def room(self, row: int) -> str:
         """Name of the room that a robot is truly in; empty between rooms."""
-        room: int = self._survey.findings.room.item(row)
+        room: int = self._builder.progress.room.item(row)
         return self.world(row).rooms[room].name if room >= 0 else ""
 
     @property
     def rooms(self) -> np.ndarray:
         """Names of the rooms that the robots are truly in (robots,); empty between rooms."""
-        return self._survey.rooms
+        return self._builder.rooms
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Rest:
-    """How a robot stands that has come to rest on an expedition, and all that it knows."""
+class EpisodeSnapshot:
+    """How a robot stands that is at rest, and all that it knows: all that matters from there on."""
 
     start: Pose
     """Where it set out (world frame)."""
     path_length: float
     """How far it has driven since (m)."""
-    halt: RobotSnapshot
+    body: RobotSnapshot
     """How it stands."""
-    surveyed: Surveyed
+    progress: ProgressSnapshot
     """What it has covered and entered."""
     belief: Pose
     """Where it believes to be, in its map's frame."""

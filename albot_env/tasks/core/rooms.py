@@ -70,7 +70,7 @@ def find_room(x: float, y: float, outlines: Outlines, first: int, last: int) -> 
 
 
 class Rooms(NamedTuple):
-    """The rooms of all robots' worlds."""
+    """The rooms of all robots' worlds, and which of them each has been in."""
 
     outlines: Outlines
     """Those of all worlds."""

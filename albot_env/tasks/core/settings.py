@@ -1,43 +1,101 @@
-"""What environments take by name, single or batched."""
+"""What environments are told: settings by name, and the options of a reset."""
 
 from __future__ import annotations
 
+import difflib
+import inspect
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypedDict, TypeVar
+from pathlib import Path
+from typing import Any, TypedDict, TypeVar, get_type_hints
 
 import numpy as np
 
 from albot_core.errors import InputError
+from albot_core.geometry.types import Pose
 from albot_core.mappers.mapper import MapperBatch
 from albot_core.mappers.registry import make_mappers
 from albot_env.sim import Sensors, choose_sensors
+from albot_maps import World, WorldSet
 
 Config = TypeVar("Config")
 
+Worlds = str | Path | World | WorldSet
+"""A world spec, a world, or worlds (see `albot_maps.load_worlds`)."""
 
-class Settings(TypedDict, total=False):
+DEFAULT_WORLD = "office-ring"
+"""The world where none is named."""
+NO_MAPPER = "none"
+"""Name of the mapper that is none: the belief is the odometer's, and nothing is remembered."""
+
+
+class CommonSettings(TypedDict, total=False):
     """What every environment takes by name, single or batched."""
 
     mapper: str
-    """Name of the mapper inside, or `none`: the robot only adds up its odometer."""
+    """Name of the mapper inside (`albot1`), or `none`: the robot only adds up its odometer."""
     odometer: str
-    """Name of the odometer's preset (`albot_env.sim.ODOMETERS`)."""
+    """Name of the odometer's preset (`pioneer`; `albot_env.sim.ODOMETERS`)."""
     laser: str
-    """Name of the laser's preset (`LASERS`)."""
+    """Name of the laser's preset (`lms-200`; `LASERS`)."""
     sonar: str
-    """Name of the sonars' preset (`SONARS`), or `none`."""
+    """Name of the sonars' preset (`pioneer`; `SONARS`), or `none`."""
     scenes: str
-    """Name of the camera's preset (`SCENES`), or `none`. Mappers see its scenes; observations
-    do not show them."""
+    """Name of the camera's preset (`SCENES`), or `none`, as is usual. Mappers see its scenes;
+    observations do not show them."""
     observation: str
-    """`flat` or `dict`."""
+    """`flat`, as is usual, or `dict`."""
     action: str
-    """`continuous`, or `discrete`: a number of `ActionConfig.choices`."""
+    """`continuous`, as is usual, or `discrete`: a number of `ActionConfig.choices`."""
     movables: bool
-    """Whether doors, boxes and people move in worlds that have any; if not, they are left out."""
+    """Whether doors, boxes and people move in worlds that have any, as is usual; if not, they are
+    left out."""
 
 
-def chosen_config(config: Any, kind: type[Config], task: str) -> Config:
+class Settings(CommonSettings, total=False):
+    """The same, and what the task itself takes: the keywords of its class."""
+
+    config: Any
+    """The task's configuration; None for the usual one."""
+    journeys: int
+    """How many outward journeys, or tours, there are from a start, of which each reset draws one;
+    0, as is usual, for a new one each time. For tasks that have any."""
+
+
+def settings_of(make: Any, task: type) -> dict[str, Any]:
+    """What an environment takes by name: types by name.
+
+    Args:
+        make: The environment's constructor. Its `**settings` stand for `CommonSettings`.
+        task: The task's class, whose keywords are settings too.
+    """
+    settings = get_type_hints(CommonSettings)
+    for function, kinds in (
+        (task.__init__, (inspect.Parameter.KEYWORD_ONLY,)),  # type: ignore[misc]
+        (make, (inspect.Parameter.KEYWORD_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)),
+    ):
+        hints = get_type_hints(function)
+        for name, parameter in inspect.signature(function).parameters.items():
+            if parameter.kind in kinds and name != "self":
+                settings[name] = hints[name]
+    return settings
+
+
+def check_settings(given: Iterable[str], known: Iterable[str], environment: str) -> None:
+    """Refuse settings that an environment does not have.
+
+    Raises:
+        InputError: There is no such setting; the message names the nearest.
+    """
+    known = sorted(known)
+    for name in given:
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1)
+            hint = f" (did you mean {close[0]}?)" if close else ""
+            raise InputError(environment, f"settings among {', '.join(known)}", f"{name}{hint}")
+
+
+def chosen_config(config: Any, kind: type[Config], environment: str) -> Config:
     """The configuration of a task; the usual one where none is given.
 
     Raises:
@@ -46,39 +104,13 @@ def chosen_config(config: Any, kind: type[Config], task: str) -> Config:
     if config is None:
         return kind()
     if not isinstance(config, kind):
-        raise InputError(task, f"{kind.__name__} or None", repr(config)[:80], place="config")
+        raise InputError(environment, f"{kind.__name__} or None", repr(config)[:80], place="config")
     return config
-
-
-def wants_flat(observation: str, task: str) -> bool:
-    """Whether observations are wanted in one row.
-
-    Raises:
-        InputError: In one row, or by part: there is nothing else.
-    """
-    if observation not in ("flat", "dict"):
-        raise InputError(task, "flat or dict", str(observation), place="observation")
-    return observation == "flat"
-
-
-def wants_discrete(action: str, task: str) -> bool:
-    """Whether actions are numbers of choices.
-
-    Raises:
-        InputError: Continuous, or discrete: there is nothing else.
-    """
-    if action not in ("continuous", "discrete"):
-        raise InputError(task, "continuous or discrete", str(action), place="action")
-    return action == "discrete"
-
-
-NO_MAPPER = "none"
-"""Name of the mapper that is none: the belief is the odometer's, and nothing is remembered."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Equipment:
-    """What the robots of an expedition set out with."""
+    """What robots set out with."""
 
     mapper: str
     """Name of the mapper inside each, or `none`."""
@@ -112,7 +144,7 @@ def equip(
     sonar: str,
     scenes: str,
     movables: bool,
-    threads: int = 1,
+    threads: int,
 ) -> Equipment:
     """The equipment of these names.
 
@@ -125,3 +157,67 @@ def equip(
         laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source="sensors"
     )
     return Equipment(mapper=mapper, sensors=sensors, movables=movables, threads=threads)
+
+
+def choose_world(
+    worlds: WorldSet, rng: np.random.Generator, options: Mapping[str, Any], environment: str
+) -> World:
+    """The world that the options of a reset ask for; by default one of the set, at random.
+
+    Args:
+        worlds: The worlds. Of one alone, nothing is drawn.
+        rng: Draws the world.
+        options: `{"world": k}` for the k-th of the set, or nothing.
+        environment: Id of the environment, for the errors.
+
+    Raises:
+        InputError: Another option than `world` and `start`, or a world that is none.
+    """
+    if not isinstance(options, Mapping):
+        raise InputError(environment, "a mapping", repr(options), place="options")
+    unknown = sorted(set(options) - {"start", "world"})
+    if unknown:
+        expected = "the options start and world"
+        raise InputError(environment, expected, ", ".join(unknown), place="options")
+    number = options.get("world")
+    if number is None:
+        number = rng.integers(len(worlds)) if len(worlds) > 1 else 0
+    if not _is_whole(number) or not 0 <= number < len(worlds):
+        expected = f"a world's number below {len(worlds)}"
+        raise InputError(environment, expected, repr(number), place="options.world")
+    return worlds[int(number)]
+
+
+def choose_start(
+    world: World, rng: np.random.Generator, options: Mapping[str, Any], environment: str
+) -> Pose:
+    """The start that the options of a reset ask for; by default one of the world's, at random.
+
+    Args:
+        world: The world.
+        rng: Draws the start.
+        options: `{"start": k}` for the world's k-th start, `{"start": (x, y, heading)}` for
+            a pose in the world's frame (m, rad), or nothing.
+        environment: Id of the environment, for the errors.
+
+    Raises:
+        InputError: A start that is neither.
+    """
+    count = len(world.starts)
+    start = options.get("start")
+    if start is None:
+        return np.asarray(world.starts[rng.integers(count)], np.float64)
+    expected = f"a start's index below {count}, or x, y, heading"
+    try:
+        pose = np.asarray(start, np.float64)
+    except (TypeError, ValueError):
+        raise InputError(environment, expected, repr(start), place="options.start") from None
+    if _is_whole(start) and 0 <= start < count:
+        return np.asarray(world.starts[start], np.float64)
+    if pose.shape != (3,):
+        raise InputError(environment, expected, repr(start), place="options.start")
+    return pose
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Unpack
 
 import gymnasium
 import numpy as np
-from jaxtyping import Float32, UInt8
+from jaxtyping import UInt8
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
@@ -16,84 +14,65 @@ from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Rec
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
 from albot_env.rendering.viewer import NullViewer, Viewer
+from albot_env.tasks.core.interface import METADATA, Observation, Robots, TaskInterface
 from albot_env.tasks.core.journeys import Journeys
-from albot_env.tasks.core.observation import Parts
-from albot_env.tasks.core.robots import Expedition
-from albot_env.tasks.core.settings import Equipment, Settings, equip, wants_discrete, wants_flat
-from albot_env.tasks.core.start import choose_start, choose_world
-from albot_maps import World, WorldSet, load_worlds
-
-METADATA: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
-
-Observation = Float32[np.ndarray, "length"] | Parts
-Robots = TypeVar("Robots", bound=Expedition)
-
-
-class SingleSettings(Settings, total=False):
-    """What every single environment takes by name."""
-
-    render_mode: str | None
-    """`human`, `rgb_array` or None."""
+from albot_env.tasks.core.settings import (
+    DEFAULT_WORLD,
+    Settings,
+    Worlds,
+    check_settings,
+    choose_start,
+    choose_world,
+    settings_of,
+)
+from albot_maps import load_worlds
 
 
 class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
-    """One robot on an expedition.
+    """One robot with a task. A task's environment names its class, and is documented there.
 
     Args:
-        gather: Makes the expedition of so many robots with this equipment.
         world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
-        mapper, odometer, laser, sonar, scenes, observation, action, movables: See `Settings`.
-        render_mode: See `SingleSettings`.
+        render_mode: `human`, `rgb_array` or None.
+        settings: See `Settings`.
 
     Raises:
-        InputError: There is no such world, mapper, sensor, observation or render mode; or
-            `human` where no window opens.
+        InputError: There is no such setting, world, mapper, sensor, observation or render mode;
+            or `human` where no window opens.
     """
 
     metadata = METADATA
+    task: type[Robots]
+    """The task's class."""
 
     def __init__(
         self,
-        gather: Callable[[int, Equipment], Robots],
-        world: str | Path | World | WorldSet,
+        world: Worlds = DEFAULT_WORLD,
         *,
-        mapper: str = "albot1",
-        odometer: str = "pioneer",
-        laser: str = "lms-200",
-        sonar: str = "pioneer",
-        scenes: str = "none",
-        observation: str = "flat",
-        action: str = "continuous",
-        movables: bool = True,
         render_mode: str | None = None,
+        **settings: Unpack[Settings],
     ) -> None:
+        self._environment = environment = self.task.environment
+        check_settings(settings, self.settings(), environment)
         self._worlds = load_worlds(world)
-        self._odometer = odometer
-        equipment = equip(
-            mapper=mapper,
-            odometer=odometer,
-            laser=laser,
-            sonar=sonar,
-            scenes=scenes,
-            movables=movables,
-        )
-        self._robot = gather(1, equipment)
-        self._task = task = self._robot.task
+        self._interface = interface = TaskInterface(self.task, 1, **settings)
+        self._robot: Robots = interface.robots
         self.render_mode = render_mode
-        self._viewer = _open_viewer(render_mode, task)
-        self._mapper_name = mapper
-        self._flat = wants_flat(observation, task)
-        self.observing = scaling = self._robot.observing
+        self._viewer = _open_viewer(render_mode, environment)
+        self.observing = interface.observing
         """How observations are made of readings, with the sensors chosen."""
-        actions = self._robot.actions
-        self._discrete = wants_discrete(action, task)
-        self.action_space = actions.choice_space if self._discrete else actions.space
-        self.observation_space = scaling.flat_space if self._flat else scaling.dict_space
+        self.action_space = interface.action_space
+        self.observation_space = interface.observation_space
         self._map_version = -1
         self._begun = False
         self._trace: Trace | None = None
         self.recorder: Recorder = NullRecorder()
         """Takes the episodes down from the next reset on."""
+
+    @classmethod
+    def settings(cls) -> dict[str, Any]:
+        """What it takes by name: types by name."""
+        return settings_of(cls.__init__, cls.task)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -104,12 +83,12 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             InputError: An option is unknown, or the start is none.
         """
         super().reset(seed=seed)
-        world = choose_world(self._worlds, self.np_random, options or {}, self._task)
-        start = choose_start(world, self.np_random, options or {}, self._task)
+        world = choose_world(self._worlds, self.np_random, options or {}, self._environment)
+        start = choose_start(world, self.np_random, options or {}, self._environment)
         self._robot.check_start(world, start)
         self._robot.begin(0, world, start, self.np_random)
-        self._robot.turn_page()
-        self._robot.look()
+        self._robot.detach_observations()
+        self._robot.observe()
         self._map_version = -1
         self._begun = True
         self._trace = None
@@ -119,7 +98,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             self.recorder.begin(header)
             self.recorder.add(moment)
             self._show()
-        return self._observe(), self._info()
+        return self._interface.shown(self._robot.observations[0]), self._info()
 
     def step(self, action: Any) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Drive for 0.1 s.
@@ -128,19 +107,23 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             InputError: The action is not in the action space.
         """
         if not self._begun:
-            raise gymnasium.error.ResetNeeded(f"{self._task}: reset before the first step")
+            raise gymnasium.error.ResetNeeded(f"{self._environment}: reset before the first step")
         robot = self._robot
-        if self._discrete:
-            action = robot.actions.chosen(action, None, self._task)
-        robot.act(robot.actions.single(action, self._task))
-        robot.look()
+        self._interface.act_single(action)
+        robot.observe()
         if self._trace is not None:
             moment = self._moment(np.atleast_1d(np.array(action, np.float64)))
             self._trace.add(moment)
             self.recorder.add(moment)
             self._show()
         reward, ended = float(robot.rewards[0]), bool(robot.ended[0])
-        return self._observe(), reward, ended, False, self._info()
+        return (
+            self._interface.shown(self._robot.observations[0]),
+            reward,
+            ended,
+            False,
+            self._info(),
+        )
 
     @property
     def journeys(self) -> Journeys[Any] | None:
@@ -156,9 +139,8 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
                 recorder, without which nobody follows the robot.
         """
         if self._trace is None:
-            raise gymnasium.error.ResetNeeded(
-                f"{self._task}: reset with a render mode or a recorder before the first frame"
-            )
+            wanted = "reset with a render mode or a recorder before the first frame"
+            raise gymnasium.error.ResetNeeded(f"{self._environment}: {wanted}")
         return self._trace.frame
 
     def render(self) -> UInt8[np.ndarray, "h w 3"] | None:
@@ -203,10 +185,6 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             things=robot.things(0),
         )
 
-    def _observe(self) -> Observation:
-        row = self._robot.observations[0]
-        return row if self._flat else self.observing.split(row)
-
     def _info(self) -> dict[str, Any]:
         robot = self._robot
         return {
@@ -219,12 +197,12 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
     def _header(self, start: Pose, seed: int | None) -> EpisodeHeader:
         world = self._robot.world(0)
         return EpisodeHeader(
-            environment=self._task,
+            environment=self._environment,
             world=world.name,
             walls=world.walls,
             start=start.copy(),
-            mapper=self._mapper_name,
-            odometer=self._odometer,
+            mapper=self._interface.mapper,
+            odometer=self._interface.odometer,
             seed=seed,
             laser=self._robot.geometry,
             sonar=self._robot.sonar,
@@ -240,11 +218,11 @@ def _single(fact: Any) -> Any:
     return fact[0].copy() if fact.ndim > 1 else fact.item(0)
 
 
-def _open_viewer(render_mode: str | None, task: str) -> Viewer:
+def _open_viewer(render_mode: str | None, environment: str) -> Viewer:
     if render_mode == "human":
         from albot_env.rendering.window import Window
 
-        return Window(task)
+        return Window(environment)
     if render_mode not in (None, "rgb_array"):
-        raise InputError(task, "human, rgb_array or None", render_mode, place="render_mode")
+        raise InputError(environment, "human, rgb_array or None", render_mode, place="render_mode")
     return NullViewer()

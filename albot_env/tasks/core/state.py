@@ -1,4 +1,4 @@
-"""How robots stand: what their steps were worth, and how far off they are."""
+"""The state of batched robots: what they sense and believe, their progress, their statistics."""
 
 from __future__ import annotations
 
@@ -12,8 +12,51 @@ from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 
 
-class Standing(NamedTuple):
-    """A row for each robot."""
+class BatchState(NamedTuple):
+    """Where all robots are, what they believe and what they sensed last; a row each.
+
+    It holds the truth too: observations are made of the other arrays.
+    """
+
+    poses: np.ndarray
+    """(n, 3) float64: where they truly are (world frame)."""
+    beliefs: np.ndarray
+    """(n, 3) float64: where they believe to be (map frame)."""
+    home_places: np.ndarray
+    """(n, 3) float64: where they believe home to be (map frame)."""
+    ways_home: np.ndarray
+    """(n, 7) float64: the ways home that they believe in (see `albot_core.mappers.mapper`)."""
+    places: np.ndarray
+    """(n, 2) bool: whether they are in a place that they know from before; have lost their way."""
+    homes: np.ndarray
+    """(n, 3) float64: where they believe home to be (robot frame); found as it is observed."""
+    motions: np.ndarray
+    """(n, 3) float64: what the odometers measured."""
+    ranges: np.ndarray
+    """(n, beams) float64: what the lasers saw (m)."""
+    echoes: np.ndarray
+    """(n, sonars) float64: what the sonars heard (m)."""
+
+
+class Progress(NamedTuple):
+    """What all robots have truly covered and entered; a row each."""
+
+    ground: np.ndarray
+    """(n,) int64: cells of ground truly covered since the start."""
+    new_ground: np.ndarray
+    """(n,) int64: those newly covered."""
+    room: np.ndarray
+    """(n,) int64: the room of its world that each is in; -1 between rooms."""
+    new_room: np.ndarray
+    """(n,) bool: whether it is entered for the first time."""
+    rooms_entered: np.ndarray
+    """(n,) int64: how many each has been in."""
+    moved: np.ndarray
+    """(n, 2) float64: way and turning since ground was last marked as covered (m, rad)."""
+
+
+class EpisodeStats(NamedTuple):
+    """How the episodes of all robots go, and what their last steps were worth; a row each."""
 
     starts: np.ndarray
     """(n, 3) float64: where it set out (world frame): the origin of its map's frame."""
@@ -24,7 +67,7 @@ class Standing(NamedTuple):
     reachable: np.ndarray
     """(n,) float64: the ground that it can reach (m²)."""
     before: np.ndarray
-    """(n, 2) float64: where it was when last appraised (world frame)."""
+    """(n, 2) float64: where it was at the last update (world frame)."""
     path_lengths: np.ndarray
     """(n,) float64: how far it has truly driven (m)."""
     position_errors: np.ndarray
@@ -38,9 +81,9 @@ class Standing(NamedTuple):
     """(n,) float64: their sum."""
 
 
-def new_standing(robots: int, terms: int) -> Standing:
-    """The standing of robots that have done nothing, with so many terms of the reward."""
-    return Standing(
+def new_stats(robots: int, terms: int) -> EpisodeStats:
+    """Those of so many robots that have not begun, with so many terms of the reward."""
+    return EpisodeStats(
         starts=np.zeros((robots, 3)),
         turns=np.zeros((robots, 2)),
         steps=np.zeros(robots, np.int64),
@@ -54,88 +97,51 @@ def new_standing(robots: int, terms: int) -> Standing:
     )
 
 
-def set_out(row: int, start: Pose, standing: Standing) -> None:
+def begin_stats(row: int, start: Pose, stats: EpisodeStats) -> None:
     """Let a robot stand where it sets out, before its first step."""
-    standing.starts[row] = start
-    standing.turns[row] = math.cos(start[2]), math.sin(start[2])
-    standing.steps[row] = 0
+    stats.starts[row] = start
+    stats.turns[row] = math.cos(start[2]), math.sin(start[2])
+    stats.steps[row] = 0
 
 
 @kernel()
-def follow(
-    i: int, cell_area: float, senses: Senses, findings: Findings, standing: Standing
+def update_stats(
+    i: int, cell_area: float, state: BatchState, progress: Progress, stats: EpisodeStats
 ) -> float:
-    """Bring robot i's standing up to date after a survey; return how far it has driven (m).
+    """Bring robot i's statistics up to date after a look; return how far it has driven (m).
 
-    Its terms are set to zero. `cell_area` (m²) is that of a cell of ground.
+    Its reward is set to zero. `cell_area` (m²) is that of a cell of ground.
     """
-    pose, belief, start = senses.poses[i], senses.beliefs[i], standing.starts[i]
-    before, terms = standing.before[i], standing.terms[i]
+    pose, belief, start = state.poses[i], state.beliefs[i], stats.starts[i]
+    before, terms = stats.before[i], stats.terms[i]
     driven = length_of(pose[0] - before[0], pose[1] - before[1])
-    standing.path_lengths[i] += driven
+    stats.path_lengths[i] += driven
     before[0], before[1] = pose[0], pose[1]
-    cos, sin = standing.turns[i]
+    cos, sin = stats.turns[i]
     x = start[0] + cos * belief[0] - sin * belief[1]
     y = start[1] + sin * belief[0] + cos * belief[1]
-    standing.position_errors[i] = length_of(x - pose[0], y - pose[1])
-    share = findings.ground[i] * cell_area / standing.reachable[i]
-    standing.coverages[i] = min(1.0, share)
+    stats.position_errors[i] = length_of(x - pose[0], y - pose[1])
+    share = progress.ground[i] * cell_area / stats.reachable[i]
+    stats.coverages[i] = min(1.0, share)
     for k in range(terms.shape[0]):
         terms[k] = 0.0
+    stats.rewards[i] = 0.0
     return driven
 
 
 @kernel(nogil=True)
-def trail(
-    rows: np.ndarray, cell_area: float, senses: Senses, findings: Findings, standing: Standing
+def update_all_stats(
+    rows: np.ndarray, cell_area: float, state: BatchState, progress: Progress, stats: EpisodeStats
 ) -> None:
-    """Bring the standing of robots to which nothing is worth anything up to date."""
+    """Bring the statistics of robots `rows` up to date where no task rewards them."""
     for i in rows:
-        follow(i, cell_area, senses, findings, standing)
-
-
-class Senses(NamedTuple):
-    """What all robots know; a row each."""
-
-    poses: np.ndarray
-    """(n, 3) float64: where they truly are (world frame)."""
-    beliefs: np.ndarray
-    """(n, 3) float64: where they believe to be (map frame)."""
-    home_places: np.ndarray
-    """(n, 3) float64: where they believe home to be (map frame)."""
-    ways_home: np.ndarray
-    """(n, 7) float64: the ways home that they believe in (see `albot_core.mappers.mapper`)."""
-    places: np.ndarray
-    """(n, 2) bool: whether they are in a place that they know from before; have lost their way."""
-    homes: np.ndarray
-    """(n, 3) float64: where they believe home to be (robot frame); found by the survey."""
-    motions: np.ndarray
-    """(n, 3) float64: what the odometers measured."""
-    ranges: np.ndarray
-    """(n, beams) float64: what the lasers saw (m)."""
-    echoes: np.ndarray
-    """(n, sonars) float64: what the sonars heard (m)."""
-
-
-class Findings(NamedTuple):
-    """What is found out about all robots; a row each."""
-
-    ground: np.ndarray
-    """(n,) int64: cells of ground truly covered since the start."""
-    new_ground: np.ndarray
-    """(n,) int64: those newly covered."""
-    room: np.ndarray
-    """(n,) int64: the room of its world that each is in; -1 between rooms."""
-    new_room: np.ndarray
-    """(n,) bool: whether it is entered for the first time."""
-    rooms_entered: np.ndarray
-    """(n,) int64: how many each has been in."""
-    moved: np.ndarray
-    """(n, 2) float64: way and turning since each last looked at the ground (m, rad)."""
+        update_stats(i, cell_area, state, progress, stats)
 
 
 @kernel(nogil=True)
-def reckon(rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray, travels: np.ndarray) -> None:
+def integrate_odometry(
+    rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray, travels: np.ndarray
+) -> None:
     """Add the motions measured to beliefs x, y, heading (n, 3), their lengths to travels (n,)."""
     for i in rows:
         travels[i] += length_of(motions[i, 0], motions[i, 1])

@@ -1,4 +1,4 @@
-"""Wayfinding: ways over the ground as the robot has seen it, home and to what is not covered."""
+"""Ways over the ground as robots have seen it: home, and to ground that is not covered."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from albot_core.planning.occupancy_grid import NARROW, NEAR_BY
 from albot_core.ranges import POSITIVE, check_fields
 from albot_env.tasks.core.coverage import CoverageConfig
 from albot_env.tasks.core.wayfinding_kernels import (
-    Pencil,
-    Search,
-    Sketches,
-    begin_sketch,
+    OccupancyGrids,
+    OccupancyParams,
+    SearchParams,
+    clear_occupancy,
 )
 
 
@@ -23,7 +23,7 @@ from albot_env.tasks.core.wayfinding_kernels import (
 class WayfindingConfig:
     """How ways over the ground are searched for.
 
-    From where an episode begins the robot sketches what it sees of the ground, free or blocked.
+    From where an episode begins the robot keeps an occupancy grid of what it sees of the ground.
     On the way home it takes what it has not seen for free, and finds the way anew as it sees more
     (A. Stentz, Optimal and efficient path planning for partially-known environments, ICRA
     1994); ways to ground that is not covered lead over ground seen to be free (B. Yamauchi, A
@@ -34,7 +34,7 @@ class WayfindingConfig:
     """A known way home is left where it is so many times as long as one not known to be barred, of
     which what is close to things counts twice."""
     cell: float = 0.15
-    """Side of a cell of the sketch (m)."""
+    """Side of a cell of the occupancy grid (m)."""
     reach: float = 7.0
     """What lies farther away is not drawn (m)."""
     radius: float = 0.28
@@ -70,12 +70,12 @@ class WayfindingConfig:
             raise InputError(f"WayfindingConfig.{name}", f"at least {least:g}", str(found))
 
     def side(self, extent: float) -> int:
-        """Cells along each side of a sketch for maps that reach so far from their origin (m)."""
+        """Cells along each side of a grid for maps that reach so far from their origin (m)."""
         return 2 * int(np.ceil((extent + self.reach) / self.cell))
 
-    def pencil(self, coverage: CoverageConfig) -> Pencil:
-        """How sketches are drawn; the robot looks as often as at the ground it covers."""
-        return Pencil(
+    def occupancy(self, coverage: CoverageConfig) -> OccupancyParams:
+        """How the grids are drawn; the robot looks as often as at the ground that it covers."""
+        return OccupancyParams(
             cell=self.cell,
             reach=self.reach,
             jump=JUMP,
@@ -85,9 +85,9 @@ class WayfindingConfig:
         )
 
     @property
-    def search(self) -> Search:
+    def search(self) -> SearchParams:
         """What the compiled searches go by."""
-        return Search(
+        return SearchParams(
             cell=self.cell,
             radii=(self.radius / self.cell, self.wide / self.cell),
             margin=self.margin,
@@ -100,29 +100,29 @@ class WayfindingConfig:
         )
 
 
-def no_sketches(robots: int) -> Sketches:
-    """The sketches of so many robots; all are still to be laid."""
-    return Sketches(
+def empty_occupancy(robots: int) -> OccupancyGrids:
+    """The grids of so many robots, none of which has any cells yet."""
+    return OccupancyGrids(
         grids=np.zeros((robots, 0), np.int8),
         sides=np.zeros(robots, np.int64),
         ages=np.zeros(robots, np.int64),
         moved=np.full((robots, 2), np.inf),
         beliefs=np.zeros((robots, 3)),
-        homewards=np.tile((np.nan, np.nan, np.inf), (robots, 1)),
+        shortcuts=np.tile((np.nan, np.nan, np.inf), (robots, 1)),
         onwards=np.tile((np.nan, np.nan, np.inf), (robots, 1)),
     )
 
 
-def laid_sketch(sketches: Sketches, row: int, side: int) -> Sketches:
-    """The sketches with an empty one, of so many cells along a side, for one robot.
+def with_occupancy(occupancy: OccupancyGrids, row: int, side: int) -> OccupancyGrids:
+    """The grids, with an empty one of so many cells along a side for one robot.
 
     These are the same arrays, written over; larger ones only where that is needed. A robot's
-    sketch takes a byte a cell: half a megabyte for an office of 35 m by 25 m.
+    grid takes a byte a cell: half a megabyte for an office of 35 m by 25 m.
     """
-    robots, room = sketches.grids.shape
+    robots, room = occupancy.grids.shape
     if side * side > room:
         added = np.zeros((robots, side * side - room), np.int8)
-        sketches = sketches._replace(grids=np.concatenate((sketches.grids, added), axis=1))
-    sketches.sides[row] = side
-    begin_sketch(sketches, row)
-    return sketches
+        occupancy = occupancy._replace(grids=np.concatenate((occupancy.grids, added), axis=1))
+    occupancy.sides[row] = side
+    clear_occupancy(occupancy, row)
+    return occupancy

@@ -1,6 +1,8 @@
-"""The compiled loops of sketching: what robots see of the ground, drawn as they go.
+"""The compiled loops of wayfinding: occupancy grids of robots, and the ways found on them.
 
-What the cells of a sketch are, see `albot_core.planning.grid_search`.
+At each step `update_occupancy` draws what a robot sees on its grid; every few steps
+`find_shortcut` and `find_onward` search the grid for ways, and what they found is kept until the
+next search. What the cells can be, see `albot_core.planning.grid_search`.
 """
 
 from __future__ import annotations
@@ -21,21 +23,28 @@ from albot_core.planning.grid_search import (
     trace_path,
 )
 from albot_core.planning.occupancy_grid_kernels import farthest_straight, mark_scan
-from albot_env.tasks.core.coverage_kernels import Ground, Sight, is_covered, is_time_to_look
+from albot_env.tasks.core.coverage_kernels import (
+    CoverageGrid,
+    CoverageSensor,
+    accumulate_motion,
+    is_covered,
+)
 
 POINT, LENGTH = slice(0, 2), 2
-"""What `Sketches` holds of a way: a point ahead on it, and how long it is."""
+"""What `OccupancyGrids` holds of a way: a point ahead on it, and how long it is."""
+_NOWHERE = (-1, -1)
+"""The goal of a search for wanted cells."""
 
 
-class Pencil(NamedTuple):
-    """How sketches are drawn."""
+class OccupancyParams(NamedTuple):
+    """How occupancy grids are drawn."""
 
     cell: float
     """Side of a cell (m)."""
     reach: float
     """What lies farther away is not drawn (m)."""
     jump: float
-    """A belief that moves farther than this (m) from what the odometer says begins a new sheet."""
+    """A belief that moves farther than this (m) from what the odometer says clears the grid."""
     spacing: float
     """How far the robot comes between two looks (m)…"""
     turn: float
@@ -44,8 +53,8 @@ class Pencil(NamedTuple):
     """Steps from each search for ways to the next."""
 
 
-class Sketches(NamedTuple):
-    """The sketches of robots, in their maps' frames, and the ways found on them; a row each."""
+class OccupancyGrids(NamedTuple):
+    """What robots have seen of the ground (map frames), and the ways found on it; a row each."""
 
     grids: np.ndarray
     """(n, cells) int8: what each cell is, row by row, x along a row."""
@@ -57,7 +66,7 @@ class Sketches(NamedTuple):
     """(n, 2) float64: way and turning since each was drawn on last (m, rad)."""
     beliefs: np.ndarray
     """(n, 3) float64: where each robot believed to be at the last step (map frame)."""
-    homewards: np.ndarray
+    shortcuts: np.ndarray
     """(n, 3) float64: the point ahead on the shortest way home that is not known to be barred
     (map frame, m), and how long that way is, close to things twice as long (m); NaN and
     infinite where there is none."""
@@ -66,88 +75,7 @@ class Sketches(NamedTuple):
     is not covered."""
 
 
-@kernel()
-def begin_sketch(sketches: Sketches, i: int) -> None:
-    """Let robot i know nothing of the ground."""
-    side = sketches.sides[i]
-    sketches.grids[i, : side * side] = 0
-    sketches.ages[i] = 0
-    sketches.moved[i] = math.inf
-    forget_way(sketches.homewards[i])
-    forget_way(sketches.onwards[i])
-
-
-@kernel(arrays=True)
-def follow_sketch(
-    sketches: Sketches,
-    i: int,
-    pencil: Pencil,
-    sight: Sight,
-    motion: np.ndarray,
-    belief: np.ndarray,
-    ranges: np.ndarray,
-) -> bool:
-    """Draw what robot i sees; return whether it is time to search for ways.
-
-    A belief that has jumped begins a new sheet: what is drawn is not where it was.
-    """
-    if sketches.ages[i] and _has_jumped(sketches.beliefs[i], motion, belief, pencil.jump):
-        begin_sketch(sketches, i)
-    sketches.beliefs[i] = belief
-    if is_time_to_look(motion, pencil.spacing, pencil.turn, sketches.moved[i]):
-        _draw(grid_of(sketches, i), pencil, sight, belief, ranges)
-    is_time = sketches.ages[i] % pencil.every == 0
-    sketches.ages[i] += 1
-    return bool(is_time)
-
-
-@kernel()
-def forget_way(way: np.ndarray) -> None:
-    """There is no such way."""
-    way[POINT] = math.nan
-    way[LENGTH] = math.inf
-
-
-@kernel(arrays=True)
-def grid_of(sketches: Sketches, i: int) -> np.ndarray:
-    """Robot i's cells (side, side), to be read and written."""
-    side = sketches.sides[i]
-    return sketches.grids[i, : side * side].reshape((side, side))
-
-
-@kernel()
-def _has_jumped(before: np.ndarray, motion: np.ndarray, now: np.ndarray, jump: float) -> bool:
-    """Whether a belief is elsewhere than the odometer's motion leads to."""
-    cos, sin = math.cos(before[2]), math.sin(before[2])
-    x = before[0] + cos * motion[0] - sin * motion[1]
-    y = before[1] + sin * motion[0] + cos * motion[1]
-    return length_of(now[0] - x, now[1] - y) > jump
-
-
-@kernel(arrays=True)
-def _draw(
-    grid: np.ndarray, pencil: Pencil, sight: Sight, belief: np.ndarray, ranges: np.ndarray
-) -> None:
-    """Draw a scan, where all of it is on the sheet."""
-    cos, sin = math.cos(belief[2]), math.sin(belief[2])
-    eye = np.array(
-        (
-            belief[0] + cos * sight.x - sin * sight.y,
-            belief[1] + sin * sight.x + cos * sight.y,
-            belief[2] + sight.first,
-        )
-    )
-    farthest = max(abs(eye[0]), abs(eye[1])) + pencil.reach + pencil.cell
-    if farthest < (grid.shape[0] // 2) * pencil.cell:
-        bearings = np.arange(ranges.shape[0]) * sight.spacing
-        mark_scan(grid, pencil.cell, eye, ranges, bearings, pencil.reach)
-
-
-_NOWHERE = (-1, -1)
-"""The goal of a search for wanted cells."""
-
-
-class Search(NamedTuple):
+class SearchParams(NamedTuple):
     """How ways are searched for (see `WayfindingConfig`); lengths in m."""
 
     cell: float
@@ -165,10 +93,79 @@ class Search(NamedTuple):
 
 
 @kernel(arrays=True)
-def find_homewards(sketches: Sketches, i: int, search: Search, home: np.ndarray) -> None:
+def update_occupancy(
+    occupancy: OccupancyGrids,
+    i: int,
+    params: OccupancyParams,
+    sensor: CoverageSensor,
+    motion: np.ndarray,
+    belief: np.ndarray,
+    ranges: np.ndarray,
+) -> bool:
+    """Draw what robot i sees; return whether it is time to search for ways.
+
+    A belief that has jumped begins an empty grid: what is drawn is not where it was.
+    """
+    if occupancy.ages[i] and _has_jumped(occupancy.beliefs[i], motion, belief, params.jump):
+        clear_occupancy(occupancy, i)
+    occupancy.beliefs[i] = belief
+    if accumulate_motion(motion, params.spacing, params.turn, occupancy.moved[i]):
+        _draw(occupancy_of(occupancy, i), params, sensor, belief, ranges)
+    is_time = occupancy.ages[i] % params.every == 0
+    occupancy.ages[i] += 1
+    return bool(is_time)
+
+
+@kernel()
+def clear_occupancy(occupancy: OccupancyGrids, i: int) -> None:
+    """Let robot i know nothing of the ground."""
+    side = occupancy.sides[i]
+    occupancy.grids[i, : side * side] = 0
+    occupancy.ages[i] = 0
+    occupancy.moved[i] = math.inf
+    _forget_way(occupancy.shortcuts[i])
+    _forget_way(occupancy.onwards[i])
+
+
+@kernel()
+def _has_jumped(before: np.ndarray, motion: np.ndarray, now: np.ndarray, jump: float) -> bool:
+    """Whether a belief is elsewhere than the odometer's motion leads to."""
+    cos, sin = math.cos(before[2]), math.sin(before[2])
+    x = before[0] + cos * motion[0] - sin * motion[1]
+    y = before[1] + sin * motion[0] + cos * motion[1]
+    return length_of(now[0] - x, now[1] - y) > jump
+
+
+@kernel(arrays=True)
+def _draw(
+    grid: np.ndarray,
+    params: OccupancyParams,
+    sensor: CoverageSensor,
+    belief: np.ndarray,
+    ranges: np.ndarray,
+) -> None:
+    """Draw a scan, where all of it is on the grid."""
+    cos, sin = math.cos(belief[2]), math.sin(belief[2])
+    eye = np.array(
+        (
+            belief[0] + cos * sensor.x - sin * sensor.y,
+            belief[1] + sin * sensor.x + cos * sensor.y,
+            belief[2] + sensor.first,
+        )
+    )
+    farthest = max(abs(eye[0]), abs(eye[1])) + params.reach + params.cell
+    if farthest < (grid.shape[0] // 2) * params.cell:
+        bearings = np.arange(ranges.shape[0]) * sensor.spacing
+        mark_scan(grid, params.cell, eye, ranges, bearings, params.reach)
+
+
+@kernel(arrays=True)
+def find_shortcut(
+    occupancy: OccupancyGrids, i: int, search: SearchParams, home: np.ndarray
+) -> None:
     """Find robot i's shortest way home (map frame, m); ground not seen yet counts as free."""
-    way, belief, grid = sketches.homewards[i], sketches.beliefs[i], grid_of(sketches, i)
-    forget_way(way)
+    way, belief, grid = occupancy.shortcuts[i], occupancy.beliefs[i], occupancy_of(occupancy, i)
+    _forget_way(way)
     start, end = _cell(grid, belief, search.cell), _cell(grid, home, search.cell)
     low, high = _box(grid, start, end, int(search.margin / search.cell))
     if not (_is_inside(start, low, high, search) and _is_inside(end, low, high, search)):
@@ -189,15 +186,17 @@ def find_homewards(sketches: Sketches, i: int, search: Search, home: np.ndarray)
 
 
 @kernel(arrays=True)
-def find_onwards(sketches: Sketches, i: int, search: Search, covered: Ground) -> None:
+def find_onward(
+    occupancy: OccupancyGrids, i: int, search: SearchParams, covered: CoverageGrid
+) -> None:
     """Find robot i's shortest way, over ground seen to be free, to ground not covered.
 
     It looks near by first, which is much faster, and twice as far where all of that is covered
     and there is more beyond.
     """
-    way, grid = sketches.onwards[i], grid_of(sketches, i)
-    forget_way(way)
-    start = _cell(grid, sketches.beliefs[i], search.cell)
+    way, grid = occupancy.onwards[i], occupancy_of(occupancy, i)
+    _forget_way(way)
+    start = _cell(grid, occupancy.beliefs[i], search.cell)
     around, goes_on = search.first, True
     while goes_on:
         low, high = _box(grid, start, start, int(around / search.cell))
@@ -217,28 +216,30 @@ def find_onwards(sketches: Sketches, i: int, search: Search, covered: Ground) ->
 
 
 @kernel(arrays=True)
-def pick_shortcut(sketches: Sketches, i: int, search: Search, known: float) -> np.ndarray:
+def pick_shortcut(
+    occupancy: OccupancyGrids, i: int, search: SearchParams, known: float
+) -> np.ndarray:
     """The point ahead (map frame, m) on a way home that is worth leaving the known one for.
 
     It is NaN where the known way home, so long (m), is not much longer.
     """
-    way = sketches.homewards[i]
+    way = occupancy.shortcuts[i]
     return way[POINT] if search.worth * way[LENGTH] < known else np.full(2, np.nan)
 
 
 @kernel(arrays=True)
-def pick_onward(sketches: Sketches, i: int) -> np.ndarray:
+def pick_onward(occupancy: OccupancyGrids, i: int) -> np.ndarray:
     """The point ahead (map frame, m) on the way to ground not covered; NaN for none."""
-    return sketches.onwards[i, POINT]
+    return occupancy.onwards[i, POINT]
 
 
 @kernel()
 def _mark_uncovered(
-    part: np.ndarray, low: tuple[int, int], half: int, cell: float, covered: Ground, i: int
+    part: np.ndarray, low: tuple[int, int], half: int, cell: float, covered: CoverageGrid, i: int
 ) -> None:
-    """Mark the free cells of a part of a sketch that are not covered, and could be.
+    """Mark the free cells of a part of a grid that are not covered, and could be.
 
-    `low` is the part's first cell, `half` how many cells before the map's origin a sketch begins.
+    `low` is the part's first cell, `half` how many cells before the map's origin the grid begins.
     """
     extent = covered.sides[i] / 2 * covered.cell
     for row in range(part.shape[0]):
@@ -252,7 +253,7 @@ def _mark_uncovered(
 
 @kernel()
 def _comes_to_the_edge(ways: np.ndarray, border: int) -> bool:
-    """Whether a flood came to the edge of where it may: there may be more beyond."""
+    """Whether a search came to the edge of where it may: there may be more beyond."""
     first, last = border, ways.shape[0] - 1 - border
     for k in range(first, last + 1):
         if max(ways[first, k], ways[last, k], ways[k, first], ways[k, last]) >= 0:
@@ -266,7 +267,7 @@ def _tell_way(
     low: tuple[int, int],
     half: int,
     cells: np.ndarray,
-    search: Search,
+    search: SearchParams,
     way: np.ndarray,
 ) -> bool:
     """Fill in the point ahead on a way of `cells` of a part; whether that is its end.
@@ -295,7 +296,7 @@ def _cell(grid: np.ndarray, place: np.ndarray, cell: float) -> tuple[int, int]:
 def _box(
     grid: np.ndarray, one: tuple[int, int], other: tuple[int, int], margin: int
 ) -> tuple[tuple[int, int], tuple[int, int]]:
-    """First and last rows and columns about two cells, as far as the sheet reaches."""
+    """First and last rows and columns about two cells, as far as the grid reaches."""
     side = grid.shape[0]
     low = max(0, min(one[0], other[0]) - margin), max(0, min(one[1], other[1]) - margin)
     high_row = min(side, max(one[0], other[0]) + margin + 1)
@@ -305,9 +306,23 @@ def _box(
 
 @kernel()
 def _is_inside(
-    place: tuple[int, int], low: tuple[int, int], high: tuple[int, int], search: Search
+    place: tuple[int, int], low: tuple[int, int], high: tuple[int, int], search: SearchParams
 ) -> bool:
-    """Whether a cell is where a flood may come to in a part."""
+    """Whether a cell is where a search may come to in a part."""
     border = int(search.radii[1])
     rows = low[0] + border <= place[0] < high[0] - border
     return bool(rows and low[1] + border <= place[1] < high[1] - border)
+
+
+@kernel(arrays=True)
+def occupancy_of(occupancy: OccupancyGrids, i: int) -> np.ndarray:
+    """Robot i's cells (side, side), to be read and written."""
+    side = occupancy.sides[i]
+    return occupancy.grids[i, : side * side].reshape((side, side))
+
+
+@kernel()
+def _forget_way(way: np.ndarray) -> None:
+    """Write that there is no such way."""
+    way[POINT] = math.nan
+    way[LENGTH] = math.inf

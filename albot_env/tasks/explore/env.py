@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
-from typing import Unpack
-
-from albot_env.tasks.core.single import SingleEnv, SingleSettings
-from albot_env.tasks.explore.task import Exploration, ExploreConfig
-from albot_maps import World, WorldSet
-
-ENVIRONMENT = Exploration.task
+from albot_env.tasks.core.single import SingleEnv
+from albot_env.tasks.core.vector import VectorEnv
+from albot_env.tasks.explore.task import ExploreTask
 
 
-class ExploreEnv(SingleEnv[Exploration]):
+class ExploreEnv(SingleEnv[ExploreTask]):
     """A robot explores a building with a mapper inside.
 
     Description:
@@ -25,11 +19,11 @@ class ExploreEnv(SingleEnv[Exploration]):
         `ExploreConfig(actions=ClaimingActionConfig())` a third number claims, above 0.5: "I have
         been here before, it is the place that my map says". The first claim in a room counts,
         until it is left for another; it is right where the robot had been there and the mapper's
-        present place was first met there (see `claims_kernel`).
+        present place was first met there (see `claims`).
         Anything else, out of range or not a number, is an `InputError`.
 
     Observation space:
-        With `observation="dict"` the parts that `observer.observe` tells of, by default
+        With `observation="dict"` the parts that `ObservationConfig` tells of, by default
         the same in one row (`ObservationConfig.split` takes it apart). All float32 in
         [-1, 1]. They are a function of the readings alone.
 
@@ -56,17 +50,19 @@ class ExploreEnv(SingleEnv[Exploration]):
     Args:
         world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
         config: What actions ask for, how observations are scaled, what is rewarded.
-        settings: See `SingleSettings`.
+        settings: See `Settings`; and `render_mode`.
 
     Raises:
         InputError: As for `SingleEnv`.
     """
 
-    def __init__(
-        self,
-        world: str | Path | World | WorldSet = "office-ring",
-        *,
-        config: ExploreConfig | None = None,
-        **settings: Unpack[SingleSettings],
-    ) -> None:
-        super().__init__(partial(Exploration, config=config), world, **settings)
+    task = ExploreTask
+
+
+class ExploreVectorEnv(VectorEnv[ExploreTask]):
+    """Robots that explore, each as in an `ExploreEnv` of its own.
+
+    See there for everything, and `VectorEnv` for what it takes besides.
+    """
+
+    task = ExploreTask

@@ -1,53 +1,35 @@
-"""The compiled worth of exploring."""
+"""The reward for exploring: its terms, what each is worth, and when it is given."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
-from albot_env.tasks.core.reward import Weights
-from albot_env.tasks.core.state import follow
+from albot_env.tasks.core.reward import Weights, set_reward
+from albot_env.tasks.core.state import update_stats
 from albot_env.tasks.explore.claims import FALSE, RIGHT, forget_claims, judge_claim
 
-TERMS = ("coverage", "room", "place_recognized", "place_mistaken", "collision", "time")
-"""The reward's terms, in the order of the columns of `Standing.terms`."""
 
+class ExploreTerms(NamedTuple):
+    """The terms (see `ExploreWeights`), in the order of the columns of `EpisodeStats.terms`."""
 
-@KernelDispatcher
-@kernel(nogil=True)
-def appraise(rows: np.ndarray, arguments: KernelArguments, elapsed: float) -> None:
-    """Bring the standing of robots up to date after a survey, at the end of a step (s).
-
-    `arguments` holds the weights (terms,) of the reward, the area (m²) of a cell of ground,
-    whether each robot touched something (n,), `Senses`, `Findings`, `Standing` and `Claims`.
-    """
-    weights, cell_area, collided, senses, findings, standing, claims = unpack(arguments)
-    for i in rows:
-        follow(i, cell_area, senses, findings, standing)
-        terms = standing.terms[i]
-        if standing.steps[i] == 0:
-            forget_claims(i, claims)
-        room, is_new = findings.room[i], findings.new_room[i]
-        claim = judge_claim(i, room, is_new, standing.path_lengths[i], claims)
-        if standing.steps[i] > 0:
-            terms[0] = weights[0] * findings.new_ground[i] * cell_area
-            terms[1] = weights[1] if findings.new_room[i] else 0.0
-            terms[2] = weights[2] if claim == RIGHT else 0.0
-            terms[3] = weights[3] if claim == FALSE else 0.0
-            terms[4] = weights[4] if collided[i] else 0.0
-            terms[5] = weights[5] * elapsed
-        standing.rewards[i] = terms[0] + terms[1] + terms[2] + terms[3] + terms[4] + terms[5]
+    coverage: float
+    room: float
+    place_recognized: float
+    place_mistaken: float
+    collision: float
+    time: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExploreWeights(Weights):
     """What the terms of the exploration reward are worth. A reward is their sum."""
 
-    terms: ClassVar[tuple[str, ...]] = TERMS
+    terms: ClassVar[Any] = ExploreTerms
 
     coverage: float = 0.02
     """For every square metre of ground truly covered for the first time (1/m²)."""
@@ -62,3 +44,30 @@ class ExploreWeights(Weights):
     """For every step in contact with something."""
     time: float = -0.01
     """For every second that passes (1/s)."""
+
+
+@KernelDispatcher
+@kernel(nogil=True)
+def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float) -> None:
+    """Bring the statistics of robots up to date at the end of a step (s), and its reward.
+
+    `arguments` holds the weights (`ExploreTerms`), the area (m²) of a cell of ground, whether each
+    robot touched something (n,), `BatchState`, `Progress`, `EpisodeStats` and `Claims`.
+    """
+    weights, cell_area, collided, state, progress, stats, claims = unpack(arguments)
+    for i in rows:
+        update_stats(i, cell_area, state, progress, stats)
+        if stats.steps[i] == 0:
+            forget_claims(i, claims)
+        room, is_new = progress.room[i], progress.new_room[i]
+        claim = judge_claim(i, room, is_new, stats.path_lengths[i], claims)
+        if stats.steps[i] > 0:
+            terms = ExploreTerms(
+                coverage=weights.coverage * progress.new_ground[i] * cell_area,
+                room=weights.room if is_new else 0.0,
+                place_recognized=weights.place_recognized if claim == RIGHT else 0.0,
+                place_mistaken=weights.place_mistaken if claim == FALSE else 0.0,
+                collision=weights.collision if collided[i] else 0.0,
+                time=weights.time * elapsed,
+            )
+            set_reward(i, terms, stats)

@@ -1,4 +1,4 @@
-"""The exploration: an expedition to cover ground and enter rooms."""
+"""Exploration: robots that are to cover ground and enter rooms."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from albot_core.kernels.arguments import ArgumentsCache
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.actions import ActionConfig, Numbers
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.robots import Expedition
+from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import Equipment, chosen_config
 from albot_env.tasks.explore.claims import MOST, ClaimingActionConfig, Claims
-from albot_env.tasks.explore.reward import TERMS, ExploreWeights, appraise
+from albot_env.tasks.explore.reward import ExploreTerms, ExploreWeights, compute_reward
 from albot_maps import World
 
 
@@ -32,7 +32,7 @@ class ExploreConfig:
     """What the reward's terms are worth."""
 
 
-class Exploration(Expedition):
+class ExploreTask(BatchedRobots):
     """Robots that are to cover as much ground and enter as many rooms as they can.
 
     Args:
@@ -41,15 +41,21 @@ class Exploration(Expedition):
         config: What actions ask for, how observations are scaled, what is rewarded.
     """
 
-    task: ClassVar[str] = "Albot/Explore-v0"
-    terms_of_reward: ClassVar[tuple[str, ...]] = TERMS
+    environment: ClassVar[str] = "Albot/Explore-v0"
+    terms_of_reward: ClassVar[tuple[str, ...]] = ExploreTerms._fields
 
-    def __init__(self, robots: int, equipment: Equipment, config: ExploreConfig | None) -> None:
-        config = chosen_config(config, ExploreConfig, self.task)
+    def __init__(
+        self,
+        robots: int,
+        equipment: Equipment,
+        *,
+        config: ExploreConfig | None = None,
+    ) -> None:
+        config = chosen_config(config, ExploreConfig, self.environment)
         super().__init__(
             robots, equipment, actions=config.actions, observations=config.observations
         )
-        self._reckoning = ArgumentsCache(self._books)
+        self._arguments = ArgumentsCache(self._reward_arguments)
         self._weights = config.weights.values
         mappers = self._mappers
         self._claims = Claims(
@@ -66,7 +72,7 @@ class Exploration(Expedition):
         )
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
-        """Let a robot set out anew with an empty map; look around before all else."""
+        """Let a robot set out anew with an empty map; call `observe` before all else."""
         super().begin(row, world, start, rng)
         self._claims.claims[row] = False
         known = self._claims.recognized
@@ -81,18 +87,18 @@ class Exploration(Expedition):
             self._claims.claims[:] = self.actions.declares(numbers)
         super().act(numbers)
 
-    def _appraise(self, rows: Int64[np.ndarray, "some"]) -> None:
-        appraise(rows, self._reckoning.arguments(self._claims), CONTROL_STEP)
+    def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
+        compute_reward(rows, self._arguments.arguments(self._claims), CONTROL_STEP)
 
-    def _books(self, claims: Claims) -> tuple[Any, ...]:
-        """What the appraisal takes."""
+    def _reward_arguments(self, claims: Claims) -> tuple[Any, ...]:
+        """The arguments of `compute_reward`."""
         return (
             self._weights,
             self._cell_area,
             self.collided,
-            self._senses,
-            self._survey.findings,
-            self._standing,
+            self._state,
+            self._builder.progress,
+            self._stats,
             claims,
         )
 

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
-from typing import Unpack
-
-from albot_env.tasks.core.single import SingleEnv, SingleSettings
-from albot_env.tasks.explore_and_home.task import RoundTrip, RoundTripConfig
-from albot_maps import World, WorldSet
-
-ENVIRONMENT = RoundTrip.task
+from albot_env.tasks.core.single import SingleEnv
+from albot_env.tasks.core.vector import VectorEnv
+from albot_env.tasks.explore_and_home.task import ExploreAndHomeTask
 
 
-class ExploreAndHomeEnv(SingleEnv[RoundTrip]):
+class ExploreAndHomeEnv(SingleEnv[ExploreAndHomeTask]):
     """A robot explores for a limited time, at whose end it must have come home.
 
     Description:
@@ -32,17 +26,17 @@ class ExploreAndHomeEnv(SingleEnv[RoundTrip]):
         -1 when it is spent, in between logarithmic.
 
     Rewards:
-        The sum of the terms of `RoundTripWeights`; each stands in `info["reward_terms"]`.
+        The sum of the terms of `ExploreAndHomeWeights`; each stands in `info["reward_terms"]`.
 
     Starting state:
-        As in `Albot/Explore-v0`; the budget is drawn from `RoundTripConfig` (120 to 300 s).
+        As in `Albot/Explore-v0`; the budget is drawn from `ExploreAndHomeConfig` (120 to 300 s).
 
     Episode end:
         Terminated by the declaration, wherever the robot is, or when the budget is spent: that is
         part of the task, not a limit from outside, and what is left of it is observed
         (Pardo et al., Time limits in reinforcement learning, ICML 2018). A success
-        is a declaration, and nothing but a declaration, within `RoundTripConfig.radius` (1 m) of
-        the true start, by a robot that has truly covered `ground` (40 m²) or `share` (half) of
+        is a declaration, and nothing but a declaration, within `ExploreAndHomeConfig.radius` (1 m)
+        of the true start, by a robot that has truly covered `ground` (40 m²) or `share` (half) of
         the ground that can be reached, whichever is less. Truncated after
         `max_episode_steps` (never, unless `gymnasium.make` is told).
 
@@ -59,18 +53,19 @@ class ExploreAndHomeEnv(SingleEnv[RoundTrip]):
         world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
         config: What actions ask for, how observations are scaled, what is rewarded, and how
             long the robot has.
-        settings: See `SingleSettings`.
+        settings: See `Settings`; and `render_mode`.
 
     Raises:
         InputError: As for `SingleEnv`.
     """
 
-    def __init__(
-        self,
-        world: str | Path | World | WorldSet = "office-ring",
-        *,
-        config: RoundTripConfig | None = None,
-        **settings: Unpack[SingleSettings],
-    ) -> None:
-        gather = partial(RoundTrip, config=config)
-        super().__init__(gather, world, **settings)
+    task = ExploreAndHomeTask
+
+
+class ExploreAndHomeVectorEnv(VectorEnv[ExploreAndHomeTask]):
+    """Robots that explore and come home, each as in an `ExploreAndHomeEnv` of its own.
+
+    See there for everything, and `VectorEnv` for what it takes besides.
+    """
+
+    task = ExploreAndHomeTask

@@ -1,9 +1,9 @@
-"""The compiled worth of exploring and coming home in time."""
+"""The reward for exploring and coming home in time: its terms, their worth, when it is given."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -11,17 +11,60 @@ from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
 from albot_env.tasks.core.observation_parts import LogScale, observe_time
-from albot_env.tasks.core.reward import Weights, check_discount
-from albot_env.tasks.core.state import follow
-from albot_env.tasks.core.way_home import find_way, success_weighted
-
-TERMS = (
-    "coverage", "room", "success", "false_declaration", "late", "progress", "collision", "time",
-)  # fmt: skip
-"""The reward's terms, in the order of the columns of `Standing.terms`."""
+from albot_env.tasks.core.reward import Weights, set_reward
+from albot_env.tasks.core.state import update_stats
+from albot_env.tasks.core.way_home import success_weighted, update_way_home
 
 
-class RoundTrips(NamedTuple):
+class ExploreAndHomeTerms(NamedTuple):
+    """The terms (see `ExploreAndHomeWeights`), in the order of `EpisodeStats.terms`."""
+
+    coverage: float
+    room: float
+    success: float
+    false_declaration: float
+    late: float
+    progress: float
+    collision: float
+    time: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExploreAndHomeWeights(Weights):
+    """What the terms of the reward for exploring and coming home are worth. A reward is their sum.
+
+    Progress is shaped by a potential that grows with time (Devlin and Kudenko, Dynamic
+    potential-based reward shaping, AAMAS 2012): Φ = -`progress` · true way home (m) · share of
+    the budget that is spent, and 0 once the episode is over. It lets the robot go away
+    at first and draws it home towards the end. As in `HomingWeights` the discounted terms sum
+    to -Φ of the beginning, which is 0, whatever the robot did: the best policy is the one
+    without shaping.
+    """
+
+    terms: ClassVar[Any] = ExploreAndHomeTerms
+
+    coverage: float = 0.02
+    """For every square metre of ground truly covered for the first time (1/m²)."""
+    room: float = 1.0
+    """For every room truly entered for the first time."""
+    success: float = 10.0
+    """For declaring home where it is, in time and with enough ground covered."""
+    false_declaration: float = -5.0
+    """For declaring home elsewhere, or having covered too little."""
+    late: float = -5.0
+    """For having declared nothing when the budget is spent."""
+    progress: float = 0.1
+    """For every metre that the way home gets shorter when time is up (1/m), see above."""
+    collision: float = -0.1
+    """For every step in contact with something."""
+    time: float = 0.0
+    """For every second that passes (1/s): the budget is what presses."""
+    discount: float = 0.995
+    """The learner's own discount factor γ, of a step: with another one the best policy may
+    change."""
+
+
+class ExploreAndHomeStats(NamedTuple):
     """How robots fare that are to be home in time, a row each."""
 
     budgets: np.ndarray
@@ -65,106 +108,78 @@ class Rules(NamedTuple):
     """…and where in observations it stands; -1 where it is not shown."""
 
 
+def new_explore_and_home_stats(robots: int) -> ExploreAndHomeStats:
+    """Those of so many robots that have not begun."""
+    return ExploreAndHomeStats(
+        budgets=np.ones(robots, np.int64),
+        time_left=np.zeros(robots),
+        distances=np.zeros(robots),
+        turns=np.zeros((robots, 2)),
+        farthest=np.zeros(robots),
+        driven=np.zeros(robots),
+        declares=np.zeros(robots, np.bool_),
+        declared=np.zeros(robots, np.bool_),
+        success=np.zeros(robots, np.bool_),
+        ended=np.zeros(robots, np.bool_),
+        spl=np.zeros(robots),
+        soft_spl=np.zeros(robots),
+    )
+
+
 @KernelDispatcher
 @kernel(nogil=True)
-def appraise_round_trip(
+def compute_reward(
     rows: np.ndarray, arguments: KernelArguments, elapsed: float, observations: np.ndarray
 ) -> None:
-    """Bring the standing of robots up to date after a survey, at the end of a step (s).
+    """Bring the statistics of robots up to date at the end of a step (s), and its reward.
 
-    The time left is filled into each one's row of `observations`. `arguments` holds the
-    weights (terms,) and the discount of the reward, `Rules`, the area (m²) of a cell of ground,
-    whether each robot touched something (n,), `Fields`, `Senses`, `Findings`, `Standing` and
-    `RoundTrips`.
+    The time left is filled into each one's row of `observations`. `arguments` holds the weights
+    (`ExploreAndHomeTerms`) and the discount of the reward, `Rules`, the area (m²) of a cell of
+    ground, whether each robot touched something (n,), `DistanceFields`, `BatchState`, `Progress`,
+    `EpisodeStats` and `ExploreAndHomeStats`.
     """
-    weights, discount, rules, cell_area, collided, fields, senses, findings, standing, r = unpack(
+    weights, discount, rules, cell_area, collided, fields, state, progress, stats, trip = unpack(
         arguments
     )
     for i in rows:
-        moved = follow(i, cell_area, senses, findings, standing)
-        steps, budget, before = standing.steps[i], r.budgets[i], r.distances[i]
-        pose, start, terms = senses.poses[i], standing.starts[i], standing.terms[i]
-        find_way(i, pose[0], pose[1], fields, r)
-        r.declared[i] = r.success[i] = r.ended[i] = False
-        r.time_left[i] = (budget - steps) * elapsed
+        moved = update_stats(i, cell_area, state, progress, stats)
+        steps, budget, before = stats.steps[i], trip.budgets[i], trip.distances[i]
+        pose, start = state.poses[i], stats.starts[i]
+        update_way_home(i, pose[0], pose[1], fields, trip)
+        trip.declared[i] = trip.success[i] = trip.ended[i] = False
+        trip.time_left[i] = (budget - steps) * elapsed
         if steps == 0:
-            r.farthest[i] = 0.0
+            trip.farthest[i] = 0.0
         else:
-            r.driven[i] += moved
-            r.declared[i] = r.declares[i]
+            trip.driven[i] += moved
+            trip.declared[i] = declared = trip.declares[i]
             apart = length_of(pose[0] - start[0], pose[1] - start[1])
-            enough = min(rules.ground, rules.share * standing.reachable[i])
-            explored = findings.ground[i] * cell_area >= enough
-            r.success[i] = r.declared[i] and explored and apart <= rules.radius
-            r.ended[i] = r.declared[i] or steps >= budget
-            # What is home worth as time goes by: see `RoundTripWeights`.
+            enough = min(rules.ground, rules.share * stats.reachable[i])
+            explored = progress.ground[i] * cell_area >= enough
+            trip.success[i] = success = declared and explored and apart <= rules.radius
+            trip.ended[i] = ended = declared or steps >= budget
+            # What home is worth as time goes by: see `ExploreAndHomeWeights`.
             drawn = before * (steps - 1) / budget
-            if not r.ended[i]:
-                drawn -= discount * r.distances[i] * steps / budget
-            terms[0] = weights[0] * findings.new_ground[i] * cell_area
-            terms[1] = weights[1] if findings.new_room[i] else 0.0
-            terms[2] = weights[2] if r.success[i] else 0.0
-            terms[3] = weights[3] if r.declared[i] and not r.success[i] else 0.0
-            terms[4] = weights[4] if r.ended[i] and not r.declared[i] else 0.0
-            terms[5] = weights[5] * drawn
-            terms[6] = weights[6] if collided[i] else 0.0
-            terms[7] = weights[7] * elapsed
-        if r.distances[i] >= r.farthest[i]:
-            r.farthest[i], r.driven[i] = r.distances[i], 0.0
-        _weigh(i, r)
-        total = 0.0
-        for k in range(terms.shape[0]):
-            total += terms[k]
-        standing.rewards[i] = total
+            if not ended:
+                drawn -= discount * trip.distances[i] * steps / budget
+            terms = ExploreAndHomeTerms(
+                coverage=weights.coverage * progress.new_ground[i] * cell_area,
+                room=weights.room if progress.new_room[i] else 0.0,
+                success=weights.success if success else 0.0,
+                false_declaration=weights.false_declaration if declared and not success else 0.0,
+                late=weights.late if ended and not declared else 0.0,
+                progress=weights.progress * drawn,
+                collision=weights.collision if collided[i] else 0.0,
+                time=weights.time * elapsed,
+            )
+            set_reward(i, terms, stats)
+        if trip.distances[i] >= trip.farthest[i]:
+            trip.farthest[i], trip.driven[i] = trip.distances[i], 0.0
+        farthest, driven = trip.farthest[i], trip.driven[i]
+        trip.spl[i] = success_weighted(1.0 if trip.success[i] else 0.0, farthest, driven)
+        back = 0.0
+        if farthest > 0.0:
+            back = min(1.0, max(0.0, 1.0 - trip.distances[i] / farthest))
+        trip.soft_spl[i] = success_weighted(back, farthest, driven)
         if rules.time_at >= 0:
-            observations[i, rules.time_at] = observe_time(r.time_left[i], rules.time_scale)
-
-
-@kernel()
-def _weigh(i: int, r: RoundTrips) -> None:
-    """Weigh success, and the share of the way back that robot i has come, by their length."""
-    farthest = r.farthest[i]
-    r.spl[i] = success_weighted(1.0 if r.success[i] else 0.0, farthest, r.driven[i])
-    back = 0.0
-    if farthest > 0.0:
-        back = min(1.0, max(0.0, 1.0 - r.distances[i] / farthest))
-    r.soft_spl[i] = success_weighted(back, farthest, r.driven[i])
-
-
-@dataclass(frozen=True, kw_only=True)
-class RoundTripWeights(Weights):
-    """What the terms of the reward for exploring and coming home are worth. A reward is their sum.
-
-    Progress is shaped by a potential that grows with time (Devlin and Kudenko, Dynamic
-    potential-based reward shaping, AAMAS 2012): Φ = -`progress` · true way home (m) · share of
-    the budget that is spent, and 0 once the episode is over. It lets the robot go away
-    at first and draws it home towards the end. As in `HomingWeights` the discounted terms sum
-    to -Φ of the beginning, which is 0, whatever the robot did: the best policy is the one
-    without shaping.
-    """
-
-    terms: ClassVar[tuple[str, ...]] = TERMS
-
-    coverage: float = 0.02
-    """For every square metre of ground truly covered for the first time (1/m²)."""
-    room: float = 1.0
-    """For every room truly entered for the first time."""
-    success: float = 10.0
-    """For declaring home where it is, in time and with enough ground covered."""
-    false_declaration: float = -5.0
-    """For declaring home elsewhere, or having covered too little."""
-    late: float = -5.0
-    """For having declared nothing when the budget is spent."""
-    progress: float = 0.1
-    """For every metre that the way home gets shorter when time is up (1/m), see above."""
-    collision: float = -0.1
-    """For every step in contact with something."""
-    time: float = 0.0
-    """For every second that passes (1/s): the budget is what presses."""
-    discount: float = 0.995
-    """The learner's own discount factor γ, of a step: with another one the best policy may
-    change."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_discount(self)
+            observations[i, rules.time_at] = observe_time(trip.time_left[i], rules.time_scale)

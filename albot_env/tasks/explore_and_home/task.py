@@ -1,4 +1,4 @@
-"""The round trip: an expedition that explores and is to be home before its time is up."""
+"""Exploring and coming home: robots that explore and are to be home before their time is up."""
 
 from __future__ import annotations
 
@@ -14,31 +14,37 @@ from albot_core.kernels.arguments import ArgumentsCache
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, check_fields
 from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.actions import DeclaringActionConfig, Numbers
-from albot_env.tasks.core.observation import ROUND_TRIP, ObservationConfig
-from albot_env.tasks.core.robots import Expedition
+from albot_env.tasks.core.observation import EXPLORE_AND_HOME_PARTS, ObservationConfig
+from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import Equipment, chosen_config
-from albot_env.tasks.core.way_home import Fields, HomeFields, find_way, no_fields, with_field
+from albot_env.tasks.core.way_home import (
+    DistanceFieldCache,
+    DistanceFields,
+    empty_fields,
+    update_way_home,
+    with_field,
+)
 from albot_env.tasks.explore_and_home.reward import (
-    TERMS,
-    RoundTrips,
-    RoundTripWeights,
+    ExploreAndHomeTerms,
+    ExploreAndHomeWeights,
     Rules,
-    appraise_round_trip,
+    compute_reward,
+    new_explore_and_home_stats,
 )
 from albot_maps import World
 
 
 @dataclass(frozen=True, kw_only=True)
-class RoundTripConfig:
+class ExploreAndHomeConfig:
     """What actions ask for, how observations are scaled, what is rewarded, and the budget."""
 
     actions: DeclaringActionConfig = field(default_factory=DeclaringActionConfig)
     """What actions ask for."""
     observations: ObservationConfig = field(
-        default_factory=lambda: ObservationConfig(parts=ROUND_TRIP)
+        default_factory=lambda: ObservationConfig(parts=EXPLORE_AND_HOME_PARTS)
     )
     """How observations are scaled, and which ground counts as covered."""
-    weights: RoundTripWeights = field(default_factory=RoundTripWeights)
+    weights: ExploreAndHomeWeights = field(default_factory=ExploreAndHomeWeights)
     """What the reward's terms are worth."""
     shortest: float = 120.0
     """The time that a robot has in all is drawn from this (s)…"""
@@ -56,12 +62,12 @@ class RoundTripConfig:
         check_fields(self, POSITIVE, "shortest", "longest", "radius")
         if self.shortest > self.longest:
             expected = f"at least shortest, {self.shortest:g}"
-            raise InputError("RoundTripConfig.longest", expected, f"{self.longest:g}")
+            raise InputError("ExploreAndHomeConfig.longest", expected, f"{self.longest:g}")
         check_fields(self, NOT_NEGATIVE, "ground")
         check_fields(self, SHARE, "share")
 
 
-class RoundTrip(Expedition):
+class ExploreAndHomeTask(BatchedRobots):
     """Robots that are to explore, and to be home before their time is up.
 
     Args:
@@ -70,53 +76,46 @@ class RoundTrip(Expedition):
         config: What actions ask for, how observations are scaled, what is rewarded.
     """
 
-    task: ClassVar[str] = "Albot/ExploreAndHome-v0"
-    terms_of_reward: ClassVar[tuple[str, ...]] = TERMS
+    environment: ClassVar[str] = "Albot/ExploreAndHome-v0"
+    terms_of_reward: ClassVar[tuple[str, ...]] = ExploreAndHomeTerms._fields
     has_budget: ClassVar[bool] = True
 
-    def __init__(self, robots: int, equipment: Equipment, config: RoundTripConfig | None) -> None:
-        config = chosen_config(config, RoundTripConfig, self.task)
+    def __init__(
+        self,
+        robots: int,
+        equipment: Equipment,
+        *,
+        config: ExploreAndHomeConfig | None = None,
+    ) -> None:
+        config = chosen_config(config, ExploreAndHomeConfig, self.environment)
         super().__init__(
             robots, equipment, actions=config.actions, observations=config.observations
         )
         self._config = config
-        self._ways = HomeFields()
-        self._reckoning = ArgumentsCache(self._books)
-        self._fields = no_fields(robots)
-        self._trips = RoundTrips(
-            budgets=np.ones(robots, np.int64),
-            time_left=np.zeros(robots),
-            distances=np.zeros(robots),
-            turns=np.zeros((robots, 2)),
-            farthest=np.zeros(robots),
-            driven=np.zeros(robots),
-            declares=np.zeros(robots, np.bool_),
-            declared=np.zeros(robots, np.bool_),
-            success=np.zeros(robots, np.bool_),
-            ended=np.zeros(robots, np.bool_),
-            spl=np.zeros(robots),
-            soft_spl=np.zeros(robots),
-        )
+        self._distance_fields = DistanceFieldCache()
+        self._arguments = ArgumentsCache(self._reward_arguments)
+        self._fields = empty_fields(robots)
+        self._trips = new_explore_and_home_stats(robots)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
         """Let a robot set out anew with an empty map, for a time that is drawn."""
         time = rng.uniform(self._config.shortest, self._config.longest)
         super().begin(row, world, start, rng)
         self._trips.budgets[row] = max(1, round(time / CONTROL_STEP))
-        self._fields = with_field(self._fields, row, self._ways.find(world, start))
-        find_way(row, float(start[0]), float(start[1]), self._fields, self._trips)
+        self._fields = with_field(self._fields, row, self._distance_fields.find(world, start))
+        update_way_home(row, float(start[0]), float(start[1]), self._fields, self._trips)
 
     def act(self, numbers: Numbers) -> None:
         """One control step of all robots with these actions, of which some declare home."""
         self._trips.declares[:] = self._config.actions.declares(numbers)
         super().act(numbers)
 
-    def _appraise(self, rows: Int64[np.ndarray, "some"]) -> None:
-        arguments = self._reckoning.arguments(self._fields)
-        appraise_round_trip(rows, arguments, CONTROL_STEP, self.observations)
+    def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
+        arguments = self._arguments.arguments(self._fields)
+        compute_reward(rows, arguments, CONTROL_STEP, self.observations)
 
-    def _books(self, fields: Fields) -> tuple[Any, ...]:
-        """What the appraisal takes."""
+    def _reward_arguments(self, fields: DistanceFields) -> tuple[Any, ...]:
+        """The arguments of `compute_reward`."""
         config, weights = self._config, self._config.weights
         shown = self.observing.time_scale, self.observing.layout.time_left
         rules = Rules(config.radius, config.ground, config.share, *shown)
@@ -127,9 +126,9 @@ class RoundTrip(Expedition):
             self._cell_area,
             self.collided,
             fields,
-            self._senses,
-            self._survey.findings,
-            self._standing,
+            self._state,
+            self._builder.progress,
+            self._stats,
             self._trips,
         )
 

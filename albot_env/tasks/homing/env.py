@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
-from typing import Unpack
-
-from albot_env.tasks.core.single import SingleEnv, SingleSettings
-from albot_env.tasks.homing.task import Homing, HomingConfig
-from albot_maps import World, WorldSet
-
-ENVIRONMENT = Homing.task
+from albot_env.tasks.core.single import SingleEnv
+from albot_env.tasks.core.vector import VectorEnv
+from albot_env.tasks.homing.task import HomingTask
 
 
-class HomingEnv(SingleEnv[Homing]):
+class HomingEnv(SingleEnv[HomingTask]):
     """A robot that has explored drives home, and says when it is there.
 
     Description:
         The robot of `Albot/Explore-v0` has set out somewhere and explored, by the gap
-        explorer of `albot_core.planning`, for a way drawn from `OutingConfig`. Its mapper has
-        followed. Now it is to come back to where it set out, as straight as it can, and
+        explorer of `albot_core.planning`, for a way drawn from `OutwardJourneyConfig`. Its mapper
+        has followed. Now it is to come back to where it set out, as straight as it can, and
         to declare that it is home. A step is 0.1 s.
 
     Action space:
@@ -61,19 +55,19 @@ class HomingEnv(SingleEnv[Homing]):
         journeys: How many outward journeys there are from a start, of which each reset draws
             one; 0 for a new one each time.
         config: What actions ask for, how observations are scaled, what is rewarded.
-        settings: See `SingleSettings`.
+        settings: See `Settings`; and `render_mode`.
 
     Raises:
         InputError: As for `SingleEnv`; or there are fewer journeys than none.
     """
 
-    def __init__(
-        self,
-        world: str | Path | World | WorldSet = "office-ring",
-        *,
-        journeys: int = 0,
-        config: HomingConfig | None = None,
-        **settings: Unpack[SingleSettings],
-    ) -> None:
-        gather = partial(Homing, config=config, journeys=journeys)
-        super().__init__(gather, world, **settings)
+    task = HomingTask
+
+
+class HomingVectorEnv(VectorEnv[HomingTask]):
+    """Robots that drive home, each as in a `HomingEnv` of its own. They share outward journeys.
+
+    See there for everything, and `VectorEnv` for what it takes besides.
+    """
+
+    task = HomingTask

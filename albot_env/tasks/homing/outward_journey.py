@@ -15,16 +15,16 @@ from albot_core.errors import InputError
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.percept import Percept
 from albot_env.tasks.core.actions import ActionConfig
-from albot_env.tasks.core.journeys import Journeys, Ticket
+from albot_env.tasks.core.journeys import Journeys, JourneySpec
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.robots import Expedition, Rest
+from albot_env.tasks.core.robots import BatchedRobots, EpisodeSnapshot
 from albot_env.tasks.core.settings import Equipment
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField
 
 
 @dataclass(frozen=True, kw_only=True)
-class OutingConfig:
+class OutwardJourneyConfig:
     """How long outward journeys are."""
 
     shortest: float = 30.0
@@ -37,19 +37,19 @@ class OutingConfig:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not 0 <= value < math.inf:
-                raise InputError(f"OutingConfig.{name}", "a length (m)", str(value))
+                raise InputError(f"OutwardJourneyConfig.{name}", "a length (m)", str(value))
         if self.shortest > self.longest:
             expected = f"at least shortest, {self.shortest:g}"
-            raise InputError("OutingConfig.longest", expected, f"{self.longest:g}")
+            raise InputError("OutwardJourneyConfig.longest", expected, f"{self.longest:g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Outing:
+class OutwardJourney:
     """An outward journey that is over."""
 
     world: World
     """Where it was."""
-    rest: Rest
+    end: EpisodeSnapshot
     """The robot at its end."""
     field: DistanceField
     """How far it is home from everywhere."""
@@ -57,11 +57,11 @@ class Outing:
     """Whether the robot got stuck before it came as far as it was to."""
 
 
-class Outings(Journeys[Outing]):
+class OutwardJourneys(Journeys[OutwardJourney]):
     """Makes outward journeys, and keeps them.
 
     Args:
-        task: Id of the environment, for the errors.
+        environment: Its id, for the errors.
         equipment: What the robots set out with.
         observations: How they look at the ground that they cover.
         config: How long journeys are.
@@ -78,18 +78,18 @@ class Outings(Journeys[Outing]):
 
     def __init__(
         self,
-        task: str,
+        environment: str,
         equipment: Equipment,
         observations: ObservationConfig,
-        config: OutingConfig,
+        config: OutwardJourneyConfig,
         count: int,
     ) -> None:
         seen = observations.coverage, observations.laser_range
-        super().__init__(task, (replace(equipment, threads=1), *seen, config), count)
+        super().__init__(environment, (replace(equipment, threads=1), *seen, config), count)
         self._config = config
         # Robots share journeys that are shown more of the ground than those they were made for.
         parts = dict.fromkeys((*observations.parts, "coverage"))
-        self._scout = Expedition(
+        self._scout = BatchedRobots(
             1,
             replace(equipment, threads=1),
             actions=ActionConfig(),
@@ -101,28 +101,30 @@ class Outings(Journeys[Outing]):
         """Let the scout go."""
         self._scout.close()
 
-    def travel(self, ticket: Ticket) -> Outing:
+    def travel(self, spec: JourneySpec) -> OutwardJourney:
         """Make a journey."""
-        world, start, number = ticket
+        world, start, number = spec
         rng = np.random.default_rng((number, *start.view(np.uint64).tolist()))
         wanted = float(rng.uniform(self._config.shortest, self._config.longest))
         field = DistanceField(world.walls, ROBOT_RADIUS, start[:2])
         scout, explorer = self._scout, self._explorer
         scout.begin(0, world, start, rng)
         explorer.reset(rng)
-        scout.look()
+        scout.observe()
         arrived, left = False, self._STEPS + int(self._STEPS_PER_METRE * wanted)
         while left and not arrived:
             scout.drive(explorer.command(self._senses())[np.newaxis])
-            scout.look()
+            scout.observe()
             away = field.distance(scout.poses[0, :2]) >= self._config.away
             arrived, left = bool(away and scout.path_lengths[0] >= wanted), left - 1
         while not scout.at_rest:
             scout.drive(np.zeros((1, 2)))
-            scout.look()
+            scout.observe()
         if math.isinf(field.distance(scout.poses[0, :2])):
             field = DistanceField(world.walls, ROBOT_RADIUS, start[:2], tight=True)
-        return Outing(world=world, rest=scout.rest(0), field=field, cut_short=not arrived)
+        return OutwardJourney(
+            world=world, end=scout.episode_snapshot(0), field=field, cut_short=not arrived
+        )
 
     def _senses(self) -> Percept:
         """What the scout knows now."""

@@ -46,7 +46,7 @@ _VIEW = ViewConfig(fit_lines=True)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Arrival:
+class PlaceDescriptor:
     """What a robot remembers of a place where it stopped and looked around."""
 
     belief: Pose
@@ -61,7 +61,7 @@ class Arrival:
     """The number of its last reading, counted from 0."""
 
 
-class Notebook:
+class PlaceDatabase:
     """Follows a robot by its readings and notes down where it arrives.
 
     Args:
@@ -81,7 +81,7 @@ class Notebook:
         self._way = 0.0
         self._begun = False
         self._readings = 0
-        self.arrivals: list[Arrival] = []
+        self.arrivals: list[PlaceDescriptor] = []
         """All arrivals so far."""
 
     @property
@@ -119,7 +119,7 @@ class Notebook:
             points.append(transform_points(around, laser.points))
             view = transform_segments(around, construct_view(laser, _VIEW).surfaces)
             seen = merge_lines(seen, view, _MATCH)
-        arrival = Arrival(
+        arrival = PlaceDescriptor(
             belief=self.belief,
             way=self._way,
             panorama=Panorama.of(np.concatenate(points)),
@@ -133,7 +133,7 @@ class Notebook:
         self.arrivals.append(arrival)
         return np.reshape(np.array(compared, np.float32), (-1, len(FEATURES)))
 
-    def _compare(self, here: Arrival, there: Arrival, ago: int) -> Float64[np.ndarray, "features"]:
+    def _compare(self, here: PlaceDescriptor, there: PlaceDescriptor, ago: int) -> Float64[np.ndarray, "features"]:
         """What tells whether two arrivals were at one place, in numbers from -1 to 1.
 
         `distance` between the believed places, -1 at 0 and 1 at `FARTHEST`, logarithmic;

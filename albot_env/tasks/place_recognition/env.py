@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from functools import partial
-from pathlib import Path
-from typing import Unpack
-
-from albot_env.tasks.core.single import SingleEnv, SingleSettings
-from albot_env.tasks.place_recognition.task import Judging, JudgingConfig
-from albot_maps import World, WorldSet
-
-ENVIRONMENT = Judging.task
+from albot_env.tasks.core.single import SingleEnv
+from albot_env.tasks.core.vector import VectorEnv
+from albot_env.tasks.place_recognition.task import PlaceRecognitionTask
 
 
-class PlaceRecognitionEnv(SingleEnv[Judging]):
+class PlaceRecognitionEnv(SingleEnv[PlaceRecognitionTask]):
     """A robot is led from room to room, and judges which it has seen before.
 
     Description:
@@ -40,7 +34,7 @@ class PlaceRecognitionEnv(SingleEnv[Judging]):
         there are. All float32 in [-1, 1]. They are a function of the readings alone.
 
     Rewards:
-        The sum of the terms of `PlaceWeights`; each stands in `info["reward_terms"]`.
+        The sum of the terms of `PlaceRecognitionWeights`; each stands in `info["reward_terms"]`.
 
     Starting state:
         At the second arrival of a tour. World and start are drawn, or chosen by `options`, as in
@@ -51,7 +45,8 @@ class PlaceRecognitionEnv(SingleEnv[Judging]):
 
     Episode end:
         Terminated when the last arrival is judged; the observation then is empty. A success is
-        to have known `JudgingConfig.recall` (85 %) of the places revisited and none falsely.
+        to have known `PlaceRecognitionConfig.recall` (85 %) of the places revisited and none
+        falsely.
 
     Info:
         The truth, for evaluation: `world`, `room`, `pose`, `start`, `belief`, `position_error`,
@@ -67,20 +62,20 @@ class PlaceRecognitionEnv(SingleEnv[Judging]):
         journeys: How many tours there are from a start, of which each reset draws one; 0 for a
             new one each time.
         config: Where tours lead, what is rewarded, and what is a success.
-        settings: See `SingleSettings`.
+        settings: See `Settings`; and `render_mode`.
 
     Raises:
         InputError: As for `SingleEnv`; or there are fewer journeys than none. A reset raises
             one where the world has no two rooms in which a robot can stop.
     """
 
-    def __init__(
-        self,
-        world: str | Path | World | WorldSet = "office-ring",
-        *,
-        journeys: int = 0,
-        config: JudgingConfig | None = None,
-        **settings: Unpack[SingleSettings],
-    ) -> None:
-        gather = partial(Judging, config=config, journeys=journeys)
-        super().__init__(gather, world, **settings)
+    task = PlaceRecognitionTask
+
+
+class PlaceRecognitionVectorEnv(VectorEnv[PlaceRecognitionTask]):
+    """Robots that judge where they are, each as in a `PlaceRecognitionEnv`. They share tours.
+
+    See there for everything, and `VectorEnv` for what it takes besides.
+    """
+
+    task = PlaceRecognitionTask

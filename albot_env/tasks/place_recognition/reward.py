@@ -1,30 +1,54 @@
-"""The compiled worth of judging where one is."""
+"""The reward for recognising places: its terms, what each is worth, and when it is given."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import kernel
-from albot_env.tasks.core.observation_parts import find_home
+from albot_env.tasks.core.observation_parts import locate_home
 from albot_env.tasks.core.reward import Weights
-from albot_env.tasks.core.state import Senses, Standing
+from albot_env.tasks.core.state import BatchState, EpisodeStats
 
-TERMS = ("right_known", "right_new", "false_known", "missed")
-"""The reward's terms, in the order of the columns of `Standing.terms`: a place known as the one
-that it is; a new one known as new; a place taken for one that it is not; one taken for new."""
+RIGHT_KNOWN, RIGHT_NEW, FALSE_KNOWN, MISSED = range(4)
+"""What an answer can be: each is a term, a place in `PlaceRecognitionTerms`."""
 
 
-class Sheets(NamedTuple):
+class PlaceRecognitionTerms(NamedTuple):
+    """The terms (see `PlaceRecognitionWeights`), in the order of `EpisodeStats.terms`."""
+
+    right_known: float
+    right_new: float
+    false_known: float
+    missed: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceRecognitionWeights(Weights):
+    """What the terms of the reward for recognising places are worth. A reward is their sum."""
+
+    terms: ClassVar[Any] = PlaceRecognitionTerms
+
+    right_known: float = 1.0
+    """For a place known again as the one that it is."""
+    right_new: float = 0.5
+    """For a new place known as new."""
+    false_known: float = -5.0
+    """For a place taken for one that it is not: a false place spoils a map."""
+    missed: float = -1.0
+    """For a known place taken for new."""
+
+
+class TourTable(NamedTuple):
     """The tours of all robots, a row each; column k is the k-th arrival, the start the first."""
 
     counts: np.ndarray
     """(n,) int64: how many arrivals there are."""
-    questions: np.ndarray
+    observations: np.ndarray
     """(n, arrivals, length) float32: what is observed at each."""
     same: np.ndarray
     """(n, arrivals, arrivals) bool: which arrivals truly were at one place."""
@@ -48,7 +72,7 @@ class Sheets(NamedTuple):
     """(n, arrivals, sonars) float64: what its sonars hear (m)."""
 
 
-class Judgement(NamedTuple):
+class AnswerStats(NamedTuple):
     """How well robots judge, a row each."""
 
     answers: np.ndarray
@@ -60,7 +84,7 @@ class Judgement(NamedTuple):
     rooms: np.ndarray
     """(n,) int64: the room of its world that it is in; -1 between rooms."""
     tallies: np.ndarray
-    """(n, 4) int64: how many answers were of which kind, in the order of `TERMS`."""
+    """(n, 4) int64: how many answers were of which kind, in the order of the terms."""
     revisits: np.ndarray
     """(n,) int64: how many of the places judged had been visited before."""
     precision: np.ndarray
@@ -79,41 +103,46 @@ class Judgement(NamedTuple):
 
 @KernelDispatcher
 @kernel(arrays=True, nogil=True)
-def judge(rows: np.ndarray, arguments: KernelArguments, observations: np.ndarray) -> None:
-    """Judge the answers of robots `rows`, and show them where they have arrived next.
+def judge_answers(rows: np.ndarray, arguments: KernelArguments, observations: np.ndarray) -> None:
+    """Reward the answers of robots `rows`, and show them where they have arrived next.
 
     Each one's observation goes into its row of `observations`. `arguments` holds the weights
-    (terms,) of the reward, the recall that is wanted for success, what is observed when
-    all is judged (length,), `Sheets`, `Senses`, `Standing` and `Judgement`.
+    (`PlaceRecognitionTerms`) of the reward, the recall that is wanted for success, what is observed
+    when all is judged (length,), `TourTable`, `BatchState`, `EpisodeStats` and `AnswerStats`.
     """
-    weights, wanted, nothing, sheets, senses, standing, j = unpack(arguments)
+    weights, wanted, nothing, tours, state, stats, answers = unpack(arguments)
     for i in rows:
-        answered, last = standing.steps[i], sheets.counts[i] - 1
-        terms, tallies = standing.terms[i], j.tallies[i]
+        answered, last = stats.steps[i], tours.counts[i] - 1
+        terms, tallies = stats.terms[i], answers.tallies[i]
         terms[:] = 0.0
         if answered == 0:
             tallies[:] = 0
-            j.revisits[i] = 0
+            answers.revisits[i] = 0
         elif answered <= last:
-            kind = _kind(sheets.same[i], answered, j.answers[i], j.right_answers[i])
+            right_answer = answers.right_answers[i]
+            kind = _kind(tours.same[i], answered, answers.answers[i], right_answer)
             tallies[kind] += 1
             terms[kind] = weights[kind]
-            j.revisits[i] += j.right_answers[i] > 0
-        standing.rewards[i] = terms[0] + terms[1] + terms[2] + terms[3]
-        j.ended[i] = answered > 0 and answered >= last
-        _weigh(i, wanted, j)
+            answers.revisits[i] += right_answer > 0
+        stats.rewards[i] = terms[0] + terms[1] + terms[2] + terms[3]  # All but one are 0.
+        ended = answered > 0 and answered >= last
+        right, false = tallies[RIGHT_KNOWN], tallies[FALSE_KNOWN]
+        answers.ended[i] = ended
+        answers.precision[i] = right / (right + false) if right + false > 0 else 1.0
+        answers.recall[i] = right / answers.revisits[i] if answers.revisits[i] > 0 else 1.0
+        answers.success[i] = ended and false == 0 and answers.recall[i] >= wanted
         here = min(answered + 1, last)
-        _show(i, here, sheets, senses, standing, j)
-        j.right_answers[i] = 0 if j.ended[i] else _latest(sheets.same[i], here)
-        observations[i] = nothing if j.ended[i] else sheets.questions[i, here]
+        _show_arrival(i, here, tours, state, stats, answers)
+        answers.right_answers[i] = 0 if ended else _latest(tours.same[i], here)
+        observations[i] = nothing if ended else tours.observations[i, here]
 
 
 @kernel()
 def _kind(same: np.ndarray, here: int, answer: int, right: int) -> int:
-    """What kind of answer it is, as `TERMS` go."""
+    """What kind of answer it is."""
     if answer == 0:
-        return 3 if right > 0 else 1
-    return 0 if answer <= here and same[here, answer - 1] else 2
+        return MISSED if right > 0 else RIGHT_NEW
+    return RIGHT_KNOWN if answer <= here and same[here, answer - 1] else FALSE_KNOWN
 
 
 @kernel()
@@ -125,46 +154,26 @@ def _latest(same: np.ndarray, here: int) -> int:
     return 0
 
 
-@kernel()
-def _weigh(i: int, wanted: float, j: Judgement) -> None:
-    """Bring robot i's precision, recall and success up to date."""
-    right, false = j.tallies[i, 0], j.tallies[i, 2]
-    j.precision[i] = right / (right + false) if right + false > 0 else 1.0
-    j.recall[i] = right / j.revisits[i] if j.revisits[i] > 0 else 1.0
-    j.success[i] = j.ended[i] and false == 0 and j.recall[i] >= wanted
-
-
 @kernel(arrays=True)
-def _show(
-    i: int, here: int, sheets: Sheets, senses: Senses, standing: Standing, j: Judgement
+def _show_arrival(
+    i: int,
+    here: int,
+    tours: TourTable,
+    state: BatchState,
+    stats: EpisodeStats,
+    answers: AnswerStats,
 ) -> None:
     """Let robot i stand at an arrival of its tour."""
-    senses.poses[i] = sheets.poses[i, here]
-    senses.beliefs[i] = sheets.beliefs[i, here]
-    senses.ranges[i] = sheets.ranges[i, here]
-    senses.echoes[i] = sheets.echoes[i, here]
-    belief = senses.beliefs[i]
+    state.poses[i] = tours.poses[i, here]
+    state.beliefs[i] = tours.beliefs[i, here]
+    state.ranges[i] = tours.ranges[i, here]
+    state.echoes[i] = tours.echoes[i, here]
+    belief = state.beliefs[i]
     turn = math.cos(belief[2]), math.sin(belief[2])
-    find_home(belief, turn, senses.home_places[i], senses.homes[i])
-    standing.position_errors[i] = sheets.errors[i, here]
-    standing.path_lengths[i] = sheets.path_lengths[i, here]
-    j.rooms[i] = sheets.rooms[i, here]
-    j.arrivals[i] = here + 1
-    j.collided[i] = sheets.collided[i, here]
-    j.times[i] = sheets.times[i, here]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlaceWeights(Weights):
-    """What the terms of the reward for judging places are worth. A reward is their sum."""
-
-    terms: ClassVar[tuple[str, ...]] = TERMS
-
-    right_known: float = 1.0
-    """For a place known again as the one that it is."""
-    right_new: float = 0.5
-    """For a new place known as new."""
-    false_known: float = -5.0
-    """For a place taken for one that it is not: a false place spoils a map."""
-    missed: float = -1.0
-    """For a known place taken for new."""
+    locate_home(belief, turn, state.home_places[i], state.homes[i])
+    stats.position_errors[i] = tours.errors[i, here]
+    stats.path_lengths[i] = tours.path_lengths[i, here]
+    answers.rooms[i] = tours.rooms[i, here]
+    answers.arrivals[i] = here + 1
+    answers.collided[i] = tours.collided[i, here]
+    answers.times[i] = tours.times[i, here]

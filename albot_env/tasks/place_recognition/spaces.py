@@ -1,4 +1,4 @@
-"""Answers: actions that name an earlier arrival, or none."""
+"""What an agent says of places, and what it is shown of them: the spaces of both."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ NEW = 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class AnswerConfig(ActionConfig):
+class AnswerActionConfig(ActionConfig):
     """What an answer is: 0 for a new place, k for that of the k-th arrival."""
 
     names: ClassVar[tuple[str, ...]] = ("answer",)
@@ -74,13 +74,13 @@ FEATURES = (
     "distance", "agreed", "contradicted", "sight", "shift", "turn", "matches", "share", "place",
     "recency", "way",
 )  # fmt: skip
-"""What an arrival is compared by, in the order of the numbers (see `arrivals.Notebook`)."""
+"""What an arrival is compared by, in the order of the numbers (see `arrivals.PlaceDatabase`)."""
 
 
-def question(
+def arrivals_observation(
     candidates: Float32[np.ndarray, "arrivals features"], most: int
 ) -> Float32[np.ndarray, "length"]:
-    """What is observed where these are the earlier arrivals, of which there can be so many.
+    """What is observed where these are the earlier arrivals, of which there can be `most`.
 
     All features of all arrivals, 0 where there is none yet, and which of them there are (1 or -1).
     """
@@ -90,7 +90,7 @@ def question(
 
 
 @dataclass(frozen=True, kw_only=True)
-class CandidatesConfig(ObservationConfig):
+class ArrivalsObservationConfig(ObservationConfig):
     """What is observed of the earlier arrivals."""
 
     most: int
@@ -100,7 +100,7 @@ class CandidatesConfig(ObservationConfig):
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """The shape of each part, in the order of the flat observation.
 
-        `arrivals`, a row for each: the features of `features.FEATURES`, 0 where there is none
+        `arrivals`, a row for each: the features of `FEATURES`, 0 where there is none
         yet; `mask`, which of them there are (1 or -1).
         """
         return {"arrivals": (self.most, len(FEATURES)), "mask": (self.most,)}

@@ -1,4 +1,4 @@
-"""The judging: robots led along tours, which are to say where they have been before."""
+"""Place recognition: robots led along tours, which are to say where they have been before."""
 
 from __future__ import annotations
 
@@ -13,27 +13,33 @@ from albot_core.kernels.arguments import KernelArguments
 from albot_core.maps.layers import MapSnapshot
 from albot_core.ranges import SHARE, check_fields
 from albot_env.tasks.core.actions import Numbers
-from albot_env.tasks.core.robots import Expedition
+from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import NO_MAPPER, Equipment, chosen_config
-from albot_env.tasks.core.state import set_out
-from albot_env.tasks.place_recognition.reward import TERMS, Judgement, PlaceWeights, Sheets, judge
+from albot_env.tasks.core.state import begin_stats
+from albot_env.tasks.place_recognition.reward import (
+    AnswerStats,
+    PlaceRecognitionTerms,
+    PlaceRecognitionWeights,
+    TourTable,
+    judge_answers,
+)
 from albot_env.tasks.place_recognition.spaces import (
     FEATURES,
-    AnswerConfig,
-    CandidatesConfig,
-    question,
+    AnswerActionConfig,
+    ArrivalsObservationConfig,
+    arrivals_observation,
 )
-from albot_env.tasks.place_recognition.tours import Stop, Tour, TourConfig, Tours
+from albot_env.tasks.place_recognition.tours import Tour, TourConfig, Tours, TourStop
 from albot_maps import World
 
 
 @dataclass(frozen=True, kw_only=True)
-class JudgingConfig:
+class PlaceRecognitionConfig:
     """Where tours lead, what is rewarded, and what is a success."""
 
     tour: TourConfig = field(default_factory=TourConfig)
     """How long tours are, and where they lead."""
-    weights: PlaceWeights = field(default_factory=PlaceWeights)
+    weights: PlaceRecognitionWeights = field(default_factory=PlaceRecognitionWeights)
     """What the reward's terms are worth."""
     recall: float = 0.85
     """A success is to know this share of the places again and none falsely."""
@@ -42,7 +48,7 @@ class JudgingConfig:
         check_fields(self, SHARE, "recall")
 
 
-class Judging(Expedition):
+class PlaceRecognitionTask(BatchedRobots):
     """Robots that are led from place to place and judge where they have been before.
 
     Args:
@@ -55,28 +61,33 @@ class Judging(Expedition):
         InputError: There are fewer journeys than none, or there is no such mapper.
     """
 
-    task: ClassVar[str] = "Albot/PlaceRecognition-v0"
-    terms_of_reward: ClassVar[tuple[str, ...]] = TERMS
+    environment: ClassVar[str] = "Albot/PlaceRecognition-v0"
+    terms_of_reward: ClassVar[tuple[str, ...]] = PlaceRecognitionTerms._fields
 
     def __init__(
-        self, robots: int, equipment: Equipment, config: JudgingConfig | None, journeys: int
+        self,
+        robots: int,
+        equipment: Equipment,
+        *,
+        config: PlaceRecognitionConfig | None = None,
+        journeys: int = 0,
     ) -> None:
-        config = chosen_config(config, JudgingConfig, self.task)
-        self._tours = Tours(self.task, equipment, config.tour, journeys)
+        config = chosen_config(config, PlaceRecognitionConfig, self.environment)
+        self._tours = Tours(self.environment, equipment, config.tour, journeys)
         most = config.tour.most
         super().__init__(
             robots,
             replace(equipment, mapper=NO_MAPPER, movables=False),
-            actions=AnswerConfig(most=most),
-            observations=CandidatesConfig(most=most),
+            actions=AnswerActionConfig(most=most),
+            observations=ArrivalsObservationConfig(most=most),
         )
         self.journeys = self._tours
-        self._led: list[Tour | None] = [None] * robots
-        beams, sonars = self._senses.ranges.shape[1], self._senses.echoes.shape[1]
+        self._current_tours: list[Tour | None] = [None] * robots
+        beams, sonars = self._state.ranges.shape[1], self._state.echoes.shape[1]
         length = self.observations.shape[1]
-        self._sheets = Sheets(
+        self._tour_table = TourTable(
             counts=np.ones(robots, np.int64),
-            questions=np.zeros((robots, most + 1, length), np.float32),
+            observations=np.zeros((robots, most + 1, length), np.float32),
             same=np.zeros((robots, most + 1, most + 1), np.bool_),
             rooms=np.full((robots, most + 1), -1),
             poses=np.zeros((robots, most + 1, 3)),
@@ -88,12 +99,12 @@ class Judging(Expedition):
             ranges=np.zeros((robots, most + 1, beams)),
             echoes=np.zeros((robots, most + 1, sonars)),
         )
-        self._judgement = Judgement(
+        self._answers = AnswerStats(
             answers=np.zeros(robots, np.int64),
             right_answers=np.zeros(robots, np.int64),
             arrivals=np.zeros(robots, np.int64),
             rooms=np.full(robots, -1),
-            tallies=np.zeros((robots, len(TERMS)), np.int64),
+            tallies=np.zeros((robots, len(self.terms_of_reward)), np.int64),
             revisits=np.zeros(robots, np.int64),
             precision=np.ones(robots),
             recall=np.ones(robots),
@@ -103,15 +114,15 @@ class Judging(Expedition):
             times=np.zeros(robots),
         )
         weights = config.weights.values, config.recall
-        nothing = question(np.empty((0, len(FEATURES)), np.float32), most)
-        rest = nothing, self._sheets, self._senses, self._standing, self._judgement
-        self._books = KernelArguments((*weights, *rest))
+        nothing = arrivals_observation(np.empty((0, len(FEATURES)), np.float32), most)
+        tables = self._tour_table, self._state, self._stats, self._answers
+        self._arguments = KernelArguments((*weights, nothing, *tables))
 
     def check_start(self, world: World, start: Pose) -> None:
         """Refuse a start that is none, and a world through which no tour leads.
 
         Raises:
-            InputError: As for all expeditions; or the world has no two rooms to stop in.
+            InputError: As for all robots; or the world has no two rooms to stop in.
         """
         super().check_start(world, start)
         self._tours.check(world)
@@ -120,55 +131,56 @@ class Judging(Expedition):
         """Let a robot begin a tour."""
         tour = self._tours.draw(world, start, rng)
         self._worlds[row], self.world_names[row] = world, world.name
-        self._led[row] = tour
-        set_out(row, start, self._standing)
-        count, sheets = len(tour.stops), self._sheets
-        sheets.counts[row] = count
-        sheets.same[row, :count, :count] = tour.same
-        for name, column in tour.sheet.items():
-            getattr(sheets, name)[row, :count] = column
+        self._current_tours[row] = tour
+        begin_stats(row, start, self._stats)
+        count, table = len(tour.stops), self._tour_table
+        table.counts[row] = count
+        table.same[row, :count, :count] = tour.same
+        for name, column in tour.columns.items():
+            getattr(table, name)[row, :count] = column
 
     def act(self, numbers: Numbers) -> None:
         """Take the answers, and lead all robots on to their next stops."""
-        self._judgement.answers[:] = numbers[:, 0]
-        steps = self._standing.steps
+        self._answers.answers[:] = numbers[:, 0]
+        steps = self._stats.steps
         steps += 1
         self.observations = np.empty_like(self.observations)
 
-    def look(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
+    def observe(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
         """Judge what all robots, or some, have answered, and show them where they are now."""
-        judge(self._everyone if rows is None else rows, self._books, self.observations)
+        chosen = self._everyone if rows is None else rows
+        judge_answers(chosen, self._arguments, self.observations)
 
     @property
     def ended(self) -> Bool[np.ndarray, "robots"]:
         """Whose tour is over."""
-        return self._judgement.ended
+        return self._answers.ended
 
     @property
     def collided(self) -> Bool[np.ndarray, "robots"]:
         """Whether each has touched something since the arrival before."""
-        return self._judgement.collided
+        return self._answers.collided
 
     @property
     def times(self) -> Float64[np.ndarray, "robots"]:
         """Simulated time since each set out (s)."""
-        return self._judgement.times
+        return self._answers.times
 
     @property
     def facts(self) -> dict[str, np.ndarray]:
         """The truth in numbers, for `info`: a row for each robot."""
-        judged = self._judgement
+        answers = self._answers
         names = "pose", "start", "belief", "position_error", "collided", "path_length", "time"
         facts = super().facts
         return {
             **{name: facts[name] for name in names},
-            "is_success": judged.success,
-            "arrivals": judged.arrivals,
-            "right_answer": judged.right_answers,
-            "revisits": judged.revisits,
-            **dict(zip(TERMS, judged.tallies.T, strict=True)),
-            "precision": judged.precision,
-            "recall": judged.recall,
+            "is_success": answers.success,
+            "arrivals": answers.arrivals,
+            "right_answer": answers.right_answers,
+            "revisits": answers.revisits,
+            **dict(zip(self.terms_of_reward, answers.tallies.T, strict=True)),
+            "precision": answers.precision,
+            "recall": answers.recall,
         }
 
     def snapshot(self, row: int) -> MapSnapshot:
@@ -178,12 +190,12 @@ class Judging(Expedition):
     @property
     def map_versions(self) -> Int64[np.ndarray, "robots"]:
         """As `updates`."""
-        return self._judgement.arrivals
+        return self._answers.arrivals
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
         """At how many arrivals what each remembers has changed: at every one."""
-        return self._judgement.arrivals
+        return self._answers.arrivals
 
     def things(self, row: int) -> Segments:
         """Nothing moves around robots on tours."""
@@ -198,11 +210,11 @@ class Judging(Expedition):
     def rooms(self) -> np.ndarray:
         """Names of the rooms that the robots are truly in (robots,); empty between rooms."""
         return np.array(
-            [self.room(row) if tour else "" for row, tour in enumerate(self._led)], object
+            [self.room(row) if tour else "" for row, tour in enumerate(self._current_tours)], object
         )
 
-    def _at(self, row: int) -> Stop:
+    def _at(self, row: int) -> TourStop:
         """Where a robot is on its tour."""
-        tour = self._led[row]
+        tour = self._current_tours[row]
         assert tour is not None, "a robot is nowhere before it begins"
-        return tour.stops[int(self._judgement.arrivals[row]) - 1]
+        return tour.stops[int(self._answers.arrivals[row]) - 1]

@@ -22,10 +22,10 @@ from albot_core.maps.layers import MapSnapshot
 from albot_core.ranges import SHARE, check_fields
 from albot_core.sensing.reading import Reading
 from albot_env.sim.simulator import THESIS_STEPS, Simulator, follow_leg
-from albot_env.tasks.core.journeys import KEPT, Journeys, Ticket
+from albot_env.tasks.core.journeys import KEPT, Journeys, JourneySpec
 from albot_env.tasks.core.settings import Equipment
-from albot_env.tasks.place_recognition.arrivals import Notebook
-from albot_env.tasks.place_recognition.spaces import question
+from albot_env.tasks.place_recognition.arrivals import PlaceDatabase
+from albot_env.tasks.place_recognition.spaces import arrivals_observation
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.freespace import FreeSpace, wall_lines
 from albot_maps.geodesic import DistanceField
@@ -39,11 +39,11 @@ _ROOM = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Stop:
+class TourStop:
     """An arrival: what the robot then knew, and how things truly were."""
 
     candidates: Float32[np.ndarray, "arrivals features"]
-    """What tells of each arrival before (see `features.FEATURES`)."""
+    """What tells of each arrival before (see `spaces.FEATURES`)."""
     reading: Reading
     """The last reading."""
     belief: Pose
@@ -68,7 +68,7 @@ class Tour:
     """Where it was."""
     start: Pose
     """Where it began (world frame)."""
-    stops: tuple[Stop, ...]
+    stops: tuple[TourStop, ...]
     """Its arrivals, that where it began the first."""
     most: int
     """How many earlier arrivals there can be on such a tour."""
@@ -96,13 +96,15 @@ class Tour:
         return np.asarray(same_room | ~shapely.intersects(between, lines))
 
     @cached_property
-    def sheet(self) -> dict[str, np.ndarray]:
-        """The arrivals in arrays, a row each, by the names of `judging_kernel.Sheets`."""
+    def columns(self) -> dict[str, np.ndarray]:
+        """The arrivals in arrays, a row each, by the names of `reward.TourTable`."""
         stops, beliefs = self.stops, np.array([stop.belief for stop in self.stops])
         poses = np.array([stop.pose for stop in stops])
         sonars = [stop.reading.sonar for stop in stops]
         return {
-            "questions": np.array([question(stop.candidates, self.most) for stop in stops]),
+            "observations": np.array(
+                [arrivals_observation(stop.candidates, self.most) for stop in stops]
+            ),
             "rooms": np.array([stop.room for stop in stops]),
             "poses": poses,
             "beliefs": beliefs,
@@ -119,7 +121,7 @@ class Tours(Journeys[Tour]):
     """Makes tours, and keeps them.
 
     Args:
-        task: Id of the environment, for the errors.
+        environment: Its id, for the errors.
         equipment: What the robots set out with. What moves is left out.
         config: How long tours are, and where they lead.
         count: How many different ones there are from a start; 0 for a new one each time.
@@ -128,12 +130,14 @@ class Tours(Journeys[Tour]):
         InputError: There are fewer journeys than none, or there is no such mapper.
     """
 
-    def __init__(self, task: str, equipment: Equipment, config: TourConfig, count: int) -> None:
-        super().__init__(task, (replace(equipment, threads=1), config), count)
-        Notebook(equipment.mapper)  # There is such a mapper.
+    def __init__(
+        self, environment: str, equipment: Equipment, config: TourConfig, count: int
+    ) -> None:
+        super().__init__(environment, (replace(equipment, threads=1), config), count)
+        PlaceDatabase(equipment.mapper)  # There is such a mapper.
         self._equipment = equipment
         self._config = config
-        self._stops: OrderedDict[int, Stops] = OrderedDict()
+        self._stops: OrderedDict[int, StoppingRooms] = OrderedDict()
 
     def check(self, world: World) -> None:
         """Refuse a world through which there is no tour.
@@ -143,16 +147,16 @@ class Tours(Journeys[Tour]):
         """
         self._find_stops(world).named(self._config.rooms)
 
-    def _find_stops(self, world: World) -> Stops:
+    def _find_stops(self, world: World) -> StoppingRooms:
         if id(world) not in self._stops:
-            self._stops[id(world)] = Stops(world)
+            self._stops[id(world)] = StoppingRooms(world)
             if len(self._stops) > KEPT:
                 self._stops.popitem(last=False)
         return self._stops[id(world)]
 
-    def travel(self, ticket: Ticket) -> Tour:
+    def travel(self, spec: JourneySpec) -> Tour:
         """Make a tour."""
-        world, start, number = ticket
+        world, start, number = spec
         rng = np.random.default_rng((number, *start.view(np.uint64).tolist()))
         stops = self._find_stops(world)
         guide = _Guide(world, self._equipment, start, rng)
@@ -175,8 +179,8 @@ class _Guide:
     ) -> None:
         self._world = world
         self._simulator = Simulator(world, sensors=equipment.sensors, movables=False)
-        self._notebook = Notebook(equipment.mapper, rng)
-        self._notebook.follow(self._simulator.reset(rng, start))
+        self._places = PlaceDatabase(equipment.mapper, rng)
+        self._places.follow(self._simulator.reset(rng, start))
         self._path_length = 0.0
         self._collided = False
 
@@ -192,23 +196,23 @@ class _Guide:
         for turn in way:
             before = simulator.pose[:2]
             for reading in follow_leg(simulator, turn, THESIS_STEPS):
-                self._notebook.follow(reading)
+                self._places.follow(reading)
                 self._collided |= simulator.collided
             self._path_length += float(np.hypot(*(simulator.pose[:2] - before)))
         return len(way) > 0
 
-    def arrive(self) -> Stop:
+    def arrive(self) -> TourStop:
         """Let the robot look around, and note where it is."""
         simulator = self._simulator
         readings = [simulator.turn(2 * math.pi / AROUND) for _ in range(AROUND)]
-        candidates = self._notebook.arrive(readings)
+        candidates = self._places.arrive(readings)
         pose = simulator.pose
         collided, self._collided = self._collided, False
-        return Stop(
+        return TourStop(
             candidates=candidates,
             reading=readings[-1],
-            belief=self._notebook.belief,
-            snapshot=self._notebook.snapshot,
+            belief=self._places.belief,
+            snapshot=self._places.snapshot,
             pose=pose,
             room=_room_at(self._world, pose),
             path_length=self._path_length,
@@ -254,7 +258,7 @@ class TourConfig:
         return (len(self.rooms) + 1 if self.rooms else self.arrivals) - 1
 
 
-class Stops:
+class StoppingRooms:
     """The rooms of a world in which a tour can stop.
 
     Args:

@@ -17,7 +17,7 @@ from albot_agents.registry import make_agent
 from albot_core.errors import InputError
 from albot_core.planning.frontier_explorer import find_frontiers
 from albot_core.planning.grid_search import BLOCKED, FREE
-from albot_env.tasks.explore_and_home.task import RoundTripConfig
+from albot_env.tasks.explore_and_home.task import ExploreAndHomeConfig
 from albot_maps import World
 
 assert albot_env.__doc__  # Importing it registers the environments.
@@ -133,7 +133,7 @@ def test_it_goes_on_in_the_office(seed: int) -> None:
 
 
 def test_it_explores_and_is_home_in_time() -> None:
-    config = RoundTripConfig(shortest=60.0, longest=60.0, ground=20.0)
+    config = ExploreAndHomeConfig(shortest=60.0, longest=60.0, ground=20.0)
     trial = Trial(
         task="Albot/ExploreAndHome-v0",
         agent="round-trip",

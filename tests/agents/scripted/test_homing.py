@@ -17,11 +17,11 @@ from albot_core.planning.navigator import GoalSeeker
 from albot_core.planning.percept import Percept
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.sim import RayCaster
-from albot_env.tasks.homing.outward_journey import OutingConfig
+from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
 from albot_env.tasks.homing.task import HomingConfig
 from tests.env.quick import IDS
 
-OUT = HomingConfig(outing=OutingConfig(shortest=6.0, longest=6.0, away=3.0))
+OUT = HomingConfig(outing=OutwardJourneyConfig(shortest=6.0, longest=6.0, away=3.0))
 
 
 def _home(agent: str, world: str, **settings: Any) -> Outcome:
@@ -91,7 +91,7 @@ assert "Albot/Homing-v0" in IDS
 
 
 def _come_home(world: Any, seed: int, **outing: float) -> dict[str, Any]:
-    config = HomingConfig(outing=OutingConfig(**outing))
+    config = HomingConfig(outing=OutwardJourneyConfig(**outing))
     env = gymnasium.make("Albot/Homing-v0", world=world, config=config, max_episode_steps=900)
     agent = make_agent("albot1-homing", env.get_wrapper_attr("observing"))
     observation, info = begin_episode(env, agent, seed)

@@ -12,18 +12,18 @@ from albot_agents.training import journeys as prepared
 from albot_agents.training.journeys import prepare_journeys
 from albot_core.errors import InputError
 from albot_env.tasks.core import journeys
-from albot_env.tasks.core.journeys import Shelf
-from albot_env.tasks.homing.outward_journey import OutingConfig
+from albot_env.tasks.core.journeys import JourneyCache
+from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
 from albot_env.tasks.homing.task import HomingConfig
 from albot_maps import World, WorldSet
 
 TASK = "Albot/Homing-v0"
-SHORT = HomingConfig(outing=OutingConfig(shortest=1.0, longest=2.0, away=0.5))
+SHORT = HomingConfig(outing=OutwardJourneyConfig(shortest=1.0, longest=2.0, away=0.5))
 
 
 @pytest.fixture(autouse=True)
 def _empty_shelf(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(journeys, "SHELF", Shelf())
+    monkeypatch.setattr(journeys, "JOURNEY_CACHE", JourneyCache())
 
 
 def settings(world: Any, **changes: Any) -> dict[str, Any]:
@@ -35,7 +35,7 @@ def test_no_reset_makes_what_was_laid_in(two_rooms: World, monkeypatch: pytest.M
     given = settings(two_rooms, threads=2)
     lazy = gymnasium.make_vec(TASK, num_envs=6, **given)
     wanted, _ = lazy.reset(seed=3)
-    monkeypatch.setattr(journeys, "SHELF", Shelf())
+    monkeypatch.setattr(journeys, "JOURNEY_CACHE", JourneyCache())
     monkeypatch.setattr(prepared, "FEWEST_JOURNEYS", 1)
     told: list[str] = []
     batch: Any = gymnasium.make_vec(TASK, num_envs=6, **given)

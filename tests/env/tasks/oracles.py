@@ -1,4 +1,4 @@
-"""The observer: makes an observation of a reading, as the compiled survey does for many robots.
+"""The slow way to observe, one robot at a time: the oracle of the compiled observation builder.
 
 An observation is a function of the readings alone: the laser and the motion come from the
 reading, the rest from the mapper, which saw nothing but readings.
@@ -15,13 +15,13 @@ from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Mapper, RouteHome, require
 from albot_core.sensing.reading import LaserScan, Reading
-from albot_env.tasks.core.coverage import CoverageConfig, laid, no_ground
+from albot_env.tasks.core.coverage import CoverageConfig, empty_coverage, with_coverage
 from albot_env.tasks.core.coverage_kernels import (
-    Ground,
+    CoverageGrid,
+    accumulate_motion,
     cover,
     cut_patch,
     find_frontier,
-    is_time_to_look,
 )
 from albot_env.tasks.core.observation import PARTS, ObservationConfig, Parts
 from albot_env.tasks.core.observation_parts import (
@@ -34,13 +34,13 @@ from albot_env.tasks.core.observation_parts import (
     observe_way,
     scale_ranges,
 )
-from albot_env.tasks.core.wayfinding import WayfindingConfig, laid_sketch, no_sketches
+from albot_env.tasks.core.wayfinding import WayfindingConfig, empty_occupancy, with_occupancy
 from albot_env.tasks.core.wayfinding_kernels import (
-    find_homewards,
-    find_onwards,
-    follow_sketch,
+    find_onward,
+    find_shortcut,
     pick_onward,
     pick_shortcut,
+    update_occupancy,
 )
 
 
@@ -54,21 +54,7 @@ def observe(
 ) -> Parts:
     """The observation after a reading, with so much time left (s).
 
-    `laser` is near at 1 and far at -1 (see `observe_ranges`), and so is `sonar`, which robots
-    without sonars lack; `motion` the odometer's last step forward, sideways and round; `heading`
-    cosine and sine of the heading that the robot believes to have as seen from home; `home` the
-    direction of home in the robot's frame as cosine and sine, and its distance, -1 at home;
-    `confidence` how sure the mapper may be of that, from 1 to -1 where it has lost its way (see
-    `ObservationConfig.home_drift`); `place` whether it is in a place that it knows from before,
-    and whether it has lost its way (1 or -1); `exit` direction and distance of the next exit on
-    the believed way home, then the direction in which to go through it, and 1; `way` direction
-    and distance of a point some metres ahead on the way home that it remembers, and 1;
-    `shortcut` the same of a way home not known to be barred, where the remembered one is much
-    longer, and `onward` of the way to ground not covered (see `WayfindingConfig`); where there is
-    none, directions are 0, the distance and the last number -1; `coverage` the patch
-    of `Coverage.patch`; `frontier` how near, in each sector that the laser part shows, ground is
-    in sight that is not covered, on the laser's scale, -1 for none (see `Coverage.frontier`);
-    `time_left` what is left of a time that the robot is given, -1 when it is up.
+    What the parts are, see `ObservationConfig`.
 
     Raises:
         InputError: There is no wayfinding, and ways over the ground are shown.
@@ -127,7 +113,7 @@ class Coverage:
     """A square of ground, covered cell by cell.
 
     Kept once in the map's frame with the believed pose, for the agent to see, and once in
-    the world's with the true one, for the reward. Ground beyond the square is never covered.
+    the world's with the true one, for the reward. CoverageGrid beyond the square is never covered.
 
     Args:
         config: When ground counts as covered.
@@ -139,12 +125,12 @@ class Coverage:
         self, config: CoverageConfig, extent: float, centre: tuple[float, float] = (0.0, 0.0)
     ) -> None:
         self._config = config
-        self._ground = laid(no_ground(1, config.cell), 0, config.side(extent), centre)
+        self._ground = with_coverage(empty_coverage(1, config.cell), 0, config.side(extent), centre)
         self._cells = 0
         self._moved = np.full(2, np.inf)
 
     @property
-    def ground(self) -> Ground:
+    def ground(self) -> CoverageGrid:
         """The ground as the compiled loops take it."""
         return self._ground
 
@@ -162,8 +148,8 @@ class Coverage:
     def add(self, pose: Pose, scan: LaserScan) -> float:
         """Cover the ground that a scan taken at `pose` shows; return how much is new (m²)."""
         config = self._config
-        sight = config.sight(scan.geometry)
-        new = cover(self._ground, 0, pose, _turn(pose), sight, scan.ranges)
+        sensor = config.sensor(scan.geometry)
+        new = cover(self._ground, 0, pose, _turn(pose), sensor, scan.ranges)
         self._cells += new
         return new * config.cell**2
 
@@ -176,7 +162,7 @@ class Coverage:
             scan: What it sees there.
         """
         config = self._config
-        if is_time_to_look(motion, config.spacing, config.turn, self._moved):
+        if accumulate_motion(motion, config.spacing, config.turn, self._moved):
             self.add(pose, scan)
 
     def patch(self, pose: Pose) -> Float32[np.ndarray, "1 side side"]:
@@ -196,8 +182,8 @@ class Coverage:
         A frontier-based approach for autonomous exploration, CIRA 1997).
         """
         found = np.empty(sectors)
-        sight = self._config.sight(scan.geometry)
-        find_frontier(self._ground, 0, pose, sight, scan.ranges, found)
+        sensor = self._config.sensor(scan.geometry)
+        find_frontier(self._ground, 0, pose, sensor, scan.ranges, found)
         return found
 
 
@@ -217,8 +203,8 @@ class Wayfinding:
 
     def __init__(self, config: WayfindingConfig, coverage: CoverageConfig, extent: float) -> None:
         self._coverage, self._search = coverage, config.search
-        self._pencil = config.pencil(coverage)
-        self._sketches = laid_sketch(no_sketches(1), 0, config.side(extent))
+        self._params = config.occupancy(coverage)
+        self._occupancy = with_occupancy(empty_occupancy(1), 0, config.side(extent))
 
     def follow(
         self, motion: Pose, pose: Pose, scan: LaserScan, home: Pose, covered: Coverage
@@ -232,19 +218,23 @@ class Wayfinding:
             home: Where it believes home to be (map frame).
             covered: The ground that it believes to have covered, this scan's included.
         """
-        sketches, search, sight = self._sketches, self._search, self._coverage.sight(scan.geometry)
-        if follow_sketch(sketches, 0, self._pencil, sight, motion, pose, scan.ranges):
-            find_homewards(sketches, 0, search, home)
-            find_onwards(sketches, 0, search, covered.ground)
+        occupancy, search, sensor = (
+            self._occupancy,
+            self._search,
+            self._coverage.sensor(scan.geometry),
+        )
+        if update_occupancy(occupancy, 0, self._params, sensor, motion, pose, scan.ranges):
+            find_shortcut(occupancy, 0, search, home)
+            find_onward(occupancy, 0, search, covered.ground)
 
     def shortcut(self, known: float) -> Points:
         """The point ahead on the way home that is not known to be barred (map frame, m).
 
         NaN where the known way home, so long (m), is not worth leaving for it.
         """
-        return np.array(pick_shortcut(self._sketches, 0, self._search, known))
+        return np.array(pick_shortcut(self._occupancy, 0, self._search, known))
 
     @property
     def onward(self) -> Points:
         """The point ahead on the way to ground not covered (map frame, m); NaN for none."""
-        return np.array(pick_onward(self._sketches, 0))
+        return np.array(pick_onward(self._occupancy, 0))

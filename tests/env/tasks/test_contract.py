@@ -204,6 +204,7 @@ def test_an_action_that_is_none_is_refused(environment: str, action: Any, found:
     [
         *quick.UNKNOWN,
         ({"world": "office-rong"}, "office-rong"),
+        ({"mapr": "none"}, r"expected settings among .* found mapr \(did you mean mapper\?\)"),
     ],
 )
 def test_settings_that_are_none_are_refused(
@@ -211,6 +212,11 @@ def test_settings_that_are_none_are_refused(
 ) -> None:
     with pytest.raises(InputError, match=found):
         _make(environment, **options)
+
+
+def test_a_task_without_journeys_takes_no_number_of_them() -> None:
+    with pytest.raises(InputError, match=r"Albot/Explore-v0: expected settings .*found journeys"):
+        _make("Albot/Explore-v0", journeys=1)
 
 
 @pytest.mark.parametrize("environment", quick.IDS)

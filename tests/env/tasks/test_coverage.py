@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_core.sensing.reading import LaserGeometry, LaserScan
-from albot_env.tasks.core.coverage import CoverageConfig, laid, no_ground
+from albot_env.tasks.core.coverage import CoverageConfig, empty_coverage, with_coverage
 from albot_env.tasks.core.coverage_kernels import cover, is_covered
 from tests.env.tasks.oracles import Coverage
 
@@ -165,10 +165,10 @@ def test_what_is_behind_a_laser_is_passed_over_and_nothing_else(
     pose: tuple[float, float, float],
 ) -> None:
     geometry = LaserGeometry(beams=beams, spacing=spacing, first_bearing=first, mount=mount)
-    sight, ranges = CONFIG.sight(geometry), np.full(beams, np.inf)
+    sensor, ranges = CONFIG.sensor(geometry), np.full(beams, np.inf)
     grids = []
-    for looking in (sight, sight._replace(ahead=-1.0)):
-        ground = laid(no_ground(1, CONFIG.cell), 0, CONFIG.side(4.0), (0.0, 0.0))
+    for looking in (sensor, sensor._replace(ahead=-1.0)):
+        ground = with_coverage(empty_coverage(1, CONFIG.cell), 0, CONFIG.side(4.0), (0.0, 0.0))
         cover(ground, 0, np.array(pose), (np.cos(pose[2]), np.sin(pose[2])), looking, ranges)
         grids.append(ground.grids.copy())
     np.testing.assert_array_equal(*grids)

@@ -16,8 +16,8 @@ from albot_env.sim.simulator import CONTROL_STEP
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_parts import make_log_scale, scaled
 from albot_env.tasks.explore_and_home.env import ExploreAndHomeEnv
-from albot_env.tasks.explore_and_home.reward import RoundTripWeights
-from albot_env.tasks.explore_and_home.task import RoundTripConfig
+from albot_env.tasks.explore_and_home.reward import ExploreAndHomeWeights
+from albot_env.tasks.explore_and_home.task import ExploreAndHomeConfig
 from albot_maps import World
 from tests.env.quick import drawn_actions
 from tests.env.tasks.oracles import Coverage, observe
@@ -29,7 +29,7 @@ DECLARE = np.array((0, 0, 1), np.float32)
 
 def _make(world: str | World, **config: Any) -> ExploreAndHomeEnv:
     settings = {"shortest": 6.0, "longest": 6.0, **config}
-    return ExploreAndHomeEnv(world, mapper="none", config=RoundTripConfig(**settings))
+    return ExploreAndHomeEnv(world, mapper="none", config=ExploreAndHomeConfig(**settings))
 
 
 def _look_around(env: ExploreAndHomeEnv, steps: int = 40) -> dict[str, Any]:
@@ -115,7 +115,7 @@ def test_the_robot_knows_the_time_that_is_left(two_rooms: World) -> None:
 def test_observations_are_a_function_of_the_readings_and_the_time(
     two_rooms: World, tmp_path: Path
 ) -> None:
-    config = RoundTripConfig(shortest=6.0, longest=6.0)
+    config = ExploreAndHomeConfig(shortest=6.0, longest=6.0)
     env = ExploreAndHomeEnv(two_rooms, mapper="albot1", observation="dict", config=config)
     env.recorder = EpisodeWriter(tmp_path / "trip.mcap")
     seen = [env.reset(seed=3)[0]]
@@ -145,7 +145,7 @@ def test_budgets_are_drawn_within_their_range(two_rooms: World) -> None:
 def test_shaping_sums_to_nothing_however_it_ends(two_rooms: World, declares: bool) -> None:
     """The discounted terms Σ γᵗ (γ Φ' - Φ) are -Φ of the beginning, which is 0."""
     discount = 0.9
-    env = _make(two_rooms, weights=RoundTripWeights(progress=0.7, discount=discount))
+    env = _make(two_rooms, weights=ExploreAndHomeWeights(progress=0.7, discount=discount))
     env.reset(seed=2)
     rng, total, pulls = np.random.default_rng(3), 0.0, []
     for step in range(60):
@@ -197,12 +197,12 @@ def test_the_way_back_counts_from_the_farthest_point(two_rooms: World) -> None:
 @pytest.mark.parametrize(
     ("wrong", "found"),
     [
-        (lambda: RoundTripConfig(shortest=5.0, longest=4.0), "longest"),
-        (lambda: RoundTripConfig(shortest=0.0), "shortest"),
-        (lambda: RoundTripConfig(share=1.5), "share"),
-        (lambda: RoundTripConfig(ground=-1.0), "ground"),
-        (lambda: RoundTripWeights(discount=0.0), r"RoundTripWeights\.discount"),
-        (lambda: RoundTripWeights(late=float("nan")), "late"),
+        (lambda: ExploreAndHomeConfig(shortest=5.0, longest=4.0), "longest"),
+        (lambda: ExploreAndHomeConfig(shortest=0.0), "shortest"),
+        (lambda: ExploreAndHomeConfig(share=1.5), "share"),
+        (lambda: ExploreAndHomeConfig(ground=-1.0), "ground"),
+        (lambda: ExploreAndHomeWeights(discount=0.0), r"ExploreAndHomeWeights\.discount"),
+        (lambda: ExploreAndHomeWeights(late=float("nan")), "late"),
         (lambda: ObservationConfig(time_range=-1.0), "time_range"),
     ],
 )

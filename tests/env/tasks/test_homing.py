@@ -13,11 +13,11 @@ from albot_core.errors import InputError
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks.core import journeys as journeys_module
-from albot_env.tasks.core.journeys import Shelf
+from albot_env.tasks.core.journeys import JourneyCache
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.way_home import success_weighted
 from albot_env.tasks.homing.env import HomingEnv
-from albot_env.tasks.homing.outward_journey import OutingConfig, Outings
+from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig, OutwardJourneys
 from albot_env.tasks.homing.reward import HomingWeights
 from albot_env.tasks.homing.task import HomingConfig
 from albot_maps import World
@@ -25,9 +25,9 @@ from tests.env.quick import STROLL, drawn_actions
 
 STILL = np.array((0, 0, -1), np.float32)
 DECLARE = np.array((0, 0, 1), np.float32)
-NEAR = HomingConfig(outing=OutingConfig(shortest=0.0, longest=0.0, away=0.0))
+NEAR = HomingConfig(outing=OutwardJourneyConfig(shortest=0.0, longest=0.0, away=0.0))
 """The journey out is over before it begins."""
-FAR = HomingConfig(outing=OutingConfig(shortest=3.0, longest=3.0, away=3.0))
+FAR = HomingConfig(outing=OutwardJourneyConfig(shortest=3.0, longest=3.0, away=3.0))
 
 
 def _make(world: str | World, **options: Any) -> HomingEnv:
@@ -173,8 +173,8 @@ def test_kept_journeys_are_those_that_would_be_made(
     two_rooms: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whoever asks first, and whatever was driven in between."""
-    ours, nobodys = Shelf(), Shelf()
-    monkeypatch.setattr(journeys_module, "SHELF", ours)
+    ours, nobodys = JourneyCache(), JourneyCache()
+    monkeypatch.setattr(journeys_module, "JOURNEY_CACHE", ours)
     one, other = (_make(two_rooms, journeys=2, mapper="odometry") for _ in range(2))
     other.reset(seed=11)
     for _ in range(5):
@@ -182,10 +182,10 @@ def test_kept_journeys_are_those_that_would_be_made(
     begins = []
     for seed in range(5):
         seen, info = one.reset(seed=seed)
-        monkeypatch.setattr(journeys_module, "SHELF", nobodys)
+        monkeypatch.setattr(journeys_module, "JOURNEY_CACHE", nobodys)
         again, twin = other.reset(seed=seed)
         nobodys.clear()
-        monkeypatch.setattr(journeys_module, "SHELF", ours)
+        monkeypatch.setattr(journeys_module, "JOURNEY_CACHE", ours)
         assert np.array_equal(seen, again)
         assert np.array_equal(info["pose"], twin["pose"])
         begins.append(tuple(info["pose"]))
@@ -195,17 +195,19 @@ def test_kept_journeys_are_those_that_would_be_made(
 def test_robots_that_see_otherwise_share_journeys(
     two_rooms: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(journeys_module, "SHELF", Shelf())
+    monkeypatch.setattr(journeys_module, "JOURNEY_CACHE", JourneyCache())
     made = []
-    travel = Outings.travel
-    monkeypatch.setattr(Outings, "travel", lambda *given: (made.append(1), travel(*given))[1])
-    short = OutingConfig(shortest=2.0, longest=3.0, away=1.0)
+    travel = OutwardJourneys.travel
+    monkeypatch.setattr(
+        OutwardJourneys, "travel", lambda *given: (made.append(1), travel(*given))[1]
+    )
+    short = OutwardJourneyConfig(shortest=2.0, longest=3.0, away=1.0)
     blind = HomingConfig(outing=short, observations=ObservationConfig(parts=("home",)))
     for settings in ({"config": HomingConfig(outing=short)}, {"config": blind}):
         begun = [_make(two_rooms, journeys=1, **settings).reset(seed=k)[1] for k in (1, 1, 2)]
         assert np.array_equal(begun[0]["pose"], begun[1]["pose"])
     assert len(made) <= 2  # One from each start.
-    longer = HomingConfig(outing=OutingConfig(shortest=3.0, longest=4.0, away=1.0))
+    longer = HomingConfig(outing=OutwardJourneyConfig(shortest=3.0, longest=4.0, away=1.0))
     _make(two_rooms, journeys=1, config=longer).reset(seed=1)
     _make(two_rooms, journeys=1, odometer="poor", config=longer).reset(seed=1)
     assert len(made) > 2
@@ -214,11 +216,11 @@ def test_robots_that_see_otherwise_share_journeys(
 def test_ground_covered_on_the_way_is_known_whoever_the_journey_was_made_for(
     two_rooms: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    short = OutingConfig(shortest=2.0, longest=3.0, away=1.0)
+    short = OutwardJourneyConfig(shortest=2.0, longest=3.0, away=1.0)
     blind = HomingConfig(outing=short, observations=ObservationConfig(parts=("home",)))
     patches = []
     for configs in ([HomingConfig(outing=short)], [blind, HomingConfig(outing=short)]):
-        monkeypatch.setattr(journeys_module, "SHELF", Shelf())
+        monkeypatch.setattr(journeys_module, "JOURNEY_CACHE", JourneyCache())
         for config in configs:
             env = _make(two_rooms, journeys=1, config=config)
             observation, _ = env.reset(seed=1)
@@ -235,7 +237,7 @@ def test_new_journeys_are_all_different(two_rooms: World) -> None:
 def test_a_robot_that_is_shut_in_says_that_its_journey_was_cut_short() -> None:
     cell = np.array([[0, 0, 1.2, 0], [1.2, 0, 1.2, 1.2], [1.2, 1.2, 0, 1.2], [0, 1.2, 0, 0]])
     world = World(name="cell", walls=cell, starts=np.array(((0.6, 0.6, 0.0),)))
-    outing = OutingConfig(shortest=4.0, longest=4.0, away=3.0)
+    outing = OutwardJourneyConfig(shortest=4.0, longest=4.0, away=3.0)
     env = _make(world, config=HomingConfig(outing=outing))
     _, info = env.reset(seed=1)
     assert info["outward_cut_short"]
@@ -272,8 +274,8 @@ def test_an_episode_can_be_recorded(two_rooms: World, tmp_path: Any) -> None:
 @pytest.mark.parametrize(
     ("wrong", "found"),
     [
-        (lambda: OutingConfig(shortest=5.0, longest=4.0), "longest"),
-        (lambda: OutingConfig(away=-1.0), "away"),
+        (lambda: OutwardJourneyConfig(shortest=5.0, longest=4.0), "longest"),
+        (lambda: OutwardJourneyConfig(away=-1.0), "away"),
         (lambda: HomingConfig(radius=0.0), "radius"),
         (lambda: HomingWeights(discount=1.5), "discount"),
         (lambda: HomingWeights(success=float("inf")), "success"),

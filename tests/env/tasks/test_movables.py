@@ -15,8 +15,7 @@ from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.rendering.canvas import paint_array
 from albot_env.rendering.scene import lay_out
-from albot_env.tasks.explore.env import ExploreEnv
-from albot_env.vector.explore import ExploreVectorEnv
+from albot_env.tasks.explore.env import ExploreEnv, ExploreVectorEnv
 from albot_maps import Movables, load_world
 
 WORLDS = "random:office:0..3?rooms=6&people=2&boxes=3&doors=2"

@@ -17,7 +17,7 @@ from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.registry import make_mapper
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
-from albot_env.tasks.core.observation import HOMEWARD, ObservationConfig
+from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
 from albot_env.tasks.core.observation_parts import observe_confidence, observe_time
 from albot_env.tasks.explore.task import ExploreConfig
 from tests.env.conftest import drive
@@ -100,7 +100,7 @@ def assert_replayed(seen: list[tuple[Any, Any]], path: Path, config: Observation
 @pytest.mark.parametrize("sectors", [None, 20])
 def test_the_way_home_is_a_function_of_the_readings_too(make_env, tmp_path: Path, sectors) -> None:
     config = replace(
-        ObservationConfig(parts=(*HOMEWARD, "shortcut", "frontier", "onward")),
+        ObservationConfig(parts=(*HOMING_PARTS, "shortcut", "frontier", "onward")),
         laser_sectors=sectors,
     )
     env = make_env(mapper="albot1", observation="dict", config=ExploreConfig(observations=config))

@@ -1,4 +1,4 @@
-"""A robot that rests and is resumed goes on as if never stopped, in another expedition too."""
+"""A robot that rests and is restored goes on as if never stopped, among other robots too."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from albot_env.sim import choose_sensors
 from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.robots import Expedition
+from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import Equipment
 from albot_maps import World
 
@@ -20,23 +20,23 @@ def test_a_robot_goes_on_as_if_never_stopped(two_rooms: World, mapper: str) -> N
     )
     equipment = Equipment(mapper=mapper, sensors=sensors)
     one, other = (
-        Expedition(n, equipment, actions=ActionConfig(), observations=ObservationConfig())
+        BatchedRobots(n, equipment, actions=ActionConfig(), observations=ObservationConfig())
         for n in (1, 2)
     )
     rng = np.random.default_rng(1)
     one.begin(0, two_rooms, two_rooms.starts[0], rng)
-    one.look()
+    one.observe()
     for command in (*rng.uniform((0, -1), (1, 1), (30, 2)), *np.zeros((20, 2))):
         one.drive(command[np.newaxis])
-        one.look()
+        one.observe()
     assert one.at_rest
     other.begin(0, two_rooms, two_rooms.starts[1], rng)
-    other.resume(1, two_rooms, one.rest(0))
+    other.restore(1, two_rooms, one.episode_snapshot(0))
     for command in rng.uniform((-0.3, -1), (1, 1), (60, 2)):
         one.drive(command[np.newaxis])
         other.drive(np.array((command, command)))
-        one.look()
-        other.look()
+        one.observe()
+        other.observe()
         for attribute in ("observations", "poses", "beliefs", "coverages", "path_lengths"):
             ours, its = getattr(one, attribute)[0], getattr(other, attribute)[1]
             assert ours.tobytes() == its.tobytes(), attribute

@@ -17,17 +17,17 @@ from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks.core import journeys
 from albot_env.tasks.place_recognition import tours
-from albot_env.tasks.place_recognition.arrivals import Notebook
+from albot_env.tasks.place_recognition.arrivals import PlaceDatabase
 from albot_env.tasks.place_recognition.env import PlaceRecognitionEnv
-from albot_env.tasks.place_recognition.reward import PlaceWeights
+from albot_env.tasks.place_recognition.reward import PlaceRecognitionWeights
 from albot_env.tasks.place_recognition.spaces import FEATURES
-from albot_env.tasks.place_recognition.task import JudgingConfig
-from albot_env.tasks.place_recognition.tours import Stops, TourConfig
+from albot_env.tasks.place_recognition.task import PlaceRecognitionConfig
+from albot_env.tasks.place_recognition.tours import StoppingRooms, TourConfig
 from albot_maps import Exit, World, load_world
 from albot_maps.generators.spec import KINDS
 from tests.env.quick import JUDGED
 
-THERE_AND_BACK = JudgingConfig(tour=TourConfig(rooms=("east", "west", "east")))
+THERE_AND_BACK = PlaceRecognitionConfig(tour=TourConfig(rooms=("east", "west", "east")))
 """From the west: new, known, known."""
 
 
@@ -88,7 +88,7 @@ def test_a_wrong_arrival_is_a_false_alarm(
 
 def test_any_arrival_in_the_same_room_will_do(two_rooms: World) -> None:
     rooms = ("east", "west", "east", "west", "east")
-    env = _make(two_rooms, config=JudgingConfig(tour=TourConfig(rooms=rooms)))
+    env = _make(two_rooms, config=PlaceRecognitionConfig(tour=TourConfig(rooms=rooms)))
     for answer in (2, 4):
         assert _terms(_answer(env, 0, 0, 0, 0, answer)[-1]) == {"right_known": 1.0}
     assert _answer(env, 0, 0, 0, 0)[-1][4]["right_answer"] == 4
@@ -96,7 +96,7 @@ def test_any_arrival_in_the_same_room_will_do(two_rooms: World) -> None:
 
 def test_a_recall_below_what_is_wanted_is_no_success(two_rooms: World) -> None:
     for recall, success in ((0.5, True), (0.6, False)):
-        config = JudgingConfig(tour=THERE_AND_BACK.tour, recall=recall)
+        config = PlaceRecognitionConfig(tour=THERE_AND_BACK.tour, recall=recall)
         info = _answer(_make(two_rooms, config=config), 0, 0, 2)[-1][4]
         assert (info["recall"], info["is_success"]) == (0.5, success)
 
@@ -109,8 +109,8 @@ def test_a_time_limit_truncates(two_rooms: World) -> None:
 
 
 def test_weights_scale_their_terms(two_rooms: World) -> None:
-    weights = PlaceWeights(missed=-0.25, false_known=-9.0)
-    config = JudgingConfig(tour=THERE_AND_BACK.tour, weights=weights)
+    weights = PlaceRecognitionWeights(missed=-0.25, false_known=-9.0)
+    config = PlaceRecognitionConfig(tour=THERE_AND_BACK.tour, weights=weights)
     steps = _answer(_make(two_rooms, config=config), 3, 0)
     assert [step[1] for step in steps] == [-9.0, -0.25]
 
@@ -127,7 +127,7 @@ def test_the_mask_says_which_arrivals_there_are(two_rooms: World) -> None:
 
 @pytest.mark.parametrize("mapper", ["none", "albot1"])
 def test_the_same_room_looks_the_same_and_the_other_does_not(two_rooms: World, mapper: str) -> None:
-    config = JudgingConfig(tour=TourConfig(rooms=("east", "west", "east", "west")))
+    config = PlaceRecognitionConfig(tour=TourConfig(rooms=("east", "west", "east", "west")))
     env = _make(two_rooms, mapper=mapper, config=config, observation="dict")
     steps = _answer(env, 0, 0, 0)
     for here, (observation, *_) in enumerate(steps, start=2):
@@ -145,10 +145,10 @@ def test_the_same_room_looks_the_same_and_the_other_does_not(two_rooms: World, m
 def test_observations_are_a_function_of_the_readings_alone(
     two_rooms: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Recorded readings, replayed to a fresh notebook without any world, give the same ones."""
+    """Recorded readings, replayed to a fresh places without any world, give the same ones."""
     recorded: list[tuple[str, Any]] = []
 
-    class Recorded(Notebook):
+    class Recorded(PlaceDatabase):
         def follow(self, reading: Reading) -> None:
             recorded.append(("follow", reading))
             super().follow(reading)
@@ -159,14 +159,14 @@ def test_observations_are_a_function_of_the_readings_alone(
             recorded[before:] = [("arrive", tuple(readings))]
             return found
 
-    monkeypatch.setattr(tours, "Notebook", Recorded)
-    config = JudgingConfig(tour=TourConfig(rooms=("east", "west")))
+    monkeypatch.setattr(tours, "PlaceDatabase", Recorded)
+    config = PlaceRecognitionConfig(tour=TourConfig(rooms=("east", "west")))
     env = _make(two_rooms, mapper="albot1", config=config, observation="dict")
-    journeys.SHELF.clear()  # It is made before our eyes.
+    journeys.JOURNEY_CACHE.clear()  # It is made before our eyes.
     seen = [env.reset(seed=1)[0], env.step(0)[0]]
-    notebook, again = Notebook("albot1"), []
+    places, again = PlaceDatabase("albot1"), []
     for act, what in recorded:
-        found = getattr(notebook, act)(what)
+        found = getattr(places, act)(what)
         again += [] if found is None else [found]
     assert len(again) == 3
     for observation, rows in zip(seen, again[1:], strict=True):
@@ -177,7 +177,7 @@ def test_kept_tours_are_those_that_would_be_made(two_rooms: World) -> None:
     one, other = (_make(two_rooms, journeys=2, config=THERE_AND_BACK) for _ in range(2))
     start = {"start": 0}
     seen = [one.reset(seed=seed, options=start) for seed in range(4)]
-    journeys.SHELF.clear()
+    journeys.JOURNEY_CACHE.clear()
     other.reset(seed=11, options=start)
     other.step(1)
     for seed, (observation, info) in enumerate(seen):
@@ -194,7 +194,7 @@ def test_new_tours_are_all_different(two_rooms: World) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_there_are_tours_through_every_kind_of_world(kind: str) -> None:
-    config = JudgingConfig(tour=TourConfig(arrivals=4, revisits=1.0))
+    config = PlaceRecognitionConfig(tour=TourConfig(arrivals=4, revisits=1.0))
     env = _make(f"random:{kind}:1", config=config)
     _, info = env.reset(seed=2)
     for _ in range(3):
@@ -205,7 +205,7 @@ def test_there_are_tours_through_every_kind_of_world(kind: str) -> None:
 
 
 def test_half_of_the_stops_are_in_known_rooms() -> None:
-    stops, shares = Stops(load_world("random:office:3")), []
+    stops, shares = StoppingRooms(load_world("random:office:3")), []
     for seed in range(40):
         rooms = [0, *stops.drawn(0, TourConfig(), np.random.default_rng(seed))]
         known = [room in rooms[:k] for k, room in enumerate(rooms)]
@@ -217,7 +217,7 @@ def test_half_of_the_stops_are_in_known_rooms() -> None:
 
 def test_a_tour_may_set_out_where_it_can_not_stop() -> None:
     """Between rooms, or in one that is too small: the first stop then is in any other."""
-    stops = Stops(load_world("office-ring"))
+    stops = StoppingRooms(load_world("office-ring"))
     rooms = list(stops.drawn(-1, TourConfig(arrivals=6, revisits=1.0), np.random.default_rng(1)))
     assert len(rooms) == 5
     assert -1 not in rooms
@@ -226,7 +226,7 @@ def test_a_tour_may_set_out_where_it_can_not_stop() -> None:
 
 def test_stops_are_in_their_rooms_and_clear_of_walls() -> None:
     world, rng = load_world("office-ring"), np.random.default_rng(1)
-    stops = Stops(world)
+    stops = StoppingRooms(world)
     for room in stops.named(("P1", "P3")):
         for _ in range(20):
             x, y = stops.point(room, rng)
@@ -248,7 +248,7 @@ def test_rooms_without_a_doorway_between_them_are_one_place(
     env = _make(world, config=THERE_AND_BACK)
     info = env.reset(seed=1, options={"start": 0})[1]
     assert info["right_answer"] == (1 if same else 0)
-    tour = env._robot._led[0]
+    tour = env._robot._current_tours[0]
     assert tour is not None
     assert tour.same.tolist() == [[same or k % 2 == j % 2 for j in range(4)] for k in range(4)]
 
@@ -283,12 +283,12 @@ def test_a_world_without_two_rooms_is_refused() -> None:
     [
         (lambda: TourConfig(arrivals=1), "arrivals"),
         (lambda: TourConfig(revisits=1.5), "revisits"),
-        (lambda: JudgingConfig(recall=-0.1), "recall"),
-        (lambda: PlaceWeights(missed=float("inf")), "missed"),
+        (lambda: PlaceRecognitionConfig(recall=-0.1), "recall"),
+        (lambda: PlaceRecognitionWeights(missed=float("inf")), "missed"),
         (lambda: _make("office-ring", journeys=-1), "journeys"),
         (
             lambda: _make(
-                "office-ring", config=JudgingConfig(tour=TourConfig(rooms=("P9",)))
+                "office-ring", config=PlaceRecognitionConfig(tour=TourConfig(rooms=("P9",)))
             ).reset(seed=1),
             "P9",
         ),

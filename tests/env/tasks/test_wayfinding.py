@@ -15,7 +15,7 @@ from albot_core.geometry.poses import relative
 from albot_core.planning.occupancy_grid import OccupancyGridConfig
 from albot_core.sensing.reading import LaserGeometry
 from albot_env.tasks.core.coverage import CoverageConfig
-from albot_env.tasks.core.observation import HOMEWARD, ObservationConfig
+from albot_env.tasks.core.observation import HOMING_PARTS, ObservationConfig
 from albot_env.tasks.core.wayfinding import WayfindingConfig
 from albot_env.tasks.explore.env import ExploreEnv
 from albot_env.tasks.explore.task import ExploreConfig
@@ -103,7 +103,7 @@ def test_what_bars_the_way_is_remembered_until_it_is_seen_to_be_gone() -> None:
     assert abs(robot.ways.shortcut(ANY)[1]) < 0.3
 
 
-def test_a_belief_that_jumps_begins_a_new_sketch() -> None:
+def test_a_belief_that_jumps_begins_an_empty_grid() -> None:
     wall, home = np.array(((2.5, -9.0, 2.5, 9.0),)), (6.0, 0.0)
     here, there = np.array((1.0, 0.0, 0.0)), np.array((1.0, 1.0, np.pi))
     stayed, jumped = _seen(here, wall, home), _seen(here, wall, home)
@@ -132,8 +132,8 @@ def test_home_inside_a_wall_is_come_near_to() -> None:
 
 
 @pytest.mark.parametrize("x", [19.5, 22.0, 26.5, 26.9, 400.0])
-def test_at_the_edge_of_the_sheet_and_beyond_there_is_no_way_out_of_bounds(x: float) -> None:
-    """A sheet for maps of 20 m reaches 27 m; nothing is drawn where a scan would leave it."""
+def test_at_the_edge_of_the_grid_and_beyond_there_is_no_way_out_of_bounds(x: float) -> None:
+    """A grid for maps of 20 m reaches 27 m; nothing is drawn where a scan would leave it."""
     robot = _seen((x, 0.0, np.pi))
     assert np.isfinite(robot.ways.shortcut(ANY)).all() == (x < 26.8)
     assert np.isfinite(robot.ways.onward).all() == (x < 20.0)
@@ -193,7 +193,7 @@ def test_settings_that_are_none_are_refused(wrong) -> None:
 
 
 def test_a_batch_shows_what_a_single_one_shows() -> None:
-    observing = replace(ObservationConfig(), parts=(*HOMEWARD, *NEW), laser_sectors=12)
+    observing = replace(ObservationConfig(), parts=(*HOMING_PARTS, *NEW), laser_sectors=12)
     settings = {"world": "random:office:3", "config": HomingConfig(observations=observing)}
     batch = gymnasium.make_vec("Albot/Homing-v0", 2, "vector_entry_point", **settings)
     singles = [gymnasium.make("Albot/Homing-v0", **settings) for _ in range(2)]

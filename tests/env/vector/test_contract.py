@@ -201,6 +201,8 @@ def test_actions_that_are_none_are_refused(environment: str, actions: Any, messa
     [
         ({"world": ["office-ring"]}, "world: expected 3 worlds, found 1"),
         ({"autoreset_mode": "Sometimes"}, "autoreset_mode: expected one of NextStep"),
+        ({"num_treads": 1}, "expected settings among"),
+        ({"thread": 1}, r"found thread \(did you mean threads\?\)"),
         *quick.UNKNOWN,
     ],
 )

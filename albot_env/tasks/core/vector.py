@@ -2,36 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Generic
+from collections.abc import Mapping, Sequence
+from typing import Any, Generic, Unpack
 
 import gymnasium
 import numpy as np
 from gymnasium.utils import seeding
-from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
-from jaxtyping import Bool, Float32, Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_core.ranges import Range
-from albot_env.tasks.core.journeys import Journeys, Ticket
-from albot_env.tasks.core.settings import Equipment, Settings, equip, wants_discrete, wants_flat
-from albot_env.tasks.core.single import METADATA, Robots
-from albot_env.tasks.core.start import choose_start, choose_world
-from albot_env.vector.settings import (
+from albot_env.tasks.core.interface import METADATA, Observation, Robots, TaskInterface
+from albot_env.tasks.core.journeys import Journeys, JourneySpec
+from albot_env.tasks.core.settings import (
+    DEFAULT_WORLD,
+    Settings,
     Worlds,
-    choose_mask,
-    choose_mode,
-    choose_seeds,
-    choose_worlds,
-    told,
+    check_settings,
+    choose_start,
+    choose_world,
+    settings_of,
 )
-from albot_maps import World
+from albot_maps import World, WorldSet, load_worlds
 
-Observations = Float32[np.ndarray, "environments length"] | dict[str, Float32[np.ndarray, "..."]]
 Steps = tuple[
-    Observations,
+    Observation,
     Float64[np.ndarray, "environments"],
     Bool[np.ndarray, "environments"],
     Bool[np.ndarray, "environments"],
@@ -41,23 +39,8 @@ _NOBODY: Int64[np.ndarray, "none"] = np.zeros(0, np.int64)
 _STEPS = Range("a whole number from 1", 1.0, whole=True)
 
 
-class BatchSettings(Settings, total=False):
-    """What every batch takes by name."""
-
-    max_episode_steps: int | None
-    """Steps after which an episode is truncated; None for never."""
-    autoreset_mode: str | AutoresetMode
-    """`NextStep`: the step after an episode's last one resets, whatever (valid) action it is
-    given. `SameStep`: the last step itself resets; the info then holds `final_obs` and
-    `final_info`. `Disabled`: who steps must call `reset(options={"reset_mask": finished})`
-    before."""
-    threads: int
-    """Threads that share the work; 0 for as many as there are processors. They change nothing
-    but the speed."""
-
-
-class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
-    """Robots, each as in a `SingleEnv` of its own.
+class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
+    """Robots, each as in a `SingleEnv` of its own. A task's environment names its class.
 
     What environment i gives, from the reset with its seed on, is to the last bit what
     `gymnasium.make` with the same settings gives. Spaces, rewards, and infos are those of
@@ -65,76 +48,71 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
     physics, index of walls and maps of the ground.
 
     Args:
-        gather: Makes the expedition of so many robots with this equipment.
         num_envs: How many environments.
         world: A world spec, a world or worlds for all, of which each reset draws one; or
             such for each.
-        mapper, odometer, laser, sonar, scenes, observation, action, movables: See `Settings`.
-        max_episode_steps, autoreset_mode, threads: See `BatchSettings`.
+        max_episode_steps: Steps after which an episode is truncated; None for never.
+        autoreset_mode: `NextStep`: the step after an episode's last one resets, whatever (valid)
+            action it is given. `SameStep`: the last step itself resets; the info then holds
+            `final_obs` and `final_info`. `Disabled`: who steps must call
+            `reset(options={"reset_mask": finished})` before.
+        threads: Threads that share the work; 0 for as many as there are processors. They change
+            nothing but the speed.
+        settings: See `Settings`.
 
     Raises:
         InputError: As for `SingleEnv`; or there are not as many worlds as environments.
     """
 
     metadata = METADATA
+    task: type[Robots]
+    """The task's class."""
 
     def __init__(
         self,
-        gather: Callable[[int, Equipment], Robots],
         num_envs: int,
-        world: Worlds | Sequence[Worlds],
+        world: Worlds | Sequence[Worlds] = DEFAULT_WORLD,
         *,
-        mapper: str = "albot1",
-        odometer: str = "pioneer",
-        laser: str = "lms-200",
-        sonar: str = "pioneer",
-        scenes: str = "none",
-        observation: str = "flat",
-        action: str = "continuous",
-        movables: bool = True,
         max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         threads: int = 0,
+        **settings: Unpack[Settings],
     ) -> None:
+        self._environment = environment = self.task.environment
+        check_settings(settings, self.settings(), environment)
         if num_envs < 1:
             raise InputError("make_vec", "at least 1", str(num_envs), place="num_envs")
         if max_episode_steps is not None and max_episode_steps not in _STEPS:
             found = str(max_episode_steps)
             raise InputError("make_vec", _STEPS.expected, found, place="max_episode_steps")
-        equipment = equip(
-            mapper=mapper,
-            odometer=odometer,
-            laser=laser,
-            sonar=sonar,
-            scenes=scenes,
-            movables=movables,
-            threads=threads,
+        self._interface = interface = TaskInterface(
+            self.task, num_envs, threads=threads, **settings
         )
-        self._robots = gather(num_envs, equipment)
-        self._task = task = self._robots.task
+        self._robots: Robots = interface.robots
         self.num_envs = num_envs
-        self._mode = choose_mode(autoreset_mode, task)
+        self._mode = _choose_mode(autoreset_mode, environment)
         self.metadata = {"render_modes": [], "autoreset_mode": self._mode}
-        self._worlds = choose_worlds(world, num_envs, task)
-        self._flat = wants_flat(observation, task)
+        self._worlds = _choose_worlds(world, num_envs, environment)
         self._limit = max_episode_steps
-        self._scaling = scaling = self._robots.observing
-        actions = self._robots.actions
-        self._discrete = wants_discrete(action, task)
-        self.single_action_space = actions.choice_space if self._discrete else actions.space
-        self.single_observation_space = scaling.flat_space if self._flat else scaling.dict_space
+        self.single_action_space = interface.action_space
+        self.single_observation_space = interface.observation_space
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._over: Bool[np.ndarray, "environments"] = np.zeros(num_envs, np.bool_)
         self._begun: Bool[np.ndarray, "environments"] = np.zeros(num_envs, np.bool_)
 
+    @classmethod
+    def settings(cls) -> dict[str, Any]:
+        """What it takes by name: types by name."""
+        return settings_of(cls.__init__, cls.task)
+
     def reset(
         self,
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[Observations, dict[str, Any]]:
+    ) -> tuple[Observation, dict[str, Any]]:
         """Begin new episodes of all, or with the option `reset_mask` those it says.
 
         Args:
@@ -145,19 +123,21 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
             InputError: An option is unknown, or a mask, a start or the seeds are none.
         """
         if not isinstance(options or {}, Mapping):
-            raise InputError(self._task, "a mapping", repr(options), place="options")
+            raise InputError(self._environment, "a mapping", repr(options), place="options")
         settings = dict(options or {})
-        mask = choose_mask(settings.pop("reset_mask", None), self.num_envs, self._task)
+        mask = _choose_mask(settings.pop("reset_mask", None), self.num_envs, self._environment)
         rows = np.flatnonzero(mask)
-        seeds = choose_seeds(seed, self.num_envs, rows, self._task)
+        seeds = _choose_seeds(seed, self.num_envs, rows, self._environment)
         for row, its_seed in zip(rows.tolist(), seeds, strict=True):
             if its_seed is not None or self._generators[row] is None:
                 self._generators[row], _ = seeding.np_random(its_seed)
-        self._robots.turn_page()
+        self._robots.detach_observations()
         self._begin(rows, settings)
-        self._robots.look(None if mask.all() else rows)
+        self._robots.observe(None if mask.all() else rows)
         self._begun[rows], self._over[rows] = True, False
-        return self._observe(), self._infos(None if mask.all() else mask)
+        return self._interface.shown_all(self._robots.observations), self._infos(
+            None if mask.all() else mask
+        )
 
     def step(self, actions: Any) -> Steps:
         """Drive for 0.1 s.
@@ -168,11 +148,9 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         """
         resetting = self._due()
         robots = self._robots
-        if self._discrete:
-            actions = robots.actions.chosen(actions, self.num_envs, self._task)
-        robots.act(robots.actions.batch(actions, self.num_envs, self._task))
+        self._interface.act_batch(actions, self.num_envs)
         self._begin(resetting, {})
-        robots.look()
+        robots.observe()
         self._begun[:] = True
         rewards = robots.rewards.copy()
         truncated = np.zeros(self.num_envs, np.bool_)
@@ -184,14 +162,20 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
             infos = self._start_over(over.copy())
         else:
             infos = self._infos()
-        return self._observe(), rewards, terminated, truncated, infos
+        return (
+            self._interface.shown_all(self._robots.observations),
+            rewards,
+            terminated,
+            truncated,
+            infos,
+        )
 
     @property
     def journeys(self) -> Journeys[Any] | None:
         """What robots have behind them when an episode begins; None where they set out anew."""
         return self._robots.journeys
 
-    def missing_journeys(self) -> list[Ticket]:
+    def missing_journeys(self) -> list[JourneySpec]:
         """The journeys that resets may draw and that are not kept yet, if all could be kept.
 
         Each is made when it is first drawn; who wants them sooner makes them elsewhere, in
@@ -207,11 +191,11 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
     def _due(self) -> Int64[np.ndarray, "some"]:
         """The environments that this step resets."""
         if not self._begun.all():
-            raise gymnasium.error.ResetNeeded(f"{self._task}: reset before the first step")
+            raise gymnasium.error.ResetNeeded(f"{self._environment}: reset before the first step")
         if self._mode is AutoresetMode.DISABLED and self._over.any():
             over = int(np.argmax(self._over))
             raise gymnasium.error.ResetNeeded(
-                f"{self._task}: environment {over} is over, reset it before the next step"
+                f"{self._environment}: environment {over} is over, reset it before the next step"
             )
         return self._over.nonzero()[0] if self._mode is AutoresetMode.NEXT_STEP else _NOBODY
 
@@ -226,38 +210,29 @@ class BatchEnv(VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
         """Draw one's world and start."""
         generator = self._generators[row]
         assert generator is not None
-        name = f"{self._task}, environment {row}"
+        name = f"{self._environment}, environment {row}"
         try:
             world = choose_world(self._worlds[row], generator, options, name)
             start = choose_start(world, generator, options, name)
             self._robots.check_start(world, start)
         except InputError as error:
-            raise told(error, name) from None
+            raise _named(error, name) from None
         return world, start, generator
 
     def _start_over(self, over: Bool[np.ndarray, "environments"]) -> dict[str, Any]:
         """Reset the environments that are over; the infos hold what they ended with."""
         final_obs = np.full(self.num_envs, None, object)
-        for row in np.flatnonzero(over).tolist():
-            final_obs[row] = self._observation(row)
-        final = self._infos(over)
         rows = np.flatnonzero(over)
+        for row in rows.tolist():
+            final_obs[row] = self._interface.shown(self._robots.observations[row].copy())
+        final = self._infos(over)
         self._begin(rows, {})
-        self._robots.look(rows)
+        self._robots.observe(rows)
         self._begun[:] = True
         self._over[:] = False
         infos = self._infos()
         infos |= {"final_obs": final_obs, "_final_obs": over.copy()}
         return infos | {"final_info": final, "_final_info": over.copy()}
-
-    def _observation(self, row: int) -> Any:
-        """One environment's observation."""
-        flat = self._robots.observations[row].copy()
-        return flat if self._flat else self._scaling.split(flat)
-
-    def _observe(self) -> Observations:
-        rows = self._robots.observations
-        return rows if self._flat else self._scaling.split_rows(rows)
 
     def _infos(self, mask: Bool[np.ndarray, "environments"] | None = None) -> dict[str, Any]:
         """The infos of all, or of some, as gymnasium batches them.
@@ -290,3 +265,74 @@ def _masked(
             copy[hidden] = None if copy.dtype == object else 0
         infos[key], infos[f"_{key}"] = copy, shown.copy()
     return infos
+
+
+def _choose_mode(mode: str | AutoresetMode, environment: str) -> AutoresetMode:
+    """The mode in which episodes follow each other."""
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        names = ", ".join(m.value for m in AutoresetMode)
+        raise InputError(
+            environment, f"one of {names}", str(mode), place="autoreset_mode"
+        ) from None
+
+
+def _choose_worlds(
+    world: Worlds | Sequence[Worlds], count: int, environment: str
+) -> list[WorldSet]:
+    """The worlds of each environment; those of one spec are the same objects."""
+    if isinstance(world, Sequence) and not isinstance(world, str):
+        specs = list(world)
+    else:
+        specs = [world] * count
+    if len(specs) != count:
+        raise InputError(environment, f"{count} worlds", str(len(specs)), place="world")
+    loaded: dict[Any, WorldSet] = {}
+    for row, spec in enumerate(specs):
+        try:
+            loaded[spec] = loaded.get(spec) or load_worlds(spec)
+        except InputError as error:
+            raise _named(error, f"{environment}, world of environment {row}") from None
+    return [loaded[spec] for spec in specs]
+
+
+def _named(error: InputError, environment: str) -> InputError:
+    """The same error, which says in which environment."""
+    if error.source == environment:
+        return error
+    place = f"{error.source}, {error.place}" if error.place else error.source
+    return InputError(environment, error.expected, error.found, place=place)
+
+
+def _choose_mask(mask: Any, count: int, environment: str) -> Bool[np.ndarray, "environments"]:
+    """Which environments a reset is for: all of them by default."""
+    if mask is None:
+        return np.ones(count, np.bool_)
+    expected = f"an array of {count} bool, one of them true"
+    if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (count,):
+        raise InputError(environment, expected, repr(mask), place="options.reset_mask")
+    if not mask.any():
+        raise InputError(environment, expected, "none true", place="options.reset_mask")
+    return mask
+
+
+def _choose_seeds(
+    seed: Any, count: int, rows: Int64[np.ndarray, "some"], environment: str
+) -> list[int | None]:
+    """The seeds of some environments out of `count`."""
+    if seed is None:
+        seeds: list[int | None] = [None] * count
+    elif isinstance(seed, int | np.integer):
+        seeds = [int(seed) + k for k in range(count)]
+    else:
+        seeds = list(np.atleast_1d(np.asarray(seed, object)))
+    if len(seeds) != count:
+        raise InputError(environment, f"{count} seeds", str(len(seeds)), place="seed")
+    for row, its_seed in enumerate(seeds):
+        whole = isinstance(its_seed, int | np.integer) and not isinstance(its_seed, bool)
+        if its_seed is not None and not (whole and its_seed >= 0):
+            place = f"seed of environment {row}"
+            raise InputError(environment, "a whole number from 0", repr(its_seed), place=place)
+    seeds = [None if its_seed is None else int(its_seed) for its_seed in seeds]
+    return [seeds[row] for row in rows.tolist()]
