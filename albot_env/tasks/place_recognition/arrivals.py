@@ -133,7 +133,9 @@ class PlaceDatabase:
         self.arrivals.append(arrival)
         return np.reshape(np.array(compared, np.float32), (-1, len(FEATURES)))
 
-    def _compare(self, here: PlaceDescriptor, there: PlaceDescriptor, ago: int) -> Float64[np.ndarray, "features"]:
+    def _compare(
+        self, here: PlaceDescriptor, there: PlaceDescriptor, ago: int
+    ) -> Float64[np.ndarray, "features"]:
         """What tells whether two arrivals were at one place, in numbers from -1 to 1.
 
         `distance` between the believed places, -1 at 0 and 1 at `FARTHEST`, logarithmic;
