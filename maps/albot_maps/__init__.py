@@ -1,10 +1,8 @@
 """Worlds: floor plans, readers of foreign formats, a catalogue, and random buildings."""
 
-from albot_maps.formats.reader import read_world
-from albot_maps.load import catalogue_names, load_world
+from albot_maps.load import WorldSet, catalogue_names, load_world, load_worlds, read_world
 from albot_maps.movables import Box, Door, Movables, Walker
 from albot_maps.world import ROBOT_RADIUS, Exit, Room, World
-from albot_maps.world_set import WorldSet, load_worlds
 
 __all__ = [
     "ROBOT_RADIUS",

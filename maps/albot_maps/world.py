@@ -15,8 +15,7 @@ from jaxtyping import Bool, Float64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Poses, Segments
 from albot_maps.freespace import FreeSpace, wall_lines
-from albot_maps.movable_rules import Surroundings, faults
-from albot_maps.movables import Movables
+from albot_maps.movables import Movables, Surroundings, faults
 
 ROBOT_RADIUS = 0.25
 """Radius (m) of the disc that stands for the Pioneer 3-DX wherever a world is checked."""

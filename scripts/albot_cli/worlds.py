@@ -14,7 +14,7 @@ from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.files import write_text
 from albot_maps import World, catalogue_names, load_world
-from albot_maps.formats.world_text import world_text
+from albot_maps.formats.world_file import world_text
 
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON object, no more.")
 _MOST_ON_A_SHEET = 100

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_maps import catalogue_names, load_world
-from albot_maps.formats.world_text import world_text
+from albot_maps import WorldSet, catalogue_names, load_world, load_worlds
+from albot_maps import load as module
+from albot_maps.formats.world_file import world_text
 
 
 @pytest.mark.parametrize(
@@ -45,3 +46,72 @@ def test_an_unknown_name_lists_what_there_is():
     for name in catalogue_names():
         assert name in str(caught.value)
     assert str(caught.value).endswith("found squareloop (did you mean square-loop?)")
+
+
+def test_a_range_of_seeds_names_as_many_worlds() -> None:
+    worlds = load_worlds("random:ring:3..5?loops=2")
+    assert len(worlds) == 3
+    for number, seed in enumerate((3, 4, 5)):
+        alone = load_world(f"random:ring:{seed}?loops=2")
+        np.testing.assert_array_equal(worlds[number].walls, alone.walls)
+        assert worlds[number].source == alone.source
+
+
+@pytest.mark.parametrize("spec", ["square-loop", "random:ring:7"])
+def test_any_other_spec_names_one_world(spec: str) -> None:
+    worlds = load_worlds(spec)
+    assert len(worlds) == 1
+    assert worlds[0].name == load_world(spec).name
+
+
+def test_a_world_is_made_once_and_only_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[str] = []
+
+    def load(spec: str) -> object:
+        made.append(spec)
+        return load_world("square-loop")
+
+    monkeypatch.setattr(module, "load_world", load)
+    worlds = WorldSet([f"world {k}" for k in range(5)])
+    assert made == ["world 0"]
+    assert worlds[3] is worlds[3]
+    assert made == ["world 0", "world 3"]
+
+
+def test_worlds_not_needed_for_long_are_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "KEPT", 2)
+    worlds = load_worlds("random:ring:0..3")
+    first = worlds[0]
+    assert worlds[1] is worlds[1]
+    worlds[2]
+    assert worlds[0] is not first
+    np.testing.assert_array_equal(worlds[0].walls, first.walls)
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ("random:office:5..3", "a range of seeds A..B"),
+        ("random:castle:0..3", "one of the kinds"),
+        ("random:office:0..3?romms=2", "did you mean rooms"),
+        (f"random:ring:0..{2**64}", "a whole number from 0"),
+        ("random:office:0..", "a whole number from 0"),
+    ],
+)
+def test_a_spec_that_is_none_is_told_at_once(spec: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        load_worlds(spec)
+
+
+def test_numbers_beyond_the_set_are_refused() -> None:
+    worlds = load_worlds("random:ring:0..3")
+    for number in (-1, 4):
+        with pytest.raises(InputError, match=r"a world's number below 4"):
+            worlds[number]
+    with pytest.raises(InputError, match="at least one world"):
+        WorldSet(())
+
+
+def test_worlds_come_in_turn() -> None:
+    worlds = load_worlds("random:maze:3..5")
+    assert [world.name for world in worlds] == ["maze-3", "maze-4", "maze-5"]

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from albot_core.errors import InputError
-from albot_maps.generators.boxes import Box, Corner, Frame
-from albot_maps.generators.dice import Dice
 from albot_maps.generators.furniture import GAP, HOME, furnish
 from albot_maps.generators.parameters import Parameters, count, metres, share
-from albot_maps.generators.plan import WALL, Plan
+from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler
 
 _LEAST_SIDE = 200
 """The shortest side of a room (cm)."""
@@ -55,21 +53,23 @@ class _Doorway:
     along_x: bool
 
 
-def draw_apartment(parameters: ApartmentParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:
+def draw_apartment(
+    parameters: ApartmentParameters, sampler: Sampler, source: str
+) -> tuple[Plan, Corner]:
     """An apartment and its start, which is in the room with the most doors.
 
     Raises:
         InputError: The rooms or the loops do not fit in.
     """
     door = round(100 * parameters.door_width)
-    boxes, doorways = _cut_rooms(parameters, dice, source, door)
+    boxes, doorways = _cut_rooms(parameters, sampler, source, door)
     names = _names(boxes, doorways)
     plan = Plan()
     for name, box in zip(names, boxes, strict=True):
         plan.room(name, box)
     openings: list[Box] = []
     for doorway in doorways:
-        opening = _opening(dice, doorway, door)
+        opening = _opening(sampler, doorway, door)
         first, second = doorway.rooms
         plan.door(opening, (names[first], names[second]), along_x=doorway.along_x)
         openings.append(opening)
@@ -81,23 +81,23 @@ def draw_apartment(parameters: ApartmentParameters, dice: Dice, source: str) -> 
         kept = [opening.grown(GAP) for opening in openings]
         keep = [Box(near.x1 - x, near.y1 - y, near.x2 - x, near.y2 - y) for near in kept]
         wanted = round(parameters.clutter * box.width * box.depth / _FLOOR_PER_PIECE)
-        furniture = furnish(dice, (box.width, box.depth), keep, wanted, HOME)
+        furniture = furnish(sampler, (box.width, box.depth), keep, wanted, HOME)
         furniture.put(plan, Frame(box=box))
     return plan, start
 
 
 def _cut_rooms(
-    parameters: ApartmentParameters, dice: Dice, source: str, door: int
+    parameters: ApartmentParameters, sampler: Sampler, source: str, door: int
 ) -> tuple[list[Box], list[_Doorway]]:
     """The rooms, and as many of their doorways as are wanted."""
     loops = parameters.rooms // 3 if parameters.loops is None else parameters.loops
     most, cut = 0, False
     for _ in range(_TRIES):
-        boxes = _split(dice, _outline(parameters, dice), parameters.rooms)
+        boxes = _split(sampler, _outline(parameters, sampler), parameters.rooms)
         if boxes is None:
             continue
         cut = True
-        ways = dice.shuffled(_doorways(boxes, door))
+        ways = sampler.shuffled(_doorways(boxes, door))
         tree = _tree(ways, parameters.rooms)
         rest = [way for way in ways if way not in tree]
         if len(tree) < parameters.rooms - 1:
@@ -113,9 +113,9 @@ def _cut_rooms(
     raise InputError(source, expected, str(loops), place="loops")
 
 
-def _outline(parameters: ApartmentParameters, dice: Dice) -> Box:
+def _outline(parameters: ApartmentParameters, sampler: Sampler) -> Box:
     """The floor to cut: about 13 m² a room, and rather a square."""
-    area = parameters.rooms * dice.length(110, 160) * 1000
+    area = parameters.rooms * sampler.length(110, 160) * 1000
     width = parameters.width and round(100 * parameters.width)
     depth = parameters.depth and round(100 * parameters.depth)
     if not width:
@@ -123,27 +123,27 @@ def _outline(parameters: ApartmentParameters, dice: Dice) -> Box:
         side = 300
         while side * side < area:
             side += 5
-        width = area // depth if depth else side * dice.whole(80, 125) // 100
+        width = area // depth if depth else side * sampler.whole(80, 125) // 100
         width = max(300, width)
     return Box(0, 0, width, depth or max(300, area // width))
 
 
-def _split(dice: Dice, box: Box, number: int) -> list[Box] | None:
+def _split(sampler: Sampler, box: Box, number: int) -> list[Box] | None:
     """A floor cut into so many rooms by walls across; None where one would be too small."""
     if number == 1:
         return [box] if min(box.width, box.depth) >= _LEAST_SIDE else None
-    first = dice.whole(max(1, number // 3), number - max(1, number // 3))
+    first = sampler.whole(max(1, number // 3), number - max(1, number // 3))
     across = box.width >= box.depth
     room = (box.width if across else box.depth) - WALL
-    part = room * first * dice.whole(85, 115) // (100 * number)
+    part = room * first * sampler.whole(85, 115) // (100 * number)
     if part < _LEAST_SIDE or room - part < _LEAST_SIDE:
         return None
     if across:
         halves = box._replace(x2=box.x1 + part), box._replace(x1=box.x1 + part + WALL)
     else:
         halves = box._replace(y2=box.y1 + part), box._replace(y1=box.y1 + part + WALL)
-    left = _split(dice, halves[0], first)
-    right = _split(dice, halves[1], number - first)
+    left = _split(sampler, halves[0], first)
+    right = _split(sampler, halves[1], number - first)
     return left + right if left and right else None
 
 
@@ -176,12 +176,12 @@ def _tree(ways: Sequence[_Doorway], number: int) -> list[_Doorway]:
     return tree
 
 
-def _opening(dice: Dice, doorway: _Doorway, door: int) -> Box:
+def _opening(sampler: Sampler, doorway: _Doorway, door: int) -> Box:
     wall = doorway.wall
     if doorway.along_x:
-        left = wall.x1 + _JAMB + dice.length(0, wall.width - door - 2 * _JAMB)
+        left = wall.x1 + _JAMB + sampler.length(0, wall.width - door - 2 * _JAMB)
         return wall._replace(x1=left, x2=left + door)
-    low = wall.y1 + _JAMB + dice.length(0, wall.depth - door - 2 * _JAMB)
+    low = wall.y1 + _JAMB + sampler.length(0, wall.depth - door - 2 * _JAMB)
     return wall._replace(y1=low, y2=low + door)
 
 

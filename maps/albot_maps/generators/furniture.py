@@ -12,9 +12,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import NamedTuple
 
-from albot_maps.generators.boxes import Box, Corner, Frame, Side
-from albot_maps.generators.dice import Dice
-from albot_maps.generators.plan import Plan
+from albot_maps.generators.plan import Box, Corner, Frame, Plan, Sampler, Side
 
 GAP = 75
 """The narrowest way (cm) left between two things: the robot is 50 wide."""
@@ -90,7 +88,7 @@ class Furniture:
 
 
 def furnish(
-    dice: Dice,
+    sampler: Sampler,
     size: Corner,
     keep: Sequence[Box],
     wanted: int,
@@ -99,7 +97,7 @@ def furnish(
     """Furniture for a room of a size (cm), at most so many pieces.
 
     Args:
-        dice: Where chance comes from.
+        sampler: Where chance comes from.
         size: The room's width and depth; its walls are at 0 and there.
         keep: What must stay free: the floor before doors, and where there is no wall.
         wanted: How many pieces to seek a place for; fewer where the ways would close.
@@ -110,8 +108,10 @@ def furnish(
     for _ in range(_TRIES * wanted):
         if len(taken) == wanted:
             break
-        piece = dice.pick(pieces)
-        place = _in_the_open(dice, size, piece) if piece.free else _at_a_wall(dice, size, piece)
+        piece = sampler.pick(pieces)
+        place = (
+            _in_the_open(sampler, size, piece) if piece.free else _at_a_wall(sampler, size, piece)
+        )
         if place is None or not _is_apart(place.bounds, taken, GAP):
             continue
         if not _is_apart(place.bounds, keep, 0):
@@ -143,14 +143,14 @@ class _Place(NamedTuple):
     """Where it lies as seen from the wall at its back."""
 
 
-def _at_a_wall(dice: Dice, size: Corner, piece: Piece) -> _Place | None:
+def _at_a_wall(sampler: Sampler, size: Corner, piece: Piece) -> _Place | None:
     """A piece against any of the four walls; None where too little would be left."""
-    along_u, far = dice.chance(0.5), dice.chance(0.5)
+    along_u, far = sampler.chance(0.5), sampler.chance(0.5)
     run, reach = size if along_u else size[::-1]
     spare, depth = run - piece.width, piece.depth + piece.chair
     if reach - depth < GAP or spare < GAP:
         return None
-    offset = dice.length(0, spare)
+    offset = sampler.length(0, spare)
     # Too near a corner to pass behind: into the corner.
     offset = 0 if offset < GAP else spare if spare - offset < GAP else offset
     low, high = (reach - depth, reach) if far else (0, depth)
@@ -172,13 +172,16 @@ def _blocks(piece: Piece, bounds: Box, side: Side) -> list[Box]:
     return blocks
 
 
-def _in_the_open(dice: Dice, size: Corner, piece: Piece) -> _Place | None:
+def _in_the_open(sampler: Sampler, size: Corner, piece: Piece) -> _Place | None:
     """A piece away from all walls, turned; None where the room is too small."""
-    corners, around = _turned(piece, dice.pick(_TURNS))
+    corners, around = _turned(piece, sampler.pick(_TURNS))
     spare_u, spare_v = size[0] - around.width - 2 * GAP, size[1] - around.depth - 2 * GAP
     if spare_u < 0 or spare_v < 0:
         return None
-    u, v = GAP - around.x1 + dice.length(0, spare_u), GAP - around.y1 + dice.length(0, spare_v)
+    u, v = (
+        GAP - around.x1 + sampler.length(0, spare_u),
+        GAP - around.y1 + sampler.length(0, spare_v),
+    )
     bounds = Box(around.x1 + u, around.y1 + v, around.x2 + u, around.y2 + v)
     return _Place(bounds, [(corner[0] + u, corner[1] + v) for corner in corners])
 

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from albot_core.errors import InputError
-from albot_maps.generators.boxes import Box, Corner, Frame
-from albot_maps.generators.dice import Dice
 from albot_maps.generators.furniture import GAP, HALL, Furniture, furnish
 from albot_maps.generators.parameters import Parameters, count, metres, share, switch
-from albot_maps.generators.plan import WALL, Plan
+from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler
 
 _PORCH_WIDTH, _PORCH_DEPTH = 200, 150
 _FLOOR_PER_PIECE = 50_000
@@ -41,7 +39,7 @@ class HallParameters(Parameters):
     """How many of the doorways have a door that opens and closes."""
 
 
-def draw_hall(parameters: HallParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:
+def draw_hall(parameters: HallParameters, sampler: Sampler, source: str) -> tuple[Plan, Corner]:
     """A hall and its start, near its lower left corner.
 
     Raises:
@@ -50,7 +48,7 @@ def draw_hall(parameters: HallParameters, dice: Dice, source: str) -> tuple[Plan
     hall = Box(0, 0, round(100 * parameters.width), round(100 * parameters.depth))
     plan = Plan()
     plan.room("hall", hall)
-    keep = _add_porches(plan, parameters, dice, hall)
+    keep = _add_porches(plan, parameters, sampler, hall)
     pillars = _pillars(parameters, source, hall)
     for pillar in pillars:
         plan.block(pillar)
@@ -66,14 +64,14 @@ def draw_hall(parameters: HallParameters, dice: Dice, source: str) -> tuple[Plan
         ]
         keep.append(Box(width - GAP // 2 - 1, 0, width + 1, hall.y2))
     wanted = round(parameters.clutter * width * hall.depth / _FLOOR_PER_PIECE)
-    furniture = furnish(dice, (width, hall.depth), keep, wanted, HALL)
+    furniture = furnish(sampler, (width, hall.depth), keep, wanted, HALL)
     furniture.put(plan, Frame(box=hall))
     if parameters.symmetry:
         _mirrored(furniture, hall.width).put(plan, Frame(box=hall))
     return plan, start.middle
 
 
-def _add_porches(plan: Plan, parameters: HallParameters, dice: Dice, hall: Box) -> list[Box]:
+def _add_porches(plan: Plan, parameters: HallParameters, sampler: Sampler, hall: Box) -> list[Box]:
     """Carve the porches and their doors; what must stay free before the doors."""
     door = round(100 * parameters.door_width)
     keep: list[Box] = []
@@ -83,7 +81,7 @@ def _add_porches(plan: Plan, parameters: HallParameters, dice: Dice, hall: Box) 
             continue
         pitch = hall.width // number
         for index in range(number):
-            left = index * pitch + dice.length(0, pitch - _PORCH_WIDTH - WALL)
+            left = index * pitch + sampler.length(0, pitch - _PORCH_WIDTH - WALL)
             y = hall.y2 + WALL if above else -WALL - _PORCH_DEPTH
             porch = Box(left, y, left + _PORCH_WIDTH, y + _PORCH_DEPTH)
             name = plan.room(f"porch {len(keep) + 1}", porch)

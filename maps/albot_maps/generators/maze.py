@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from albot_core.errors import InputError
-from albot_maps.generators.boxes import Box, Corner
-from albot_maps.generators.dice import Dice
 from albot_maps.generators.parameters import Parameters, count, metres, switch
-from albot_maps.generators.plan import WALL, Plan
+from albot_maps.generators.plan import WALL, Box, Corner, Plan, Sampler
 
 _Cell = tuple[int, int]
 """Column and row."""
@@ -37,7 +35,7 @@ class MazeParameters(Parameters):
     """Whether the right half mirrors the left one; `columns` and `loops` are even then."""
 
 
-def draw_maze(parameters: MazeParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:
+def draw_maze(parameters: MazeParameters, sampler: Sampler, source: str) -> tuple[Plan, Corner]:
     """A maze and its start, in a corner cell. Every cell is a room.
 
     Raises:
@@ -46,12 +44,12 @@ def draw_maze(parameters: MazeParameters, dice: Dice, source: str) -> tuple[Plan
     _check(parameters, source)
     columns, rows = parameters.columns, parameters.rows
     if parameters.symmetry:
-        half = _gates(dice, columns // 2, rows, parameters.loops // 2)
-        middle = dice.whole(0, rows - 1)
+        half = _gates(sampler, columns // 2, rows, parameters.loops // 2)
+        middle = sampler.whole(0, rows - 1)
         gates = [*half, ((columns // 2 - 1, middle), (columns // 2, middle))]
         gates += [_mirrored(gate, columns) for gate in half]
     else:
-        gates = _gates(dice, columns, rows, parameters.loops)
+        gates = _gates(sampler, columns, rows, parameters.loops)
     width = round(100 * parameters.passage_width)
     plan = Plan()
     for cell in _cells(columns, rows):
@@ -82,9 +80,9 @@ def _check(parameters: MazeParameters, source: str) -> None:
         raise InputError(source, expected, str(parameters.loops), place="loops")
 
 
-def _gates(dice: Dice, columns: int, rows: int, loops: int) -> list[_Gate]:
+def _gates(sampler: Sampler, columns: int, rows: int, loops: int) -> list[_Gate]:
     """The openings: a walk that turns back only where all around is visited, then loops."""
-    here = (dice.whole(0, columns - 1), dice.whole(0, rows - 1))
+    here = (sampler.whole(0, columns - 1), sampler.whole(0, rows - 1))
     visited, way = {here}, [here]
     gates: list[_Gate] = []
     while way:
@@ -92,7 +90,7 @@ def _gates(dice: Dice, columns: int, rows: int, loops: int) -> list[_Gate]:
         if not fresh:
             way.pop()
             continue
-        there = dice.pick(fresh)
+        there = sampler.pick(fresh)
         gates.append(_gate(way[-1], there))
         visited.add(there)
         way.append(there)
@@ -103,7 +101,7 @@ def _gates(dice: Dice, columns: int, rows: int, loops: int) -> list[_Gate]:
         for other in _around(cell, columns, rows)
         if cell < other and (cell, other) not in opened
     ]
-    return gates + dice.shuffled(shut)[:loops]
+    return gates + sampler.shuffled(shut)[:loops]
 
 
 def _cells(columns: int, rows: int) -> Iterator[_Cell]:

@@ -1,16 +1,18 @@
-"""Offices: corridors that cross and close loops, rows of rooms along them, doors, desks."""
+"""Offices: corridors that cross and close loops, rows of rooms along them, doors, desks.
+
+`_Office` lays the corridors; `RoomRows` cuts the rows beside them into rooms and furnishes these.
+"""
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import ClassVar
 
 from albot_core.errors import InputError
-from albot_maps.generators.boxes import Box, Corner, Side
-from albot_maps.generators.dice import Dice
-from albot_maps.generators.office_rooms import RoomRows, Row
+from albot_maps.generators.furniture import GAP, OFFICE, Furniture, furnish
 from albot_maps.generators.parameters import Parameters, count, metres, share, switch
-from albot_maps.generators.plan import WALL, Plan
+from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler, Side
 
 _LEAST_DEPTH, _LEAST_BLOCK = 260, 300
 """How deep a row of rooms, and how wide a block between two corridors, must be (cm)."""
@@ -46,19 +48,19 @@ class OfficeParameters(Parameters):
     """How many of the doorways have a door that opens and closes."""
 
 
-def draw_office(parameters: OfficeParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:
+def draw_office(parameters: OfficeParameters, sampler: Sampler, source: str) -> tuple[Plan, Corner]:
     """An office floor and its start.
 
     Raises:
         InputError: The rooms or the loops do not fit in.
     """
-    return _Office(parameters, dice, source).draw()
+    return _Office(parameters, sampler, source).draw()
 
 
 class _Office:
-    def __init__(self, parameters: OfficeParameters, dice: Dice, source: str) -> None:
+    def __init__(self, parameters: OfficeParameters, sampler: Sampler, source: str) -> None:
         self._asked = parameters
-        self._dice = dice
+        self._sampler = sampler
         self._source = source
         self._plan = Plan()
         self._corridor = round(100 * parameters.corridor_width)
@@ -70,7 +72,7 @@ class _Office:
         rows, start = self._lay(across, upward)
         filler = RoomRows(
             self._plan,
-            self._dice,
+            self._sampler,
             door=round(100 * self._asked.door_width),
             connections=self._asked.connections,
             clutter=self._asked.clutter,
@@ -102,7 +104,7 @@ class _Office:
         ways = self._fitting("width", self._asked.width, widths)
         # Rows of two to eight rooms, where that can be had.
         liked = [way for way in ways if 2 * _rows(*way) <= rooms <= 8 * _rows(*way)]
-        return self._dice.pick(liked or ways[-1:])
+        return self._sampler.pick(liked or ways[-1:])
 
     def _fitting(
         self, place: str, asked: float | None, sizes: dict[tuple[int, int], int]
@@ -130,7 +132,7 @@ class _Office:
 
     def _lay(self, across: int, upward: int) -> tuple[list[Row], Corner]:
         """Carve the corridors; the rows of rooms beside them, and a start in the first."""
-        strips = [self._dice.length(350, _WIDEST_STRIP) for _ in range(2 if upward > 1 else 0)]
+        strips = [self._sampler.length(350, _WIDEST_STRIP) for _ in range(2 if upward > 1 else 0)]
         depths = self._depths(across)
         block_depths = [sum(depths[i : i + 2]) + WALL for i in range(1, 2 * across - 1, 2)]
         blocks = self._blocks(upward, strips, block_depths)
@@ -194,12 +196,12 @@ class _Office:
         """How deep each row of rooms is, from the lowest up."""
         number = 2 * across
         if self._asked.depth is None and self._asked.symmetry:
-            return [self._dice.length(380, 600)] * number
+            return [self._sampler.length(380, 600)] * number
         if self._asked.depth is None:
-            return [self._dice.length(380, 600) for _ in range(number)]
+            return [self._sampler.length(380, 600) for _ in range(number)]
         fixed = self._least_depth(across) - number * _LEAST_DEPTH
         spare = round(100 * self._asked.depth) - fixed
-        return self._dice.parts(spare, number, _LEAST_DEPTH, even=self._asked.symmetry)
+        return self._sampler.parts(spare, number, _LEAST_DEPTH, even=self._asked.symmetry)
 
     def _blocks(self, upward: int, strips: list[int], block_depths: list[int]) -> list[int]:
         """How wide each block between two upward corridors is, from the left."""
@@ -209,11 +211,11 @@ class _Office:
             spare = round(100 * self._asked.width) - fixed
         else:
             # So wide that a room's front is about four metres.
-            fronts = self._asked.rooms * self._dice.length(340, 460)
+            fronts = self._asked.rooms * self._sampler.length(340, 460)
             fronts -= 2 * sum(block_depths) if upward > 1 else 0
             spare = (fronts - 2 * fixed) // (2 + 2 * len(block_depths))
             spare = max(spare, 2 * number * _LEAST_BLOCK)
-        return self._dice.parts(spare, number, _LEAST_BLOCK, even=self._asked.symmetry)
+        return self._sampler.parts(spare, number, _LEAST_BLOCK, even=self._asked.symmetry)
 
 
 def _rows(across: int, upward: int) -> int:
@@ -240,3 +242,134 @@ def _columns(
         columns.append((x, x + width, what))
         x += width + WALL
     return columns
+
+
+_LEAST_FRONT = 240
+"""The shortest side of a room along its corridor (cm)."""
+_FLOOR_PER_PIECE = 25_000
+"""At full clutter one piece of furniture is wanted for so much floor (cm²)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """Rooms side by side along a corridor."""
+
+    box: Box
+    """All of them, walls between them included."""
+    side: Side
+    """Where they lie as seen from the corridor."""
+    corridor: str
+    """The corridor's name."""
+
+    @property
+    def frame(self) -> Frame:
+        """The row's own coordinates."""
+        return Frame(box=self.box, side=self.side)
+
+
+class RoomRows:
+    """Fills the rows of one office floor.
+
+    Args:
+        plan: Where to draw.
+        sampler: Where chance comes from.
+        door: Width of a door (cm).
+        connections: Share of neighbours with a door between them.
+        clutter: How much furniture, 0 to 1.
+        alike: Whether the rooms of a size are all alike.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        sampler: Sampler,
+        *,
+        door: int,
+        connections: float,
+        clutter: float,
+        alike: bool,
+    ) -> None:
+        self._plan = plan
+        self._sampler = sampler
+        self._door = door
+        self._connections = connections
+        self._clutter = clutter
+        self._alike = alike
+        self._names = Counter[str]()
+        self._layouts: dict[tuple[int, int], tuple[int, Furniture]] = {}
+
+    def fill(self, rows: list[Row], rooms: int, source: str) -> None:
+        """Cut the rows into so many rooms together, and furnish them.
+
+        Raises:
+            InputError: The rows are too short for so many.
+        """
+        for row, number in zip(rows, _shared_out(rows, rooms, source), strict=True):
+            self._fill(row, number)
+
+    def _fill(self, row: Row, number: int) -> None:
+        """Cut a row into rooms and give each its door and its furniture."""
+        frame = row.frame
+        spare = frame.width - (number - 1) * WALL
+        # Rooms that are to be alike leave a few centimetres to the wall at the row's end.
+        fronts = (
+            [spare // number] * number
+            if self._alike
+            else self._sampler.parts(spare, number, _LEAST_FRONT)
+        )
+        u, joined, last = 0, False, ""
+        for index, front in enumerate(fronts):
+            box = frame.placed(Box(u, 0, u + front, frame.depth))
+            name = self._plan.room(self._named(front * frame.depth), box)
+            if joined:
+                middle = frame.depth // 2
+                low, high = middle - self._door // 2, middle + self._door - self._door // 2
+                opening = frame.placed(Box(u - WALL, low, u, high))
+                along_x = row.side in (Side.EAST, Side.WEST)
+                self._plan.door(opening, (last, name), along_x=along_x)
+            onward = index + 1 < number and self._sampler.chance(self._connections)
+            offset = self._furnish(Frame(box=box, side=row.side), joined, onward)
+            opening = frame.placed(Box(u + offset, -WALL, u + offset + self._door, 0))
+            along_x = row.side in (Side.NORTH, Side.SOUTH)
+            self._plan.door(opening, (name, row.corridor), along_x=along_x)
+            u, joined, last = u + front + WALL, onward, name
+
+    def _furnish(self, frame: Frame, joined: bool, onward: bool) -> int:
+        """Furnish a room; where along its front the door begins."""
+        key = (frame.width, frame.depth)
+        if not (self._alike and key in self._layouts):
+            offset = self._sampler.length(20, frame.width - self._door - 20)
+            keep = [Box(offset, 0, offset + self._door, GAP)]
+            middle = (frame.depth - self._door) // 2
+            keep += [
+                Box(left, middle, left + GAP, middle + self._door)
+                for left, opened in ((0, joined), (frame.width - GAP, onward))
+                if opened or self._alike
+            ]
+            pieces = self._clutter * frame.width * frame.depth / _FLOOR_PER_PIECE
+            wanted = int(pieces + self._sampler.whole(0, 99) / 100)
+            furniture = furnish(self._sampler, (frame.width, frame.depth), keep, wanted, OFFICE)
+            self._layouts[key] = (offset, furniture)
+        offset, furniture = self._layouts[key]
+        furniture.put(self._plan, frame)
+        return offset
+
+    def _named(self, floor: int) -> str:
+        """A name for a room of so much floor (cm²)."""
+        what = "meeting" if floor > 280_000 else "store" if floor < 90_000 else "office"
+        self._names[what] += 1
+        return f"{what} {self._names[what]}"
+
+
+def _shared_out(rows: list[Row], rooms: int, source: str) -> list[int]:
+    """How many rooms each row has: at least one, and more the longer it is."""
+    fronts = [row.frame.width + WALL for row in rows]
+    room_for = [front // (_LEAST_FRONT + WALL) for front in fronts]
+    if sum(room_for) < rooms:
+        expected = f"at most {sum(room_for)} on this floor"
+        raise InputError(source, expected, str(rooms), place="rooms")
+    numbers = [1] * len(rows)
+    for _ in range(rooms - len(rows)):
+        open_rows = [index for index in range(len(rows)) if numbers[index] < room_for[index]]
+        numbers[max(open_rows, key=lambda index: fronts[index] / (numbers[index] + 1))] += 1
+    return numbers

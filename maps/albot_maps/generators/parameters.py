@@ -13,7 +13,7 @@ Number = int | float
 
 
 @dataclass(frozen=True, kw_only=True)
-class Range:
+class ParameterRange:
     """What one parameter may be."""
 
     type: type[bool] | type[int] | type[float]
@@ -43,30 +43,30 @@ class Range:
 
 def metres(default: float | None, least: Number, most: Number) -> Any:
     """A field for a length (m); by default what suits the rest where `default` is None."""
-    return _field(default, Range(type=float, least=least, most=most, unit="m"))
+    return _field(default, ParameterRange(type=float, least=least, most=most, unit="m"))
 
 
 def share(default: float) -> Any:
     """A field for a number from 0 to 1."""
-    return _field(default, Range(type=float))
+    return _field(default, ParameterRange(type=float))
 
 
 def number(default: float, least: Number, most: Number) -> Any:
     """A field for a number without a unit."""
-    return _field(default, Range(type=float, least=least, most=most))
+    return _field(default, ParameterRange(type=float, least=least, most=most))
 
 
 def count(default: int | None, least: int, most: int) -> Any:
     """A field for a whole number; by default what suits the rest where `default` is None."""
-    return _field(default, Range(type=int, least=least, most=most))
+    return _field(default, ParameterRange(type=int, least=least, most=most))
 
 
 def switch(default: bool) -> Any:
     """A field for yes or no."""
-    return _field(default, Range(type=bool))
+    return _field(default, ParameterRange(type=bool))
 
 
-def _field(default: object, allowed: Range) -> Any:
+def _field(default: object, allowed: ParameterRange) -> Any:
     return dataclasses.field(default=default, metadata={"range": allowed})
 
 
@@ -95,7 +95,7 @@ class Parameters:
                 raise InputError(f"random:{self.kind}", str(allowed), str(value), place=name)
 
     @classmethod
-    def ranges(cls) -> dict[str, Range]:
+    def ranges(cls) -> dict[str, ParameterRange]:
         """What each parameter may be, by its name."""
         return {name: item.metadata["range"] for name, item in cls._fields().items()}
 

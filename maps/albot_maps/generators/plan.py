@@ -1,12 +1,20 @@
-"""A floor drawn in whole centimetres: rooms carved out of the solid, furniture put back."""
+"""What every generator draws with: a floor plan in whole centimetres, and random draws.
+
+Whole numbers give the same building on every machine. A plan is solid until rooms are carved out of
+it (`Box`), each in coordinates of its own (`Frame`); then furniture is put back.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Int
 
 from albot_core.geometry.types import Segments
-from albot_maps.generators.boxes import Box, Corner
 from albot_maps.world import Exit, Room, World
 
 WALL = 15
@@ -128,3 +136,131 @@ def _runs(
     lines, starts = np.nonzero(change == 1)
     _, ends = np.nonzero(change == -1)
     return lines, starts, ends
+
+
+Corner = tuple[int, int]
+"""x, y (cm)."""
+
+
+class Box(NamedTuple):
+    """A rectangle along x and y (cm)."""
+
+    x1: int
+    y1: int
+    x2: int
+    y2: int
+
+    @property
+    def width(self) -> int:
+        """The side along x."""
+        return self.x2 - self.x1
+
+    @property
+    def depth(self) -> int:
+        """The side along y."""
+        return self.y2 - self.y1
+
+    @property
+    def middle(self) -> Corner:
+        """The middle, rounded down."""
+        return (self.x1 + self.x2) // 2, (self.y1 + self.y2) // 2
+
+    def grown(self, by: int) -> Box:
+        """The box with so much more on every side."""
+        return Box(self.x1 - by, self.y1 - by, self.x2 + by, self.y2 + by)
+
+
+class Side(Enum):
+    """On which side of its corridor a room lies."""
+
+    NORTH = "north"
+    SOUTH = "south"
+    EAST = "east"
+    WEST = "west"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """A room's own coordinates: u along its front, v away from it, from 0 at its corner."""
+
+    box: Box
+    """The room on the plan."""
+    side: Side = Side.NORTH
+    """Where the room lies as seen from its front."""
+
+    @property
+    def width(self) -> int:
+        """The room's front."""
+        return self.box.width if self.side in (Side.NORTH, Side.SOUTH) else self.box.depth
+
+    @property
+    def depth(self) -> int:
+        """How far the room reaches from its front."""
+        return self.box.depth if self.side in (Side.NORTH, Side.SOUTH) else self.box.width
+
+    def corner(self, u: int, v: int) -> Corner:
+        """A point of the room on the plan."""
+        match self.side:
+            case Side.NORTH:
+                return self.box.x1 + u, self.box.y1 + v
+            case Side.SOUTH:
+                return self.box.x1 + u, self.box.y2 - v
+            case Side.EAST:
+                return self.box.x1 + v, self.box.y1 + u
+            case Side.WEST:
+                return self.box.x2 - v, self.box.y1 + u
+
+    def placed(self, part: Box) -> Box:
+        """A rectangle of the room on the plan."""
+        (xa, ya), (xb, yb) = self.corner(part.x1, part.y1), self.corner(part.x2, part.y2)
+        return Box(min(xa, xb), min(ya, yb), max(xa, xb), max(ya, yb))
+
+
+Item = TypeVar("Item")
+
+STEP = 5
+"""Lengths are drawn in steps of so many centimetres."""
+
+
+class Sampler:
+    """Draws from a generator's uniform numbers, by arithmetic that is exact everywhere.
+
+    Args:
+        rng: Where the numbers come from.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._uniform = rng.random
+
+    def whole(self, least: int, most: int) -> int:
+        """A whole number from `least` to `most`, both included."""
+        return least + int(self._uniform() * (most - least + 1))
+
+    def length(self, least: int, most: int) -> int:
+        """A length (cm) from `least` to about `most`, in steps of 5 cm from `least`."""
+        return least + STEP * self.whole(0, max(0, most - least) // STEP)
+
+    def chance(self, probability: float) -> bool:
+        """True with a probability."""
+        return self._uniform() < probability
+
+    def pick(self, items: Sequence[Item]) -> Item:
+        """One of the items."""
+        return items[self.whole(0, len(items) - 1)]
+
+    def shuffled(self, items: Sequence[Item]) -> list[Item]:
+        """The items in any order."""
+        rest = list(items)
+        return [rest.pop(self.whole(0, len(rest) - 1)) for _ in items]
+
+    def parts(self, total: int, number: int, least: int, *, even: bool = False) -> list[int]:
+        """A length (cm) cut into so many parts of at least `least`, alike or not.
+
+        What is over after cutting even parts goes to the last.
+        """
+        spare = total - number * least
+        weights = [1 if even else self.whole(4, 12) for _ in range(number)]
+        whole = sum(weights)
+        parts = [least + spare * weight // whole for weight in weights]
+        parts[-1] += total - sum(parts)
+        return parts

@@ -7,11 +7,9 @@ from itertools import pairwise
 from typing import ClassVar
 
 from albot_core.errors import InputError
-from albot_maps.generators.boxes import Box, Corner, Frame, Side
-from albot_maps.generators.dice import Dice
 from albot_maps.generators.furniture import GAP, PASSAGE, furnish
 from albot_maps.generators.parameters import Parameters, count, metres, number, share
-from albot_maps.generators.plan import Plan
+from albot_maps.generators.plan import Box, Corner, Frame, Plan, Sampler, Side
 
 _LEAST_BLOCK = 100
 """The shortest side of what a loop runs round (cm)."""
@@ -39,7 +37,7 @@ class RingParameters(Parameters):
     """Cupboards along the walls: 0 none, 1 one for every 2 m of corridor, where they fit."""
 
 
-def draw_ring(parameters: RingParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:
+def draw_ring(parameters: RingParameters, sampler: Sampler, source: str) -> tuple[Plan, Corner]:
     """The loops, and a start in the first.
 
     Raises:
@@ -52,7 +50,7 @@ def draw_ring(parameters: RingParameters, dice: Dice, source: str) -> tuple[Plan
         expected = f"at least {4 * least / 100:g} with corridors of {corridor / 100:g} m"
         raise InputError(source, expected, str(parameters.length), place="length")
     # All loops are as deep as each other; a third to a half of the first one's half.
-    depth = max(least, min(halves[0] * dice.whole(33, 55) // 100, halves[0] - least))
+    depth = max(least, min(halves[0] * sampler.whole(33, 55) // 100, halves[0] - least))
     rungs = [0]
     for half in halves:
         rungs.append(rungs[-1] + half - depth)
@@ -65,14 +63,14 @@ def draw_ring(parameters: RingParameters, dice: Dice, source: str) -> tuple[Plan
         box = Box(x, 0, x + corridor, depth + corridor)
         names.append(plan.room(f"cross {index + 1}", box))
         between = Frame(box=Box(x, corridor, x + corridor, depth), side=Side.EAST)
-        _furnish(plan, between, parameters.clutter, dice)
+        _furnish(plan, between, parameters.clutter, sampler)
     for index, (left, right) in enumerate(pairwise(rungs)):
         for low, side in ((0, "south"), (depth, "north")):
             box = Box(left + corridor, low, right, low + corridor)
             name = plan.room(f"{side} {index + 1}", box)
             for x, rung in ((box.x1, names[index]), (box.x2, names[index + 1])):
                 plan.mouth(Box(x, box.y1, x, box.y2), (name, rung))
-            _furnish(plan, Frame(box=box), parameters.clutter, dice)
+            _furnish(plan, Frame(box=box), parameters.clutter, sampler)
     return plan, (corridor // 2, corridor // 2)
 
 
@@ -85,9 +83,9 @@ def _half_lengths(parameters: RingParameters) -> list[int]:
     return halves
 
 
-def _furnish(plan: Plan, passage: Frame, clutter: float, dice: Dice) -> None:
+def _furnish(plan: Plan, passage: Frame, clutter: float, sampler: Sampler) -> None:
     """Put cupboards along a stretch of corridor, none near its open ends."""
     size = (passage.width, passage.depth)
     ends = [Box(0, 0, GAP, size[1]), Box(size[0] - GAP, 0, size[0], size[1])]
     wanted = round(clutter * size[0] / _LENGTH_PER_PIECE)
-    furnish(dice, size, ends, wanted, PASSAGE).put(plan, passage)
+    furnish(sampler, size, ends, wanted, PASSAGE).put(plan, passage)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from albot_core.errors import InputError
-from albot_maps.generators.dice import Dice
+from albot_core.errors import InputError, did_you_mean
 from albot_maps.generators.parameters import Parameters
-from albot_maps.generators.starts import scatter_starts
-from albot_maps.generators.things import populate
+from albot_maps.generators.plan import Sampler
+from albot_maps.generators.populate import populate, scatter_starts
 from albot_maps.world import World
 
 KINDS = ("apartment", "hall", "maze", "office", "ring", "warehouse")
@@ -55,10 +53,10 @@ class RandomSpec:
             InputError: What was asked for does not fit in.
         """
         draw = getattr(_module(self.kind), f"draw_{self.kind}")
-        dice = Dice(np.random.Generator(np.random.PCG64(self.seed)))
-        plan, start = draw(self.parameters, dice, str(self))
+        sampler = Sampler(np.random.Generator(np.random.PCG64(self.seed)))
+        plan, start = draw(self.parameters, sampler, str(self))
         world = plan.world(f"{self.kind}-{self.seed}", str(self), start)
-        return populate(scatter_starts(world, self.parameters, dice), self.parameters, dice)
+        return populate(scatter_starts(world, self.parameters, sampler), self.parameters, sampler)
 
 
 def parse_spec(text: str) -> RandomSpec:
@@ -102,7 +100,7 @@ def parameters_of(kind: str) -> type[Parameters]:
         InputError: There is no such kind.
     """
     if kind not in KINDS:
-        found = f"{kind or 'nothing'}{_hint(kind, KINDS)}"
+        found = f"{kind or 'nothing'}{did_you_mean(kind, KINDS)}"
         raise InputError("random world", f"one of the kinds {', '.join(KINDS)}", found)
     known: type[Parameters] = getattr(_module(kind), f"{kind.capitalize()}Parameters")
     return known
@@ -118,7 +116,7 @@ def read_parameters(known: type[Parameters], values: Mapping[str, str]) -> Param
     read: dict[str, Any] = {}
     for name, value in values.items():
         if name not in ranges:
-            found = f"{name or 'nothing'}{_hint(name, tuple(ranges))}"
+            found = f"{name or 'nothing'}{did_you_mean(name, ranges)}"
             raise InputError(f"{PREFIX}{known.kind}", f"one of {', '.join(ranges)}", found)
         try:
             kind = ranges[name].type
@@ -131,11 +129,6 @@ def read_parameters(known: type[Parameters], values: Mapping[str, str]) -> Param
 
 def _module(kind: str) -> Any:
     return importlib.import_module(f"albot_maps.generators.{kind}")
-
-
-def _hint(name: str, known: tuple[str, ...]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
-    return f" (did you mean {close[0]}?)" if close else ""
 
 
 def _text(value: object) -> str:

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from albot_maps.generators.boxes import Box, Corner, Frame, Side
-from albot_maps.generators.dice import Dice
 from albot_maps.generators.furniture import GAP, PALLETS, furnish
 from albot_maps.generators.parameters import Parameters, count, metres, share
-from albot_maps.generators.plan import Plan
+from albot_maps.generators.plan import Box, Corner, Frame, Plan, Sampler, Side
 
 _BAY, _POST = 270, 10
 """Width of a rack's bay and of the posts on its two sides (cm)."""
@@ -41,7 +39,9 @@ class WarehouseParameters(Parameters):
     """Pallets left in the aisles: 0 none, 1 one for every 3 m of aisle, where they fit."""
 
 
-def draw_warehouse(parameters: WarehouseParameters, dice: Dice, source: str) -> tuple[Plan, Corner]:
+def draw_warehouse(
+    parameters: WarehouseParameters, sampler: Sampler, source: str
+) -> tuple[Plan, Corner]:
     """A warehouse and its start, at the front.
 
     Whatever its parameters are, it fits; `source` is not needed.
@@ -68,24 +68,26 @@ def draw_warehouse(parameters: WarehouseParameters, dice: Dice, source: str) -> 
                 plan.mouth(Box(passage.x1, y, passage.x2, y), (name, other))
             for side, x in ((Side.WEST, left - rack), (Side.EAST, passage.x2)):
                 _carve_empty(
-                    plan, Frame(box=Box(x, low, x + rack, high), side=side), parameters, dice
+                    plan, Frame(box=Box(x, low, x + rack, high), side=side), parameters, sampler
                 )
-            _leave_pallets(plan, Frame(box=passage, side=Side.EAST), parameters.clutter, dice)
+            _leave_pallets(plan, Frame(box=passage, side=Side.EAST), parameters.clutter, sampler)
         below = above
     return plan, (width // 2, cross // 2)
 
 
-def _carve_empty(plan: Plan, rack: Frame, parameters: WarehouseParameters, dice: Dice) -> None:
+def _carve_empty(
+    plan: Plan, rack: Frame, parameters: WarehouseParameters, sampler: Sampler
+) -> None:
     """Open a rack's empty bays toward its aisle."""
     for bay in range(parameters.bays):
-        if dice.chance(parameters.empty):
+        if sampler.chance(parameters.empty):
             left, right = bay * _BAY + _POST, (bay + 1) * _BAY - _POST
             plan.carve(rack.placed(Box(left, 0, right, rack.depth - _POST)))
 
 
-def _leave_pallets(plan: Plan, aisle: Frame, clutter: float, dice: Dice) -> None:
+def _leave_pallets(plan: Plan, aisle: Frame, clutter: float, sampler: Sampler) -> None:
     """Put pallets along the racks, none near the ends of the aisle."""
     size = (aisle.width, aisle.depth)
     ends = [Box(0, 0, GAP, size[1]), Box(size[0] - GAP, 0, size[0], size[1])]
     wanted = round(clutter * size[0] / _AISLE_PER_PALLET)
-    furnish(dice, size, ends, wanted, PALLETS).put(plan, aisle)
+    furnish(sampler, size, ends, wanted, PALLETS).put(plan, aisle)

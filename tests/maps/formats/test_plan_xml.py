@@ -10,7 +10,7 @@ import shapely
 
 from albot_core.errors import InputError
 from albot_maps import ROBOT_RADIUS, load_world
-from albot_maps.formats.door import find_door
+from albot_maps.formats.plan_xml import find_door
 from albot_maps.freespace import wall_lines
 
 LEFT = [(0, 0), (0, 200), (300, 200), (300, 0)]

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_maps import ROBOT_RADIUS, World, load_world
 from albot_maps.freespace import FreeSpace, wall_lines
-from albot_maps.generators.parameters import Range
+from albot_maps.generators.parameters import ParameterRange
 from albot_maps.generators.spec import KINDS, RandomSpec, parameters_of, parse_spec
 
 SEEDS = st.integers(0, 2**64 - 1)
@@ -45,7 +45,7 @@ def digest(world: World) -> str:
     return fingerprint.hexdigest()[:16]
 
 
-def values(allowed: Range, name: str) -> st.SearchStrategy[Any]:
+def values(allowed: ParameterRange, name: str) -> st.SearchStrategy[Any]:
     if allowed.type is bool:
         return st.booleans()
     if allowed.type is int:
@@ -326,7 +326,7 @@ def shown(default: object) -> str:
     return "" if default is None else f"{default:g}"
 
 
-def shown_range(allowed: Range) -> str:
+def shown_range(allowed: ParameterRange) -> str:
     if allowed.type is bool:
         return "true, false"
     return f"{allowed.least:g}–{allowed.most:g} {allowed.unit}".rstrip()

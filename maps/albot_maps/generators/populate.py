@@ -1,4 +1,4 @@
-"""Doors, people and boxes, put into a random building."""
+"""What is put into a random building: starts beyond the first, doors, people and boxes."""
 
 from __future__ import annotations
 
@@ -12,13 +12,48 @@ import numpy as np
 import shapely
 
 from albot_core.errors import InputError
-from albot_maps.freespace import wall_lines
-from albot_maps.generators.dice import Dice
+from albot_maps.freespace import FreeSpace, wall_lines
 from albot_maps.generators.parameters import Parameters
-from albot_maps.generators.plan import WALL
-from albot_maps.movable_rules import TOLERANCE
-from albot_maps.movables import Box, Door, Movables, Point, Walker
+from albot_maps.generators.plan import WALL, Sampler
+from albot_maps.movables import TOLERANCE, Box, Door, Movables, Point, Walker
 from albot_maps.world import ROBOT_RADIUS, Exit, World
+
+_START_SPARE = 0.05
+"""What a start keeps from walls beyond what the robot is wide (m)."""
+_START_TRIES = 1000
+"""How often a place is sought for each start."""
+_HEADINGS = 24
+"""How many headings there are, the whole circle round."""
+
+
+def scatter_starts(world: World, parameters: Parameters, sampler: Sampler) -> World:
+    """The world with as many starts as the parameters ask for, the kind's own the first.
+
+    The others lie anywhere in a room that a robot can come to from it, each place as likely as
+    any other, and look in any direction.
+
+    Raises:
+        InputError: There is no room for the robot anywhere else.
+    """
+    wanted = parameters.starts
+    if wanted == 1:
+        return world
+    free = FreeSpace(world.walls, ROBOT_RADIUS + _START_SPARE).region_at(world.starts[0, :2])
+    shapely.prepare(free)
+    x1, y1, x2, y2 = (round(100 * bound) for bound in free.bounds)
+    starts = [world.starts[0]]
+    for _ in range(_START_TRIES * (wanted - 1)):
+        x, y = sampler.length(x1, x2) / 100, sampler.length(y1, y2) / 100
+        heading = float(np.deg2rad(360 / _HEADINGS * sampler.whole(0, _HEADINGS - 1)))
+        if world.room_at(x, y) is not None and free.contains(shapely.Point(x, y)):
+            starts.append(np.array([x, y, heading]))
+            if len(starts) == wanted:
+                return replace(world, starts=np.array(starts))
+    found = str(wanted)
+    raise InputError(
+        world.source, f"no more than find room, which {len(starts)} did", found, place="starts"
+    )
+
 
 Thing = TypeVar("Thing", Box, Door, Walker)
 
@@ -34,7 +69,7 @@ _LEAST_ROUTE = 2.0
 """The shortest way from the first to another waypoint (m)."""
 
 
-def populate(world: World, parameters: Parameters, dice: Dice) -> World:
+def populate(world: World, parameters: Parameters, sampler: Sampler) -> World:
     """The world with as many doors, people and boxes as the parameters ask for.
 
     Raises:
@@ -43,7 +78,7 @@ def populate(world: World, parameters: Parameters, dice: Dice) -> World:
     asked = {name: getattr(parameters, name, 0) for name in ("doors", "people", "boxes")}
     if not any(asked.values()):
         return world
-    places = _Places(world, dice)
+    places = _Places(world, sampler)
     doors = _taken(places.doors(), asked["doors"], world, "doors")
     people = _taken(places.walkers(), asked["people"], world, "people")
     boxes = _taken(places.boxes(doors, people), asked["boxes"], world, "boxes")
@@ -61,9 +96,9 @@ def _taken(things: Iterator[Thing], number: int, world: World, name: str) -> tup
 class _Places:
     """Seeks places in one building."""
 
-    def __init__(self, world: World, dice: Dice) -> None:
+    def __init__(self, world: World, sampler: Sampler) -> None:
         self._world = world
-        self._dice = dice
+        self._sampler = sampler
         self._walls = wall_lines(world.walls)
         shapely.prepare(self._walls)
         self._starts = shapely.multipoints(world.starts[:, :2])
@@ -77,8 +112,8 @@ class _Places:
         """A leaf for each doorway in which one can swing, in any order."""
         sweeps: list[shapely.Polygon] = []
         openings = [opening for opening in self._world.exits if _is_doorway(opening)]
-        for opening in self._dice.shuffled(openings):
-            for door in self._dice.shuffled(_leaves(opening)):
+        for opening in self._sampler.shuffled(openings):
+            for door in self._sampler.shuffled(_leaves(opening)):
                 sweep = door.sweep
                 inner = sweep.buffer(-TOLERANCE)
                 if (
@@ -101,25 +136,25 @@ class _Places:
                 yield walker
 
     def _walker(self) -> Walker | None:
-        room = self._dice.pick(self._world.rooms).name
+        room = self._sampler.pick(self._world.rooms).name
         route = [self._point(room)]
-        for _ in range(self._dice.whole(2, 12)):
+        for _ in range(self._sampler.whole(2, 12)):
             beyond, points = self._onward(room)
             if self._is_clear([route[-1], *points]):
                 room = beyond
                 route += points
         if max(math.dist(route[0], point) for point in route) < _LEAST_ROUTE:
             return None
-        closed = len(route) > 2 and self._dice.chance(0.5)
+        closed = len(route) > 2 and self._sampler.chance(0.5)
         closed = closed and self._is_clear([route[-1], route[0]])
         return Walker(route=tuple(route), closed=closed)
 
     def _onward(self, room: str) -> tuple[str, list[Point]]:
         """A step of a route: through an exit, or to a point of the same room."""
         exits = self._exits_of[room]
-        if not exits or self._dice.chance(0.4):
+        if not exits or self._sampler.chance(0.4):
             return room, [self._point(room)]
-        opening = self._dice.pick(exits)
+        opening = self._sampler.pick(exits)
         (beyond,) = set(opening.rooms) - {room}
         sides = _sides(opening)
         sides.sort(key=lambda point: self._world.room_at(*point) != room)
@@ -127,7 +162,7 @@ class _Places:
 
     def _point(self, room: str) -> Point:
         x1, y1, x2, y2 = self._boxes_of[room]
-        return self._dice.length(x1, x2) / 100, self._dice.length(y1, y2) / 100
+        return self._sampler.length(x1, x2) / 100, self._sampler.length(y1, y2) / 100
 
     def _is_clear(self, points: Sequence[Point]) -> bool:
         """Whether a walker of ordinary size gets along straight legs of 10 cm or more."""
@@ -161,13 +196,13 @@ class _Places:
             yield box
 
     def _box(self) -> Box:
-        at = self._point(self._dice.pick(self._world.rooms).name)
+        at = self._point(self._sampler.pick(self._world.rooms).name)
         return Box(
             at=at,
-            heading=float(np.deg2rad(15.0 * self._dice.whole(0, 11))),
-            length=self._dice.length(40, 70) / 100,
-            width=self._dice.length(30, 50) / 100,
-            mass=float(self._dice.whole(2, 10)),
+            heading=float(np.deg2rad(15.0 * self._sampler.whole(0, 11))),
+            length=self._sampler.length(40, 70) / 100,
+            width=self._sampler.length(30, 50) / 100,
+            mass=float(self._sampler.whole(2, 10)),
         )
 
 

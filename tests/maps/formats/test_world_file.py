@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_maps import Box, Door, Exit, Movables, Room, Walker, World, catalogue_names, load_world
-from albot_maps.formats.world_text import world_text
-from albot_maps.formats.world_yaml import parse_world
+from albot_maps.formats.world_file import parse_world, world_text
 
 SMALL = """\
 albot-world: 1

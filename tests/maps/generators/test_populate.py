@@ -9,7 +9,7 @@ import shapely
 from albot_core.errors import InputError
 from albot_maps import ROBOT_RADIUS, load_world
 from albot_maps.freespace import FreeSpace
-from albot_maps.generators import starts
+from albot_maps.generators import populate
 from albot_maps.generators.spec import KINDS
 
 
@@ -37,6 +37,6 @@ def test_boxes_stay_away_from_every_start():
 
 
 def test_a_world_without_room_for_another_start_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(starts, "_TRIES", 0)
+    monkeypatch.setattr(populate, "_START_TRIES", 0)
     with pytest.raises(InputError, match="no more than find room, which 1 did"):
         load_world("random:maze:5?starts=3")
