@@ -92,11 +92,7 @@ def make_scan_buffers(beams: BeamGeometry, room: int) -> ScanBuffers:
 
 @kernel(arrays=True, nogil=True)
 def scan_poses(
-    beams: BeamGeometry,
-    index: WallTables,
-    cells: np.ndarray,
-    poses: np.ndarray,
-    ranges: np.ndarray,
+    beams: BeamGeometry, index: WallTables, cells: np.ndarray, poses: np.ndarray, ranges: np.ndarray
 ) -> None:
     """Fill `ranges` (n, beams) with what robots at `poses` (n, 3) in `cells` (n,) see."""
     nothing = np.empty((0, 4))
@@ -142,12 +138,7 @@ def scan(
 
 @kernel()
 def _transform_segment(
-    segments: np.ndarray,
-    k: int,
-    laser: Transform,
-    behind: float,
-    walls: np.ndarray,
-    count: int,
+    segments: np.ndarray, k: int, laser: Transform, behind: float, walls: np.ndarray, count: int
 ) -> int:
     """Write a segment's ends, seen from x, y, cosine, sine, into column `count`; 0 if behind."""
     x, y, cos, sin = laser

@@ -39,6 +39,9 @@ from albot_env.sim.wall_index import Locator
 from albot_env.sim.world_cache import WorldCache
 from albot_maps.world import World
 
+SONAR_COUNTER, CAMERA_COUNTER = 2**40, 2**41
+"""The first counters of the sonars' and the camera's random numbers."""
+
 
 class SensorSuite:
     """The sensors of a batch of robots, which share what is known of a world's walls.
@@ -148,10 +151,6 @@ class SensorSuite:
         self._laser_index.clear()
         self._sonar_index.clear()
         self._constants = self._constants._replace(scenes=self._constants.scenes[:0])
-
-
-SONAR_COUNTER, CAMERA_COUNTER = 2**40, 2**41
-"""The first counters of the sonars' and the camera's random numbers."""
 
 
 class SensorConstants(NamedTuple):

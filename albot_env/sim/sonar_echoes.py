@@ -110,12 +110,8 @@ def _find_echo(table: np.ndarray, cone: Span, sonars: SonarConstants) -> tuple[f
             break
         table[RANGE, nearest] = np.inf
     if max(sonars.corner_reach, sonars.edge_reach) > 0.0:
-        specular = sonars.cos_limit, sonars.sin_limit
-        reaches = sonars.corner_reach, sonars.edge_reach
         echo = best, best_tangent
-        best, best_tangent = _nearest_corner_echo(
-            table, cone, sonars.slope, specular, reaches, echo
-        )
+        best, best_tangent = _nearest_corner_echo(table, cone, sonars, echo)
     return (best, best_tangent) if best < sonars.max_range else (np.inf, 0.0)
 
 
@@ -180,6 +176,7 @@ def _nearest_visible_point(table: np.ndarray, cone: Span, j: int) -> tuple[float
     low, high, tangent = table[LOW, j], table[HIGH, j], table[TANGENT, j]
     nx, ny = by - ay, ax - bx
     best, best_tangent = np.inf, 0.0
+    # Where the nearest point is hidden, the wall may come out on either side of what hides it.
     for side in (1.0, -1.0):
         end = high if side > 0.0 else low
         visible = _end_of_occlusion(table, cone, j, (tangent, side, end))
@@ -250,12 +247,7 @@ def _leaving_tangent(slope: float, offset: float, side: float) -> float:
 
 @kernel()
 def _nearest_corner_echo(
-    table: np.ndarray,
-    cone: Span,
-    slope: float,
-    specular: tuple[float, float],
-    reaches: tuple[float, float],
-    best: tuple[float, float],
+    table: np.ndarray, cone: Span, sonars: SonarConstants, best: tuple[float, float]
 ) -> tuple[float, float]:
     """Range (m) and tangent of the nearest corner or edge that echoes, or else the best so far.
 
@@ -270,13 +262,13 @@ def _nearest_corner_echo(
     right-angled corners alike, those of edges far weaker).
 
     Args:
-        table: The surfaces in the sonars' buffers (see `SonarBuffers`).
+        table: The surfaces in the sonars' cones (see `SonarBuffers`).
         cone: Which of them are in this sonar's.
-        slope: Tangent of half the cone.
-        specular: Cosine and sine of the specular limit.
-        reaches: Distances (m) up to which corners and edges echo.
+        sonars: The sonars.
         best: Range (m) of the nearest echo so far, and tangent of its bearing.
     """
+    slope, specular = sonars.slope, (sonars.cos_limit, sonars.sin_limit)
+    reaches = sonars.corner_reach, sonars.edge_reach
     farthest = max(reaches[0], reaches[1])
     for first in range(cone[0], cone[1], LANES):
         bound = min(best[0], farthest)

@@ -121,12 +121,7 @@ def _gather_surfaces(
 
 @kernel()
 def _translate_surface(
-    surfaces: np.ndarray,
-    k: int,
-    robot: Transform,
-    behind: float,
-    table: np.ndarray,
-    column: int,
+    surfaces: np.ndarray, k: int, robot: Transform, behind: float, table: np.ndarray, column: int
 ) -> int:
     """Write a surface into a column; 0 if it is behind."""
     x, y, cos, sin = robot

@@ -193,6 +193,7 @@ def _list_visible(
     reach: tuple[float, float],
 ) -> None:
     """List those walls of some that may matter in the cell about (x, y), near to far."""
+    # Those in reach of the cell, near to far.
     half, limit = cell / 2 + reach[1], reach[0] + cell * math.sqrt(0.5)
     near, distances = np.empty(len(candidates), np.int64), np.empty(len(candidates))
     count = 0
@@ -203,6 +204,7 @@ def _list_visible(
         count += distances[count] <= limit
     order = np.empty(count, np.int64)
     _sort(distances, order)
+    # Each casts a shadow, unless it is in the shadows of nearer ones itself.
     shadows = np.empty((9, padded_length(count)))
     in_use = ZERO
     for k in order:
@@ -235,7 +237,7 @@ def _sort(keys: np.ndarray, order: np.ndarray) -> None:
 
 @kernel()
 def _is_occluded(wall: np.ndarray, shadows: np.ndarray, count: int) -> bool:
-    """Whether all of the wall, piece by piece, lies in shadows of the first shadows."""
+    """Whether all of the wall, piece by piece, lies in the first of the shadows."""
     done = 0.0
     while done < 1.0:
         x, y = wall[0] + done * (wall[2] - wall[0]), wall[1] + done * (wall[3] - wall[1])
@@ -258,7 +260,7 @@ def _shadows_over(
 ) -> FloatVector:
     """In which shadows a point of a wall is.
 
-    A wall that goes along a screen's line, as those of the chain may that casts the shadow, is not.
+    A wall that goes along a shadow's line, as those of the chain may that casts the shadow, is not.
     """
     x1, y1, x2, y2 = wall
     beyond = (_depth(shadows, 0, x1, y1) > _MARGIN) | (_depth(shadows, 0, x2, y2) > _MARGIN)

@@ -33,12 +33,7 @@ class WallIndex:
     """
 
     def __init__(
-        self,
-        reach: float,
-        mount: tuple[float, float],
-        *,
-        spread: float = 0.0,
-        grid: bool = True,
+        self, reach: float, mount: tuple[float, float], *, spread: float = 0.0, grid: bool = True
     ) -> None:
         self._reach = reach
         self._gridded = grid

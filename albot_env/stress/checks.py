@@ -198,12 +198,7 @@ def check_laser(
 
 
 def _ranges_beside(
-    surfaces: Segments,
-    pose: Pose,
-    bearings: Ranges,
-    ranges: Ranges,
-    ways: Ranges,
-    limits: Limits,
+    surfaces: Segments, pose: Pose, bearings: Ranges, ranges: Ranges, ways: Ranges, limits: Limits
 ) -> tuple[Ranges, Ranges]:
     """The least and the most that beams may see: those that are off are turned a little."""
     least, most = ways.copy(), ways.copy()

@@ -65,8 +65,7 @@ def test_a_ramp_changes_no_wheel_faster_than_the_acceleration_and_arrives(
 
 
 @pytest.mark.parametrize(
-    ("field", "value"),
-    [("radius", 0.0), ("mass", -1.0), ("grip", math.nan), ("cruise_speed", 2.0)],
+    ("field", "value"), [("radius", 0.0), ("mass", -1.0), ("grip", math.nan), ("cruise_speed", 2.0)]
 )
 def test_impossible_robots_are_refused(field: str, value: float) -> None:
     with pytest.raises(InputError, match=f"RobotConfig.{field}: expected"):

@@ -8,14 +8,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
-from albot_env.sim import (
-    LMS_200,
-    ODOMETERS,
-    PIONEER_3DX,
-    LaserConfig,
-    Sensors,
-    choose_sensors,
-)
+from albot_env.sim import LMS_200, ODOMETERS, PIONEER_3DX, LaserConfig, Sensors, choose_sensors
 from albot_env.sim.batch_simulator import BatchSimulator
 from albot_env.sim.simulator import SUBSTEPS, Simulator
 from albot_env.sim.thread_pool import ThreadPool

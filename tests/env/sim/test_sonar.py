@@ -182,9 +182,7 @@ def fan(walls: np.ndarray, limit: float) -> np.ndarray:
 @settings(max_examples=150, deadline=None, phases=(Phase.explicit, Phase.generate))
 @given(SCENES, LIMITS, st.tuples(LATTICE, LATTICE, st.floats(-3, 3)))
 def test_the_cone_hears_what_a_dense_fan_of_rays_meets(
-    scene: list[tuple[float, float, float, float]],
-    limit: float,
-    pose: tuple[float, float, float],
+    scene: list[tuple[float, float, float, float]], limit: float, pose: tuple[float, float, float]
 ) -> None:
     walls = np.array([w for w in scene if w[:2] != w[2:]]).reshape(-1, 4)
     # From beside the lattice: on a wall's own line the wall is not seen.
