@@ -24,6 +24,8 @@ class Explorer(ABC):
 
     _PLAN_EVERY = 9
     """Steps between two searches for the path."""
+    _ARRIVED = 0.3
+    """The robot has reached a goal when it is so near to the end of the route (m)."""
 
     def __init__(self, near: float, steering: SteeringConfig) -> None:
         self._near = near
@@ -64,9 +66,21 @@ class Explorer(ABC):
         self._grid.integrate(percept)
         self._steps += 1
 
-    @abstractmethod
     def _maybe_drop_goal(self, percept: Percept) -> None:
-        """Drop the goal where it was reached, or cannot be."""
+        """Drop the goal where it was reached, or cannot be; turn away where the robot is stuck."""
+        if self._goal is None:
+            return
+        stuck = self._stall.update(percept.pose)
+        ahead = self._route[-1] - percept.pose[:2] if len(self._route) else np.full(2, np.inf)
+        if stuck or np.hypot(*ahead) < self._ARRIVED:
+            self._give_up(self._goal)
+            self._goal = None
+        if stuck:
+            self._stall.start_recovery(self._rng)
+
+    @abstractmethod
+    def _give_up(self, goal: Float64[np.ndarray, "2"]) -> None:
+        """Do not choose this goal again."""
 
     @abstractmethod
     def _plan(self, percept: Percept) -> None:

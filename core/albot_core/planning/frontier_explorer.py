@@ -52,8 +52,6 @@ class FrontierExplorer(Explorer):
     """Narrower frontiers are left out (m): the robot does not fit through."""
     _NEAR_BY = 0.4
     """A frontier counts as reachable from so far away (m)."""
-    _ARRIVED = 0.3
-    """A frontier no farther away than this is reached (m)."""
     _APART = 0.8
     """Frontiers nearer than this to one that was given up are left out (m)."""
 
@@ -65,16 +63,9 @@ class FrontierExplorer(Explorer):
         super().reset(rng)
         self._given_up: Float64[np.ndarray, "places 2"] = np.empty((0, 2))
 
-    def _maybe_drop_goal(self, percept: Percept) -> None:
-        """Drop a goal that the robot cannot reach, or has reached."""
-        if self._goal is None:
-            return
-        stuck = self._stall.update(percept.pose)
-        if stuck or np.hypot(*(self._route[-1] - percept.pose[:2])) < self._ARRIVED:
-            self._given_up = np.vstack((self._given_up, self._goal))
-            self._goal = None
-        if stuck:
-            self._stall.start_recovery(self._rng)
+    def _give_up(self, goal: Float64[np.ndarray, "2"]) -> None:
+        """Leave out the frontiers about this goal."""
+        self._given_up = np.vstack((self._given_up, goal))
 
     def _plan(self, percept: Percept) -> None:
         """Plan the path to the chosen frontier, else to the nearest; with none left, look round."""

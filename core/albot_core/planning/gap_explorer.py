@@ -30,19 +30,19 @@ class GapExplorerConfig:
     reach: float = 6.5
     """Gaps and ground farther away are left for later (m)."""
     clearance: float = 0.4
-    """Ground nearer than this to anything is not gone for (m)."""
+    """Ground nearer than this to an obstacle is no goal (m)."""
     turn_cost: float = 0.7
-    """Way (m) that a turn of one radian counts as."""
+    """Cost of a turn towards the goal (m of path for each radian)."""
     gain: float = 0.0
-    """Way (m) that ground all new about a place is worth: with more, the nearest pocket waits
-    where a whole room lies open."""
+    """What a place is worth when all ground about it is new (m of path). Above 0, a whole room is
+    preferred to a nearer pocket."""
     chance: float = 0.5
-    """Way (m) up to which chance outweighs nearness: no two tours are the same."""
+    """Greatest random cost (m of path): no two tours are the same."""
     steering: SteeringConfig = field(default_factory=SteeringConfig)
-    """How it gets there."""
+    """How closely to pass things, and how fast."""
     worth: float = 0.75
-    """Share of the ground about a place that must be new for it to be gone to; where there is
-    no such place any more, any that is new."""
+    """Minimum share of new ground about a place for it to be a goal. When no such place is left,
+    any new ground is enough."""
     near: float = 2.0
     """Ground in view and no farther away than this is covered (m)."""
 
@@ -52,7 +52,7 @@ class GapExplorerConfig:
 
 
 class GapExplorer(Explorer):
-    """Goes from gap to gap, the nearest first, and back to those passed by.
+    """Goes to the nearest gap, over and over, and back to gaps that it has passed by.
 
     Args:
         config: What it goes for.
@@ -61,7 +61,7 @@ class GapExplorer(Explorer):
     _LOOK_EVERY = 3
     """Steps between two looks for candidates."""
     _SURROUNDINGS = 1.5
-    """Half the side of the square (m) about a place whose new ground is gained there."""
+    """Half the side of the square (m) about a place whose new ground counts for `gain`."""
     _FAN = np.radians(6.0)
     """Angle between the beams along which it looks for open ground (rad)."""
 
@@ -99,7 +99,7 @@ class GapExplorer(Explorer):
             self._candidates.add(centres[new], hidden[new])
 
     def _open_ground(self, percept: Percept) -> Float64[np.ndarray, "places 2"]:
-        """Points in view, on a fan of beams, not covered yet, at which the robot could stand.
+        """Points in view, on a fan of beams, that are not covered and where the robot could stand.
 
         In the map's frame (m).
         """
@@ -118,17 +118,9 @@ class GapExplorer(Explorer):
         left = self._grid.uncovered_share(ground)
         return np.asarray((left > 0) & (left >= self._least))
 
-    def _maybe_drop_goal(self, percept: Percept) -> None:
-        """Drop a goal that the robot cannot reach, or has reached."""
-        if self._goal is None:
-            return
-        stuck = self._stall.update(percept.pose)
-        arrived = len(self._route) and np.hypot(*(self._route[-1] - percept.pose[:2])) < 0.3
-        if stuck or arrived:
-            self._candidates.give_up(self._goal)
-            self._goal = None
-        if stuck:
-            self._stall.start_recovery(self._rng)
+    def _give_up(self, goal: Float64[np.ndarray, "2"]) -> None:
+        """Drop the candidates with this goal, and do not add their ground again."""
+        self._candidates.give_up(goal)
 
     def _plan(self, percept: Percept) -> None:
         """Find the path to the goal anew; choose a goal where there is none, or no path to it."""
@@ -208,9 +200,14 @@ def find_gaps(
             edge, farther = points[k + 1], points[: k + 1]
         across = np.hypot(farther[:, 0] - edge[0], farther[:, 1] - edge[1])
         nearest = int(across.argmin())
-        gap = _between(edge, farther[nearest], float(across[nearest]))
-        if gap.width > narrowest and np.hypot(gap.centre[0], gap.centre[1]) <= reach:
-            gaps.append(gap)
+        other, width = farther[nearest], float(across[nearest])
+        centre = (edge + other) / 2
+        if width > narrowest and np.hypot(centre[0], centre[1]) <= reach:
+            along = (other - edge) / max(width, 1e-9)
+            outward = np.array((-along[1], along[0]))
+            if (outward * centre).sum() < 0:
+                outward = -outward
+            gaps.append(Gap(centre=centre, outward=outward, width=width))
     return gaps
 
 
@@ -234,15 +231,6 @@ def _off_line(
     (dx, dy), (px, py) = end - start, point - end
     length = float(np.hypot(dx, dy))
     return abs(float(dx * py - dy * px)) / max(length, 1e-9)
-
-
-def _between(edge: Float64[np.ndarray, "2"], other: Float64[np.ndarray, "2"], width: float) -> Gap:
-    centre = (edge + other) / 2
-    across = (other - edge) / max(width, 1e-9)
-    outward = np.array((-across[1], across[0]))
-    if (outward * centre).sum() < 0:
-        outward = -outward
-    return Gap(centre=centre, outward=outward, width=width)
 
 
 class CandidateGoals:
