@@ -32,7 +32,7 @@ class Albot1Limits(NamedTuple):
     min_landmarks: int
     margin: float
     robot_in_boundary: bool
-    triangulation: bool
+    submap_matching: bool
     match_range: float
     motion_error: float
     turn_error: float
@@ -146,8 +146,8 @@ class Albot1Config:
     """The robot's own place is a corner of the view's boundary. Off in the thesis: there the
     boundary joins the surfaces' ends alone (algorithm 3, line 7), so that where nothing stands at
     ±90° the ground between the robot and its first and last surface counts as outside."""
-    triangulation: bool = True
-    """Localise by all that is remembered nearby, under the likeliest turn.
+    submap_matching: bool = True
+    """Localise by the local submap: all that is remembered nearby, under the likeliest turn.
 
     Off in the thesis: there landmarks are followed from view to view under the odometer's turn,
     and one of them localises the robot. The fields below matter only where this is on.
@@ -182,7 +182,7 @@ class Albot1Config:
             view=ViewConfig(),
             places=PlacesConfig.thesis(),
             robot_in_boundary=False,
-            triangulation=False,
+            submap_matching=False,
         )
 
     @property

@@ -104,12 +104,14 @@ def step_robots(
         views = max(views, robots.table[rows[k], VIEW_ROOM])
         capacity = max(capacity, robots.table[rows[k], MAP_ROOM])
     buffers = make_match_buffers(views, capacity, limits.turns.shape[0])
-    bench = make_view_buffers(beams)
-    return _step_all(rows, first, arguments, ranges, motions, _view_buffer(beams), bench, buffers)
+    view_buffers = make_view_buffers(beams)
+    return _step_all(
+        rows, first, arguments, ranges, motions, _empty_current(beams), view_buffers, buffers
+    )
 
 
 @kernel(arrays=True)
-def _view_buffer(room: int) -> LocatedView:
+def _empty_current(room: int) -> LocatedView:
     """A view to work on, which every robot of a call uses in turn."""
     return LocatedView(
         np.empty((room, 4)),
@@ -129,7 +131,7 @@ def _step_all(
     ranges: np.ndarray,
     motions: np.ndarray,
     current: LocatedView,
-    bench: ViewBuffers,
+    view_buffers: ViewBuffers,
     buffers: MatchBuffers,
 ) -> int:
     """`step_robots`, with buffers to work in."""
@@ -137,7 +139,7 @@ def _step_all(
     for k in range(first, rows.shape[0]):
         row = rows[k]
         if not _step(
-            robots, row, ranges[row], motions[row], settings, limits, current, bench, buffers
+            robots, row, ranges[row], motions[row], settings, limits, current, view_buffers, buffers
         ):
             return k
     return int(rows.shape[0])
@@ -155,7 +157,7 @@ def _step(
     settings: ViewSettings,
     limits: Albot1Limits,
     current: LocatedView,
-    bench: ViewBuffers,
+    view_buffers: ViewBuffers,
     buffers: MatchBuffers,
 ) -> bool:
     """Let a robot take in its reading; false, with nothing done, where its room is too small."""
@@ -171,7 +173,7 @@ def _step(
     square = since[0] * since[0] + since[1] * since[1]
     is_near = square < limits.view_spacing**2 and abs(since[2]) < limits.view_turn
     if (is_first or not is_near) and not _step_view(
-        robots, row, previous, current, ranges, since, settings, limits, bench, buffers
+        robots, row, previous, current, ranges, since, settings, limits, view_buffers, buffers
     ):
         return False
     for i in range(3):
@@ -198,11 +200,11 @@ def _step_view(
     since: np.ndarray,
     settings: ViewSettings,
     limits: Albot1Limits,
-    bench: ViewBuffers,
+    view_buffers: ViewBuffers,
     buffers: MatchBuffers,
 ) -> bool:
     """Let a robot take in its reading as a view; false as `_step`."""
-    take_view(ranges, settings, limits, current, bench)
+    take_view(ranges, settings, limits, current, view_buffers)
     pm, progress = map_at(robots.table[row]), robots.progress[row]
     if not _has_room(pm, previous, current) or current.size[0] > robots.table[row, VIEW_ROOM]:
         return False

@@ -23,7 +23,7 @@ SPACED = {"view_spacing": 0.3, "view_turn": np.radians(15.0)}
 CONFIGS = [
     Albot1Config.thesis(),
     Albot1Config(),
-    replace(Albot1Config.thesis(), triangulation=True, **SPACED),
+    replace(Albot1Config.thesis(), submap_matching=True, **SPACED),
 ]
 
 

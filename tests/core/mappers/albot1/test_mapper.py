@@ -196,9 +196,9 @@ def test_a_reading_near_the_last_view_only_moves_the_robot(make: type[Albot1]) -
 @pytest.mark.parametrize("spacing", [(0.0, 1.0), (1.0, 0.0)])
 def test_with_either_spacing_zero_every_reading_is_a_view(spacing: tuple[float, float]) -> None:
     config = replace(
-        Albot1Config.thesis(), triangulation=True, view_spacing=spacing[0], view_turn=spacing[1]
+        Albot1Config.thesis(), submap_matching=True, view_spacing=spacing[0], view_turn=spacing[1]
     )
-    one, other = Albot1(config), Albot1(replace(Albot1Config.thesis(), triangulation=True))
+    one, other = Albot1(config), Albot1(replace(Albot1Config.thesis(), submap_matching=True))
     given = readings(walk(20), noise=0.01)
     assert np.array_equal(run(one, given), run(other, given))
 

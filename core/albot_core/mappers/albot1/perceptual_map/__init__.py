@@ -8,6 +8,6 @@
 What `albot1` does in place of algorithms 1 and 2:
 
 - `submap`: what is seen and what is remembered nearby, as rows to compare,
-- `triangulation`: the robot's pose by all of it,
+- `submap_matching`: where the robot is by all of it,
 - `consistency`: whether the robot was carried away.
 """

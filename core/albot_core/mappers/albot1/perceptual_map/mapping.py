@@ -10,8 +10,8 @@ The thesis's symbols: `pm` is the perceptual map PM; `current` and `previous` ar
 V_n-1; a view's `landmark` are its landmarks L, and those with a slot in the map its recognised
 landmarks RL; a view's `pose` is the robot's position RP; `motion` is its displacement RDTR.
 
-`albot1` takes `triangulation.triangulate` for algorithms 1 and 2, and `consistency` looks whether
-the robot was carried away. All other lines are the thesis's.
+In place of algorithms 1 and 2 `albot1` takes `submap_matching.match_submap`; by `consistency` it
+notices when the robot was carried away. All other lines are the thesis's.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from albot_core.mappers.albot1.perceptual_map.overlay import (
     view_boundary,
 )
 from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers
-from albot_core.mappers.albot1.perceptual_map.triangulation import triangulate
+from albot_core.mappers.albot1.perceptual_map.submap_matching import match_submap
 from albot_core.matching.lines import heading_of, length_of, wrap
 from albot_core.sensing.view import NO_EDGE, ViewBuffers, extract_surfaces
 
@@ -87,7 +87,7 @@ def take_view(
     settings: ViewSettings,
     limits: Albot1Limits,
     current: LocatedView,
-    bench: ViewBuffers,
+    view_buffers: ViewBuffers,
 ) -> None:
     """Construct the view from a scan, and find its landmarks (algorithm 4, lines 2 to 4)."""
     current.size[0] = extract_surfaces(
@@ -98,7 +98,7 @@ def take_view(
         settings.max_range,
         settings.thresholds,
         settings.fit_lines,
-        bench,
+        view_buffers,
         current.surfaces,
         current.edges,
     )
@@ -346,8 +346,8 @@ def map_step(
     else:
         while True:
             compose_pose(previous.pose, motion, current.pose)  # Alg. 4, line 10
-            if limits.triangulation:
-                recognized = int(triangulate(pm, previous, current, motion, limits, buffers))
+            if limits.submap_matching:
+                recognized = int(match_submap(pm, previous, current, motion, limits, buffers))
             else:  # Alg. 4, lines 11, 14 and 19
                 recognized = _recognize_and_localize(pm, previous, current, motion, limits)
             is_laid = progress[UPDATED_AT] >= step - 1 or progress[INCONSISTENT] > 0
@@ -358,7 +358,7 @@ def map_step(
             progress[UPDATES] += 1
         if recognized == 0:
             progress[UNRECOGNIZED] += 1
-        if limits.triangulation:
+        if limits.submap_matching:
             progress[INCONSISTENT] = inconsistent_views(
                 progress[INCONSISTENT], recognized, previous, current, limits
             )

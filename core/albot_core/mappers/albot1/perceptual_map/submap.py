@@ -38,9 +38,9 @@ class MatchBuffers(NamedTuple):
     expected: np.ndarray
     """(room, 8) float64: its row."""
     matches: np.ndarray
-    """(views' room, 3) int64: see `triangulation`."""
+    """(views' room, 3) int64: see `submap_matching`."""
     votes: np.ndarray
-    """(2, turns) float64: see `triangulation.likeliest_turn`."""
+    """(2, turns) float64: see `submap_matching.likeliest_turn`."""
 
 
 @kernel(arrays=True)

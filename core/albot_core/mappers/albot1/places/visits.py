@@ -60,10 +60,10 @@ def enter_place(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> N
 
     The thesis lays the view over the map, and so does `albot1-thesis`. But this update is made
     for the marks alone, not because landmarks go out of sight: all else that it does is to
-    make the error of a view from a doorway the map's. Where triangulation localises the robot,
+    make the error of a view from a doorway the map's. Where the local submap localises the robot,
     the map stays as it is: what it holds of the view is marked, and what it lacks is added.
     """
-    if not limits.triangulation:
+    if not limits.submap_matching:
         update_map(pm, view, limits)
         return
     count = view.size[0]

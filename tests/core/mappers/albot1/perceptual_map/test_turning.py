@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from albot_core.geometry.poses import wrap_angle
 from albot_core.mappers.albot1.config import TURN_STEP, Albot1Config, Albot1Limits
-from albot_core.mappers.albot1.perceptual_map.triangulation import (
+from albot_core.mappers.albot1.perceptual_map.submap_matching import (
     LINE_GAP,
     LINE_VOTE,
     likeliest_turn,
@@ -53,7 +53,7 @@ def slow_votes(seen: Rows, expected: Rows, limits: Albot1Limits) -> np.ndarray:
 def test_it_is_the_turn_with_most_votes(seed: int, turn: float, angle: float) -> None:
     rng = np.random.default_rng(seed)
     limits = replace(
-        Albot1Config.thesis(), triangulation=True, landmark_angle=np.radians(angle)
+        Albot1Config.thesis(), submap_matching=True, landmark_angle=np.radians(angle)
     ).limits
     surfaces = some_surfaces(6, 4.0, rng)
     turned = np.array(

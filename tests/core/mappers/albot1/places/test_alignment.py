@@ -49,7 +49,7 @@ def test_what_is_remembered_and_what_is_seen_of_an_exit_do_not_add_up(learned, s
 
 
 def test_places_are_laid_together_at_the_exit_that_both_remember():
-    """A map that has drifted between them holds two places apart in the enduring frame."""
+    """A map that has drifted between them holds two places apart in the graph frame."""
     walker = led([(1, 0), (0, 0)])
     network = walker.network
     network.sites[1].frame = network.sites[1].frame + np.array([0.0, 1.0, 0.0])

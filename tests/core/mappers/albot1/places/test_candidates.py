@@ -1,4 +1,4 @@
-"""When the robot suspects that it is in a place it knows."""
+"""Which places are loop-closure candidates."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def test_places_that_an_exit_joins_are_not_one():
 
 
 @pytest.mark.parametrize(("size", "expected"), [(0, 2), (20, 2), (50, 5), (500, 8)])
-def test_larger_places_need_more_surfaces_to_be_suspected(size, expected):
+def test_larger_places_need_more_surfaces_to_be_candidates(size, expected):
     walker = led(RING)
     walker.network.sites[0].surfaces = np.full((size, 4), 100.0)
     assert candidate_gates(walker.network, walker.pose())[1] == expected
@@ -34,7 +34,7 @@ def test_larger_places_need_more_surfaces_to_be_suspected(size, expected):
 @pytest.mark.parametrize(
     ("drift", "learned", "known"), [(0.3, 0.0, True), (-1.0, 0.0, False), (-1.5, -1.4, True)]
 )
-def test_where_it_believes_to_stand_within_a_place_it_suspects_that(drift, learned, known):
+def test_a_place_within_which_it_believes_to_stand_is_a_candidate(drift, learned, known):
     walker = led(RING)
     walker.drift = np.array([drift, 0.0, 0.0])
     network = walker.network
@@ -43,7 +43,7 @@ def test_where_it_believes_to_stand_within_a_place_it_suspects_that(drift, learn
     event = network.log.events[-1]
     assert (found, event.other, event.gate) == (known, 0, STANDS_WITHIN)
     assert event.kind == (EventKind.RECOGNIZED if known else EventKind.REFUSED)
-    # In a place that it knows, and as in the thesis, where it stands arouses no suspicion.
+    # In a place that it knows, and as in the thesis, where it stands makes no candidate.
     if known:
         assert STANDS_WITHIN not in candidate_gates(network, walker.pose())
     letter = led(RING, PlacesConfig.thesis())

@@ -58,7 +58,7 @@ def test_every_event_explains_itself(what):
         (STANDS_WITHIN, "the robot seemed to stand within P5"),
     ],
 )
-def test_a_place_may_be_suspected_for_where_it_is(needed, why):
+def test_a_place_may_be_a_candidate_for_where_it_is(needed, why):
     event = Event(step=7, kind=EventKind.REFUSED, place=2, other=4, gate=needed)
     assert f"P3 is not taken for P5: {why}, but only 0 surfaces" in str(event)
 

@@ -96,7 +96,7 @@ def test_a_place_is_described_by_what_was_seen_of_it_last() -> None:
 def test_a_robot_that_forgets_visits_maps_as_one_that_does_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """To and fro between two rooms; the odometer drifts, so that places are suspected."""
+    """To and fro between two rooms; the odometer drifts, so that places become candidates."""
     path, house = house_walk(), np.concatenate((two_rooms(), FURNITURE))
     motions = relative(path[np.maximum(np.arange(len(path)) - 1, 0)], path)
     motions[1:, 2] += 0.004

@@ -1,4 +1,4 @@
-"""Triangulation: where the robot is, by all that is remembered nearby at once. Compiled.
+"""Matching the view with the local submap: where the robot is, by all that is nearby. Compiled.
 
 This is ours, in place of algorithms 1 and 2. The thesis follows landmarks from view to view under
 the odometer's turn, which it supposes to be right to 5°, and one landmark localises the robot. In
@@ -55,7 +55,7 @@ _correction, _no_motion = scratch(3), scratch(3)
 
 
 @kernel()
-def triangulate(
+def match_submap(
     pm: PerceptualMap,
     previous: LocatedView,
     current: LocatedView,

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from albot_core.geometry.poses import wrap_angle
 from albot_core.mappers.albot1.config import Albot1Config, Albot1Limits
-from albot_core.mappers.albot1.perceptual_map.triangulation import LINE_GAP, match_surfaces
+from albot_core.mappers.albot1.perceptual_map.submap_matching import LINE_GAP, match_surfaces
 from albot_core.matching.lines import beside, describe, moved_ends
 from albot_core.sensing.view import CORNER, NO_EDGE
 from tests.core.mappers.albot1.rows import Rows, rows_of, some_surfaces
@@ -43,7 +43,7 @@ def slow_match(
 def test_the_nearest_point_and_the_nearest_line_are_matched(seed: int, angle: float) -> None:
     rng = np.random.default_rng(seed)
     limits = replace(
-        Albot1Config.thesis(), triangulation=True, landmark_angle=np.radians(angle)
+        Albot1Config.thesis(), submap_matching=True, landmark_angle=np.radians(angle)
     ).limits
     surfaces = some_surfaces(8, 2.0, rng)
     seen = rows_of(surfaces + rng.normal(0, 0.08, surfaces.shape), rng)
