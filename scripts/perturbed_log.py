@@ -15,9 +15,9 @@ import click
 import numpy as np
 
 from albot_cli.main import exit_status
-from albot_cli.mapping_run import run_mapper, score
+from albot_cli.map_report import run_mapper, score
 from albot_core.errors import InputError
-from albot_core.logs.log import disturbed
+from albot_core.logs.log import with_noise
 from albot_core.logs.reader import read_log, read_reference
 
 
@@ -34,7 +34,7 @@ def main(log: Path, reference: Path | None, mapper: str, runs: int) -> None:
         raise InputError(log, "a reference, in the log or by --reference", "none")
     errors = []
     for seed in range(runs):
-        run = run_mapper(mapper, disturbed(recorded, np.random.default_rng(seed)), lambda _: None)
+        run = run_mapper(mapper, with_noise(recorded, np.random.default_rng(seed)), lambda _: None)
         error = score(run.believed, truth, None).trajectory
         if error is None:
             raise InputError(reference or log, "moments of the log", "stamps of another log")

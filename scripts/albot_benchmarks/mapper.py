@@ -10,12 +10,10 @@ from jaxtyping import Float64, Int64
 
 from albot_core.geometry.poses import inverse, transform_segments
 from albot_core.geometry.types import Segments
-from albot_core.mappers.albot1.mapper import Albot1
-from albot_core.mappers.albot1.perceptual_map.memory import add_surface, empty_map
-from albot_core.mappers.albot1.state import stored_map
 from albot_core.mappers.mapper import Mapper, MapperBatch
 from albot_core.mappers.registry import make_mapper, make_mappers
 from albot_core.sensing.reading import Reading, Readings
+from albot_core.sensing.view import CORNER
 from albot_experiments.tours import Journey, guided_tour
 from albot_maps import load_world
 
@@ -59,9 +57,9 @@ def measure_growth(rounds: int = 5) -> list[dict[str, float | int | str]]:
     floor = transform_segments(inverse(tour.truth[0]), world.walls)
     rows: list[dict[str, float | int | str]] = []
     for size in _SIZES:
-        mapper = Albot1()
+        mapper = make_mapper("albot1")
         mapper.update(tour.readings[0])
-        known = knowing(mapper.state(), copies_of(floor, size))
+        known = with_surfaces(mapper.state(), copies_of(floor, size))
         best = 0.0
         for _ in range(rounds):
             mapper.restore(known)
@@ -88,14 +86,24 @@ def copies_of(floor: Segments, count: int) -> Float64[np.ndarray, "copies 4"]:
     return np.concatenate([floor + np.array([dx, dy, dx, dy]) for dx, dy in offsets])[:count]
 
 
-def knowing(state: dict[str, np.ndarray], surfaces: Segments) -> dict[str, np.ndarray]:
-    """The state of a mapper that also remembers `surfaces`."""
-    memory = empty_map(len(state["memory.ids"]) + len(surfaces))
-    stable = np.full(2, 2, np.int8)
-    alive = state["memory.ids"] >= 0
-    for surface in (*state["memory.surfaces"][alive], *surfaces):
-        add_surface(memory, surface, stable)
-    return state | {f"memory.{name}": array for name, array in stored_map(memory).items()}
+def with_surfaces(state: dict[str, np.ndarray], surfaces: Segments) -> dict[str, np.ndarray]:
+    """The saved state of an `albot1` that also saw `surfaces` in its present visit."""
+    # `restore` checks that all this fits together.
+    count, counts = len(surfaces), state["memory.counts"].copy()
+    alive, _, next_id, used, visit, _ = range(len(counts))
+    rows = {
+        "surfaces": surfaces,
+        "edges": np.full((count, 2), CORNER),
+        "ids": counts[next_id] + np.arange(count),
+        "marks": np.full(count, counts[visit]),
+        "met_in": np.zeros(count),
+    }
+    counts[[alive, next_id, used]] += count
+    grown = {
+        key: np.concatenate((state[key], new.astype(state[key].dtype)))
+        for key, new in ((f"memory.{name}", new) for name, new in rows.items())
+    }
+    return state | grown | {"memory.counts": counts}
 
 
 def _rate(mapper: Mapper, readings: Sequence[Reading], rounds: int) -> float:

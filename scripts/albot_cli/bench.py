@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from albot_cli.journey_page import write_journey
+from albot_cli.long_run_page import write_long_run
 from albot_cli.outputs import check_file
 from albot_cli.progress import progress
 from albot_core.errors import InputError
@@ -72,7 +72,7 @@ def command(
             figures[part] = measures[part]()
             tell(done)
     if out is not None and figures["journey"]:
-        write_journey(out, figures["journey"], figures["machine"])
+        write_long_run(out, figures["journey"], figures["machine"])
     click.echo(json.dumps(figures) if as_json else as_text(figures))
 
 
@@ -80,9 +80,9 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     """How each part is measured. Imported here: the benchmarks need all of the simulator."""
     from albot_benchmarks.environment import measure_environments, measure_processes
     from albot_benchmarks.generator import measure_generators
-    from albot_benchmarks.journey import measure_journey
     from albot_benchmarks.laser import measure_laser
     from albot_benchmarks.learner import measure_learner
+    from albot_benchmarks.long_run import measure_long_run
     from albot_benchmarks.mapper import measure_growth, measure_mappers
     from albot_benchmarks.startup import measure_startup
 
@@ -90,7 +90,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     return {
         "laser": measure_laser,
         "mapper": lambda: measure_mappers(mapper_names(), readings) + measure_growth(),
-        "journey": measure_journey,
+        "journey": measure_long_run,
         "env": lambda: measure_environments(rounds=rounds),
         "processes": measure_processes,
         "learner": measure_learner,

@@ -1,16 +1,100 @@
-"""What `albot map` tells of a run, as JSON and as a table."""
+"""A mapper's run over a log, its scores, and what `albot map` tells of them: JSON and a table."""
 
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from albot_cli.mapping_run import MappingRun, Score
-from albot_cli.recognition_report import recognition_row
-from albot_core.evaluation.map_quality import laid_points, mean_map_entropy
-from albot_core.evaluation.trajectory import RelationError
+import numpy as np
+
+from albot_core.evaluation.map_quality import mean_map_entropy, scan_cloud
+from albot_core.evaluation.recognition import draw_precision_recall, measure_recognition
+from albot_core.evaluation.trajectory import (
+    STAMP_TOLERANCE,
+    RelationError,
+    Relations,
+    Trajectory,
+    TrajectoryError,
+    relation_error,
+    trajectory_error,
+)
 from albot_core.geometry.types import Poses
 from albot_core.logs.log import Log
+from albot_core.mappers.mapper import Mapper
+from albot_core.mappers.registry import make_mapper
+
+_WARM_UP = 2500
+"""Scans by which a first mapper is led, so that the second finds its code compiled: so many that
+the robot has been through some exits and come back to a place."""
+
+_TELL_EVERY = 50
+"""Scans between two words on how far the run has come."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MappingRun:
+    """A mapper that has been led through a log."""
+
+    mapper: Mapper
+    """The mapper at the end of the log."""
+    believed: Trajectory
+    """Where it believed the robot to be, scan by scan, in its map's frame."""
+    updates: int
+    """How many scans it has added to its map."""
+    seconds: float
+    """Time spent in its updates alone: no reading of files, no compiling, no drawing."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """How far a trajectory is from the truth; None where the truth is not known."""
+
+    trajectory: TrajectoryError | None
+    relations: RelationError | None
+
+
+def warm_up(name: str, log: Log) -> None:
+    """Lead a mapper through the log's beginning, so that the next finds its code compiled."""
+    mapper = make_mapper(name)
+    for reading in log.readings[:_WARM_UP]:
+        mapper.update(reading)
+
+
+def run_mapper(name: str, log: Log, tell: Callable[[int], None]) -> MappingRun:
+    """Lead a fresh mapper through the log.
+
+    Args:
+        name: The mapper's name.
+        log: What the robot sensed.
+        tell: Is called now and then with the number of scans done.
+    """
+    mapper = make_mapper(name)
+    poses = np.empty((len(log.readings), 3))
+    seconds, updates = 0.0, 0
+    for number, reading in enumerate(log.readings):
+        begin = time.perf_counter()
+        updates += mapper.update(reading)
+        seconds += time.perf_counter() - begin
+        poses[number] = mapper.estimate.pose
+        if number % _TELL_EVERY == 0:
+            tell(number)
+    tell(len(log.readings))
+    believed = Trajectory(stamps=log.stamps, poses=poses)
+    return MappingRun(mapper=mapper, believed=believed, seconds=seconds, updates=updates)
+
+
+def score(
+    trajectory: Trajectory, reference: Trajectory | None, relations: Relations | None
+) -> Score:
+    """Compare a trajectory with what is known of the truth."""
+    return Score(
+        trajectory=trajectory_error(trajectory, reference) if reference else None,
+        relations=relation_error(trajectory, relations) if relations else None,
+    )
 
 
 def report(log: Log, run: MappingRun, mapped: Score, odometry: Score) -> dict[str, Any]:
@@ -38,7 +122,7 @@ def report(log: Log, run: MappingRun, mapped: Score, odometry: Score) -> dict[st
 
 def _entropy(log: Log, poses: Poses) -> float | None:
     scans = [reading.required_laser("map entropy") for reading in log.readings]
-    return mean_map_entropy(laid_points(scans, poses))
+    return mean_map_entropy(scan_cloud(scans, poses))
 
 
 def _relations(error: RelationError | None) -> dict[str, int | float] | None:
@@ -111,3 +195,53 @@ def _metres(error: dict[str, int | float]) -> str:
 
 def _degrees(error: dict[str, int | float]) -> str:
     return f"{error['rotation_mean_deg']:.2f} ± {error['rotation_std_deg']:.2f}°"
+
+
+def recognition_figures(
+    log: Log, truth: Trajectory | None, believed: Trajectory
+) -> dict[str, Any] | None:
+    """How well the log's places are recognised; None where the truth is not known throughout.
+
+    `recall` is the share of the queries that are recognised without any false alarm, and with
+    one claim in a hundred, and in twenty, false; `curve` holds recall and precision. `detection`
+    is the share of the pairs near each other that are found with no false alarm among all others,
+    and with one in a hundred.
+    """
+    if truth is None:
+        return None
+    at = np.clip(
+        np.searchsorted(truth.stamps, log.stamps - STAMP_TOLERANCE), 0, len(truth.stamps) - 1
+    )
+    if (np.abs(truth.stamps[at] - log.stamps) > STAMP_TOLERANCE).any():
+        return None
+    found = measure_recognition(log.readings, truth.poses[at], believed.poses)
+    return {
+        "queries": found.queries,
+        "claims": len(found.scores),
+        "recall": {share: found.recall_at(float(share)) for share in ("1.00", "0.99", "0.95")},
+        "curve": found.curve.tolist(),
+        "pairs": {
+            "near": int(found.pair_near.sum()),
+            "others": int((~found.pair_near).sum()),
+            "detection": {rate: found.detection_at(float(rate)) for rate in ("0.00", "0.01")},
+        },
+    }
+
+
+def draw_recognition(folder: Path, title: str, figures: dict[str, Any]) -> str:
+    """Draw the curve into a folder; return the picture's path."""
+    path = folder / "recognition.png"
+    draw_precision_recall(path, title, np.reshape(figures["curve"], (-1, 2)).astype(float))
+    return str(path)
+
+
+def recognition_row(figures: dict[str, Any]) -> str:
+    """The figures as a line to read."""
+    recall, pairs = figures["recall"], figures["pairs"]
+    detection = pairs["detection"]
+    return (
+        f"recognised of {figures['queries']} places seen before: {recall['1.00']:.0%} without a "
+        f"false alarm, {recall['0.99']:.0%} with 1 % of them, {recall['0.95']:.0%} with 5 %; of "
+        f"{pairs['near']} pairs of one place {detection['0.00']:.0%} without a false alarm among "
+        f"{pairs['others']} others, {detection['0.01']:.0%} with 1 % of them"
+    )

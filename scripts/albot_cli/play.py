@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import gymnasium
 
     from albot_agents.agent import Agent
-    from albot_cli.stage import Stage
+    from albot_cli.live_view import LiveView
     from albot_env.tasks.explore.env import ExploreEnv
 
 SENSORS = ("laser", "odometer", "sonar", "scenes")
@@ -155,7 +155,7 @@ def _run(
 
     from albot_agents.agent import begin_episode
     from albot_agents.registry import check_agent, find_agent, make_agent
-    from albot_cli.stage import open_stage
+    from albot_cli.live_view import open_live_view
     from albot_env.recording.writer import EpisodeWriter
     from albot_env.tasks.explore.env import ExploreEnv
 
@@ -173,9 +173,9 @@ def _run(
         title = f"{agent} in {world}"
         with (
             _told_what_is_left(record),
-            open_stage(title, total=steps, speed=speed, headless=headless) as stage,
+            open_live_view(title, total=steps, speed=speed, headless=headless) as view,
         ):
-            driven, contacts, info = _drive(env, explorer, driver, first, stage)
+            driven, contacts, info = _drive(env, explorer, driver, first, view)
         _save_picture(explorer.frame, png)
     finally:
         env.close()
@@ -212,7 +212,7 @@ def _drive(
     explorer: ExploreEnv,
     driver: Agent,
     first: tuple[Any, dict[str, Any]],
-    stage: Stage,
+    view: LiveView,
 ) -> tuple[int, int, dict[str, Any]]:
     """Drive to the end, or until nobody watches: steps, steps in contact, and the last info."""
     from albot_agents.agent import choose_action
@@ -225,15 +225,15 @@ def _drive(
         )
         steps += 1
         contacts += info["collided"]
-        watched = stage.step(info["time"], lambda: explorer.frame)
+        watched = view.step(info["time"], lambda: explorer.frame)
         over = terminated or truncated or not watched
-    stage.end(explorer.frame)
+    view.end(explorer.frame)
     return steps, contacts, info
 
 
 def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) -> dict[str, Any]:
     """Play an episode back; its summary."""
-    from albot_cli.stage import open_stage
+    from albot_cli.live_view import open_live_view
     from albot_env.recording.reader import EpisodeReader
     from albot_env.rendering.trace import Trace
 
@@ -244,15 +244,15 @@ def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) ->
         raise InputError(episode, "an episode with at least one step", "its header alone")
     trace, steps, collisions = Trace(header, moment), 0, 0
     rooms = {moment.room} - {""}
-    with open_stage(f"{episode}", total=None, speed=speed, headless=headless) as stage:
+    with open_live_view(f"{episode}", total=None, speed=speed, headless=headless) as view:
         for moment in moments:
             trace.add(moment)
             steps += 1
             collisions += moment.collided
             rooms |= {moment.room} - {""}
-            if not stage.step(moment.reading.stamp, lambda: trace.frame):
+            if not view.step(moment.reading.stamp, lambda: trace.frame):
                 break
-        stage.end(trace.frame)
+        view.end(trace.frame)
     if reader.torn:
         click.echo(f"albot: {episode}: ends early; what is there was played", err=True)
     if png is not None:

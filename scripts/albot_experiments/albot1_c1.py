@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float64
 
-from albot_experiments.drawing import draw_network, draw_route
-from albot_experiments.places_truth import PlacedJourney, place_journey
+from albot_experiments.albot1_places import PlacedJourney, place_journey
+from albot_experiments.drawing import draw_place_graph, draw_route
 from albot_experiments.report import Figures, Report, one_by_one
 from albot_experiments.tours import guided_tour
 from albot_maps import World, load_world
@@ -69,8 +69,8 @@ def _report(world: World, seeds: range, placed: dict[str, list[PlacedJourney]]) 
     runs = [each for several in placed.values() for each in several]
     measured: dict[str, Figures] = {
         "path_m": round(float(np.median([each.journey.path_length for each in runs])), 1),
-        "places": int(np.median([len(each.network.places) for each in runs])),
-        "links": int(np.median([len(each.network.links) for each in runs])),
+        "places": int(np.median([len(each.place_graph.nodes) for each in runs])),
+        "links": int(np.median([len(each.place_graph.links) for each in runs])),
         **{f"right_from_{start}": round(float(np.mean(each)), 3) for start, each in right.items()},
         "right_from_all": round(float(everywhere.mean()), 3),
         "seeds": len(seeds),
@@ -110,6 +110,6 @@ def _picture(world: World, placed: dict[str, PlacedJourney]) -> Figure:
     draw_route(route, world, world.tours[TOUR])
     route.set_title(f"{WORLD}: {TOUR}")
     for axes, (start, each) in zip(others, placed.items(), strict=True):
-        draw_network(axes, world, each.network, each.journey.truth[0])
+        draw_place_graph(axes, world, each.place_graph, each.journey.truth[0])
         axes.set_title(f"from {start}")
     return figure

@@ -10,8 +10,8 @@ from jaxtyping import Float64
 
 from albot_core.geometry.poses import relative
 from albot_core.mappers.albot1.places.events import Event, EventKind
-from albot_experiments.drawing import draw_network, draw_route
-from albot_experiments.places_truth import PlacedJourney, place_journey
+from albot_experiments.albot1_places import PlacedJourney, place_journey
+from albot_experiments.drawing import draw_place_graph, draw_route
 from albot_experiments.report import Figures, Report, one_by_one
 from albot_experiments.tours import guided_tour
 from albot_maps import World, load_world
@@ -89,8 +89,8 @@ def _report(world: World, seeds: range, placed: list[PlacedJourney]) -> Report:
     told = np.array([story(each.events) == STORY for each in placed])
     measured: dict[str, Figures] = {
         "path_m": round(float(np.median([each.journey.path_length for each in placed])), 1),
-        "places": int(np.median([len(each.network.places) for each in placed])),
-        "links": int(np.median([len(each.network.links) for each in placed])),
+        "places": int(np.median([len(each.place_graph.nodes) for each in placed])),
+        "links": int(np.median([len(each.place_graph.links) for each in placed])),
         "network_right": round(float(right.mean()), 3),
         "story_told": round(float(told.mean()), 3),
         "seeds": len(seeds),
@@ -146,6 +146,6 @@ def _picture(world: World, placed: PlacedJourney) -> Figure:
     route, axes = figure.subplots(1, 2)
     draw_route(route, world, world.tours[TOUR])
     route.set_title(f"{WORLD}: {TOUR}")
-    draw_network(axes, world, placed.network, placed.journey.truth[0])
+    draw_place_graph(axes, world, placed.place_graph, placed.journey.truth[0])
     axes.set_title("network of places")
     return figure

@@ -11,8 +11,8 @@ from jaxtyping import Float64
 
 from albot_core.geometry.poses import relative
 from albot_experiments.albot1_e3 import DISTURBANCE, moved_by
-from albot_experiments.drawing import draw_network
-from albot_experiments.places_truth import PlacedJourney, between, place_journey
+from albot_experiments.albot1_places import PlacedJourney, between, place_journey
+from albot_experiments.drawing import draw_place_graph
 from albot_experiments.report import Figures, Report, one_by_one
 from albot_experiments.tours import guided_tour
 from albot_maps import World, load_world
@@ -179,7 +179,7 @@ def _picture(world: World, laps: list[SecondLap]) -> Figure:
     lap = order[len(order) // 2]
     figure = Figure(figsize=(13, 6.6), layout="constrained")
     floor, chart = figure.subplots(1, 2)
-    draw_network(floor, world, lap.placed.network, lap.placed.journey.truth[0])
+    draw_place_graph(floor, world, lap.placed.place_graph, lap.placed.journey.truth[0])
     floor.set_title("network, where the map had its places when they were learned")
     for label, marker, gaps in (
         ("aligned", "s", np.array([each.aligned for each in laps])),

@@ -10,10 +10,19 @@ import numpy as np
 
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Points, Poses
+from albot_core.mappers.albot1.mapper import Albot1
+from albot_core.mappers.mapper import Mapper
 from albot_experiments.drawing import draw_map, draw_route
-from albot_experiments.mapping import MAPPERS, MappedJourney, map_readings
+from albot_experiments.mapping import (
+    MAPPERS,
+    SHAPE_BOUND,
+    MappedJourney,
+    Shape,
+    map_readings,
+    median_and_worst,
+    shape_of,
+)
 from albot_experiments.report import Figures, Report, key, one_by_one
-from albot_experiments.shape import SHAPE_BOUND, Shape, median_and_worst, shape_of
 from albot_experiments.tours import Journey, guided_tour, true_motions
 from albot_maps import World, load_world
 from albot_maps.routes import Routes
@@ -92,7 +101,7 @@ class Trip:
     @property
     def lost(self) -> np.ndarray:
         """(views,) bool: at which views no landmark was recognised."""
-        return np.diff(self.mapped.lost, prepend=0) > 0
+        return np.diff(self.mapped.watched, prepend=0) > 0
 
     @property
     def in_corridor(self) -> np.ndarray:
@@ -143,9 +152,14 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 def map_trip(name: str, route: Route, world: World, journey: Journey) -> Trip:
     """Lead a mapper along a journey and measure its map."""
-    mapped = map_readings(name, journey.readings)
+    mapped = map_readings(name, journey.readings, watch=_lost_views)
     shape = shape_of(mapped.mapper.snapshot().segments, mapped.poses, journey.truth, world.walls)
     return Trip(route=route, world=world, journey=journey, mapped=mapped, shape=shape)
+
+
+def _lost_views(mapper: Mapper) -> int:
+    """At how many views no landmark was recognised so far; 0 for mappers that recognise none."""
+    return mapper.lost if isinstance(mapper, Albot1) else 0
 
 
 def _report(seeds: range, trips: list[dict[str, Trip]]) -> Report:

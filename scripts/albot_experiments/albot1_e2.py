@@ -12,9 +12,8 @@ import numpy as np
 from albot_core.geometry.poses import compose, relative, transform_points, wrap_angle
 from albot_core.geometry.types import Pose, Poses
 from albot_experiments.drawing import MARK, PATH, draw_floor
-from albot_experiments.mapping import MAPPERS, map_readings
+from albot_experiments.mapping import MAPPERS, map_readings, median_and_worst
 from albot_experiments.report import Figures, Report, one_by_one
-from albot_experiments.shape import median_and_worst
 from albot_experiments.tours import Journey, guided_tour
 from albot_maps import World, load_world
 

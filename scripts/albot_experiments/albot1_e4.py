@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from albot_experiments.mapping import SHAPE_BOUND
 from albot_experiments.report import Report
 from albot_experiments.revisiting import TOUR, WORLD, Experiment, Spacing, run_drives
-from albot_experiments.shape import SHAPE_BOUND
 
 ID = "albot1-e4"
 TITLE = "Continuous movement (Hossain 2014, section 3.2.4, figures 3.23 and 3.24)"

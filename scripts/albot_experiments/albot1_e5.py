@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from albot_experiments.mapping import SHAPE_BOUND
 from albot_experiments.report import Report
 from albot_experiments.revisiting import TOUR, WORLD, Experiment, Spacing, run_drives
-from albot_experiments.shape import SHAPE_BOUND
 
 ID = "albot1-e5"
 TITLE = "Sparse views (Hossain 2014, section 3.2.5, figures 3.26 to 3.28)"

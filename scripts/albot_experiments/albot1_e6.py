@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.evaluation.map_quality import cloud_error, laid_points, mean_map_entropy
+from albot_core.evaluation.map_quality import cloud_error, mean_map_entropy, scan_cloud
 from albot_core.evaluation.trajectory import (
     RelationError,
     Trajectory,
@@ -18,12 +18,17 @@ from albot_core.evaluation.trajectory import (
 )
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.geometry.types import Pose
-from albot_core.logs.log import Log, disturbed
+from albot_core.logs.log import Log, with_noise
 from albot_experiments.drawing import FLOOR, PATH, SURFACE, draw_floor
-from albot_experiments.mapping import MAPPERS, MappedJourney, map_readings
+from albot_experiments.mapping import (
+    MAPPERS,
+    SHAPE_BOUND,
+    MappedJourney,
+    map_readings,
+    median_and_worst,
+)
 from albot_experiments.real_logs import LOGS, KnownLog, RealLog, read_real_log
 from albot_experiments.report import Figures, Report
-from albot_experiments.shape import SHAPE_BOUND, median_and_worst
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,7 +82,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
         known = read_real_log(real)
         generators = [np.random.default_rng(seed) for seed in seeds]
         # Without a true path nothing is measured on them.
-        noisy = [disturbed(known.log, rng) for rng in generators if known.truth is not None]
+        noisy = [with_noise(known.log, rng) for rng in generators if known.truth is not None]
         runs += [map_log(name, real, known, noisy) for name in MAPPERS]
         progress(done * len(seeds) // len(LOGS))
     return _report(seeds, runs)
@@ -145,7 +150,7 @@ def _figures(run: Run) -> dict[str, Figures]:
         "relations_rotation_deg": (
             _rounded(np.degrees(relations.rotation_mean)) if relations else None
         ),
-        "map_entropy": _rounded(mean_map_entropy(laid_points(lasers, run.mapped.poses))),
+        "map_entropy": _rounded(mean_map_entropy(scan_cloud(lasers, run.mapped.poses))),
         "reasonable_shape": run.reasonable,
     }
 

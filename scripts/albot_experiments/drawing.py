@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Poses, Segments
-from albot_core.mappers.albot1.places.network_view import Network
+from albot_core.maps.layers import PlaceGraph
 from albot_maps.world import World
 
 if TYPE_CHECKING:
@@ -57,29 +57,30 @@ def draw_map(axes: Axes, world: World, surfaces: Segments, poses: Poses, frame: 
     axes.plot(way[:, 0], way[:, 1], color=PATH, lw=0.8)
 
 
-def draw_network(axes: Axes, world: World, network: Network, frame: Pose) -> None:
+def draw_place_graph(axes: Axes, world: World, graph: PlaceGraph, frame: Pose) -> None:
     """Draw places in colours of their own, their exits, and the links between them.
 
     Args:
         axes: Where to draw.
         world: The floor, drawn beneath.
-        network: The places, drawn where the map had them when they were learned.
+        graph: The places, drawn where the map had them when they were learned.
         frame: The map's frame as a pose in the world's.
     """
     draw_floor(axes, world.walls)
-    for one, other in network.links:
-        ends = [transform_points(frame, network.place(place).middle) for place in (one, other)]
+    for one, other in graph.links:
+        ends = [transform_points(frame, graph.node(place).middle) for place in (one, other)]
         axes.plot(*zip(*ends, strict=True), color=MARK, lw=1.2, ls=":")
-    for place in network.places:
-        colour = PLACES[place.id % len(PLACES)]
-        lay = compose(frame, place.frame)
-        draw_floor(axes, transform_segments(lay, place.surfaces), colour, 1.4)
-        for door in place.exits:
-            x1, y1, x2, y2 = transform_segments(lay, door.line[None])[0]
-            axes.plot((x1, x2), (y1, y2), color=colour, lw=3.0, alpha=0.6)
+    for node in graph.nodes:
+        colour = PLACES[node.id % len(PLACES)]
+        lay = compose(frame, node.pose)
+        draw_floor(axes, transform_segments(lay, node.segments), colour, 1.4)
+        for edge in graph.edges:
+            if edge.source == node.id and edge.doorway is not None:
+                x1, y1, x2, y2 = transform_segments(lay, edge.doorway[None])[0]
+                axes.plot((x1, x2), (y1, y2), color=colour, lw=3.0, alpha=0.6)
         axes.annotate(
-            f"P{place.id + 1}",
-            tuple(transform_points(frame, place.middle)),
+            node.label,
+            tuple(transform_points(frame, node.middle)),
             color=colour,
             fontsize=12,
             weight="bold",

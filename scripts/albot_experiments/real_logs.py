@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.evaluation.map_quality import laid_points, register, sample_segments
+from albot_core.evaluation.map_quality import register, sample_segments, scan_cloud
 from albot_core.evaluation.trajectory import (
     Relations,
     Trajectory,
@@ -94,4 +94,4 @@ def _laid(log: Log, truth: Trajectory | None) -> Points:
         raise InputError(log.name, "corrected poses, or a map of the building", "neither")
     at, scans = associate(truth.stamps, log.stamps)
     lasers = [log.readings[scan].required_laser("map entropy") for scan in scans]
-    return np.asarray(laid_points(lasers, truth.poses[at], _MOST))
+    return np.asarray(scan_cloud(lasers, truth.poses[at], _MOST))

@@ -9,9 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from albot_experiments.drawing import draw_map
-from albot_experiments.mapping import MAPPERS, MappedJourney, map_readings
+from albot_experiments.mapping import (
+    MAPPERS,
+    SHAPE_BOUND,
+    MappedJourney,
+    Shape,
+    map_readings,
+    median_and_worst,
+    shape_of,
+)
 from albot_experiments.report import Figures, Report, one_by_one
-from albot_experiments.shape import SHAPE_BOUND, Shape, median_and_worst, shape_of
 from albot_experiments.tours import Journey, driven_tour, thinned_views
 from albot_maps import World, load_world
 

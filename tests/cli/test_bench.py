@@ -14,11 +14,11 @@ from click.testing import CliRunner
 from albot_benchmarks import environment, laser, learner
 from albot_benchmarks import environment as processes
 from albot_benchmarks.environment import Case
-from albot_benchmarks.mapper import copies_of, knowing, measure_mappers, tour_readings
+from albot_benchmarks.mapper import copies_of, measure_mappers, tour_readings, with_surfaces
 from albot_cli.bench import as_text
 from albot_cli.main import albot
 from albot_core.errors import InputError
-from albot_core.mappers.albot1.mapper import Albot1
+from albot_core.mappers.registry import make_mapper
 from albot_maps import load_world
 
 
@@ -124,10 +124,10 @@ def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:
     # The copies lie apart: no two share a wall.
     assert len(np.unique(walls, axis=0)) == len(walls)
     readings = tour_readings()
-    mapper = Albot1()
+    mapper = make_mapper("albot1")
     mapper.update(readings[0])
     few = len(mapper.snapshot().segments)
-    mapper.restore(knowing(mapper.state(), walls))
+    mapper.restore(with_surfaces(mapper.state(), walls))
     assert len(mapper.snapshot().segments) == few + 1500
     for reading in readings[1:6]:
         mapper.update(reading)

@@ -13,7 +13,7 @@ import pytest
 from click.testing import Result
 from PIL import Image
 
-import albot_cli.map_files
+import albot_cli.map
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import write_tum
@@ -159,7 +159,7 @@ def test_all_files_or_none(corridor, call, tmp_path, monkeypatch):
     def fail(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(albot_cli.map_files, "write_picture", fail)
+    monkeypatch.setattr(albot_cli.map, "write_picture", fail)
     result = call("map", corridor[0], "--out", tmp_path / "out")
     assert result.exception is not None
     assert [path.name for path in tmp_path.iterdir()] == ["corridor.log"]
@@ -185,13 +185,13 @@ def test_a_folder_is_filled_and_nothing_around_it_touched(corridor, call, tmp_pa
     out = tmp_path / "around" / "out"
     out.mkdir(parents=True)
     around = []
-    draw = albot_cli.map_files.write_picture
+    draw = albot_cli.map.write_picture
 
     def draw_and_look(*arguments: object, **named: Any) -> None:
         around.extend(out.parent.iterdir())
         draw(*arguments, **named)
 
-    monkeypatch.setattr(albot_cli.map_files, "write_picture", draw_and_look)
+    monkeypatch.setattr(albot_cli.map, "write_picture", draw_and_look)
     assert call("map", corridor[0], "--out", out).exit_code == 0
     assert around == [out]
     assert {path.name for path in out.iterdir()} == FILES | PLACES

@@ -60,7 +60,7 @@ def _read_all(terminal: int) -> bytes:
 def test_stopping_leaves_nothing_half_written(corridor, tmp_path):
     # The signal comes when three of the four files are written.
     code = (
-        "import os, signal, albot_cli.map_files as files\n"
+        "import os, signal, albot_cli.map as files\n"
         "from albot_cli.main import main\n"
         "files.write_picture = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)\n"
         "main()"

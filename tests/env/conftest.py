@@ -11,9 +11,7 @@ import pytest
 
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.tasks.explore.env import ExploreEnv
-from albot_experiments.albot1_c1 import loop_from
-from albot_experiments.tours import Journey, guided_tour
-from albot_maps import Room, World, load_world
+from albot_maps import Room, World
 
 MakeEnv = Callable[..., ExploreEnv]
 
@@ -67,11 +65,3 @@ def episode(make_env: MakeEnv, tmp_path: Path) -> Path:
     drive(env, 40)
     env.close()
     return tmp_path / "episode.mcap"
-
-
-@pytest.fixture(scope="session")
-def ring_journey() -> Journey:
-    """Once round the ring and on to the tour's second waypoint, in steps of 1 m and 45°."""
-    world = load_world("office-ring")
-    tour = loop_from(world.tours["single-loop"], 0)
-    return guided_tour(world, tour, np.random.default_rng(0))

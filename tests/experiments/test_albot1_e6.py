@@ -9,7 +9,7 @@ import pytest
 
 from albot_cli.main import albot
 from albot_core.errors import InputError
-from albot_core.logs.log import disturbed
+from albot_core.logs.log import with_noise
 from albot_experiments import albot1_e6 as e6
 from albot_experiments.real_logs import LOGS, KnownLog, read_real_log
 
@@ -35,7 +35,7 @@ def known(data: Path) -> KnownLog:
 
 
 def test_freiburg_keeps_a_reasonable_shape_and_its_odometer_none(known: KnownLog) -> None:
-    noisy = [disturbed(known.log, np.random.default_rng(1))]
+    noisy = [with_noise(known.log, np.random.default_rng(1))]
     ours, odometer = (e6.map_log(name, FREIBURG, known, noisy) for name in ("albot1", "odometry"))
     assert ours.reasonable
     assert ours.path_error is not None and ours.path_error < 0.5
@@ -47,7 +47,7 @@ def test_freiburg_keeps_a_reasonable_shape_and_its_odometer_none(known: KnownLog
 
 def test_noise_is_small_and_its_own_each_time(known: KnownLog) -> None:
     log = known.log
-    first, second = (disturbed(log, np.random.default_rng(seed)) for seed in (1, 2))
+    first, second = (with_noise(log, np.random.default_rng(seed)) for seed in (1, 2))
     finite = np.isfinite(log.ranges)
     off = first.ranges[finite] - log.ranges[finite]
     assert off.std() == pytest.approx(0.005, rel=0.05)

@@ -116,7 +116,7 @@ def cloud_error(
     return float(np.median(distances))
 
 
-def laid_points(scans: Sequence[LaserScan], poses: Poses, most: int = 40_000) -> _Cloud:
+def scan_cloud(scans: Sequence[LaserScan], poses: Poses, most: int = 40_000) -> _Cloud:
     """The points of all scans where the poses put them, evenly thinned to `most`."""
     clouds = [transform_points(pose, scan.points) for scan, pose in zip(scans, poses, strict=True)]
     cloud = np.concatenate(clouds) if clouds else np.empty((0, 2))

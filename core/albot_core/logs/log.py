@@ -192,7 +192,7 @@ def steady_mount(robot: Poses, laser: Poses) -> tuple[float, float, float] | Non
     return float(x), float(y), float(heading)
 
 
-def disturbed(log: Log, rng: np.random.Generator) -> Log:
+def with_noise(log: Log, rng: np.random.Generator) -> Log:
     """A copy of the log with a little noise on every range and every motion.
 
     How a mapper's error varies over such copies tells how much of it on one real log is luck.

@@ -13,10 +13,10 @@ from albot_core.errors import InputError
 from albot_core.evaluation.map_quality import (
     LASER_NOISE,
     cloud_error,
-    laid_points,
     mean_map_entropy,
     register,
     sample_segments,
+    scan_cloud,
     surface_distances,
     surface_error,
 )
@@ -148,9 +148,9 @@ def test_scans_are_laid_where_the_poses_say_and_thinned() -> None:
     geometry = LaserGeometry(beams=2, first_bearing=0.0, spacing=np.pi / 2)
     scan = LaserScan(ranges=np.array([1.0, np.inf]), geometry=geometry)
     poses = np.array([[0.0, 0.0, 0.0], [5.0, 0.0, np.pi / 2]])
-    assert np.allclose(laid_points([scan, scan], poses), [[1.0, 0.0], [5.0, 1.0]])
-    assert len(laid_points([scan] * 10, np.zeros((10, 3)), most=4)) <= 4
-    assert laid_points([], np.empty((0, 3))).shape == (0, 2)
+    assert np.allclose(scan_cloud([scan, scan], poses), [[1.0, 0.0], [5.0, 1.0]])
+    assert len(scan_cloud([scan] * 10, np.zeros((10, 3)), most=4)) <= 4
+    assert scan_cloud([], np.empty((0, 3))).shape == (0, 2)
 
 
 # An L of two rooms, with a niche: no turn and no mirror image lays it on itself.

@@ -1,4 +1,4 @@
-"""The stage: how often an episode is shown, on a clock that the test turns."""
+"""The live view: how often an episode is shown, on a clock that the test turns."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import cast
 import pytest
 from rich.progress import Progress, TextColumn
 
-from albot_cli import stage
+from albot_cli import live_view
 from albot_cli.progress import progress
 from albot_env.rendering.frame import Frame
 
@@ -49,9 +49,9 @@ class SlowViewer:
 def _watch(monkeypatch: pytest.MonkeyPatch, cost: float, speed: float) -> tuple[Clock, SlowViewer]:
     """Watch 500 steps of 0.1 s; the clock at their end, and the viewer."""
     clock = Clock()
-    monkeypatch.setattr(stage, "time", clock)
+    monkeypatch.setattr(live_view, "time", clock)
     viewer = SlowViewer(clock, cost)
-    watched = stage.Stage(viewer, Progress(TextColumn("")), "", 500, speed, frame_rate=20.0)
+    watched = live_view.LiveView(viewer, Progress(TextColumn("")), "", 500, speed, frame_rate=20.0)
     for step in range(1, 501):
         clock.now += STEP
         assert watched.step(0.1 * step, lambda: cast("Frame", None))
@@ -75,7 +75,7 @@ def test_an_episode_is_shown_at_the_speed_asked_for(monkeypatch: pytest.MonkeyPa
 def test_titles_stand_below_the_stage_as_they_are(
     title: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with stage.open_stage(title, total=3, speed=1.0, headless=True) as watched:
+    with live_view.open_live_view(title, total=3, speed=1.0, headless=True) as watched:
         assert watched.step(0.1, lambda: cast("Frame", None))
     assert title in capsys.readouterr().err
 

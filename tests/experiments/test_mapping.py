@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from albot_core.geometry.poses import inverse, relative, transform_segments
-from albot_experiments.shape import median_and_worst, shape_of
+from albot_experiments.mapping import median_and_worst, shape_of
 
 WALLS = np.array([[0.0, 0, 8, 0], [8, 0, 8, 5], [8, 5, 0, 5], [0, 5, 0, 0]])
 TRUTH = np.array([[1.0, 1, 0], [7, 1, 1.5], [7, 4, 3], [1, 4, -1.5]])

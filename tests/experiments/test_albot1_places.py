@@ -12,7 +12,7 @@ from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_experiments import albot1_c1 as c1
 from albot_experiments import albot1_c2 as c2
 from albot_experiments import albot1_c3 as c3
-from albot_experiments.places_truth import (
+from albot_experiments.albot1_places import (
     Crossing,
     PlacedJourney,
     between,

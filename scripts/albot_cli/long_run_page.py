@@ -34,7 +34,7 @@ _COLUMNS: Mapping[str, tuple[str, str, float]] = {
 """Columns of the table: the figure, how it is written, and in which unit."""
 
 
-def write_journey(path: Path, rows: Sequence[Row], machine: Row) -> None:
+def write_long_run(path: Path, rows: Sequence[Row], machine: Row) -> None:
     """Write the page, and its picture beside it.
 
     Raises:

@@ -6,8 +6,7 @@ from itertools import islice
 
 import numpy as np
 
-from albot_benchmarks.journey import measure_journey
-from albot_benchmarks.patrol import STEPS, patrol
+from albot_benchmarks.long_run import STEPS, measure_long_run, patrol
 from albot_cli.bench import _journey
 from albot_maps import load_world
 
@@ -25,7 +24,7 @@ def test_a_patrol_goes_from_room_to_room_a_step_at_a_time() -> None:
 
 
 def test_a_journey_is_told_stage_by_stage() -> None:
-    rows = measure_journey(40.0, 20.0, world="office-ring", seed=3)
+    rows = measure_long_run(40.0, 20.0, world="office-ring", seed=3)
     assert [round(float(row["path_km"]), 2) for row in rows] == [0.02, 0.04]
     row, last = rows
     for each in rows:

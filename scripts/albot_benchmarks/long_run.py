@@ -1,4 +1,4 @@
-"""What a reading costs, and what is remembered, along a journey of many kilometres."""
+"""A run of many kilometres from room to room: what a reading costs, and what is remembered."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from itertools import islice
 import numpy as np
 
 from albot_benchmarks.environment import WORLD
-from albot_benchmarks.patrol import patrol
-from albot_core.mappers.albot1.mapper import Albot1
+from albot_core.mappers.mapper import Mapper
+from albot_core.mappers.registry import make_mapper
 from albot_core.sensing.reading import Reading
-from albot_maps import load_world
+from albot_env.sim.simulator import Simulator, StartStop, follow_leg
+from albot_env.tasks.place_recognition.tours import StoppingRooms
+from albot_maps import ROBOT_RADIUS, World, load_world
+from albot_maps.geodesic import DistanceField
 
 Row = dict[str, float | int | str]
 
@@ -20,9 +23,13 @@ _CHUNK = 250
 """Readings that are made ready before the mapper takes them in, which alone is timed."""
 _ADDITIONS = 50_000
 """Additions in Python that are timed beside each chunk."""
+STEPS = StartStop(move=0.5, turn=np.radians(30.0))
+"""About as far apart as the readings of real logs."""
+_CLEARANCE = 0.1
+"""The robot keeps so much farther from walls than its radius (m), where there is room."""
 
 
-def measure_journey(
+def measure_long_run(
     path_m: float = 10_000.0, stage_m: float = 500.0, world: str = WORLD, seed: int = 1000
 ) -> list[Row]:
     """Lead `albot1` from room to room of one building for hours: does a reading come to cost more?
@@ -40,7 +47,7 @@ def measure_journey(
         perceptual map, `places`, their `exits` and `described` surfaces, `visits` and `events`,
         `trail_points` and `trail_links`, and `memory_bytes` of the whole state.
     """
-    mapper, building = Albot1(), load_world(world)
+    mapper, building = make_mapper("albot1"), load_world(world)
     for reading in islice(patrol(building, np.random.default_rng(seed)), 4 * int(stage_m)):
         mapper.update(reading)  # compiles
     mapper.reset(np.random.default_rng(seed))
@@ -89,7 +96,7 @@ def _addition() -> float:
     return (time.process_time() - began) / _ADDITIONS
 
 
-def _remembered(mapper: Albot1) -> Row:
+def _remembered(mapper: Mapper) -> Row:
     """How much it remembers."""
     state = mapper.state()
     return {
@@ -103,3 +110,26 @@ def _remembered(mapper: Albot1) -> Row:
         "trail_links": len(state["places.trail_links"]),
         "memory_bytes": sum(array.nbytes for array in state.values()),
     }
+
+
+def patrol(world: World, rng: np.random.Generator) -> Iterator[Reading]:
+    """What a robot senses that is guided from room to room, each drawn at random, without end.
+
+    It stops anywhere in a room. The guide sees where the robot truly is, so that the odometer's
+    errors, the Pioneer's, do not change the way.
+
+    Raises:
+        InputError: The world has no two rooms in which a robot can stop.
+    """
+    simulator, stops = Simulator(world, movables=False), StoppingRooms(world)
+    yield simulator.reset(rng, world.starts[0])
+    here = -1
+    while True:
+        here = int(rng.choice([room for room in stops.rooms if room != here]))
+        goal = stops.point(here, rng)
+        way = DistanceField(world.walls, ROBOT_RADIUS + _CLEARANCE, goal).way(simulator.pose[:2])
+        if not len(way):
+            tight = DistanceField(world.walls, ROBOT_RADIUS, goal, tight=True)
+            way = tight.way(simulator.pose[:2])
+        for turn in way:
+            yield from follow_leg(simulator, turn, STEPS)

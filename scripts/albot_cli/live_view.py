@@ -1,4 +1,4 @@
-"""The stage: where an episode is watched, and the progress line below it."""
+"""The live view of an episode, in a window or the terminal, and the progress line below it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from albot_env.rendering.frame import Frame
 from albot_env.rendering.viewer import NullViewer, Viewer
 
 
-class Stage:
+class LiveView:
     """Shows an episode as fast as it is watched, and as fast as it runs where nobody does.
 
     Args:
@@ -72,8 +72,10 @@ class Stage:
 
 
 @contextmanager
-def open_stage(title: str, *, total: int | None, speed: float, headless: bool) -> Iterator[Stage]:
-    """Open a stage: a window where there is a display, else the terminal, else nothing.
+def open_live_view(
+    title: str, *, total: int | None, speed: float, headless: bool
+) -> Iterator[LiveView]:
+    """Open a live view: a window where there is a display, else the terminal, else nothing.
 
     Args:
         title: What is shown.
@@ -100,7 +102,7 @@ def open_stage(title: str, *, total: int | None, speed: float, headless: bool) -
         viewer = window or NullViewer()
         progress.start()
     try:
-        yield Stage(viewer, progress, title, total, speed)
+        yield LiveView(viewer, progress, title, total, speed)
     finally:
         viewer.close()
         progress.stop()

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from albot_benchmarks import journey
-from albot_cli.journey_page import page
+from albot_benchmarks import long_run as journey
+from albot_cli.long_run_page import page
 from albot_cli.main import albot
 from albot_core.errors import InputError
 
@@ -44,8 +44,8 @@ def test_of_a_short_journey_no_growth_is_told() -> None:
 def test_the_command_writes_the_page_and_its_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    short = partial(journey.measure_journey, 10.0, 5.0, world="office-ring")
-    monkeypatch.setattr(journey, "measure_journey", short)
+    short = partial(journey.measure_long_run, 10.0, 5.0, world="office-ring")
+    monkeypatch.setattr(journey, "measure_long_run", short)
     out = tmp_path / "journey.md"
     words = ["bench", "--part", "journey", "--out", str(out), "--json"]
     outcome = CliRunner().invoke(albot, words, catch_exceptions=False)

@@ -12,8 +12,8 @@ from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Poses
 from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.places.events import Event, EventKind
-from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.registry import make_mapper
+from albot_core.maps.layers import PlaceGraph
 from albot_experiments.tours import Journey
 from albot_maps import World
 
@@ -64,9 +64,9 @@ class PlacedJourney:
         return self.mapper.events
 
     @property
-    def network(self) -> Network:
+    def place_graph(self) -> PlaceGraph:
         """The network at the end."""
-        return self.mapper.network
+        return self.mapper.snapshot().place_graph
 
     def rooms(self, world: World) -> dict[int, frozenset[str]]:
         """The rooms in which the robot truly was while it believed to be in each place.
@@ -87,11 +87,11 @@ class PlacedJourney:
         names = [next(iter(found)) for found in rooms.values() if len(found) == 1]
         if len(names) < len(rooms) or sorted(names) != sorted(room.name for room in world.rooms):
             return False
-        network = self.network
-        if {place.id for place in network.places} != rooms.keys():
+        graph = self.place_graph
+        if {node.id for node in graph.nodes} != rooms.keys():
             return False
         room_of = dict(zip(rooms, names, strict=True))
-        links = {frozenset((room_of[one], room_of[other])) for one, other in network.links}
+        links = {frozenset((room_of[one], room_of[other])) for one, other in graph.links}
         return links == {frozenset(door.rooms) for door in world.exits}
 
 
