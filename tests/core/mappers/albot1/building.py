@@ -97,15 +97,15 @@ def happened(walker: Walker) -> list[tuple[EventKind, int, int]]:
 
 def check_links(network: PlaceNetwork) -> None:
     """Every exit's partner leads back to it, and no exit leads to where it is."""
-    for key, site in network.sites.items():
-        assert site.id == key
-        for door, passage in enumerate(site.passages):
-            assert passage.leads_to in network.sites
-            assert passage.leads_to != key
-            partner = network.sites[passage.leads_to].passages[passage.exit_there]
-            assert (partner.leads_to, partner.exit_there) == (key, door)
-    assert network.current in network.sites
+    for key, place in network.places.items():
+        assert place.id == key
+        for index, door in enumerate(place.exits):
+            assert door.leads_to in network.places
+            assert door.leads_to != key
+            partner = network.places[door.leads_to].exits[door.exit_there]
+            assert (partner.leads_to, partner.exit_there) == (key, index)
+    assert network.current in network.places
     assert network.visits[-1] == network.current
-    assert set(network.visits[1:]) <= network.sites.keys()
+    assert set(network.visits[1:]) <= network.places.keys()
     assert len(network.visit_transforms) == len(network.visits)
-    assert network.next_id > max(network.sites)
+    assert network.next_id > max(network.places)

@@ -26,9 +26,9 @@ from albot_core.mappers.albot1.perceptual_map.frames import relative_pose
 from albot_core.mappers.albot1.places.events import Event, EventKind, EventLog
 from albot_core.mappers.albot1.places.network_view import Network
 from albot_core.mappers.albot1.places.place import (
+    LearnedExit,
+    LearnedPlace,
     Line,
-    Passage,
-    Site,
     direction,
     in_frame,
     middle,
@@ -59,7 +59,7 @@ class PlaceNetwork:
         self.config = config
         self.map_to_graph: Pose = np.zeros(3)
         """The pose of the graph frame in the map's frame."""
-        self.sites: dict[int, Site] = {START: Site(id=START, frame=np.zeros(3))}
+        self.places: dict[int, LearnedPlace] = {START: LearnedPlace(id=START, frame=np.zeros(3))}
         self.current = START
         self.lost_since = 0
         """The visit that began where the robot was carried to, as long as it is lost; else 0."""
@@ -81,9 +81,9 @@ class PlaceNetwork:
         self.stays: list[tuple[int, int]] = [(0, START)]
 
     @property
-    def here(self) -> Site:
+    def here(self) -> LearnedPlace:
         """The place that the robot believes to be in."""
-        return self.sites[self.current]
+        return self.places[self.current]
 
     @property
     def matched_reading(self) -> int | None:
@@ -113,12 +113,12 @@ class PlaceNetwork:
     @property
     def home(self) -> Pose:
         """Where the robot set out, in the perceptual map's frame as it is now."""
-        return compose(self.map_to_graph, self.sites[START].frame)
+        return compose(self.map_to_graph, self.places[START].frame)
 
     @property
     def predicted_exits(self) -> Segments:
         """The exits of the present place, aligned: where they should be in the map (m)."""
-        lines = [passage.line for passage in self.here.passages]
+        lines = [door.line for door in self.here.exits]
         return transform_segments(self.frame, np.reshape(lines, (-1, 4)))
 
     def in_graph_frame(self, pose: Pose) -> Pose:
@@ -133,7 +133,7 @@ class PlaceNetwork:
 
     def snapshot(self) -> Network:
         """The network as users see it."""
-        places = tuple(self.sites[key].as_place() for key in sorted(self.sites))
+        places = tuple(self.places[key].as_place() for key in sorted(self.places))
         return Network(places=places, current=self.current, home=START, familiar=self.is_familiar)
 
     def remember_place(self, step: int, line: Line, seen: Segments, pose: Pose) -> None:
@@ -146,38 +146,38 @@ class PlaceNetwork:
             pose: Where the robot is in the map.
         """
         local = in_frame(self.frame, line[None])[0]
-        unseen = self.here.passage_at(reversed_line(local))
+        unseen = self.here.exit_at(reversed_line(local))
         if unseen is not None:
-            self._return(step, self.here.passages[unseen])
+            self._return(step, self.here.exits[unseen])
             return
         left = self._close(seen)  # Alg. 5, lines 2 to 6 and 11
-        known = left.passage_at(local)  # Alg. 5, line 13
+        known = left.exit_at(local)  # Alg. 5, line 13
         if known is None:
             entered = self._new_place(pose)  # Alg. 5, lines 8, 9 and 15
-            left.passages.append(Passage(line=local, leads_to=entered.id, exit_there=0))  # line 7
+            left.exits.append(LearnedExit(line=local, leads_to=entered.id, exit_there=0))  # line 7
             in_graph = in_frame(self.map_to_graph, reversed_line(line)[None])
             there = in_frame(entered.frame, in_graph)[0]
-            entered.passages.append(
-                Passage(line=there, leads_to=left.id, exit_there=len(left.passages) - 1)
+            entered.exits.append(
+                LearnedExit(line=there, leads_to=left.id, exit_there=len(left.exits) - 1)
             )
             what, gap = EventKind.NEW, 0.0
         else:
-            passage = left.passages[known]
-            entered = self.sites[passage.leads_to]
-            self._align(passage, line)  # Alg. 7, line 13
-            gap = float(np.hypot(*(middle(passage.line) - middle(local))))
+            door = left.exits[known]
+            entered = self.places[door.leads_to]
+            self._align(door, line)  # Alg. 7, line 13
+            gap = float(np.hypot(*(middle(door.line) - middle(local))))
             what = EventKind.ENTERED
         self.log.add(Event(step=step, kind=what, place=left.id, other=entered.id, gap=gap))
         self._begin_visit(entered.id)
 
-    def _return(self, step: int, passage: Passage) -> None:
+    def _return(self, step: int, door: LearnedExit) -> None:
         """The robot comes into the place that it believed to be in, which it had left unnoticed.
 
         This is ours. What it has seen since it last crossed an exit is of both places and cannot
         be told apart, so neither is described by it. Its coming back makes the place a known one.
         """
         self.visit_transforms[-1] = self.map_to_graph
-        back = Event(step=step, kind=EventKind.RETURNED, place=self.current, other=passage.leads_to)
+        back = Event(step=step, kind=EventKind.RETURNED, place=self.current, other=door.leads_to)
         self.log.add(back)
         self._begin_visit(self.current)
 
@@ -195,18 +195,18 @@ class PlaceNetwork:
         if not self.lost_since:
             self.lost_since = len(self.visits) - 1
 
-    def _close(self, seen: Segments) -> Site:
+    def _close(self, seen: Segments) -> LearnedPlace:
         """Combine what was seen with the description of the present place, and leave it."""
         left = self.here
         left.describe(in_frame(self.frame, seen), self.config)
         self.visit_transforms[-1] = self.map_to_graph
         return left
 
-    def _new_place(self, pose: Pose) -> Site:
-        site = Site(id=self.next_id, frame=relative(self.map_to_graph, pose))
-        self.sites[site.id] = site
+    def _new_place(self, pose: Pose) -> LearnedPlace:
+        place = LearnedPlace(id=self.next_id, frame=relative(self.map_to_graph, pose))
+        self.places[place.id] = place
         self.next_id += 1
-        return site
+        return place
 
     def _begin_visit(self, place: int) -> None:
         self.current = place
@@ -227,14 +227,14 @@ class PlaceNetwork:
         """
         kept = wanted.copy()
         kept[[0, self.lost_since, -1]] = True
-        kept[[self.visits.index(place) for place in self.sites if place in self.visits]] = True
+        kept[[self.visits.index(place) for place in self.places if place in self.visits]] = True
         numbers = np.where(kept, np.cumsum(kept) - 1, -1)
         self.visits = [self.visits[k] for k in np.flatnonzero(kept)]
         self.visit_transforms = [self.visit_transforms[k] for k in np.flatnonzero(kept)]
         self.lost_since = int(numbers[self.lost_since])
         return numbers
 
-    def _align(self, passage: Passage, line: Line) -> None:
+    def _align(self, door: LearnedExit, line: Line) -> None:
         """Lay the place behind an exit of the present one at it (algorithm 7, line 13).
 
         The thesis takes the exit seen as the reference for position and direction. A doorway
@@ -244,10 +244,10 @@ class PlaceNetwork:
         exit seen counts only where it lies in the direction remembered. Where the map is about
         right it is left alone.
         """
-        entered = self.sites[passage.leads_to]
+        entered = self.places[door.leads_to]
         frame = compose(self.map_to_graph, entered.frame)
-        at = transform_points(frame, middle(entered.passages[passage.exit_there].line))
-        mine = transform_segments(self.frame, passage.line[None])[0]
+        at = transform_points(frame, middle(entered.exits[door.exit_there].line))
+        mine = transform_segments(self.frame, door.line[None])[0]
         targets = [middle(mine)]
         if abs(wrap_angle(direction(line) - direction(mine))) < STRAIGHT:
             targets.append(middle(line))
@@ -256,40 +256,44 @@ class PlaceNetwork:
                 self.map_to_graph = self.map_to_graph + np.array([*(target - at), 0.0])
                 at = target
 
-    def merge_here(self, step: int, other: Site, pose: Pose) -> None:
+    def merge_here(self, step: int, other: LearnedPlace, pose: Pose) -> None:
         """Merge the present place with another, whose frame lies at `pose` in the map."""
         here, frame = self.here, self.frame
         if other.id < here.id:
             self.map_to_graph = compose(pose, inverse(other.frame))
-            merge_sites(self, step, other, here, relative(pose, frame))
+            merge_places(self, step, other, here, relative(pose, frame))
         else:
-            merge_sites(self, step, here, other, relative(frame, pose))
+            merge_places(self, step, here, other, relative(frame, pose))
         self.version += 1
 
 
-def merge_sites(network: PlaceNetwork, step: int, kept: Site, gone: Site, pose: Pose) -> None:
+def merge_places(
+    network: PlaceNetwork, step: int, kept: LearnedPlace, gone: LearnedPlace, pose: Pose
+) -> None:
     """Make two places one; `pose` is where the frame of the one gone lies in the other's.
 
     An exit that both have leads to one place. If they have it lead to two, these are one as well
     (Alg. 5, lines 12 and 13).
     """
     kept.describe(transform_segments(pose, gone.surfaces), network.config)
-    first = len(kept.passages)
-    for passage in gone.passages:
-        passage.line = transform_segments(pose, passage.line[None])[0]
-        kept.passages.append(passage)
-    for site in network.sites.values():
-        for passage in site.passages:
-            if passage.leads_to == gone.id:
-                passage.leads_to, passage.exit_there = kept.id, passage.exit_there + first
+    first = len(kept.exits)
+    for door in gone.exits:
+        door.line = transform_segments(pose, door.line[None])[0]
+        kept.exits.append(door)
+    for place in network.places.values():
+        for door in place.exits:
+            if door.leads_to == gone.id:
+                door.leads_to, door.exit_there = kept.id, door.exit_there + first
     _replace_place(network, gone, kept, pose)
-    while kept.id in network.sites and _unite_exits(network, step, kept):
+    while kept.id in network.places and _unite_exits(network, step, kept):
         pass
 
 
-def _replace_place(network: PlaceNetwork, gone: Site, kept: Site, pose: Pose) -> None:
+def _replace_place(
+    network: PlaceNetwork, gone: LearnedPlace, kept: LearnedPlace, pose: Pose
+) -> None:
     """Let all that refers to the place gone refer to the one kept."""
-    del network.sites[gone.id]
+    del network.places[gone.id]
     # Where the frame of the one kept lay in the visits to the one gone.
     moved = compose(compose(gone.frame, inverse(pose)), inverse(kept.frame))
     network.breadcrumbs.move(network.breadcrumbs.places == gone.id, inverse(moved), kept.id)
@@ -303,45 +307,45 @@ def _replace_place(network: PlaceNetwork, gone: Site, kept: Site, pose: Pose) ->
     network.current = kept.id if network.current == gone.id else network.current
 
 
-def _unite_exits(network: PlaceNetwork, step: int, site: Site) -> bool:
+def _unite_exits(network: PlaceNetwork, step: int, place: LearnedPlace) -> bool:
     """Make two exits of a place one that lie at one spot. Returns whether there were such."""
-    for later, passage in enumerate(site.passages):
-        earlier = site.passage_at(passage.line, later)
+    for later, door in enumerate(place.exits):
+        earlier = place.exit_at(door.line, later)
         if earlier is None:
             continue
-        mine = site.passages[earlier]
-        if mine.leads_to == passage.leads_to:
-            _drop_exit(network, network.sites[passage.leads_to], passage.exit_there)
-            _drop_exit(network, site, later)
+        mine = place.exits[earlier]
+        if mine.leads_to == door.leads_to:
+            _drop_exit(network, network.places[door.leads_to], door.exit_there)
+            _drop_exit(network, place, later)
             return True
-        if not _are_joined(network, mine.leads_to, passage.leads_to):
-            _merge_behind(network, step, mine, passage)
+        if not _are_joined(network, mine.leads_to, door.leads_to):
+            _merge_behind(network, step, mine, door)
             return True
     return False
 
 
-def _drop_exit(network: PlaceNetwork, site: Site, door: int) -> None:
+def _drop_exit(network: PlaceNetwork, place: LearnedPlace, index: int) -> None:
     """Take an exit out of a place's list; those after it move up, also for their partners."""
-    del site.passages[door]
-    for moved in site.passages[door:]:
-        network.sites[moved.leads_to].passages[moved.exit_there].exit_there -= 1
+    del place.exits[index]
+    for moved in place.exits[index:]:
+        network.places[moved.leads_to].exits[moved.exit_there].exit_there -= 1
 
 
-def _merge_behind(network: PlaceNetwork, step: int, mine: Passage, theirs: Passage) -> None:
+def _merge_behind(network: PlaceNetwork, step: int, mine: LearnedExit, theirs: LearnedExit) -> None:
     """Merge the two places that one exit turned out to lead to."""
-    first, second = sorted((mine, theirs), key=lambda passage: passage.leads_to)
-    kept, gone = network.sites[first.leads_to], network.sites[second.leads_to]
+    first, second = sorted((mine, theirs), key=lambda door: door.leads_to)
+    kept, gone = network.places[first.leads_to], network.places[second.leads_to]
     turn = gone.frame[2] - kept.frame[2]
     pose = np.array([0.0, 0.0, turn])
-    there = transform_points(pose, middle(gone.passages[second.exit_there].line))
-    pose[:2] = middle(kept.passages[first.exit_there].line) - there
+    there = transform_points(pose, middle(gone.exits[second.exit_there].line))
+    pose[:2] = middle(kept.exits[first.exit_there].line) - there
     followed = Event(step=step, kind=EventKind.FOLLOWED, place=gone.id, other=kept.id)
     network.log.add(followed)
     if gone.id == network.current:
         network.map_to_graph = compose(compose(network.frame, inverse(pose)), inverse(kept.frame))
-    merge_sites(network, step, kept, gone, pose)
+    merge_places(network, step, kept, gone, pose)
 
 
 def _are_joined(network: PlaceNetwork, one: int, other: int) -> bool:
     """Whether an exit leads from the one place to the other."""
-    return any(passage.leads_to == other for passage in network.sites[one].passages)
+    return any(door.leads_to == other for door in network.places[one].exits)

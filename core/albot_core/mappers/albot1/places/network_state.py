@@ -10,7 +10,7 @@ from albot_core.errors import InputError
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.places.events import EVENT_COLUMNS, Event, EventKind
 from albot_core.mappers.albot1.places.network import PlaceNetwork
-from albot_core.mappers.albot1.places.place import Passage, Site
+from albot_core.mappers.albot1.places.place import LearnedExit, LearnedPlace
 from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs, rebuilt_breadcrumbs
 
 _SHAPES = {
@@ -35,18 +35,16 @@ _SHAPES = {
 
 def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
     """Everything that the network holds, as arrays by name."""
-    sites = [network.sites[key] for key in sorted(network.sites)]
-    passages = [passage for site in sites for passage in site.passages]
+    places = [network.places[key] for key in sorted(network.places)]
+    exits = [door for place in places for door in place.exits]
     crumbs = network.breadcrumbs
     return {
-        "ids": np.array([site.id for site in sites], np.int64),
-        "frames": np.array([site.frame for site in sites]),
-        "sizes": np.array([(len(s.surfaces), len(s.passages)) for s in sites], np.int64),
-        "surfaces": np.concatenate([site.surfaces for site in sites]),
-        "lines": np.reshape([p.line for p in passages], (-1, 4)).astype(float),
-        "links": np.reshape([(p.leads_to, p.exit_there) for p in passages], (-1, 2)).astype(
-            np.int64
-        ),
+        "ids": np.array([place.id for place in places], np.int64),
+        "frames": np.array([place.frame for place in places]),
+        "sizes": np.array([(len(s.surfaces), len(s.exits)) for s in places], np.int64),
+        "surfaces": np.concatenate([place.surfaces for place in places]),
+        "lines": np.reshape([p.line for p in exits], (-1, 4)).astype(float),
+        "links": np.reshape([(p.leads_to, p.exit_there) for p in exits], (-1, 2)).astype(np.int64),
         "visits": np.array(network.visits, np.int64),
         "displacements": np.array(network.visit_transforms),
         "stays": np.array(network.stays, np.int64),
@@ -76,7 +74,7 @@ def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> P
     _check_shapes(stored)
     _check_places(stored)
     network = PlaceNetwork(config)
-    network.sites = _sites(stored)
+    network.places = _places(stored)
     network.visits = stored["visits"].tolist()
     network.visit_transforms = list(stored["displacements"].copy())
     network.stays = [(first, place) for first, place in stored["stays"].tolist()]
@@ -90,21 +88,23 @@ def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> P
     return network
 
 
-def _sites(stored: Mapping[str, np.ndarray]) -> dict[int, Site]:
-    sites: dict[int, Site] = {}
-    first, door = 0, 0
-    for key, frame, (surfaces, doors) in zip(
+def _places(stored: Mapping[str, np.ndarray]) -> dict[int, LearnedPlace]:
+    places: dict[int, LearnedPlace] = {}
+    first, first_exit = 0, 0
+    for key, frame, (surfaces, exits) in zip(
         stored["ids"].tolist(), stored["frames"], stored["sizes"].tolist(), strict=True
     ):
-        lines, links = stored["lines"][door : door + doors], stored["links"][door : door + doors]
-        passages = [
-            Passage(line=line.copy(), leads_to=leads_to, exit_there=there)
-            for line, (leads_to, there) in zip(lines, links.tolist(), strict=True)
+        own = slice(first_exit, first_exit + exits)
+        doors = [
+            LearnedExit(line=line.copy(), leads_to=leads_to, exit_there=there)
+            for line, (leads_to, there) in zip(
+                stored["lines"][own], stored["links"][own].tolist(), strict=True
+            )
         ]
         seen = stored["surfaces"][first : first + surfaces].copy()
-        sites[key] = Site(id=key, frame=frame.copy(), surfaces=seen, passages=passages)
-        first, door = first + surfaces, door + doors
-    return sites
+        places[key] = LearnedPlace(id=key, frame=frame.copy(), surfaces=seen, exits=doors)
+        first, first_exit = first + surfaces, first_exit + exits
+    return places
 
 
 def _breadcrumbs(stored: Mapping[str, np.ndarray]) -> Breadcrumbs:

@@ -1,4 +1,4 @@
-"""A place that a robot remembers, as it changes, and its exits."""
+"""A place that a robot remembers, as it changes, and its exits; users see `network_view.Place`."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ Line = Float64[np.ndarray, "4"]
 
 
 @dataclass(kw_only=True, eq=False)
-class Passage:
-    """An exit of a place that the robot has gone through."""
+class LearnedExit:
+    """An exit of a place that the robot has gone through, with its three values (section 4.1)."""
 
     line: Line
     """In the place's frame, with the place to the left (m)."""
@@ -38,7 +38,7 @@ class Passage:
 
 
 @dataclass(kw_only=True, eq=False)
-class Site:
+class LearnedPlace:
     """A place: its frame, its description and its exits."""
 
     id: int
@@ -46,7 +46,7 @@ class Site:
     """In the graph frame (see `PlaceNetwork`)."""
     surfaces: Segments = field(default_factory=lambda: np.empty((0, 4)))
     """In its own frame (m)."""
-    passages: list[Passage] = field(default_factory=list)
+    exits: list[LearnedExit] = field(default_factory=list)
     _boxed: Segments | None = field(default=None, repr=False)
     _box: list[float] = field(default_factory=list, repr=False)
 
@@ -55,12 +55,12 @@ class Site:
         both = merge_lines(self.surfaces, surfaces, config.match)
         self.surfaces = both[-config.max_surfaces :]
 
-    def passage_at(self, line: Line, among: int | None = None) -> int | None:
+    def exit_at(self, line: Line, among: int | None = None) -> int | None:
         """Which of its (first `among`) exits co-locates with a line in its frame, if any."""
         best, which = SAME_EXIT, None
-        for k, passage in enumerate(self.passages[:among]):
-            away = float(np.hypot(*(middle(passage.line) - middle(line))))
-            turned = abs(wrap_angle(direction(passage.line) - direction(line)))
+        for k, door in enumerate(self.exits[:among]):
+            away = float(np.hypot(*(middle(door.line) - middle(line))))
+            turned = abs(wrap_angle(direction(door.line) - direction(line)))
             if away < best and turned < SAME_DIRECTION:
                 best, which = away, k
         return which
@@ -70,7 +70,7 @@ class Site:
 
         A point is outside where it is seen through an exit from just inside.
         """
-        return not any(_is_behind(passage.line, point) for passage in self.passages)
+        return not any(_is_behind(door.line, point) for door in self.exits)
 
     def surrounds(self, x: float, y: float) -> bool:
         """Whether a point of the graph frame (m) is in the box that holds its surfaces."""
@@ -90,7 +90,7 @@ class Site:
         """The place as users see it."""
         exits = tuple(
             Exit(line=p.line.copy(), leads_to=p.leads_to, exit_there=p.exit_there)
-            for p in self.passages
+            for p in self.exits
         )
         return Place(
             id=self.id, frame=self.frame.copy(), surfaces=self.surfaces.copy(), exits=exits

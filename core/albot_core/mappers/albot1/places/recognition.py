@@ -13,7 +13,7 @@ from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.perceptual_map.memory import NEVER
 from albot_core.mappers.albot1.places.events import SEEN_THROUGH_EXIT, STANDS_WITHIN, EventKind
 from albot_core.mappers.albot1.places.network import PlaceNetwork
-from albot_core.mappers.albot1.places.place import Site
+from albot_core.mappers.albot1.places.place import LearnedPlace
 from albot_core.matching.lines import LineMatch, match_lines
 
 DOORSTEP = 5.0
@@ -44,7 +44,7 @@ def recognize_place(
     counts, gates = reobserved.T
     stood_in: set[int] = set()
     for visit in _candidates(network, counts, gates):
-        other, gate = network.sites[network.visits[visit]], int(gates[visit])
+        other, gate = network.places[network.visits[visit]], int(gates[visit])
         if gate == STANDS_WITHIN and counts[visit] > gate_of(other, network.config):
             gate = gate_of(other, network.config)
         by_position = gate == STANDS_WITHIN
@@ -79,31 +79,31 @@ def relocalise(network: PlaceNetwork, step: int, seen: Segments, pose: Pose) -> 
     """
     network.compared_from = pose.copy()
     first = network.visits[network.lost_since]
-    known = [site for site in network.sites.values() if site.id < first]
+    known = [place for place in network.places.values() if place.id < first]
     anywhere = replace(network.config.match, max_shift=np.inf, max_turn=np.pi)
     found = [
-        (site, match_lines(seen, site.surfaces, network.frame, pose, anywhere)) for site in known
+        (place, match_lines(seen, place.surfaces, network.frame, pose, anywhere)) for place in known
     ]
     confirmed = [
-        (site, match)
-        for site, match in found
+        (place, match)
+        for place, match in found
         if match.matches >= network.config.min_relocalise_matches
-        and _is_confirmed(network, match, site, pose)
+        and _is_confirmed(network, match, place, pose)
     ]
     if not confirmed:
         return None
-    site, match = max(confirmed, key=lambda pair: (pair[1].matches, -pair[0].id))
-    network.log.add_comparison(step, EventKind.RELOCALISED, network.current, site.id, match)
-    learned = network.visit_transforms[network.visits.index(site.id)]
-    motion = compose(compose(learned, site.frame), inverse(match.pose))
-    for unknown in network.sites.values():
+    place, match = max(confirmed, key=lambda pair: (pair[1].matches, -pair[0].id))
+    network.log.add_comparison(step, EventKind.RELOCALISED, network.current, place.id, match)
+    learned = network.visit_transforms[network.visits.index(place.id)]
+    motion = compose(compose(learned, place.frame), inverse(match.pose))
+    for unknown in network.places.values():
         if unknown.id >= first:
             frame = compose(motion, compose(network.map_to_graph, unknown.frame))
             unknown.frame = relative(learned, frame)
     back = compose(relative(learned, motion), network.map_to_graph)
     network.breadcrumbs.move(network.breadcrumbs.places >= first, back, None)
     network.map_to_graph, network.lost_since = learned, 0
-    network.merge_here(step, site, compose(motion, match.pose))
+    network.merge_here(step, place, compose(motion, match.pose))
     return motion
 
 
@@ -123,14 +123,14 @@ def _candidates(
     return [v for v in ordered if reobserved[v] > 0 or last[network.visits[v]] == v]
 
 
-def _is_confirmed(network: PlaceNetwork, match: LineMatch, site: Site, pose: Pose) -> bool:
+def _is_confirmed(network: PlaceNetwork, match: LineMatch, place: LearnedPlace, pose: Pose) -> bool:
     """Algorithm 6, line 11: more than 4 surfaces match, on both sides of the robot.
 
     A place's description holds what is seen through its exits. So we ask as well that
     the robot would stand within the place: otherwise it may be next door.
     """
     config = network.config
-    return site.holds(relative(match.pose, pose)[:2]) and (
+    return place.holds(relative(match.pose, pose)[:2]) and (
         match.matches > config.min_matches
         and min(match.left, match.right) > 0
         and match.share >= config.min_share
@@ -142,7 +142,7 @@ def _aligned(
     believed: Pose,
     found: LineMatch,
     seen: Segments,
-    other: Site,
+    other: LearnedPlace,
     robot: Pose,
 ) -> Pose:
     """Where a recognised place's frame lies: where it was believed to, if that explains as much.
@@ -177,8 +177,8 @@ def candidate_gates(network: PlaceNetwork, pose: Pose) -> Int32[np.ndarray, "vis
     if network.lost_since:
         gates[1:] = SEEN_THROUGH_EXIT
         return gates
-    joined = {network.current, *(passage.leads_to for passage in network.here.passages)}
-    by_place = {key: gate_of(site, network.config) for key, site in network.sites.items()}
+    joined = {network.current, *(door.leads_to for door in network.here.exits)}
+    by_place = {key: gate_of(place, network.config) for key, place in network.places.items()}
     by_place |= dict.fromkeys(_places_around(network, pose), STANDS_WITHIN)
     by_place |= dict.fromkeys(network.log.seen_through_exit(), SEEN_THROUGH_EXIT)
     by_place |= dict.fromkeys(joined, NEVER)
@@ -186,9 +186,9 @@ def candidate_gates(network: PlaceNetwork, pose: Pose) -> Int32[np.ndarray, "vis
     return gates
 
 
-def gate_of(site: Site, config: PlacesConfig) -> int:
+def gate_of(place: LearnedPlace, config: PlacesConfig) -> int:
     """The gate of visits to a place: the thesis's n, which grows with the place (section 4.1.2)."""
-    share = round(config.reobserved_share * len(site.surfaces))
+    share = round(config.reobserved_share * len(place.surfaces))
     return min(max(share, config.min_reobserved), config.max_reobserved)
 
 
@@ -203,4 +203,4 @@ def _places_around(network: PlaceNetwork, pose: Pose) -> list[int]:
     if np.hypot(*relative(network.frame, pose)[:2]) > DOORSTEP:
         return []
     here = relative(network.map_to_graph, pose)
-    return [key for key, site in network.sites.items() if site.surrounds(*here[:2].tolist())]
+    return [key for key, place in network.places.items() if place.surrounds(*here[:2].tolist())]

@@ -16,7 +16,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.albot1.places.network import PlaceNetwork
-from albot_core.mappers.albot1.places.place import Site, middle
+from albot_core.mappers.albot1.places.place import LearnedPlace, middle
 
 ExitStep = tuple[int, int]
 """A place, and which of its exits to take."""
@@ -48,15 +48,15 @@ def route(
     done: set[ExitStep] = set()
     while queue:
         cost, step, way = heapq.heappop(queue)
-        place, door = step
-        if place == target and door == -1:
+        place, index = step
+        if place == target and index == -1:
             return list(way)
         if step in done:
             continue
         done.add(step)
-        passage = network.sites[place].passages[door]
-        there = network.sites[passage.leads_to]
-        at = middle(there.passages[passage.exit_there].line)
+        door = network.places[place].exits[index]
+        there = network.places[door.leads_to]
+        at = middle(there.exits[door.exit_there].line)
         if there.id == target:
             rest = 0.0 if goal is None else float(np.hypot(*(goal - at)))
             heapq.heappush(queue, (cost + CROSSING + rest, (target, -1), (*way, step)))
@@ -67,15 +67,15 @@ def route(
 
 def _push(
     queue: list[tuple[float, ExitStep, tuple[ExitStep, ...]]],
-    site: Site,
+    place: LearnedPlace,
     at: Points,
     cost: float,
     way: tuple[ExitStep, ...],
 ) -> None:
     """Put the ways from a point in a place to each of its exits on the queue."""
-    for door, passage in enumerate(site.passages):
-        away = float(np.hypot(*(middle(passage.line) - at)))
-        heapq.heappush(queue, (cost + away, (site.id, door), way))
+    for index, door in enumerate(place.exits):
+        away = float(np.hypot(*(middle(door.line) - at)))
+        heapq.heappush(queue, (cost + away, (place.id, index), way))
 
 
 def way_lines(network: PlaceNetwork, pose: Pose, target: int) -> Segments:
@@ -86,10 +86,10 @@ def way_lines(network: PlaceNetwork, pose: Pose, target: int) -> Segments:
     """
     goal = np.zeros(2)
     lines = []
-    for place, door in route(network, pose, _known(network, target), goal):
-        site = network.sites[place]
-        frame = compose(network.map_to_graph, site.frame)
-        lines.append(transform_segments(frame, site.passages[door].line[None])[0])
+    for place_id, index in route(network, pose, _known(network, target), goal):
+        place = network.places[place_id]
+        frame = compose(network.map_to_graph, place.frame)
+        lines.append(transform_segments(frame, place.exits[index].line[None])[0])
     return np.reshape(lines, (-1, 4)).astype(float)
 
 
@@ -120,13 +120,13 @@ def pointing(network: PlaceNetwork, pose: Pose, place: int) -> Float64[np.ndarra
     Raises:
         InputError: There is no such place.
     """
-    frame = network.sites[_known(network, place)].frame
+    frame = network.places[_known(network, place)].frame
     x, y = relative(pose, compose(network.map_to_graph, frame))[:2]
     return np.array((math.atan2(y, x), math.hypot(x, y)))
 
 
 def _known(network: PlaceNetwork, place: int) -> int:
-    if place not in network.sites:
-        ids = ", ".join(map(str, sorted(network.sites)))
+    if place not in network.places:
+        ids = ", ".join(map(str, sorted(network.places)))
         raise InputError("place", f"one of {ids}", str(place))
     return place

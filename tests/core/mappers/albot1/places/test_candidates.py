@@ -27,7 +27,7 @@ def test_places_that_an_exit_joins_are_not_one():
 @pytest.mark.parametrize(("size", "expected"), [(0, 2), (20, 2), (50, 5), (500, 8)])
 def test_larger_places_need_more_surfaces_to_be_candidates(size, expected):
     walker = led(RING)
-    walker.network.sites[0].surfaces = np.full((size, 4), 100.0)
+    walker.network.places[0].surfaces = np.full((size, 4), 100.0)
     assert candidate_gates(walker.network, walker.pose())[1] == expected
 
 
@@ -52,7 +52,7 @@ def test_a_place_within_which_it_believes_to_stand_is_a_candidate(drift, learned
 
 def test_what_is_met_again_speaks_louder_than_where_it_stands():
     walker = led(RING)
-    walker.network.sites[0].surfaces = walker.network.sites[0].surfaces[:3]
+    walker.network.places[0].surfaces = walker.network.places[0].surfaces[:3]
     assert candidate_gates(walker.network, walker.pose())[1] == STANDS_WITHIN
     assert not walker.recognize()
     event = walker.network.log.events[-1]
@@ -63,7 +63,7 @@ def test_what_is_met_again_speaks_louder_than_where_it_stands():
 
 def test_in_a_new_visit_it_looks_at_once_and_where_it_looked_is_remembered():
     walker = led(RING)
-    walker.network.sites[0].surfaces = np.empty((0, 4))
+    walker.network.places[0].surfaces = np.empty((0, 4))
     assert not walker.recognize()
     again = rebuilt_network(stored_network(walker.network), walker.network.config)
     np.testing.assert_array_equal(again.compared_from, walker.pose())

@@ -12,7 +12,7 @@ from albot_core.geometry.poses import compose, transform_segments
 from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
 from albot_core.mappers.albot1.places.network_view import Network
-from albot_core.mappers.albot1.places.place import Passage, Site
+from albot_core.mappers.albot1.places.place import LearnedExit, LearnedPlace
 from albot_core.mappers.albot1.places.recognition import relocalise
 from tests.core.mappers.albot1.building import (
     RING,
@@ -28,7 +28,7 @@ from tests.core.mappers.albot1.building import (
 
 def test_the_first_place_is_where_the_robot_sets_out():
     network = Walker().network
-    assert (network.current, list(network.sites)) == (0, [0])
+    assert (network.current, list(network.places)) == (0, [0])
     assert network.home.tolist() == [0, 0, 0]
     snapshot = network.snapshot()
     assert (snapshot.current, snapshot.home, snapshot.links) == (0, 0, ())
@@ -102,7 +102,7 @@ def test_an_exit_that_two_places_share_makes_one_of_what_it_leads_to():
     # Not recognised on coming home, the robot goes on round the ring: P5 is home, P6 is P2, …
     for room in RING[:2]:
         walker.go(room)
-    assert len(walker.network.sites) == 7
+    assert len(walker.network.places) == 7
     assert walker.recognize()  # P7 is P3: then P6 is P2, and P5 is P1
     followed = [e for e in happened(walker) if e[0] == EventKind.FOLLOWED]
     assert followed == [(EventKind.FOLLOWED, 5, 1), (EventKind.FOLLOWED, 4, 0)]
@@ -122,7 +122,7 @@ def test_one_door_learned_twice_becomes_one_exit():
     walker.network.map_to_graph = walker.drift
     assert walker.recognize()
     check_links(walker.network)
-    assert len(walker.network.sites) == 2
+    assert len(walker.network.places) == 2
 
 
 @st.composite
@@ -161,7 +161,7 @@ def test_in_a_map_without_drift_the_network_is_the_building(walk):
         check_links(walker.network)
     expected = {frozenset(entered[room] for room in pair) for pair in doors}
     assert {frozenset(pair) for pair in walker.network.snapshot().links} == expected
-    assert len(walker.network.sites) == len(entered)
+    assert len(walker.network.places) == len(entered)
 
 
 @settings(max_examples=25, deadline=None)
@@ -184,14 +184,14 @@ def test_links_are_symmetrical_whatever_the_map_does(walk, seed, noise):
 def test_a_lost_robot_finds_itself_and_what_it_saw_meanwhile_stays_known():
     walker = led(RING[:3])
     network = walker.network
-    before = len(network.sites)
+    before = len(network.places)
     # It is carried to (2, 1), which it has never seen, and believes to be where it was.
     carried = np.array([-2 * SIDE, 0.0, 0.0])
     network.start_anew(walker.step, walker.seen(), walker.pose())
     walker.room, walker.drift = (2, 1), carried
     walker.rooms.append((2, 1))
     assert network.lost_since
-    assert len(network.sites) == before + 1
+    assert len(network.places) == before + 1
     assert relocalise(network, walker.step, walker.seen(), walker.pose()) is None
     unknown = network.current
     walker.go((1, 1))
@@ -206,9 +206,9 @@ def test_a_lost_robot_finds_itself_and_what_it_saw_meanwhile_stays_known():
         EventKind.NEW,
         EventKind.RELOCALISED,
     ]
-    site = network.snapshot().place(unknown)
-    (door,) = site.exits
-    placed = transform_segments(compose(network.map_to_graph, site.frame), door.line[None])[0]
+    place = network.snapshot().place(unknown)
+    (door,) = place.exits
+    placed = transform_segments(compose(network.map_to_graph, place.frame), door.line[None])[0]
     np.testing.assert_allclose(placed, door_between((2, 1), (1, 1)), atol=0.02)
 
 
@@ -254,15 +254,15 @@ def test_one_way_links_are_refused():
 
 
 def test_a_place_holds_what_is_not_seen_through_its_exits():
-    site = Site(id=0, frame=np.zeros(3))
-    site.passages.append(Passage(line=np.array([2.0, -0.5, 2.0, 0.5]), leads_to=1, exit_there=0))
-    assert site.passage_at(np.array([2.3, -0.5, 2.3, 0.5])) == 0
-    assert site.passage_at(np.array([2.9, -0.5, 2.9, 0.5])) is None
+    place = LearnedPlace(id=0, frame=np.zeros(3))
+    place.exits.append(LearnedExit(line=np.array([2.0, -0.5, 2.0, 0.5]), leads_to=1, exit_there=0))
+    assert place.exit_at(np.array([2.3, -0.5, 2.3, 0.5])) == 0
+    assert place.exit_at(np.array([2.9, -0.5, 2.9, 0.5])) is None
     # From the other side it is another exit.
-    assert site.passage_at(np.array([2.0, 0.5, 2.0, -0.5])) is None
+    assert place.exit_at(np.array([2.0, 0.5, 2.0, -0.5])) is None
     inside, outside = [(0.0, 0.0), (1.9, 3.0), (5.0, 40.0)], [(2.5, 0.0), (4.0, 3.0)]
-    assert all(site.holds(np.array(point)) for point in inside)
-    assert not any(site.holds(np.array(point)) for point in outside)
+    assert all(place.holds(np.array(point)) for point in inside)
+    assert not any(place.holds(np.array(point)) for point in outside)
 
 
 def test_a_place_knows_its_middle():

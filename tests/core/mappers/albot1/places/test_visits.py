@@ -23,7 +23,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
 )
 from albot_core.mappers.albot1.places.exits import CROSSING_SEEN, NOT_CROSSING, empty_exits
 from albot_core.mappers.albot1.places.network import PlaceNetwork
-from albot_core.mappers.albot1.places.place import Site
+from albot_core.mappers.albot1.places.place import LearnedPlace
 from albot_core.mappers.albot1.places.recognition import _candidates
 from albot_core.mappers.albot1.places.visits import (
     begin_visit,
@@ -62,7 +62,7 @@ def test_visits_bear_other_numbers_and_nothing_else_changes() -> None:
 
 def test_the_first_visit_to_each_place_is_kept_and_the_present_one() -> None:
     network = PlaceNetwork(PlacesConfig.thesis())
-    network.sites |= {key: Site(id=key, frame=np.zeros(3)) for key in (1, 2)}
+    network.places |= {key: LearnedPlace(id=key, frame=np.zeros(3)) for key in (1, 2)}
     network.visits = [-1, 0, 1, 0, 1, 2, 1, 0]
     network.visit_transforms = [np.full(3, k) for k in range(8)]
     network.lost_since = 6
@@ -84,13 +84,13 @@ def test_of_visits_of_which_nothing_was_observed_the_last_to_each_place_is_a_can
 
 def test_a_place_is_described_by_what_was_seen_of_it_last() -> None:
     config = replace(PlacesConfig.thesis(), max_surfaces=3)
-    site = Site(id=0, frame=np.zeros(3))
+    place = LearnedPlace(id=0, frame=np.zeros(3))
     walls = np.array([(0.0, k, 2.0, k) for k in range(5)])
-    site.describe(walls[:3], config)
-    site.describe(walls[3:], config)
-    np.testing.assert_array_equal(site.surfaces, walls[2:])
-    site.describe(walls[2:3] + 0.01, config)
-    np.testing.assert_array_equal(site.surfaces, [*walls[3:], walls[2] + 0.01])
+    place.describe(walls[:3], config)
+    place.describe(walls[3:], config)
+    np.testing.assert_array_equal(place.surfaces, walls[2:])
+    place.describe(walls[2:3] + 0.01, config)
+    np.testing.assert_array_equal(place.surfaces, [*walls[3:], walls[2] + 0.01])
 
 
 def test_a_robot_that_forgets_visits_maps_as_one_that_does_not(

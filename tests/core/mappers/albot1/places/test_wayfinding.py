@@ -33,8 +33,8 @@ def wandering(turns: list[int]) -> Walker:
 def graph_of(network: PlaceNetwork, start: np.ndarray, goal: np.ndarray, target: int) -> nx.Graph:
     """Exits as nodes; edges are the ways across a place, and through a door."""
     graph = nx.Graph()
-    for key, site in network.sites.items():
-        ends = {(key, k): middle(p.line) for k, p in enumerate(site.passages)}
+    for key, place in network.places.items():
+        ends = {(key, k): middle(p.line) for k, p in enumerate(place.exits)}
         if key == network.current:
             ends["start"] = start
         if key == target:
@@ -43,8 +43,8 @@ def graph_of(network: PlaceNetwork, start: np.ndarray, goal: np.ndarray, target:
             for other, b in ends.items():
                 if one != other:
                     graph.add_edge(one, other, weight=float(np.hypot(*(a - b))))
-        for k, passage in enumerate(site.passages):
-            there = (passage.leads_to, passage.exit_there)
+        for k, door in enumerate(place.exits):
+            there = (door.leads_to, door.exit_there)
             graph.add_edge((key, k), there, weight=CROSSING)
     return graph
 
@@ -54,7 +54,7 @@ def graph_of(network: PlaceNetwork, start: np.ndarray, goal: np.ndarray, target:
 def test_the_way_is_as_short_as_networkx_finds_it(turns, which, x, y):
     walker = wandering(turns)
     network, pose, goal = walker.network, walker.pose(0.4), np.array((x, y))
-    target = sorted(network.sites)[which % len(network.sites)]
+    target = sorted(network.places)[which % len(network.places)]
     way = route(network, pose, target, goal)
     if target == network.current:
         assert way == []
@@ -63,12 +63,12 @@ def test_the_way_is_as_short_as_networkx_finds_it(turns, which, x, y):
     graph = graph_of(network, start, goal, target)
     shortest = nx.dijkstra_path_length(graph, "start", "goal")
     at, place, length = start, network.current, 0.0
-    for step_place, door in way:
+    for step_place, index in way:
         assert step_place == place
-        passage = network.sites[place].passages[door]
-        length += float(np.hypot(*(middle(passage.line) - at))) + CROSSING
-        place = passage.leads_to
-        at = middle(network.sites[place].passages[passage.exit_there].line)
+        door = network.places[place].exits[index]
+        length += float(np.hypot(*(middle(door.line) - at))) + CROSSING
+        place = door.leads_to
+        at = middle(network.places[place].exits[door.exit_there].line)
     assert place == target
     assert length + np.hypot(*(goal - at)) == pytest.approx(shortest)
 
