@@ -18,16 +18,16 @@ class DistanceField:
 
     Ways lead straight over a lattice from anchor to anchor, which are points at which they
     turn, and from the last one to the goal. Where the goal is in sight the length is exact;
-    at each corner on the way it is a few centimetres too long. The lattice's points must be as
-    far from walls as the disc is wide. A gap not a cell wider than the disc may
-    close so; with `tight` no gap that the disc can pass does, and some do not
-    that are up to a cell and a half too narrow.
+    at each corner on the way it is a few centimetres too long. Ways keep to points of the lattice
+    that are at least the radius away from walls. So a gap less than a cell wider than the disc may
+    be closed. With `tight` no gap that the disc can pass is closed, but some are open that are
+    up to a cell and a half too narrow.
 
     Args:
         walls: Everything the disc must not touch.
         radius: Its radius (m).
         goal: Where ways lead (m).
-        tight: Whether no way may be missed.
+        tight: Whether no gap that the disc can pass may be closed.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class DistanceField:
         state = lattice.blocked(radius - (self.cell * math.sqrt(0.5) if tight else 0.0))
         anchors = np.empty((len(state) + 1, 4))
         self.anchor_of: Int32[np.ndarray, "points"] = np.empty(len(state), np.int32)
-        """The anchor to which the way from each point leads first; `FAR` where there is none."""
+        """The first anchor on the way from each point; `FAR` where there is no way."""
         x, y = ((goal - self.corner) / self.cell).tolist()
         count = search_any_angle(state, self.columns, self.rows, x, y, anchors, self.anchor_of)
         self.anchors: Float64[np.ndarray, "anchors 4"] = anchors[:count].copy()

@@ -23,7 +23,7 @@ from albot_core.planning.steering import (
 JUMP = 0.4
 """A belief that moves farther than this (m) from what the odometer says begins a new grid."""
 WORTH = 1.5
-"""A known way is left where it is so many times as long as one over ground not seen yet."""
+"""A known way is left when it is so many times as long as the planned path."""
 
 
 class KnownWay(NamedTuple):
