@@ -1,1 +1,1 @@
-"""How fast the parts are, each measured beside something run in the same minute."""
+"""How fast the parts are, each timed beside a baseline in the same minute."""

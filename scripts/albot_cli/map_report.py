@@ -145,7 +145,7 @@ def as_table(figures: dict[str, Any]) -> str:
         + (f"{_many(figures['places'], 'place')}, " if figures["places"] else "")
         + f"{figures['scans_per_second']:,.0f} scans/s",
     ]
-    rows = [*_trajectory_rows(figures), *_relation_rows(figures), *_entropy_rows(figures)]
+    rows = _comparison(figures)
     if rows:
         names = (figures["mapper"], "odometer")
         width = max(len(row[0]) for row in rows)
@@ -164,29 +164,21 @@ def _many(count: int, thing: str) -> str:
     return f"{count} {thing}" + ("" if count == 1 else "s")
 
 
-def _trajectory_rows(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
+def _comparison(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
+    """Rows of what is known of both: a label, the mapper's figure, the odometer's."""
+    rows = []
     mine, its = figures["ate_rmse_m"], figures["odometry_ate_rmse_m"]
-    if mine is None:
-        return []
-    return [("trajectory error, ATE rmse", f"{mine:.2f} m", f"{its:.2f} m")]
-
-
-def _entropy_rows(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
-    mine, its = figures["map_entropy"], figures["odometry_map_entropy"]
-    if mine is None or its is None:
-        return []
-    return [("map entropy, less is crisper", f"{mine:.2f}", f"{its:.2f}")]
-
-
-def _relation_rows(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
+    if mine is not None:
+        rows.append(("trajectory error, ATE rmse", f"{mine:.2f} m", f"{its:.2f} m"))
     mine, its = figures["relations"], figures["odometry_relations"]
-    if mine is None:
-        return []
-    over = f"over {mine['count']} relations"
-    return [
-        (f"translation error {over}", _metres(mine), _metres(its)),
-        (f"rotation error {over}", _degrees(mine), _degrees(its)),
-    ]
+    if mine is not None:
+        over = f"over {mine['count']} relations"
+        rows.append((f"translation error {over}", _metres(mine), _metres(its)))
+        rows.append((f"rotation error {over}", _degrees(mine), _degrees(its)))
+    mine, its = figures["map_entropy"], figures["odometry_map_entropy"]
+    if mine is not None and its is not None:
+        rows.append(("map entropy, lower is sharper", f"{mine:.2f}", f"{its:.2f}"))
+    return rows
 
 
 def _metres(error: dict[str, int | float]) -> str:

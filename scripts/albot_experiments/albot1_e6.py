@@ -171,7 +171,7 @@ Lab, ACES in Austin, Freiburg building 101, and two of Wean Hall, raw odometer a
   where the reference has the robot, or, for Wean Hall, the faces of the walls of the
   building's map (cells of 10 cm), on which the map is laid as it fits best.
 - `relations_…`: mean errors against the published true relations, at the stamps that match.
-- `map_entropy`: less is crisper; it needs no reference.
+- `map_entropy`: lower is sharper; it needs no reference.
 
 A shape counts as reasonable where the path's error, the median of the disturbed runs, is at
 most {PATH_BOUND:.0%} of the path, or, where no path is known, the surfaces' at most

@@ -96,7 +96,7 @@ def test_the_table_shows_the_odometer_beside_the_mapper(corridor, truth_file, ca
     header, error, entropy = lines[-3:]
     assert header.split() == ["odometry", "odometer"]
     assert re.fullmatch(r"trajectory error, ATE rmse +(0\.1\d m) +\1", error)
-    assert re.fullmatch(r"map entropy, less is crisper +(-\d\.\d\d) +\1", entropy)
+    assert re.fullmatch(r"map entropy, lower is sharper +(-\d\.\d\d) +\1", entropy)
 
 
 def test_recognition_is_measured_where_the_truth_is_known(corridor, truth_file, call, tmp_path):

@@ -1,1 +1,1 @@
-"""How good a map is: measures of trajectories, of relations between poses, of surfaces."""
+"""Errors of trajectories, quality of maps, precision and recall of place recognition."""

@@ -1,1 +1,1 @@
-"""Real robots' logs, read; trajectories, surfaces and pictures of maps, written."""
+"""Readers of real robots' logs, a format a file."""

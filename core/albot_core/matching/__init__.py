@@ -1,1 +1,1 @@
-"""Comparing what is seen at two places."""
+"""Place matching: lines, submaps or panoramas of two places, and where one lies in the other."""
