@@ -105,7 +105,7 @@ def read_value(kind: Any, data: Any, where: Location, base: Any = None) -> Any:
     """A value of a type; a configuration's fields that are left out are those of `base`.
 
     Raises:
-        InputError: The data is none.
+        InputError: The data is of another type.
     """
     origin = get_origin(kind)
     if origin in (typing.Union, types.UnionType):

@@ -119,8 +119,8 @@ def find_agent(name: str) -> AgentEntry:
     """The agent of a name, or the trained one in a file.
 
     Raises:
-        InputError: There is none, and the message names the nearest; or the file is none of
-            an agent.
+        InputError: No agent has this name (the message names the nearest), or the file is no
+            agent's.
     """
     if name in AGENTS:
         return AGENTS[name]
@@ -135,10 +135,10 @@ def find_agent(name: str) -> AgentEntry:
 
 
 def check_agent(name: str, task: str) -> None:
-    """Refuse an agent that can do nothing in a task.
+    """Raise InputError if an agent is unknown, or not for this task.
 
     Raises:
-        InputError: There is no such agent, or it is none for the task.
+        InputError: There is no such agent, or it is not for the task.
     """
     if task not in find_agent(name).tasks:
         raise InputError("agent", f"one for {task}: {', '.join(agent_names(task))}", name)
@@ -168,7 +168,7 @@ def make_agent(name: str, observing: ObservationConfig | None = None) -> Agent:
             `observing`); by default the environments' usual way, or that in which it was trained.
 
     Raises:
-        InputError: There is no agent of this name, the file is none of an agent, or it was
+        InputError: There is no agent of this name, the file is no agent's, or it was
             trained with other observations.
     """
     entry = find_agent(name)

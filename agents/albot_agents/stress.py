@@ -133,7 +133,7 @@ ENVIRONMENT = "Albot/Explore-v0"
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of an episode."""
+    """The result of an episode."""
 
     episode: Episode
     """The episode."""
@@ -266,7 +266,7 @@ class StepChecker:
         wrong += check_body(self._walls, before, self._position, self._limits)
         wrong += check_obstacles(self._recorder.last.things, self._position, self._limits)
         if wrong:
-            return wrong  # An observation that is none has no ranges to look at.
+            return wrong  # A wrong observation has no ranges to check.
         return self._check_ranges(observation, info["pose"])
 
     def _check_ranges(self, observation: Any, pose: Pose) -> list[str]:

@@ -1,4 +1,4 @@
-"""Tasks: the environments by name, and what each of them can be set to."""
+"""Tasks: the environments by name, and the settings of each."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ def task_names() -> tuple[str, ...]:
 
 
 def check_task(task: str) -> None:
-    """Refuse a task that is none.
+    """Raise InputError if the task is unknown.
 
     Raises:
-        InputError: There is none of this name; the message names the nearest.
+        InputError: No task has this name; the message names the nearest.
     """
     tasks = task_names()
     if task not in tasks:
@@ -35,12 +35,12 @@ def check_task(task: str) -> None:
 
 
 def batch_settings(task: str) -> dict[str, Any]:
-    """What a batch of a task's environments can be set to: types by name."""
+    """The settings of a batch of a task's environments: types by name."""
     return _settings(gymnasium.spec(task).vector_entry_point)
 
 
 def single_settings(task: str) -> dict[str, Any]:
-    """What a single environment of a task can be set to: types by name."""
+    """The settings of a single environment of a task: types by name."""
     return _settings(gymnasium.spec(task).entry_point)
 
 
@@ -54,7 +54,7 @@ def read_settings(task: str, data: Any, where: Location) -> dict[str, Any]:
     """Settings of a batch of a task's environments from plain data.
 
     Raises:
-        InputError: There is no such setting, or its value is none; it names the place.
+        InputError: A setting is unknown, or its value is of another type; it names the place.
     """
     known = {
         name: kind
@@ -65,7 +65,7 @@ def read_settings(task: str, data: Any, where: Location) -> dict[str, Any]:
 
 
 def for_one(task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of a batch's settings that a single environment has as well."""
+    """The settings of a batch that a single environment has too."""
     known = single_settings(task)
     return {name: value for name, value in settings.items() if name in known}
 

@@ -1,4 +1,4 @@
-"""What numbers of a configuration may be."""
+"""Ranges that numbers of a configuration must lie in."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ class Range:
     least: float
     """No number is below it."""
     most: float = math.inf
-    """None is above it."""
+    """No number is above it."""
     beyond: bool = False
-    """Whether `least` itself is none of them."""
+    """Whether `least` itself is excluded."""
     whole: bool = False
-    """Whether only whole numbers are."""
+    """Whether only whole numbers are allowed."""
 
     def __contains__(self, value: object) -> bool:
         if not isinstance(value, Integral if self.whole else Real) or not math.isfinite(value):
@@ -39,7 +39,7 @@ SHARE = Range("a number within [0, 1]", 0.0, 1.0)
 
 
 def check_fields(config: object, allowed: Range, *names: str) -> None:
-    """Refuse a configuration with a number out of range.
+    """Raise InputError if a number of a configuration is out of range.
 
     Args:
         config: The configuration, a dataclass.

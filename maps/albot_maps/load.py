@@ -123,7 +123,7 @@ class WorldSet:
         worlds: The worlds, or their specs.
 
     Raises:
-        InputError: There is none, or the first one is wrong.
+        InputError: There is no world, or the first one is wrong.
     """
 
     def __init__(self, worlds: Sequence[str | Path | World]) -> None:
@@ -131,7 +131,7 @@ class WorldSet:
             raise InputError("worlds", "at least one world", "none")
         self._worlds = worlds
         self._loaded: OrderedDict[int, World] = OrderedDict()
-        self[0]  # A wrong spec is told now, not in the middle of a training.
+        self[0]  # A wrong spec raises now, not in the middle of a training.
 
     def __len__(self) -> int:
         """How many worlds there are."""
@@ -145,7 +145,7 @@ class WorldSet:
         """The world of a number from 0 on.
 
         Raises:
-            InputError: There is none of that number, or it is wrong.
+            InputError: No world has that number, or it is wrong.
         """
         if not 0 <= number < len(self):
             expected = f"a world's number below {len(self)}"
@@ -166,7 +166,7 @@ def load_worlds(spec: str | Path | World | WorldSet) -> WorldSet:
     those of the seeds 0 to 99. Any other names one world (see `load_world`).
 
     Raises:
-        InputError: As `load_world`; or the range holds no seed, or the spec is none at all.
+        InputError: As `load_world`; or the range holds no seed, or the spec is of another type.
     """
     if isinstance(spec, WorldSet):
         return spec

@@ -134,7 +134,7 @@ def _pair_trials(
 
 
 Figures = Mapping[TableRow, Mapping[str, Any]]
-"""What came of each row: see `summarise`."""
+"""The figures of each row, as `summarise` gives them."""
 
 
 Numbered = tuple[int, PairedTrials]

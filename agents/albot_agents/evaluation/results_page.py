@@ -36,7 +36,7 @@ def save_figures(figures: Figures, command: str, path: Path) -> list[dict[str, A
     """Write the rows into a JSON file, in place of those of the same tasks; return all of them.
 
     Raises:
-        InputError: The file cannot be written, or is there and is none of ours.
+        InputError: The file cannot be written, or exists and is no file of figures.
     """
     tasks = {row.task for row in figures}
     rows = [row for row in read_figures(path) if row["task"] not in tasks]
@@ -48,7 +48,7 @@ def save_figures(figures: Figures, command: str, path: Path) -> list[dict[str, A
 
 
 def read_figures(path: Path) -> list[dict[str, Any]]:
-    """The rows of a file that `save_figures` has written; none where there is no file.
+    """The rows of a file that `save_figures` has written; none if the file does not exist.
 
     Raises:
         InputError: It holds something else.

@@ -81,7 +81,7 @@ class AgentFile:
 
     @property
     def fingerprint(self) -> str:
-        """Tells by its weights whether an agent is this one, under whatever name (SHA-256)."""
+        """A hash of task and weights (SHA-256): it identifies an agent under any name."""
         digest = hashlib.sha256(self.task.encode())
         for name in sorted(self.weights):
             digest.update(name.encode())
@@ -162,7 +162,7 @@ def kept_settings(task: str, settings: Mapping[str, Any], observing: Any) -> dic
 def _check_settings(
     task: str, settings: Mapping[str, Any], network: NetworkConfig, where: Location
 ) -> None:
-    """Refuse settings that are none, or whose observations are not what the network takes."""
+    """Raise InputError for wrong settings, or observations that the network does not take."""
     unknown = sorted(settings.keys() - set(KEPT_SETTINGS))
     if unknown:
         raise where.error(f"only {', '.join(KEPT_SETTINGS)}", unknown[0])
@@ -182,7 +182,7 @@ def _check_settings(
 
 
 def _check_weights(path: Path, network: NetworkConfig, weights: Mapping[str, np.ndarray]) -> None:
-    """Refuse arrays that are not just those of the network."""
+    """Raise InputError unless the arrays are those of the network."""
     shapes = network.shapes
     for name in sorted(shapes.keys() | weights.keys()):
         place = f"{name}.npy"

@@ -80,7 +80,7 @@ class NetworkConfig:
         self._check_candidates()
 
     def _check_candidates(self) -> None:
-        """Refuse candidates without a row of their own, or without an output."""
+        """Raise InputError unless each candidate has a row of inputs and an output."""
         check_fields(self, _CANDIDATES, "candidates")
         if not self.candidates:
             return

@@ -78,7 +78,7 @@ class TrainedAgent:
         return np.asarray(np.clip(answer, -1, 1))
 
     def _check_observations(self) -> None:
-        """Refuse observations that the network does not take."""
+        """Raise InputError if the network does not take the observations."""
         network = self._file.network
         if network.candidates:
             self._observing.require(CANDIDATES, self.name)

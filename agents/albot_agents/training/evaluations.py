@@ -35,7 +35,7 @@ class Evaluations:
         samples: Results after more samples than these (which no checkpoint holds) are dropped.
 
     Raises:
-        InputError: There is no such world or setting, or the file is none of ours.
+        InputError: There is no such world or setting, or the file holds something else.
     """
 
     def __init__(self, plan: TrainingPlan, path: Path, samples: int) -> None:
@@ -59,13 +59,13 @@ class Evaluations:
 
     @property
     def best(self) -> tuple[float, float]:
-        """The best score so far; minus infinity where there is none."""
+        """The best score so far; minus infinity if there is none."""
         scores = [self._score(k) for k in range(len(self._results["timesteps"]))]
         return max(scores, default=(-np.inf, -np.inf))
 
     @property
     def samples(self) -> int:
-        """Samples before the last evaluation; 0 where there is none."""
+        """Samples before the last evaluation; 0 if there is none."""
         return int(self._results["timesteps"][-1]) if len(self._results["timesteps"]) else 0
 
     @property
@@ -145,7 +145,7 @@ class Evaluations:
 
 
 def _read_results(path: Path, episodes: int, samples: int) -> dict[str, np.ndarray]:
-    """What the file holds, up to so many samples; nothing where there is none."""
+    """The results in the file, up to so many samples; empty arrays if there is no file."""
     if not path.exists():
         kinds: Mapping[str, Any] = {"timesteps": np.int64, "ep_lengths": np.int64}
         return {

@@ -63,7 +63,7 @@ def choose_device(plan: TrainingPlan) -> str:
     """`cpu` or `cuda`.
 
     Raises:
-        InputError: The plan insists on a GPU, and there is none.
+        InputError: The plan asks for a GPU, and there is none.
     """
     there = torch.cuda.is_available()
     if plan.device == "cuda" and not there:

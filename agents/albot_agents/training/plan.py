@@ -188,7 +188,7 @@ class TrainingPlan:
         """The schedule of a number that has one.
 
         Raises:
-            InputError: What is written is none.
+            InputError: The text is no schedule.
         """
         return parse_schedule(getattr(self, name), f"TrainingPlan.{name}")
 
@@ -233,7 +233,7 @@ def parse_schedule(value: float | str, name: str) -> Schedule:
         name: What is scheduled, for the error.
 
     Raises:
-        InputError: It is none of these, or a value of it is negative or not finite.
+        InputError: It is something else, or a value of it is negative or not finite.
     """
     expected = "a number from 0, lin_A or lin_A_B"
     try:

@@ -1,4 +1,4 @@
-"""Plans of trainings from YAML files, and the environments that they ask for."""
+"""Training plans from YAML files, checked, and the settings of their environments."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def shipped_plan(task: str, **changes: Any) -> TrainingPlan:
     """The plan for a task that comes with the project; arguments as for `read_plan`.
 
     Raises:
-        InputError: There is none.
+        InputError: No plan for it comes with the project.
     """
     check_task(task)
     file = _SHIPPED / f"{task.rpartition('/')[2]}.yml"
@@ -66,10 +66,10 @@ def stage_settings(
     """What the batch of environments of a stage is made with.
 
     Raises:
-        InputError: There is no such setting or its value is none.
+        InputError: A setting is unknown, or its value is of another type.
     """
     settings = read_settings(plan.task, merged(plan.env, stage.env), where)
-    return _dealt(settings, plan.n_envs)
+    return _deal_worlds(settings, plan.n_envs)
 
 
 def evaluation_settings(plan: TrainingPlan, where: Location = _MEMORY) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def evaluation_settings(plan: TrainingPlan, where: Location = _MEMORY) -> dict[s
     They are the training's as its curriculum ends.
 
     Raises:
-        InputError: There is no such setting or its value is none.
+        InputError: A setting is unknown, or its value is of another type.
     """
     assert plan.evaluation is not None
     last = merged(plan.env, plan.stages[-1].env)
@@ -105,7 +105,7 @@ def _plan(
 
 
 def _check_environments(plan: TrainingPlan, where: Location) -> None:
-    """Refuse settings that are none, or that the learner cannot do with."""
+    """Raise InputError for settings that are wrong, or that the learner cannot work with."""
     read_settings(plan.task, plan.env, where.at("env"))
     for k, stage in enumerate(plan.curriculum):
         read_settings(plan.task, stage.env, where.at("curriculum", k, "env"))
@@ -120,7 +120,7 @@ def _check_environments(plan: TrainingPlan, where: Location) -> None:
 
 
 def _try_out(plan: TrainingPlan, stage: int, settings: Mapping[str, Any], where: Location) -> None:
-    """Make environments of a stage, one in each world, to tell where in the plan they are wrong."""
+    """Make one environment in each world of a stage: an error names the place in the plan."""
     given = dict(settings)
     if isinstance(given.get("world"), list):
         given["world"] = list(dict.fromkeys(given["world"]))
@@ -145,8 +145,8 @@ def _check_discount(plan: TrainingPlan, settings: Mapping[str, Any], where: Loca
         raise place.error(f"gamma, {plan.gamma:g}, as the learner's", f"{discount:g}")
 
 
-def _dealt(settings: dict[str, Any], count: int) -> dict[str, Any]:
-    """The same with a list of worlds dealt out to so many environments."""
+def _deal_worlds(settings: dict[str, Any], count: int) -> dict[str, Any]:
+    """The settings with a list of worlds dealt out to so many environments in turn."""
     worlds = settings.get("world")
     if not isinstance(worlds, list) or not worlds:
         return settings

@@ -101,7 +101,7 @@ class RunFolder:
         """The plan of the run that is there, after what a killed process left is cleared away.
 
         Raises:
-            InputError: There is none, or it is for another task.
+            InputError: The folder holds no run, or one for another task.
         """
         if not self.plan.is_file():
             raise InputError(self.path, f"a training's folder with {self.plan.name}", "none")
@@ -143,7 +143,7 @@ class EpisodeLog:
     Lines are written whole or not at all.
 
     Args:
-        path: The file, which is made where there is none.
+        path: The file, which is made if it does not exist.
         task: Id of the environment.
         size: Bytes of the file that count; what follows (of samples that no checkpoint holds)
             is cut off. 0 for a new file.

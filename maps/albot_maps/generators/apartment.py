@@ -66,12 +66,12 @@ def draw_apartment(
     names = _names(boxes, doorways)
     plan = Plan()
     for name, box in zip(names, boxes, strict=True):
-        plan.room(name, box)
+        plan.add_room(name, box)
     openings: list[Box] = []
     for doorway in doorways:
-        opening = _opening(sampler, doorway, door)
+        opening = _draw_opening(sampler, doorway, door)
         first, second = doorway.rooms
-        plan.door(opening, (names[first], names[second]), along_x=doorway.along_x)
+        plan.add_door(opening, (names[first], names[second]), along_x=doorway.along_x)
         openings.append(opening)
     start = boxes[names.index("living room")].middle
     openings.append(Box(start[0], start[1], start[0], start[1]))
@@ -93,12 +93,12 @@ def _cut_rooms(
     loops = parameters.rooms // 3 if parameters.loops is None else parameters.loops
     most, cut = 0, False
     for _ in range(_TRIES):
-        boxes = _split(sampler, _outline(parameters, sampler), parameters.rooms)
+        boxes = _split(sampler, _draw_outline(parameters, sampler), parameters.rooms)
         if boxes is None:
             continue
         cut = True
         ways = sampler.shuffled(_doorways(boxes, door))
-        tree = _tree(ways, parameters.rooms)
+        tree = _spanning_tree(ways, parameters.rooms)
         rest = [way for way in ways if way not in tree]
         if len(tree) < parameters.rooms - 1:
             continue
@@ -113,7 +113,7 @@ def _cut_rooms(
     raise InputError(source, expected, str(loops), place="loops")
 
 
-def _outline(parameters: ApartmentParameters, sampler: Sampler) -> Box:
+def _draw_outline(parameters: ApartmentParameters, sampler: Sampler) -> Box:
     """The floor to cut: about 13 m² a room, and rather a square."""
     area = parameters.rooms * sampler.length(110, 160) * 1000
     width = parameters.width and round(100 * parameters.width)
@@ -161,7 +161,7 @@ def _doorways(boxes: Sequence[Box], door: int) -> list[_Doorway]:
     return found
 
 
-def _tree(ways: Sequence[_Doorway], number: int) -> list[_Doorway]:
+def _spanning_tree(ways: Sequence[_Doorway], number: int) -> list[_Doorway]:
     """Doors that join all rooms without a loop, from the room with the most neighbours."""
     neighbours = [sum(room in way.rooms for way in ways) for room in range(number)]
     reached = [neighbours.index(max(neighbours))]
@@ -176,7 +176,7 @@ def _tree(ways: Sequence[_Doorway], number: int) -> list[_Doorway]:
     return tree
 
 
-def _opening(sampler: Sampler, doorway: _Doorway, door: int) -> Box:
+def _draw_opening(sampler: Sampler, doorway: _Doorway, door: int) -> Box:
     wall = doorway.wall
     if doorway.along_x:
         left = wall.x1 + _JAMB + sampler.length(0, wall.width - door - 2 * _JAMB)

@@ -82,9 +82,9 @@ class Furniture:
     def put(self, plan: Plan, frame: Frame) -> None:
         """Draw it on a plan."""
         for block in self.blocks:
-            plan.block(frame.placed(block))
+            plan.add_block(frame.placed(block))
         for outline in self.outlines:
-            plan.outline([frame.corner(*corner) for corner in outline])
+            plan.add_outline([frame.corner(*corner) for corner in outline])
 
 
 def furnish(
@@ -110,7 +110,9 @@ def furnish(
             break
         piece = sampler.pick(pieces)
         place = (
-            _in_the_open(sampler, size, piece) if piece.free else _at_a_wall(sampler, size, piece)
+            _place_freely(sampler, size, piece)
+            if piece.free
+            else _place_at_wall(sampler, size, piece)
         )
         if place is None or not _is_apart(place.bounds, taken, GAP):
             continue
@@ -143,7 +145,7 @@ class _Place(NamedTuple):
     """Where it lies as seen from the wall at its back."""
 
 
-def _at_a_wall(sampler: Sampler, size: Corner, piece: Piece) -> _Place | None:
+def _place_at_wall(sampler: Sampler, size: Corner, piece: Piece) -> _Place | None:
     """A piece against any of the four walls; None where too little would be left."""
     along_u, far = sampler.chance(0.5), sampler.chance(0.5)
     run, reach = size if along_u else size[::-1]
@@ -172,7 +174,7 @@ def _blocks(piece: Piece, bounds: Box, side: Side) -> list[Box]:
     return blocks
 
 
-def _in_the_open(sampler: Sampler, size: Corner, piece: Piece) -> _Place | None:
+def _place_freely(sampler: Sampler, size: Corner, piece: Piece) -> _Place | None:
     """A piece away from all walls, turned; None where the room is too small."""
     corners, around = _turned(piece, sampler.pick(_TURNS))
     spare_u, spare_v = size[0] - around.width - 2 * GAP, size[1] - around.depth - 2 * GAP

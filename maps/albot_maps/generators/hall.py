@@ -47,11 +47,11 @@ def draw_hall(parameters: HallParameters, sampler: Sampler, source: str) -> tupl
     """
     hall = Box(0, 0, round(100 * parameters.width), round(100 * parameters.depth))
     plan = Plan()
-    plan.room("hall", hall)
+    plan.add_room("hall", hall)
     keep = _add_porches(plan, parameters, sampler, hall)
     pillars = _pillars(parameters, source, hall)
     for pillar in pillars:
-        plan.block(pillar)
+        plan.add_block(pillar)
     start = Box(GAP, GAP, 2 * GAP, 2 * GAP)
     keep += [start, *(pillar.grown(GAP) for pillar in pillars)]
     # What is mirrored keeps half a way from the line in the middle.
@@ -84,10 +84,10 @@ def _add_porches(plan: Plan, parameters: HallParameters, sampler: Sampler, hall:
             left = index * pitch + sampler.length(0, pitch - _PORCH_WIDTH - WALL)
             y = hall.y2 + WALL if above else -WALL - _PORCH_DEPTH
             porch = Box(left, y, left + _PORCH_WIDTH, y + _PORCH_DEPTH)
-            name = plan.room(f"porch {len(keep) + 1}", porch)
+            name = plan.add_room(f"porch {len(keep) + 1}", porch)
             x = left + (_PORCH_WIDTH - door) // 2
             wall = (hall.y2, hall.y2 + WALL) if above else (-WALL, 0)
-            plan.door(Box(x, wall[0], x + door, wall[1]), (name, "hall"), along_x=True)
+            plan.add_door(Box(x, wall[0], x + door, wall[1]), (name, "hall"), along_x=True)
             before = (hall.y2 - GAP, hall.y2) if above else (0, GAP)
             keep.append(Box(x, before[0], x + door, before[1]))
     return keep

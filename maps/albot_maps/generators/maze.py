@@ -44,16 +44,16 @@ def draw_maze(parameters: MazeParameters, sampler: Sampler, source: str) -> tupl
     _check(parameters, source)
     columns, rows = parameters.columns, parameters.rows
     if parameters.symmetry:
-        half = _gates(sampler, columns // 2, rows, parameters.loops // 2)
+        half = _draw_gates(sampler, columns // 2, rows, parameters.loops // 2)
         middle = sampler.whole(0, rows - 1)
         gates = [*half, ((columns // 2 - 1, middle), (columns // 2, middle))]
         gates += [_mirrored(gate, columns) for gate in half]
     else:
-        gates = _gates(sampler, columns, rows, parameters.loops)
+        gates = _draw_gates(sampler, columns, rows, parameters.loops)
     width = round(100 * parameters.passage_width)
     plan = Plan()
     for cell in _cells(columns, rows):
-        plan.room(_name(cell), _square(cell, width))
+        plan.add_room(_name(cell), _square(cell, width))
     for one, other in sorted(gates):
         first, second = _square(one, width), _square(other, width)
         along_x = one[0] == other[0]
@@ -62,7 +62,7 @@ def draw_maze(parameters: MazeParameters, sampler: Sampler, source: str) -> tupl
             if along_x
             else Box(first.x2, first.y1, second.x1, first.y2)
         )
-        plan.door(opening, (_name(one), _name(other)), along_x=along_x)
+        plan.add_door(opening, (_name(one), _name(other)), along_x=along_x)
     return plan, _square((0, 0), width).middle
 
 
@@ -80,13 +80,13 @@ def _check(parameters: MazeParameters, source: str) -> None:
         raise InputError(source, expected, str(parameters.loops), place="loops")
 
 
-def _gates(sampler: Sampler, columns: int, rows: int, loops: int) -> list[_Gate]:
+def _draw_gates(sampler: Sampler, columns: int, rows: int, loops: int) -> list[_Gate]:
     """The openings: a walk that turns back only where all around is visited, then loops."""
     here = (sampler.whole(0, columns - 1), sampler.whole(0, rows - 1))
     visited, way = {here}, [here]
     gates: list[_Gate] = []
     while way:
-        fresh = [cell for cell in _around(way[-1], columns, rows) if cell not in visited]
+        fresh = [cell for cell in _neighbours(way[-1], columns, rows) if cell not in visited]
         if not fresh:
             way.pop()
             continue
@@ -98,7 +98,7 @@ def _gates(sampler: Sampler, columns: int, rows: int, loops: int) -> list[_Gate]
     shut = [
         (cell, other)
         for cell in _cells(columns, rows)
-        for other in _around(cell, columns, rows)
+        for other in _neighbours(cell, columns, rows)
         if cell < other and (cell, other) not in opened
     ]
     return gates + sampler.shuffled(shut)[:loops]
@@ -108,7 +108,7 @@ def _cells(columns: int, rows: int) -> Iterator[_Cell]:
     return ((column, row) for column in range(columns) for row in range(rows))
 
 
-def _around(cell: _Cell, columns: int, rows: int) -> list[_Cell]:
+def _neighbours(cell: _Cell, columns: int, rows: int) -> list[_Cell]:
     column, row = cell
     beside = ((column + 1, row), (column - 1, row), (column, row + 1), (column, row - 1))
     return [(c, r) for c, r in beside if 0 <= c < columns and 0 <= r < rows]

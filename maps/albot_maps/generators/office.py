@@ -68,8 +68,8 @@ class _Office:
 
     def draw(self) -> tuple[Plan, Corner]:
         """Lay the corridors, cut the rows into rooms, and furnish them."""
-        across, upward = self._corridors()
-        rows, start = self._lay(across, upward)
+        across, upward = self._choose_corridors()
+        rows, start = self._lay_corridors(across, upward)
         filler = RoomRows(
             self._plan,
             self._sampler,
@@ -84,7 +84,7 @@ class _Office:
     def _error(self, place: str, expected: str, found: object) -> InputError:
         return InputError(self._source, expected, str(found), place=place)
 
-    def _corridors(self) -> tuple[int, int]:
+    def _choose_corridors(self) -> tuple[int, int]:
         """How many corridors run across and how many upward: they close the loops asked for."""
         loops, rooms = self._asked.loops, self._asked.rooms
         wanted = range(4) if loops is None else (loops,)
@@ -130,12 +130,12 @@ class _Office:
         strips = 2 * _WIDEST_STRIP
         return strips + upward * (self._corridor + 2 * WALL) + (upward - 1) * _LEAST_BLOCK
 
-    def _lay(self, across: int, upward: int) -> tuple[list[Row], Corner]:
+    def _lay_corridors(self, across: int, upward: int) -> tuple[list[Row], Corner]:
         """Carve the corridors; the rows of rooms beside them, and a start in the first."""
         strips = [self._sampler.length(350, _WIDEST_STRIP) for _ in range(2 if upward > 1 else 0)]
-        depths = self._depths(across)
+        depths = self._draw_depths(across)
         block_depths = [sum(depths[i : i + 2]) + WALL for i in range(1, 2 * across - 1, 2)]
-        blocks = self._blocks(upward, strips, block_depths)
+        blocks = self._draw_block_widths(upward, strips, block_depths)
         # From left to right: strip, corridor, block, corridor, …, strip, walls between.
         columns = _columns(strips, blocks, self._corridor, upward)
         rows: list[Row] = []
@@ -145,11 +145,11 @@ class _Office:
         for level in range(across):
             low = Box(0, y, right, y + depths[2 * level])
             hall = Box(0, low.y2 + WALL, right, low.y2 + WALL + self._corridor)
-            name = self._plan.room(f"corridor {level + 1}", hall)
+            name = self._plan.add_room(f"corridor {level + 1}", hall)
             if below is None:
                 rows.append(Row(box=low, side=Side.SOUTH, corridor=name))
             else:
-                rows += self._between(halls[-1], below, hall, name, columns, upward, low.y1)
+                rows += self._carve_links(halls[-1], below, hall, name, columns, upward, low.y1)
             halls.append(hall)
             below = name
             y = hall.y2 + WALL + depths[2 * level + 1] + WALL
@@ -157,7 +157,7 @@ class _Office:
         rows.append(Row(box=top, side=Side.NORTH, corridor=str(below)))
         return rows, (right // 2, halls[0].middle[1])
 
-    def _between(
+    def _carve_links(
         self,
         lower: Box,
         below: str,
@@ -173,11 +173,11 @@ class _Office:
         for index, (left, right, what) in enumerate(columns):
             if what == "corridor":
                 self._links += 1
-                names[index] = self._plan.room(
+                names[index] = self._plan.add_room(
                     f"link {self._links}", Box(left, lower.y2, right, upper.y1)
                 )
                 for y, other in ((lower.y2, below), (upper.y1, above)):
-                    self._plan.mouth(Box(left, y, right, y), (names[index], other))
+                    self._plan.add_opening(Box(left, y, right, y), (names[index], other))
         bottom, top = lower.y2 + WALL, upper.y1 - WALL
         for index, (left, right, what) in enumerate(columns):
             if what == "strip":
@@ -192,7 +192,7 @@ class _Office:
                 rows.append(Row(box=second, side=Side.SOUTH, corridor=above))
         return rows
 
-    def _depths(self, across: int) -> list[int]:
+    def _draw_depths(self, across: int) -> list[int]:
         """How deep each row of rooms is, from the lowest up."""
         number = 2 * across
         if self._asked.depth is None and self._asked.symmetry:
@@ -203,7 +203,9 @@ class _Office:
         spare = round(100 * self._asked.depth) - fixed
         return self._sampler.parts(spare, number, _LEAST_DEPTH, even=self._asked.symmetry)
 
-    def _blocks(self, upward: int, strips: list[int], block_depths: list[int]) -> list[int]:
+    def _draw_block_widths(
+        self, upward: int, strips: list[int], block_depths: list[int]
+    ) -> list[int]:
         """How wide each block between two upward corridors is, from the left."""
         number = 2 if upward == 1 else max(1, upward - 1)
         fixed = sum(strips) + upward * (self._corridor + 2 * WALL)
@@ -228,7 +230,7 @@ def _rows(across: int, upward: int) -> int:
 def _columns(
     strips: list[int], blocks: list[int], corridor: int, upward: int
 ) -> list[tuple[int, int, str]]:
-    """Left, right and what it is, of all that lies side by side between two corridors."""
+    """Left edge, right edge and kind of all that lies side by side between two corridors."""
     widths = [(width, "block") for width in blocks]
     if upward == 1:
         widths.insert(1, (corridor, "corridor"))
@@ -304,7 +306,7 @@ class RoomRows:
         Raises:
             InputError: The rows are too short for so many.
         """
-        for row, number in zip(rows, _shared_out(rows, rooms, source), strict=True):
+        for row, number in zip(rows, _share_rooms(rows, rooms, source), strict=True):
             self._fill(row, number)
 
     def _fill(self, row: Row, number: int) -> None:
@@ -320,18 +322,18 @@ class RoomRows:
         u, joined, last = 0, False, ""
         for index, front in enumerate(fronts):
             box = frame.placed(Box(u, 0, u + front, frame.depth))
-            name = self._plan.room(self._named(front * frame.depth), box)
+            name = self._plan.add_room(self._next_name(front * frame.depth), box)
             if joined:
                 middle = frame.depth // 2
                 low, high = middle - self._door // 2, middle + self._door - self._door // 2
                 opening = frame.placed(Box(u - WALL, low, u, high))
                 along_x = row.side in (Side.EAST, Side.WEST)
-                self._plan.door(opening, (last, name), along_x=along_x)
+                self._plan.add_door(opening, (last, name), along_x=along_x)
             onward = index + 1 < number and self._sampler.chance(self._connections)
             offset = self._furnish(Frame(box=box, side=row.side), joined, onward)
             opening = frame.placed(Box(u + offset, -WALL, u + offset + self._door, 0))
             along_x = row.side in (Side.NORTH, Side.SOUTH)
-            self._plan.door(opening, (name, row.corridor), along_x=along_x)
+            self._plan.add_door(opening, (name, row.corridor), along_x=along_x)
             u, joined, last = u + front + WALL, onward, name
 
     def _furnish(self, frame: Frame, joined: bool, onward: bool) -> int:
@@ -354,14 +356,14 @@ class RoomRows:
         furniture.put(self._plan, frame)
         return offset
 
-    def _named(self, floor: int) -> str:
-        """A name for a room of so much floor (cm²)."""
+    def _next_name(self, floor: int) -> str:
+        """Number and return a name for a room of so much floor (cm²)."""
         what = "meeting" if floor > 280_000 else "store" if floor < 90_000 else "office"
         self._names[what] += 1
         return f"{what} {self._names[what]}"
 
 
-def _shared_out(rows: list[Row], rooms: int, source: str) -> list[int]:
+def _share_rooms(rows: list[Row], rooms: int, source: str) -> list[int]:
     """How many rooms each row has: at least one, and more the longer it is."""
     fronts = [row.frame.width + WALL for row in rows]
     room_for = [front // (_LEAST_FRONT + WALL) for front in fronts]

@@ -32,7 +32,7 @@ class Plan:
         self._exits: list[tuple[str, Box, tuple[str, str]]] = []
         self._numbers = {"D": 0, "M": 0}
 
-    def room(self, name: str, box: Box) -> str:
+    def add_room(self, name: str, box: Box) -> str:
         """Carve a room, and give its name back."""
         self._rooms.append((name, box))
         self._floor.append(box)
@@ -42,22 +42,22 @@ class Plan:
         """Carve a niche that belongs to no room."""
         self._floor.append(box)
 
-    def door(self, opening: Box, rooms: tuple[str, str], *, along_x: bool) -> None:
+    def add_door(self, opening: Box, rooms: tuple[str, str], *, along_x: bool) -> None:
         """Carve a doorway through a wall that runs along x, or else along y."""
         self._floor.append(opening)
         x, y = opening.middle
         line = Box(opening.x1, y, opening.x2, y) if along_x else Box(x, opening.y1, x, opening.y2)
         self._add_exit("D", line, rooms)
 
-    def mouth(self, line: Box, rooms: tuple[str, str]) -> None:
+    def add_opening(self, line: Box, rooms: tuple[str, str]) -> None:
         """Name the line where two carved rooms meet without a wall between."""
         self._add_exit("M", line, rooms)
 
-    def block(self, box: Box) -> None:
+    def add_block(self, box: Box) -> None:
         """Put something solid on the floor."""
         self._solid.append(box)
 
-    def outline(self, corners: list[Corner]) -> None:
+    def add_outline(self, corners: list[Corner]) -> None:
         """Put something solid of another shape on the floor, apart from all else."""
         self._outlines.append(corners)
 

@@ -78,14 +78,14 @@ def populate(world: World, parameters: Parameters, sampler: Sampler) -> World:
     asked = {name: getattr(parameters, name, 0) for name in ("doors", "people", "boxes")}
     if not any(asked.values()):
         return world
-    places = _Places(world, sampler)
-    doors = _taken(places.doors(), asked["doors"], world, "doors")
-    people = _taken(places.walkers(), asked["people"], world, "people")
-    boxes = _taken(places.boxes(doors, people), asked["boxes"], world, "boxes")
+    placer = _Placer(world, sampler)
+    doors = _take(placer.doors(), asked["doors"], world, "doors")
+    people = _take(placer.walkers(), asked["people"], world, "people")
+    boxes = _take(placer.boxes(doors, people), asked["boxes"], world, "boxes")
     return replace(world, movables=Movables(doors=doors, boxes=boxes, walkers=people))
 
 
-def _taken(things: Iterator[Thing], number: int, world: World, name: str) -> tuple[Thing, ...]:
+def _take(things: Iterator[Thing], number: int, world: World, name: str) -> tuple[Thing, ...]:
     found = tuple(islice(things, number))
     if len(found) < number:
         expected = f"no more than find room, which {len(found)} did"
@@ -93,8 +93,8 @@ def _taken(things: Iterator[Thing], number: int, world: World, name: str) -> tup
     return found
 
 
-class _Places:
-    """Seeks places in one building."""
+class _Placer:
+    """Finds places for doors, people and boxes in one building."""
 
     def __init__(self, world: World, sampler: Sampler) -> None:
         self._world = world
@@ -129,17 +129,17 @@ class _Places:
         """People who walk through some rooms, without end where there is room at all."""
         tries = 0
         while tries < _TRIES:
-            walker = self._walker()
+            walker = self._draw_walker()
             tries += 1
             if walker is not None:
                 tries = 0
                 yield walker
 
-    def _walker(self) -> Walker | None:
+    def _draw_walker(self) -> Walker | None:
         room = self._sampler.pick(self._world.rooms).name
-        route = [self._point(room)]
+        route = [self._draw_point(room)]
         for _ in range(self._sampler.whole(2, 12)):
-            beyond, points = self._onward(room)
+            beyond, points = self._draw_step(room)
             if self._is_clear([route[-1], *points]):
                 room = beyond
                 route += points
@@ -149,18 +149,18 @@ class _Places:
         closed = closed and self._is_clear([route[-1], route[0]])
         return Walker(route=tuple(route), closed=closed)
 
-    def _onward(self, room: str) -> tuple[str, list[Point]]:
+    def _draw_step(self, room: str) -> tuple[str, list[Point]]:
         """A step of a route: through an exit, or to a point of the same room."""
         exits = self._exits_of[room]
         if not exits or self._sampler.chance(0.4):
-            return room, [self._point(room)]
+            return room, [self._draw_point(room)]
         opening = self._sampler.pick(exits)
         (beyond,) = set(opening.rooms) - {room}
         sides = _sides(opening)
         sides.sort(key=lambda point: self._world.room_at(*point) != room)
         return beyond, sides
 
-    def _point(self, room: str) -> Point:
+    def _draw_point(self, room: str) -> Point:
         x1, y1, x2, y2 = self._boxes_of[room]
         return self._sampler.length(x1, x2) / 100, self._sampler.length(y1, y2) / 100
 
@@ -185,7 +185,7 @@ class _Places:
         ]
         tries = 0
         while tries < _TRIES:
-            box = self._box()
+            box = self._draw_box()
             tries += 1
             outline = box.outline
             # An empty shape is at no distance (nan).
@@ -195,8 +195,8 @@ class _Places:
             tries = 0
             yield box
 
-    def _box(self) -> Box:
-        at = self._point(self._sampler.pick(self._world.rooms).name)
+    def _draw_box(self) -> Box:
+        at = self._draw_point(self._sampler.pick(self._world.rooms).name)
         return Box(
             at=at,
             heading=float(np.deg2rad(15.0 * self._sampler.whole(0, 11))),

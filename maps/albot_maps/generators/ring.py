@@ -61,15 +61,15 @@ def draw_ring(parameters: RingParameters, sampler: Sampler, source: str) -> tupl
     names = []
     for index, x in enumerate(rungs):
         box = Box(x, 0, x + corridor, depth + corridor)
-        names.append(plan.room(f"cross {index + 1}", box))
+        names.append(plan.add_room(f"cross {index + 1}", box))
         between = Frame(box=Box(x, corridor, x + corridor, depth), side=Side.EAST)
         _furnish(plan, between, parameters.clutter, sampler)
     for index, (left, right) in enumerate(pairwise(rungs)):
         for low, side in ((0, "south"), (depth, "north")):
             box = Box(left + corridor, low, right, low + corridor)
-            name = plan.room(f"{side} {index + 1}", box)
+            name = plan.add_room(f"{side} {index + 1}", box)
             for x, rung in ((box.x1, names[index]), (box.x2, names[index + 1])):
-                plan.mouth(Box(x, box.y1, x, box.y2), (name, rung))
+                plan.add_opening(Box(x, box.y1, x, box.y2), (name, rung))
             _furnish(plan, Frame(box=box), parameters.clutter, sampler)
     return plan, (corridor // 2, corridor // 2)
 

@@ -52,20 +52,20 @@ def draw_warehouse(
     pitch = 2 * rack + aisle
     width = parameters.aisles * pitch
     plan = Plan()
-    below = plan.room("front", Box(0, 0, width, cross))
+    below = plan.add_room("front", Box(0, 0, width, cross))
     for row in range(parameters.cross_aisles + 1):
         low = cross + row * (run + cross)
         high = low + run
         last = row == parameters.cross_aisles
         above = "back" if last else f"cross {row + 1}"
-        plan.room(above, Box(0, high, width, high + cross))
+        plan.add_room(above, Box(0, high, width, high + cross))
         for index in range(parameters.aisles):
             left = index * pitch + rack
             number = f"{index + 1}" if not parameters.cross_aisles else f"{index + 1}.{row + 1}"
             passage = Box(left, low, left + aisle, high)
-            name = plan.room(f"aisle {number}", passage)
+            name = plan.add_room(f"aisle {number}", passage)
             for y, other in ((low, below), (high, above)):
-                plan.mouth(Box(passage.x1, y, passage.x2, y), (name, other))
+                plan.add_opening(Box(passage.x1, y, passage.x2, y), (name, other))
             for side, x in ((Side.WEST, left - rack), (Side.EAST, passage.x2)):
                 _carve_empty(
                     plan, Frame(box=Box(x, low, x + rack, high), side=side), parameters, sampler
