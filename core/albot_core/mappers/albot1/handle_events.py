@@ -51,7 +51,7 @@ FORGET_VISITS_EVERY = 128
 
 
 class RobotMemory(NamedTuple):
-    """All that one robot of many remembers; what is written here it remembers."""
+    """All that one robot of many remembers. The arrays are its own, not copies."""
 
     pm: PerceptualMap
     """Its map, with room for another view and another visit."""

@@ -81,7 +81,7 @@ def find_exits(view: LocatedView, limits: Albot1Limits, lines: np.ndarray) -> in
         for j in range(i + 1, last):
             if found == lines.shape[0]:
                 return found
-            if _opens(view, i, j) and _is_exit(view, i, j, lines[found], limits):
+            if _opens(view, i, j) and _measure_gap(view, i, j, lines[found], limits):
                 found += 1
                 break
     return found
@@ -95,8 +95,8 @@ def _opens(view: LocatedView, i: int, j: int) -> bool:
 
 
 @kernel()
-def _is_exit(view: LocatedView, i: int, j: int, line: np.ndarray, limits: Albot1Limits) -> bool:
-    """Whether the gap between the surfaces i and j is an exit; `line` (4,) then runs across."""
+def _measure_gap(view: LocatedView, i: int, j: int, line: np.ndarray, limits: Albot1Limits) -> bool:
+    """Write the line (4,) across the gap between two surfaces. Returns whether it is an exit."""
     right, left = _wall_at(view, i, 0), _wall_at(view, j, 1)
     px, py = view.surfaces[right, 2], view.surfaces[right, 3]
     qx, qy = view.surfaces[left, 0], view.surfaces[left, 1]
@@ -110,6 +110,7 @@ def _is_exit(view: LocatedView, i: int, j: int, line: np.ndarray, limits: Albot1
         return False
     if left_of(px, py, qx, qy, 0.0, 0.0) < 0.0:
         return False
+    # All that is seen between the two must lie behind the line.
     for k in range(i + 1, j):
         for end in range(2):
             x, y = view.surfaces[k, 2 * end], view.surfaces[k, 2 * end + 1]
@@ -137,7 +138,7 @@ def _runs_along(surface: np.ndarray, dx: float, dy: float) -> bool:
     return bool(length >= WALL and along >= np.cos(ASLANT))
 
 
-_along, _across, _seen, _placed = scratch(4), scratch(4), scratch(16, 4), scratch(4)
+_along, _across, _seen, _in_map = scratch(4), scratch(4), scratch(16, 4), scratch(4)
 
 
 @kernel()
@@ -145,6 +146,7 @@ def remember_exits(exits: ExitMemory, view: LocatedView, limits: Albot1Limits) -
     """Remember the exits in view where they are seen now, and forget those seen to be shut."""
     pose = view.pose
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    # Forget what is shut.
     k = 0
     while k < exits.counts[0]:
         line = exits.lines[k]
@@ -153,10 +155,11 @@ def remember_exits(exits: ExitMemory, view: LocatedView, limits: Albot1Limits) -
             _forget_exit(exits, k)
         else:
             k += 1
-    seen, placed = _seen(), _placed()
+    # Each exit in view takes the place of a remembered one nearby, or is a new one.
+    seen, in_map = _seen(), _in_map()
     for k in range(find_exits(view, limits, seen)):
-        to_map(pose, seen[k], placed)
-        x, y = 0.5 * (placed[0] + placed[2]), 0.5 * (placed[1] + placed[3])
+        to_map(pose, seen[k], in_map)
+        x, y = 0.5 * (in_map[0] + in_map[2]), 0.5 * (in_map[1] + in_map[3])
         which, away = nearest_exit(exits, x, y)
         if away >= SEEN_EXIT_RANGE:
             if exits.counts[0] == exits.lines.shape[0]:
@@ -164,7 +167,7 @@ def remember_exits(exits: ExitMemory, view: LocatedView, limits: Albot1Limits) -
             which = exits.counts[0]
             exits.counts[0] += 1
         for i in range(4):
-            exits.lines[which, i] = placed[i]
+            exits.lines[which, i] = in_map[i]
 
 
 @kernel()
@@ -205,6 +208,7 @@ def nearest_exit(exits: ExitMemory, x: float, y: float) -> tuple[int, float]:
 
 @kernel()
 def _farthest(exits: ExitMemory, x: float, y: float) -> int:
+    """The remembered exit farthest from a point."""
     best, which = -1.0, 0
     for k in range(exits.counts[0]):
         dx, dy = exits.lines[k, 0] - x, exits.lines[k, 1] - y
@@ -215,6 +219,7 @@ def _farthest(exits: ExitMemory, x: float, y: float) -> int:
 
 @kernel()
 def _forget_exit(exits: ExitMemory, k: int) -> None:
+    """Forget an exit; the last one takes its place in the list."""
     last = exits.counts[0] - 1
     for i in range(4):
         exits.lines[k, i] = exits.lines[last, i]
