@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from albot_experiments.albot1_places import PlacedJourney, place_journey
 from albot_experiments.drawing import draw_place_graph, draw_route
-from albot_experiments.report import Figures, Report, one_by_one
+from albot_experiments.report import Figures, Report, each_seed
 from albot_experiments.tours import guided_tour
 from albot_maps import World, load_world
 
@@ -42,7 +42,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     """
     world = load_world(WORLD)
     placed: dict[str, list[PlacedJourney]] = {start: [] for start in STARTS}
-    for seed in one_by_one(seeds, progress):
+    for seed in each_seed(seeds, progress):
         for start, waypoint in STARTS.items():
             tour = loop_from(world.tours[TOUR], waypoint)
             journey = guided_tour(world, tour, np.random.default_rng(seed))

@@ -12,7 +12,7 @@ from albot_core.geometry.poses import relative
 from albot_core.mappers.albot1.places.events import Event, EventKind
 from albot_experiments.albot1_places import PlacedJourney, place_journey
 from albot_experiments.drawing import draw_place_graph, draw_route
-from albot_experiments.report import Figures, Report, one_by_one
+from albot_experiments.report import Figures, Report, each_seed
 from albot_experiments.tours import guided_tour
 from albot_maps import World, load_world
 
@@ -63,7 +63,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     world = load_world(WORLD)
     tour = and_on(world.tours[TOUR])
     placed = []
-    for seed in one_by_one(seeds, progress):
+    for seed in each_seed(seeds, progress):
         journey = guided_tour(world, tour, np.random.default_rng(seed))
         placed.append(place_journey("albot1", world, journey))
     return _report(world, seeds, placed)

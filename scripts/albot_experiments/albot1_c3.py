@@ -13,7 +13,7 @@ from albot_core.geometry.poses import relative
 from albot_experiments.albot1_e3 import DISTURBANCE, moved_by
 from albot_experiments.albot1_places import PlacedJourney, between, place_journey
 from albot_experiments.drawing import draw_place_graph
-from albot_experiments.report import Figures, Report, one_by_one
+from albot_experiments.report import Figures, Report, each_seed
 from albot_experiments.tours import guided_tour
 from albot_maps import World, load_world
 
@@ -74,7 +74,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     world = load_world(WORLD)
     tour = twice_round(world.tours[TOUR])
     laps: dict[str, list[SecondLap]] = {name: [] for name in CONDITIONS}
-    for seed in one_by_one(seeds, progress):
+    for seed in each_seed(seeds, progress):
         journey = guided_tour(world, tour, np.random.default_rng(seed))
         for name, condition in CONDITIONS.items():
             ridden = moved_by(journey, condition.disturbance * DISTURBANCE)

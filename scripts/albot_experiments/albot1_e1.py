@@ -22,7 +22,7 @@ from albot_experiments.mapping import (
     median_and_worst,
     shape_of,
 )
-from albot_experiments.report import Figures, Report, key, one_by_one
+from albot_experiments.report import Figures, Report, each_seed, key
 from albot_experiments.tours import Journey, guided_tour, true_motions
 from albot_maps import World, load_world
 from albot_maps.routes import Routes
@@ -142,7 +142,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     worlds = {route.name: load_world(route.world) for route in ROUTES}
     ways = {route.name: route.waypoints(worlds[route.name]) for route in ROUTES}
     trips: list[dict[str, Trip]] = []
-    for seed in one_by_one(seeds, progress):
+    for seed in each_seed(seeds, progress):
         for route in ROUTES:
             world = worlds[route.name]
             journey = guided_tour(world, ways[route.name], np.random.default_rng(seed))

@@ -13,7 +13,7 @@ from albot_core.geometry.poses import compose, relative, transform_points, wrap_
 from albot_core.geometry.types import Pose, Poses
 from albot_experiments.drawing import MARK, PATH, draw_floor
 from albot_experiments.mapping import MAPPERS, map_readings, median_and_worst
-from albot_experiments.report import Figures, Report, one_by_one
+from albot_experiments.report import Figures, Report, each_seed
 from albot_experiments.tours import Journey, guided_tour
 from albot_maps import World, load_world
 
@@ -94,7 +94,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     """
     world = load_world(WORLD)
     pointings: dict[str, list[Pointing]] = {name: [] for name in MAPPERS}
-    for seed in one_by_one(seeds, progress):
+    for seed in each_seed(seeds, progress):
         rng = np.random.default_rng(seed)
         for backwards in (False, True):
             tour = world.tours[TOUR][:: -1 if backwards else 1]

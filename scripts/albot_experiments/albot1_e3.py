@@ -15,7 +15,7 @@ from albot_core.geometry.types import Points, Pose, Poses, Segments
 from albot_core.mappers.mapper import Mapper
 from albot_core.mappers.registry import make_mapper
 from albot_env.sim.simulator import StartStop
-from albot_experiments.report import Report, one_by_one
+from albot_experiments.report import Report, each_seed
 from albot_experiments.tours import Journey, guided_tour
 from albot_maps import World, load_world
 
@@ -72,7 +72,7 @@ def run(seeds: range = range(20), progress: Callable[[int], None] = lambda done:
     """
     world = load_world(WORLD)
     journeys, runs = [], []
-    for seed in one_by_one(seeds, progress):
+    for seed in each_seed(seeds, progress):
         journey = guided_tour(world, world.tours[TOUR], np.random.default_rng(seed), steps=STEPS)
         corner = common_corner(world, journey)
         journey = drifting(journey, corner, PAPER["odometry_error_m"])

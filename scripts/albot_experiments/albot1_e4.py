@@ -8,7 +8,7 @@ import numpy as np
 
 from albot_experiments.mapping import SHAPE_BOUND
 from albot_experiments.report import Report
-from albot_experiments.revisiting import TOUR, WORLD, Experiment, Spacing, run_drives
+from albot_experiments.revisiting import TOUR, WORLD, RevisitingExperiment, Spacing, run_drives
 
 ID = "albot1-e4"
 TITLE = "Continuous movement (Hossain 2014, section 3.2.4, figures 3.23 and 3.24)"
@@ -31,7 +31,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     Raises:
         InputError: No seeds.
     """
-    experiment = Experiment(
+    experiment = RevisitingExperiment(
         id=ID, title=TITLE, paper=PAPER, spacing=SPACING, most_updates=MOST_UPDATES
     )
     return run_drives(experiment, seeds, progress, _text(seeds))

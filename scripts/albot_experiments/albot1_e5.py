@@ -8,7 +8,7 @@ import numpy as np
 
 from albot_experiments.mapping import SHAPE_BOUND
 from albot_experiments.report import Report
-from albot_experiments.revisiting import TOUR, WORLD, Experiment, Spacing, run_drives
+from albot_experiments.revisiting import TOUR, WORLD, RevisitingExperiment, Spacing, run_drives
 
 ID = "albot1-e5"
 TITLE = "Sparse views (Hossain 2014, section 3.2.5, figures 3.26 to 3.28)"
@@ -32,7 +32,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
     Raises:
         InputError: No seeds.
     """
-    experiment = Experiment(
+    experiment = RevisitingExperiment(
         id=ID, title=TITLE, paper=PAPER, spacing=SPACING, most_updates=MOST_UPDATES
     )
     return run_drives(experiment, seeds, progress, _text(seeds))

@@ -198,7 +198,7 @@ def index(reports: Sequence[Report], folder: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def one_by_one(seeds: range, progress: Callable[[int], None]) -> Iterator[int]:
+def each_seed(seeds: range, progress: Callable[[int], None]) -> Iterator[int]:
     """The seeds one after the other; `progress` is told how many are done.
 
     Raises:

@@ -18,7 +18,7 @@ from albot_experiments.mapping import (
     median_and_worst,
     shape_of,
 )
-from albot_experiments.report import Figures, Report, one_by_one
+from albot_experiments.report import Figures, Report, each_seed
 from albot_experiments.tours import Journey, driven_tour, thinned_views
 from albot_maps import World, load_world
 
@@ -119,7 +119,7 @@ class Drives:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Experiment:
+class RevisitingExperiment:
     """What sets one such experiment apart from another."""
 
     id: str
@@ -133,7 +133,7 @@ class Experiment:
 
 
 def run_drives(
-    experiment: Experiment, seeds: range, progress: Callable[[int], None], text: str
+    experiment: RevisitingExperiment, seeds: range, progress: Callable[[int], None], text: str
 ) -> Report:
     """Drive the tour, once a seed, and report on the shape that each mapper's map has.
 
@@ -162,7 +162,7 @@ def drive(spacing: Spacing, seeds: range, progress: Callable[[int], None]) -> Dr
     world = load_world(WORLD)
     journeys = []
     by_mapper: dict[str, list[Drive]] = {name: [] for name in MAPPERS}
-    for seed in one_by_one(seeds, progress):
+    for seed in each_seed(seeds, progress):
         ridden = driven_tour(world, world.tours[TOUR], np.random.default_rng(seed))
         journey = thinned_views(ridden, spacing.distance, spacing.turn)
         for name in MAPPERS:
