@@ -140,9 +140,13 @@ class Run:
 def environment_runs() -> Iterator[Run]:
     """All environments, single and batched, each with all mappers; and some otherwise equipped."""
     for task in TASKS:
-        kept = KEPT if task in ("Homing-v0", "PlaceRecognition-v0") else {}
+        kept: dict[str, Any] = KEPT if task in ("Homing-v0", "PlaceRecognition-v0") else {}
+        if task == "Explore-v0":
+            kept = {"config": ExploreConfig(claims=False)}
         for mapper in ENVIRONMENT_MAPPERS:
             single = {"mapper": mapper, "observation": "dict"}
+            if "config" in kept:
+                single |= kept
             yield Run(name=f"{task}/{mapper}/single", task=task, robots=None, settings=single)
             batch = {"mapper": mapper} | kept
             yield Run(name=f"{task}/{mapper}/batch", task=task, robots=ROBOTS, settings=batch)
@@ -153,7 +157,7 @@ def environment_runs() -> Iterator[Run]:
             seen["action"] = "discrete"
         yield Run(name=f"{task}/albot1/sensors", task=task, robots=ROBOTS, settings=seen)
     for task, config, says in (
-        ("Explore-v0", ExploreConfig(actions=ClaimingActionConfig()), 0.2),
+        ("Explore-v0", ExploreConfig(), 0.2),
         ("Homing-v0", HomingConfig(radius=20.0), 0.005),
         (
             "ExploreAndHome-v0",

@@ -36,8 +36,8 @@ class AgentEntry:
 
     summary: str
     """What it does, in one line."""
-    make: Callable[[ObservationConfig], Agent]
-    """What makes it, for an environment that makes observations so."""
+    make: Callable[[ObservationConfig, str | None], Agent]
+    """What makes it, for an environment that makes observations so, and its id where known."""
     mapper: str = "albot1"
     """The mapper that it is evaluated with where no other is asked for."""
     tasks: tuple[str, ...] = DRIVING
@@ -69,40 +69,40 @@ class AgentEntry:
 AGENTS = {
     Albot1Homing.name: AgentEntry(
         summary="Drives home through the exits of Albot1's network of places.",
-        make=Albot1Homing,
+        make=lambda observing, _: Albot1Homing(observing),
     ),
     GapExplorerAgent.name: AgentEntry(
-        summary="Explores from gap to gap, the nearest first.",
-        make=GapExplorerAgent,
+        summary="Explores from gap to gap, the nearest first; claims to know what its map knows.",
+        make=lambda observing, task: GapExplorerAgent(observing, claims=task == EXPLORE),
     ),
     NearestFrontier.name: AgentEntry(
         summary="Explores by going to the nearest border of the ground that it has covered.",
-        make=NearestFrontier,
+        make=lambda observing, task: NearestFrontier(observing, claims=task == EXPLORE),
     ),
     Oracle.name: AgentEntry(
         summary="Knows the truth and drives the shortest way home: the upper bound.",
-        make=Oracle,
+        make=lambda observing, _: Oracle(observing),
         mapper="none",
     ),
     PathIntegration.name: AgentEntry(
         summary="Follows the odometer's home vector, without a map.",
-        make=PathIntegration,
+        make=lambda observing, _: PathIntegration(observing),
         mapper="none",
     ),
     PlaceJudge.name: AgentEntry(
         summary="Judges which place it has seen before, by what agrees; it drives nothing.",
-        make=PlaceJudge,
+        make=lambda observing, _: PlaceJudge(observing),
         tasks=(PLACES,),
     ),
     RandomAgent.name: AgentEntry(
         summary="Acts at random: the lower bound.",
-        make=lambda _: RandomAgent(),
+        make=lambda *_: RandomAgent(),
         mapper="none",
         tasks=(*DRIVING, PLACES),
     ),
     RoundTripAgent.name: AgentEntry(
         summary="Explores while there is time, and drives home before it is up.",
-        make=RoundTripAgent,
+        make=lambda observing, _: RoundTripAgent(observing),
         tasks=(ROUND_TRIP,),
     ),
 }
@@ -152,24 +152,27 @@ def _trained(name: str, path: Path) -> AgentEntry:
     sees = f"; it sees {', '.join(parts)}" if parts else ""
     return AgentEntry(
         summary=f"Trained for {file.task} by {algorithm}, mapper {mapper}{sees}.",
-        make=lambda observing: TrainedAgent(name, file, observing),
+        make=lambda observing, _: TrainedAgent(name, file, observing),
         mapper=mapper,
         tasks=(file.task,),
         file=file,
     )
 
 
-def make_agent(name: str, observing: ObservationConfig | None = None) -> Agent:
+def make_agent(
+    name: str, observing: ObservationConfig | None = None, task: str | None = None
+) -> Agent:
     """A new agent.
 
     Args:
         name: One of `agent_names`, or the path of a trained agent's file.
         observing: How the environment that it is to act in makes observations (its
             `observing`); by default the environments' usual way, or that in which it was trained.
+        task: Id of that environment. Where it is not known, the agent claims to know no place.
 
     Raises:
         InputError: There is no agent of this name, the file is no agent's, or it was
             trained with other observations.
     """
     entry = find_agent(name)
-    return entry.make(entry.observing if observing is None else observing)
+    return entry.make(entry.observing if observing is None else observing, task)

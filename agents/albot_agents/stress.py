@@ -193,7 +193,7 @@ def _checked_steps(episode: Episode, limits: Limits) -> Iterator[list[str]]:
     env = gymnasium.make(ENVIRONMENT, disable_env_checker=True, **settings)
     try:
         observing = env.get_wrapper_attr("observing")
-        agent = make_agent(episode.agent, observing)
+        agent = make_agent(episode.agent, observing, ENVIRONMENT)
         recorder = LastMoment()
         env.set_wrapper_attr("recorder", recorder)
         world = load_world(episode.world)

@@ -156,7 +156,7 @@ def make_workload(case: Case, world: World) -> Workload:
     """
     count = case.num_envs
     env = make_single(case, world) if case.mode == "single" else make_batch(case, world)
-    actions = _actions(2) if case.mode == "single" else _actions(count, 2)
+    actions = _actions(3) if case.mode == "single" else _actions(count, 3)
     env.reset(seed=0)
     _workload(env.step, actions, count, _RUN_IN)()
     return _workload(env.step, actions, count, max(1, case.steps // count))

@@ -163,7 +163,7 @@ def _run(
     check_agent(agent, ExploreEnv.task.environment)
     settings = find_agent(agent).environment(ExploreEnv.task.environment, settings)
     env = gymnasium.make(ExploreEnv.task.environment, max_episode_steps=steps, **settings)
-    driver = make_agent(agent, env.get_wrapper_attr("observing"))
+    driver = make_agent(agent, env.get_wrapper_attr("observing"), ExploreEnv.task.environment)
     warm_up(mapper)
     explorer = env.unwrapped
     assert isinstance(explorer, ExploreEnv)

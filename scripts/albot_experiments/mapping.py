@@ -56,12 +56,12 @@ def map_readings(
     views, last = len(readings), len(readings) - 1
     poses, home = np.empty((views, 3)), np.empty((views, 3))
     updates, watched = np.zeros(views, np.int64), np.zeros(views, np.int64)
-    surfaces, laid = {}, 0
+    surfaces = {}
     for view, reading in enumerate(readings):
-        laid += mapper.update(reading)
+        mapper.update(reading)
         estimate = mapper.estimate
         poses[view], home[view] = estimate.pose, estimate.home_from_robot
-        updates[view] = laid
+        updates[view] = estimate.updates
         watched[view] = watch(mapper)
         if view in snapshots or view == last:
             surfaces[view] = mapper.snapshot().segments

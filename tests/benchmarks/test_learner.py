@@ -40,7 +40,7 @@ def test_a_free_batch_has_the_spaces_and_always_says_the_same() -> None:
     assert timed.observation_space == batch.observation_space
     first = timed.reset()
     for _ in range(3):
-        observations, rewards, over, infos = timed.step(np.ones((2, 2), np.float32))
+        observations, rewards, over, infos = timed.step(np.ones((2, 3), np.float32))
         assert observations is first
         assert (rewards.tolist(), over.tolist(), infos) == ([0, 0], [False, False], [{}, {}])
     assert timed.seconds > 0
@@ -52,5 +52,5 @@ def test_a_timed_batch_steps_as_the_batch_does() -> None:
     timed = TimedBatch(make_sb3("Albot/Explore-v0", 2, **settings))
     plain.seed(1), timed.seed(1)
     assert np.array_equal(plain.reset(), timed.reset())
-    actions = np.ones((2, 2), np.float32)
+    actions = np.ones((2, 3), np.float32)
     assert np.array_equal(plain.step(actions)[0], timed.step(actions)[0])

@@ -51,7 +51,7 @@ def drive(env: ExploreEnv, steps: int, seed: int = 5) -> list[tuple[Any, dict[st
     rng = np.random.default_rng(seed)
     seen = [env.reset(seed=seed, options={"start": 0})]
     for _ in range(steps):
-        action = rng.uniform((0, -0.6), (1, 0.6)).astype(np.float32)
+        action = np.array((*rng.uniform((0, -0.6), (1, 0.6)), -1.0), np.float32)
         observation, _, _, _, info = env.step(action)
         seen.append((observation, info))
     return seen

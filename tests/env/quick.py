@@ -64,22 +64,17 @@ UNKNOWN = [
 """Settings that name what there is not, and what the refusal says it found."""
 
 
-def width(environment: str) -> int:
-    """How many numbers an action has."""
-    return 2 if environment == "Albot/Explore-v0" else 3
-
-
 def still(environment: str, *shape: int) -> np.ndarray:
     """Actions that do nothing."""
     if environment in JUDGED:
         return np.zeros(shape, np.int64)
-    return np.zeros((*shape, width(environment)), np.float32)
+    return np.zeros((*shape, 3), np.float32)
 
 
 def drawn_actions(environment: str, rng: np.random.Generator, *shape: int) -> np.ndarray:
-    """Actions by chance that declare nothing."""
+    """Actions by chance that declare and claim nothing."""
     if environment in JUDGED:
         return rng.integers(1 + GLANCE.tour.most, size=shape)
     actions = rng.uniform(-1, 1, (*shape, 2)).astype(np.float32)
-    silent = np.full((*shape, width(environment) - 2), -1, np.float32)
+    silent = np.full((*shape, 1), -1, np.float32)
     return np.concatenate((actions, silent), axis=-1)

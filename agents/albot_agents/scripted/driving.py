@@ -62,9 +62,9 @@ class DrivingAgent(Generic[DriverT]):
         """What an observation says of the sensors' readings."""
         return decode_observation(observation, self._observing)
 
-    def _drive(self, command: Command) -> Action:
-        """The action that is this command, and declares nothing."""
-        return fill_action(ActionConfig().shares(command), self._actions)
+    def _drive(self, command: Command, *, claims: bool = False) -> Action:
+        """The action that is this command; a third number declares, or claims, nothing or so."""
+        return fill_action(ActionConfig().shares(command), self._actions, declares=claims)
 
     def _declare(self) -> Action:
         """The action that stops and declares home."""
@@ -86,6 +86,14 @@ def decode_observation(observation: Any, config: ObservationConfig) -> Percept:
         pose=np.array((sin * home_y - cos * home_x, -sin * home_x - cos * home_y, heading)),
         motion=parts["motion"] * step,
     )
+
+
+def decode_recognition(observation: Any, config: ObservationConfig) -> bool:
+    """Whether the mapper recognises the present place; false where that is not shown."""
+    if "place" not in config.shapes:
+        return False
+    parts = observation if isinstance(observation, dict) else config.split(observation)
+    return bool(parts["place"][0] > 0)
 
 
 def decode_time_left(observation: Any, config: ObservationConfig) -> float:

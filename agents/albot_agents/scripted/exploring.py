@@ -9,7 +9,12 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 
 from albot_agents.agent import Action
-from albot_agents.scripted.driving import DrivingAgent, decode_time_left, decode_travel_home
+from albot_agents.scripted.driving import (
+    DrivingAgent,
+    decode_recognition,
+    decode_time_left,
+    decode_travel_home,
+)
 from albot_agents.scripted.homing import Albot1Homing
 from albot_core.planning.frontier_explorer import FrontierExplorer
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
@@ -17,10 +22,11 @@ from albot_env.tasks.core.observation import ObservationConfig
 
 
 class GapExplorerAgent(DrivingAgent[GapExplorer]):
-    """Goes from gap to gap, near ones with much new ground first. It declares nothing.
+    """Goes from gap to gap, near ones with much new ground first.
 
     Args:
         observing: How the environment makes observations.
+        claims: Whether it claims to know a place where its mapper recognises it.
     """
 
     name: ClassVar[str] = "gap-explorer"
@@ -28,30 +34,37 @@ class GapExplorerAgent(DrivingAgent[GapExplorer]):
     _GAIN: ClassVar[float] = 4.0
     """Way (m) that ground all new is worth (see `GapExplorerConfig.gain`)."""
 
-    def __init__(self, observing: ObservationConfig) -> None:
+    def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
+        self._claims = claims
         config = GapExplorerConfig(near=observing.coverage.radius, gain=self._GAIN)
         super().__init__(observing, GapExplorer(config))
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The next action."""
-        return self._drive(self._driver.command(self._decode(observation)))
+        command = self._driver.command(self._decode(observation))
+        knows = self._claims and decode_recognition(observation, self._observing)
+        return self._drive(command, claims=knows)
 
 
 class NearestFrontier(DrivingAgent[FrontierExplorer]):
-    """Goes to the nearest border of the ground that it has covered. It declares nothing.
+    """Goes to the nearest border of the ground that it has covered.
 
     Args:
         observing: How the environment makes observations.
+        claims: Whether it claims to know a place where its mapper recognises it.
     """
 
     name: ClassVar[str] = "nearest-frontier"
 
-    def __init__(self, observing: ObservationConfig) -> None:
+    def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
+        self._claims = claims
         super().__init__(observing, FrontierExplorer(observing.coverage.radius))
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The next action."""
-        return self._drive(self._driver.command(self._decode(observation)))
+        command = self._driver.command(self._decode(observation))
+        knows = self._claims and decode_recognition(observation, self._observing)
+        return self._drive(command, claims=knows)
 
 
 class RoundTripAgent:

@@ -25,7 +25,7 @@ SUFFIX = ".albot"
 
 KEPT_SETTINGS = ("mapper", "laser", "sonar", "scenes", "action", "config")
 """Settings of the environment by which an agent sees and acts; of `config`…"""
-KEPT_CONFIG = ("observations", "actions", "tour")
+KEPT_CONFIG = ("observations", "actions", "claims", "tour")
 """…these, where the task has them."""
 
 

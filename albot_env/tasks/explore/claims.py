@@ -1,4 +1,13 @@
-"""Claims: actions that say "I have been here before"."""
+"""Claims: actions that say "I have been here before".
+
+A claim is one about readings. Where the mapper recognises places, the robot claims that it is where
+its mapper's matched reading was taken; where it does not, only that it has been in this place
+before. A claim of a matched reading is false where that was taken elsewhere (see
+`albot_maps.same_place`), and right where it was taken here on an earlier visit. Of the present
+visit it is true but worth nothing, and does not count. A claim without a reading is right on a
+later visit, and false on the first. A visit to a room begins as the robot comes in from another
+one. The first claim of a visit that counts is judged.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +18,7 @@ import numpy as np
 
 from albot_core.kernels.compiled import kernel
 from albot_env.tasks.core.actions import DeclaringActionConfig
+from albot_maps.same_place import NO_BARRIERS, Barriers, is_same_place
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,32 +28,32 @@ class ClaimingActionConfig(DeclaringActionConfig):
     names: ClassVar[tuple[str, ...]] = ("speed", "turn rate", "claim")
 
 
-SETTLED = 1.0
-"""So far a robot drives in a place until that is taken to be in the room where it is (m): about
-a doorway the mapper may find the new place a little before or after."""
-MOST = 1024
-"""Places beyond so many are not kept account of; claims in them are false."""
-
-
 class Claims(NamedTuple):
     """What robots claim, and what is needed to judge it; a row each."""
 
     claims: np.ndarray
     """(n,) bool: whether its action claims that it has been here before."""
-    places: np.ndarray
-    """(n,) int64: the place that its mapper believes to be in; -1 where it knows no places."""
-    met_in: np.ndarray
-    """(n, MOST) int64: the room in which it first was in each of these places; -1 for none yet."""
-    place: np.ndarray
-    """(n,) int64: the place that it was in before the last step."""
-    since: np.ndarray
-    """(n,) float64: how far it had driven when it came there (m)."""
+    matched: np.ndarray
+    """(n,) int64: the earlier reading that its mapper believes was taken here; -1 for none."""
+    barriers: Barriers
+    """What parts the places of all worlds."""
+    worlds: np.ndarray
+    """(n,) int64: the number of its world among those of the barriers."""
+    points: np.ndarray
+    """(n, readings, 2) float32: where each of its readings was truly taken (world frame, m). No
+    columns where mappers recognise no places."""
+    rooms: np.ndarray
+    """(n, readings) int32: in which room, -1 between rooms."""
+    visits: np.ndarray
+    """(n, readings) int32: on which of its visits to rooms, counted from 1; 0 before the first."""
+    visit: np.ndarray
+    """(n,) int64: the number of the present visit."""
     room: np.ndarray
     """(n,) int64: the room that it is in, or was in last; -1 for none yet."""
     returned: np.ndarray
     """(n,) bool: whether it had been in that room before, and left it."""
     judged: np.ndarray
-    """(n,) bool: whether it has claimed something since it came in."""
+    """(n,) bool: whether it has claimed something on this visit."""
     recognized: np.ndarray
     """(n, most) bool: in which rooms it has claimed rightly."""
     counts: np.ndarray
@@ -53,44 +63,108 @@ class Claims(NamedTuple):
 NOTHING, RIGHT, AGAIN, FALSE = 0, 1, 2, 3
 """What a step's claim was: none to be judged; right; right once more in the same room; false."""
 
+_FIRST_ROOM = 512
+"""Readings for which there is room at first; it doubles as they come to more."""
+
+
+def no_claims(robots: int, matched: np.ndarray | None) -> Claims:
+    """The claims of robots that have made none.
+
+    Args:
+        robots: How many.
+        matched: The readings that their mappers match, (n,) int64: an array that is written over;
+            None where the mappers recognise no places.
+    """
+    readings = 0 if matched is None else _FIRST_ROOM
+    return Claims(
+        claims=np.zeros(robots, np.bool_),
+        matched=np.full(robots, -1) if matched is None else matched,
+        barriers=NO_BARRIERS,
+        worlds=np.zeros(robots, np.int64),
+        points=np.zeros((robots, readings, 2), np.float32),
+        rooms=np.zeros((robots, readings), np.int32),
+        visits=np.zeros((robots, readings), np.int32),
+        visit=np.zeros(robots, np.int64),
+        room=np.full(robots, -1),
+        returned=np.zeros(robots, np.bool_),
+        judged=np.zeros(robots, np.bool_),
+        recognized=np.zeros((robots, 0), np.bool_),
+        counts=np.zeros((robots, 3), np.int64),
+    )
+
+
+def with_room(claims: Claims, readings: int, rooms: int) -> Claims:
+    """Claims with room for so many readings and rooms; the same ones where there is enough."""
+    known, kept = claims.recognized, claims.points.shape[1]
+    if known.shape[1] < rooms:
+        more = np.zeros((len(known), rooms - known.shape[1]), np.bool_)
+        claims = claims._replace(recognized=np.concatenate((known, more), axis=1))
+    if 0 < kept < readings:
+        columns = max(readings, 2 * kept) - kept
+        claims = claims._replace(
+            points=np.pad(claims.points, ((0, 0), (0, columns), (0, 0))),
+            rooms=np.pad(claims.rooms, ((0, 0), (0, columns))),
+            visits=np.pad(claims.visits, ((0, 0), (0, columns))),
+        )
+    return claims
+
 
 @kernel()
 def forget_claims(i: int, c: Claims) -> None:
     """Let robot i begin anew."""
-    c.met_in[i] = -1
     c.recognized[i] = False
     c.counts[i] = 0
-    c.place[i] = c.room[i] = -1
-    c.since[i] = 0.0
+    c.room[i] = -1
+    c.visit[i] = 0
     c.returned[i] = c.judged[i] = False
 
 
 @kernel()
-def judge_claim(i: int, room: int, is_new: bool, driven: float, c: Claims) -> int:
-    """Follow robot i into the `room` of its world (-1 between rooms), and judge its claim.
+def judge_claim(i: int, reading: int, pose: np.ndarray, room: int, is_new: bool, c: Claims) -> int:
+    """Follow robot i to its latest reading, and judge its claim.
 
-    `is_new` says whether it is there for the first time, `driven` how far it has come (m).
+    Args:
+        i: Which robot.
+        reading: The number of the reading.
+        pose: Where it truly is (3,) (world frame; m, rad).
+        room: The room of its world that it is in, -1 between rooms.
+        is_new: Whether it is in that room for the first time.
+        c: What all robots claim.
+
+    Returns:
+        NOTHING, RIGHT, AGAIN or FALSE.
     """
-    place = c.places[i]
-    if place != c.place[i]:
-        c.place[i], c.since[i] = place, driven
-    if room < 0:
-        return NOTHING
-    settled = 0 <= place < MOST and driven - c.since[i] >= SETTLED
-    if settled and c.met_in[i, place] < 0:
-        c.met_in[i, place] = room
-    if room != c.room[i]:
+    if room >= 0 and room != c.room[i]:
         c.returned[i] = not is_new
         c.room[i], c.judged[i] = room, False
+        c.visit[i] += 1
         c.counts[i, 0] += not is_new
-    if c.judged[i] or not c.claims[i]:
+    matches = c.points.shape[1] > 0
+    if matches:
+        c.points[i, reading, 0], c.points[i, reading, 1] = pose[0], pose[1]
+        c.rooms[i, reading], c.visits[i, reading] = room, c.visit[i]
+    if room < 0 or c.judged[i] or not c.claims[i]:
+        return NOTHING
+    is_true = not matches or _is_taken_here(i, pose, room, c)
+    has_returned = c.returned[i] and not (matches and c.visits[i, c.matched[i]] == c.visit[i])
+    if matches and is_true and not has_returned:
         return NOTHING
     c.judged[i] = True
-    known = place < 0 or (place < MOST and c.met_in[i, place] == room)
-    if not (c.returned[i] and known):
+    if not (is_true and has_returned):
         c.counts[i, 2] += 1
         return FALSE
     c.counts[i, 1] += 1
     before = c.recognized[i, room]
     c.recognized[i, room] = True
     return AGAIN if before else RIGHT
+
+
+@kernel()
+def _is_taken_here(i: int, pose: np.ndarray, room: int, c: Claims) -> bool:
+    """Whether the reading that robot i's mapper matches was taken at the present place."""
+    matched = c.matched[i]
+    if matched < 0:
+        return False
+    x, y = c.points[i, matched]
+    there = c.rooms[i, matched]
+    return is_same_place(pose[0], pose[1], room, x, y, there, c.worlds[i], c.barriers)

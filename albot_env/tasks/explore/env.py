@@ -15,11 +15,12 @@ class ExploreEnv(SingleEnv[ExploreTask]):
         is to cover as much ground and enter as many rooms as it can. A step is 0.1 s.
 
     Action space:
-        `Box(-1, 1, (2,), float32)`: speed and turn rate, as shares of `ActionConfig`. With
-        `ExploreConfig(actions=ClaimingActionConfig())` a third number claims, above 0.5: "I have
-        been here before, it is the place that my map says". The first claim in a room counts,
-        until it is left for another; it is right where the robot had been there and the mapper's
-        present place was first met there (see `claims`).
+        `Box(-1, 1, (3,), float32)`: speed and turn rate, as shares of `ActionConfig`, and a number
+        that claims, above 0.5: "I have been here before, where my map says that I was". The first
+        claim on a visit to a room counts. It is right where the robot has truly come back to the
+        room, and the reading that its mapper matches with the present one was taken here on an
+        earlier visit (see `claims` and `albot_maps.same_place`); with a mapper that recognises no
+        places, where it has come back. `ExploreConfig(claims=False)` leaves the third number out.
         Anything else, out of range or not a number, is an `InputError`.
 
     Observation space:

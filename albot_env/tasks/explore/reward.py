@@ -36,8 +36,8 @@ class ExploreWeights(Weights):
     room: float = 1.0
     """For every room truly entered for the first time."""
     place_recognized: float = 0.5
-    """For the first right claim to have been in a room before; once for each room, or going in
-    and out of one would be all there is to do."""
+    """For the first right claim to have been here before (see `claims`); once for each room, or
+    going in and out of one would be all there is to do."""
     place_mistaken: float = -1.0
     """For every false claim."""
     collision: float = -0.1
@@ -60,7 +60,7 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
         if stats.steps[i] == 0:
             forget_claims(i, claims)
         room, is_new = progress.room[i], progress.new_room[i]
-        claim = judge_claim(i, room, is_new, stats.path_lengths[i], claims)
+        claim = judge_claim(i, stats.steps[i], state.poses[i], room, is_new, claims)
         if stats.steps[i] > 0:
             terms = ExploreTerms(
                 coverage=weights.coverage * progress.new_ground[i] * cell_area,

@@ -11,13 +11,20 @@ from jaxtyping import Int64
 from albot_core.geometry.types import Pose
 from albot_core.kernels.arguments import ArgumentsCache
 from albot_env.sim.simulator import CONTROL_STEP
+from albot_env.sim.world_cache import WorldCache
 from albot_env.tasks.core.actions import ActionConfig, Numbers
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import Equipment, chosen_config
-from albot_env.tasks.explore.claims import MOST, ClaimingActionConfig, Claims
+from albot_env.tasks.explore.claims import (
+    ClaimingActionConfig,
+    Claims,
+    no_claims,
+    with_room,
+)
 from albot_env.tasks.explore.reward import ExploreTerms, ExploreWeights, compute_reward
 from albot_maps import World
+from albot_maps.same_place import NO_BARRIERS, with_barriers
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +32,9 @@ class ExploreConfig:
     """What actions ask for, how observations are scaled, and what is rewarded."""
 
     actions: ActionConfig = field(default_factory=ActionConfig)
-    """What actions ask for; with `ClaimingActionConfig` they also claim to know the place."""
+    """What actions ask for."""
+    claims: bool = True
+    """Whether actions have a third number, which claims to know the place (see `claims`)."""
     observations: ObservationConfig = field(default_factory=ObservationConfig)
     """How observations are scaled, and which ground counts as covered."""
     weights: ExploreWeights = field(default_factory=ExploreWeights)
@@ -52,40 +61,40 @@ class ExploreTask(BatchedRobots):
         config: ExploreConfig | None = None,
     ) -> None:
         config = chosen_config(config, ExploreConfig, self.environment)
-        super().__init__(
-            robots, equipment, actions=config.actions, observations=config.observations
-        )
+        actions = config.actions
+        if config.claims:
+            actions = ClaimingActionConfig(speed=actions.speed, turn_rate=actions.turn_rate)
+        super().__init__(robots, equipment, actions=actions, observations=config.observations)
         self._arguments = ArgumentsCache(self._reward_arguments)
         self._weights = config.weights.values
         mappers = self._mappers
-        self._claims = Claims(
-            claims=np.zeros(robots, np.bool_),
-            places=np.full(robots, -1) if mappers is None else mappers.current_places,
-            met_in=np.full((robots, MOST), -1),
-            place=np.full(robots, -1),
-            since=np.zeros(robots),
-            room=np.full(robots, -1),
-            returned=np.zeros(robots, np.bool_),
-            judged=np.zeros(robots, np.bool_),
-            recognized=np.zeros((robots, 0), np.bool_),
-            counts=np.zeros((robots, 3), np.int64),
-        )
+        matches = mappers is not None and mappers.recognises_places
+        self._claims = no_claims(robots, mappers.matched_readings if mappers and matches else None)
+        self._worlds_barriers = WorldCache(robots, self._add_barriers, self._forget_barriers)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
         """Let a robot set out anew with an empty map; call `observe` before all else."""
         super().begin(row, world, start, rng)
         self._claims.claims[row] = False
-        known = self._claims.recognized
-        if known.shape[1] < len(world.rooms):
-            more = np.zeros((len(known), len(world.rooms) - known.shape[1]), np.bool_)
-            wider = np.concatenate((known, more), axis=1)
-            self._claims = self._claims._replace(recognized=wider)
+        self._claims = with_room(self._claims, 0, len(world.rooms))
+        for other, number in self._worlds_barriers.enter(row, world):
+            self._claims.worlds[other] = number
+
+    def _add_barriers(self, world: World) -> int:
+        """Add what parts the places of one world more; return its number."""
+        barriers = with_barriers(self._claims.barriers, world)
+        self._claims = self._claims._replace(barriers=barriers)
+        return len(barriers.spans) - 1
+
+    def _forget_barriers(self) -> None:
+        self._claims = self._claims._replace(barriers=NO_BARRIERS)
 
     def act(self, numbers: Numbers) -> None:
         """One control step of all robots with these actions, of which some may claim something."""
         if isinstance(self.actions, ClaimingActionConfig):
             self._claims.claims[:] = self.actions.declares(numbers)
         super().act(numbers)
+        self._claims = with_room(self._claims, int(self._stats.steps.max()) + 1, 0)
 
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
         compute_reward(rows, self._arguments.arguments(self._claims), CONTROL_STEP)

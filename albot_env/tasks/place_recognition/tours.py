@@ -27,13 +27,12 @@ from albot_env.tasks.core.settings import Equipment
 from albot_env.tasks.place_recognition.arrivals import PlaceDatabase
 from albot_env.tasks.place_recognition.spaces import arrivals_observation
 from albot_maps import ROBOT_RADIUS, World
-from albot_maps.freespace import FreeSpace, wall_lines
+from albot_maps.freespace import FreeSpace
 from albot_maps.geodesic import DistanceField
+from albot_maps.same_place import same_places
 
 AROUND = 8
 """At each stop the robot turns round in so many parts, and looks after each."""
-DOORWAY = 1.5
-"""Wider openings between rooms are no doorways (m)."""
 _ROOM = 0.1
 """How much farther than it must the robot keeps from walls on its way (m)."""
 
@@ -75,25 +74,9 @@ class Tour:
 
     @cached_property
     def same(self) -> Bool[np.ndarray, "arrivals arrivals"]:
-        """Which arrivals truly were at one place.
-
-        They were in one room; or nothing but open floor lay between them, no wall and no doorway:
-        corridors that open into each other as wide as they are can not be told apart by what
-        is seen. In a world whose openings are not listed only rooms count.
-        """
+        """Which arrivals truly were at one place (see `albot_maps.same_place`)."""
         rooms = np.array([stop.room for stop in self.stops])
-        same_room = (rooms[:, None] == rooms) & (rooms >= 0)
-        if not self.world.exits:
-            return np.asarray(same_room)
-        places = np.array([stop.pose[:2] for stop in self.stops])
-        pairs = np.stack(np.broadcast_arrays(places[:, None], places[None]), axis=2)
-        lines = shapely.linestrings(pairs)
-        openings = np.array([opening.segment for opening in self.world.exits])
-        widths = np.hypot(*(openings[:, 2:] - openings[:, :2]).T)
-        doors = openings[widths <= DOORWAY]
-        between = wall_lines(np.concatenate((self.world.walls, doors)))
-        shapely.prepare(between)
-        return np.asarray(same_room | ~shapely.intersects(between, lines))
+        return same_places(self.world, np.array([stop.pose[:2] for stop in self.stops]), rooms)
 
     @cached_property
     def columns(self) -> dict[str, np.ndarray]:

@@ -12,7 +12,7 @@ from albot_core.mappers.mapper import TRAVEL, Mapper, MapperSpec, PlaceMemory, R
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.sensing.reading import Readings
 
-_TRAVEL, _UPDATES, _BEGUN = "batch.travel", "batch.updates", "batch.begun"
+_TRAVEL, _BEGUN = "batch.travel", "batch.begun"
 """What a state holds besides the mapper's own arrays."""
 
 
@@ -47,7 +47,6 @@ class LoopedMappers:
     def reset(self, row: int, rng: np.random.Generator) -> None:
         """Let one forget everything."""
         self._mappers[row].reset(rng)
-        self.updates[row] = 0
         self.ways_home[row, TRAVEL] = 0.0
         self._begun[row] = False
         self.map_versions[row] = -1
@@ -57,7 +56,7 @@ class LoopedMappers:
         """Let some take in their readings, which stand in the same rows."""
         for row in rows.tolist():
             reading = readings[row]
-            self.updates[row] += self._mappers[row].update(reading)
+            self._mappers[row].update(reading)
             if self._begun[row] and not self._knows_routes:
                 x, y, _ = reading.motion.tolist()
                 self.ways_home[row, TRAVEL] += math.hypot(x, y)
@@ -80,7 +79,6 @@ class LoopedMappers:
         """Everything that one remembers, as arrays by name (copies)."""
         return self._mappers[row].state() | {
             _TRAVEL: np.array(self.ways_home[row, TRAVEL]),
-            _UPDATES: np.array(self.updates[row]),
             _BEGUN: np.array(self._begun[row]),
         }
 
@@ -89,7 +87,6 @@ class LoopedMappers:
         own = {name: array for name, array in state.items() if not name.startswith("batch.")}
         self._mappers[row].restore(own)
         self.ways_home[row, TRAVEL] = state[_TRAVEL]
-        self.updates[row] = state[_UPDATES]
         self._begun[row] = bool(state[_BEGUN])
         self.map_versions[row] = -1
         self._take_estimate(row)
@@ -99,6 +96,7 @@ class LoopedMappers:
         estimate = mapper.estimate
         self.poses[row] = estimate.pose
         self.homes[row] = estimate.home
+        self.updates[row] = estimate.updates
         self.current_places[row] = -1 if estimate.place is None else estimate.place
         matched = estimate.matched_reading
         self.matched_readings[row] = -1 if matched is None else matched

@@ -54,6 +54,8 @@ class Estimate:
     matched_reading: int | None = None
     """The earlier reading, counted from 0 since the reset, that it believes was taken at the
     present place on an earlier visit: "I have been here". None where it recognises nothing."""
+    updates: int = 0
+    """How often it has added what it saw to its map."""
     map_version: int = 0
     """Grows with every change of the map, also where only what was remembered has moved."""
 
@@ -217,7 +219,7 @@ class MapperBatch(Protocol):
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
-        """How often a reading was added to each one's map since its reset."""
+        """`Estimate.updates` of each."""
 
     @property
     def segment_counts(self) -> Int64[np.ndarray, "robots"]:

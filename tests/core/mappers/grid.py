@@ -61,7 +61,8 @@ class GridMapper:
     @property
     def estimate(self) -> Estimate:
         pose = self._poses[-1] if len(self._poses) else np.zeros(3)
-        return Estimate(pose=pose.copy(), home=np.zeros(3), map_version=len(self._poses))
+        count = len(self._poses)
+        return Estimate(pose=pose.copy(), home=np.zeros(3), updates=count, map_version=count)
 
     def update(self, reading: Reading) -> bool:
         laser = reading.required_laser(self._name)

@@ -73,6 +73,7 @@ class TopologicalMapper:
             home=np.zeros(3),
             place=None if self._current < 0 else self._current,
             matched_reading=None if self._matched < 0 else self._matched,
+            updates=self._version,
             map_version=self._version,
         )
 

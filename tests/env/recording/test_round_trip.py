@@ -145,7 +145,7 @@ def test_what_was_driven_can_be_read_before_the_end(make_env, tmp_path: Path) ->
     env.recorder = EpisodeWriter(path)
     env.reset(seed=5)
     for step in range(1, 61):
-        env.step(np.array((0.3, 0.1), np.float32))
+        env.step(np.array((0.3, 0.1, -1), np.float32))
         if step < 20:
             continue
         reader = EpisodeReader(path)

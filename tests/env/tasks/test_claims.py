@@ -10,49 +10,46 @@ import pytest
 from albot_env.tasks.explore.claims import (
     AGAIN,
     FALSE,
-    MOST,
     NOTHING,
     RIGHT,
-    ClaimingActionConfig,
-    Claims,
     forget_claims,
     judge_claim,
+    no_claims,
+    with_room,
 )
 from albot_env.tasks.explore.env import ExploreEnv
 from albot_env.tasks.explore.task import ExploreConfig
 from albot_maps import World
+from albot_maps.same_place import NO_BARRIERS, with_barriers
 
-CLAIMING = ExploreConfig(actions=ClaimingActionConfig())
 A, B, BETWEEN = 0, 1, -1
+NOWHERE = -1
+"""In place of a matched reading: none."""
+ROOMS = {A: 2.0, B: 8.0, BETWEEN: 5.0}
+"""Where a robot is that is in the two rooms, or between them (x, m)."""
 
 
-def _judged(*visits: tuple[int, int, int]) -> tuple[list[int], list[int]]:
-    """What becomes of claims, made with every step, on visits (room, place, metres).
+def _judged(world: World, *visits: tuple[int, int, int]) -> tuple[list[int], list[int]]:
+    """What becomes of claims, made with every step, on visits (room, matched reading, readings).
 
     Returns:
-        The last step's judgement in each visit that was not nothing, and the counts.
+        The judgement in each visit that was not nothing, and the counts.
     """
-    claims = Claims(
-        claims=np.ones(1, np.bool_),
-        places=np.zeros(1, np.int64),
-        met_in=np.zeros((1, MOST), np.int64),
-        place=np.zeros(1, np.int64),
-        since=np.zeros(1),
-        room=np.zeros(1, np.int64),
-        returned=np.zeros(1, np.bool_),
-        judged=np.zeros(1, np.bool_),
-        recognized=np.ones((1, 2), np.bool_),
-        counts=np.ones((1, 3), np.int64),
-    )
+    matched = np.zeros(1, np.int64)
+    claims = no_claims(1, matched)
+    claims = with_room(claims, sum(readings for *_, readings in visits), 2)
+    claims = claims._replace(barriers=with_barriers(NO_BARRIERS, world))
+    claims.claims[:] = True
     forget_claims(0, claims)
-    driven, entered, outcomes = 0.0, set(), []
-    for room, place, metres in visits:
-        claims.places[0], judged = place, [NOTHING]
-        for _ in range(metres * 10):
+    reading, entered, outcomes = 0, set(), []
+    for room, match, readings in visits:
+        matched[0], judged = match, [NOTHING]
+        pose = np.array((ROOMS[room], 2.0, 0.0))
+        for _ in range(readings):
             is_new = room >= 0 and room not in entered
-            judged.append(judge_claim(0, room, is_new, driven, claims))
+            judged.append(judge_claim(0, reading, pose, room, is_new, claims))
             entered.add(room)
-            driven += 0.1
+            reading += 1
         outcomes.append(max(judged))
         assert sum(outcome != NOTHING for outcome in judged) <= 1  # Only the first counts.
     return outcomes, claims.counts[0].tolist()
@@ -61,54 +58,81 @@ def _judged(*visits: tuple[int, int, int]) -> tuple[list[int], list[int]]:
 @pytest.mark.parametrize(
     ("visits", "outcomes", "counts"),
     [
-        # On a first visit every claim is false; back in A its place was met there.
-        ([(A, 0, 3), (B, 1, 3), (A, 0, 3)], [FALSE, FALSE, RIGHT], [1, 1, 2]),
-        # The mapper takes A for a new place, or for B.
-        ([(A, 0, 3), (B, 1, 3), (A, 2, 3)], [FALSE, FALSE, FALSE], [1, 0, 3]),
-        ([(A, 0, 3), (B, 1, 3), (A, 1, 3)], [FALSE, FALSE, FALSE], [1, 0, 3]),
-        # A mapper that knows no places only says that it was in here before.
-        ([(A, -1, 3), (B, -1, 3), (A, -1, 3)], [FALSE, FALSE, RIGHT], [1, 1, 2]),
+        # In A reading 0 says nothing yet; B is not where reading 4 was taken; back in A, 2 was.
+        ([(A, 0, 9), (B, 4, 9), (A, 2, 9)], [NOTHING, FALSE, RIGHT], [1, 1, 1]),
+        # The mapper recognises nothing, or takes A for B.
+        ([(A, 0, 9), (B, 9, 9), (A, NOWHERE, 9)], [NOTHING, NOTHING, FALSE], [1, 0, 1]),
+        ([(A, 0, 9), (B, 9, 9), (A, 12, 9)], [NOTHING, NOTHING, FALSE], [1, 0, 1]),
+        # It matches a reading of the present visit: true, and worth nothing.
+        ([(A, 0, 9), (B, 9, 9), (A, 18, 9)], [NOTHING, NOTHING, NOTHING], [1, 0, 0]),
         # The same room once more is right once more, and that is worth nothing.
         (
-            [(A, 0, 3), (B, 1, 3), (A, 0, 3), (B, 1, 3), (A, 0, 3)],
-            [FALSE, FALSE, RIGHT, RIGHT, AGAIN],
-            [3, 3, 2],
+            [(A, 0, 9), (B, 9, 9), (A, 2, 9), (B, 12, 9), (A, 20, 9)],
+            [NOTHING, NOTHING, RIGHT, RIGHT, AGAIN],
+            [3, 3, 0],
         ),
         # Out into the doorway and back is no return.
-        ([(A, 0, 3), (BETWEEN, 0, 1), (A, 0, 3)], [FALSE, NOTHING, NOTHING], [0, 0, 1]),
-        # The other room too.
-        (
-            [(A, 0, 3), (B, 1, 3), (A, 0, 3), (B, 1, 3)],
-            [FALSE, FALSE, RIGHT, RIGHT],
-            [2, 2, 2],
-        ),
-        # Places beyond all that are kept account of are never right.
-        (
-            [(A, MOST, 3), (B, MOST + 1, 3), (A, MOST, 3)],
-            [FALSE, FALSE, FALSE],
-            [1, 0, 3],
-        ),
+        ([(A, 0, 9), (BETWEEN, 2, 3), (A, 2, 9)], [NOTHING, NOTHING, NOTHING], [0, 0, 0]),
     ],
 )
 def test_claims_by_hand(
-    visits: list[tuple[int, int, int]], outcomes: list[int], counts: list[int]
+    two_rooms: World,
+    visits: list[tuple[int, int, int]],
+    outcomes: list[int],
+    counts: list[int],
 ) -> None:
-    assert _judged(*visits) == (outcomes, counts)
+    assert _judged(two_rooms, *visits) == (outcomes, counts)
 
 
-def test_a_place_found_late_is_that_of_the_room_in_which_it_settles() -> None:
-    """A metre into B the mapper still believes in A's place; a claim made before is false."""
-    outcomes, _ = _judged((A, 0, 3), (B, 0, 1), (B, 1, 3), (A, 1, 1), (A, 0, 3), (B, 0, 1))
-    assert outcomes == [FALSE, FALSE, NOTHING, FALSE, NOTHING, FALSE]
+def test_without_recognition_a_claim_is_to_have_been_in_the_room(two_rooms: World) -> None:
+    claims = with_room(no_claims(1, None), 100, 2)
+    claims.claims[:] = True
+    forget_claims(0, claims)
+    pose = np.zeros(3)
+    steps = [(A, True), (B, True), (A, False)]
+    told = [judge_claim(0, k, pose, room, new, claims) for k, (room, new) in enumerate(steps)]
+    assert told == [FALSE, FALSE, RIGHT]
+    assert claims.points.shape[1] == 0
 
 
-def _drive_to(env: ExploreEnv, x: float, claim: float = -1.0) -> list[dict[str, Any]]:
-    """Straight on along the rooms, forwards or back, until there; the infos."""
+def test_there_is_room_for_ever_more_readings(two_rooms: World) -> None:
+    """A longer journey than there was room for at first: earlier readings are kept."""
+    visits = (A, 0, 400), (B, 0, 400), (A, 5, 400)
+    assert _judged(two_rooms, *visits)[0] == [NOTHING, FALSE, RIGHT]
+    claims = with_room(no_claims(2, np.zeros(2, np.int64)), 1, 3)
+    claims.points[1, 7] = 3.0
+    wider = with_room(claims, claims.points.shape[1] + 1, 5)
+    assert wider.points.shape[1] == 2 * claims.points.shape[1]
+    assert wider.recognized.shape == (2, 5)
+    assert (wider.points[1, 7] == 3.0).all()
+
+
+def test_a_mapper_with_narrow_places_earns_what_it_recognises(two_rooms: World) -> None:
+    """Correct places half a metre wide and an ideal odometer: no claim is false."""
+    mapper = "tests.core.mappers.topological:topological"
+    env = ExploreEnv(two_rooms, mapper=mapper, odometer="ideal")
+    env.reset(seed=1, options={"start": 0})
+    for x in (7.0, 2.0, 7.0, 2.0):
+        info = _drive_to(env, x, recognised=True)[-1]
+    assert info["re_entries"] == 3
+    assert info["right_claims"] == 3
+    assert info["false_claims"] == 0
+
+
+def _drive_to(
+    env: ExploreEnv, x: float, claim: float = -1.0, *, recognised: bool = False
+) -> list[dict[str, Any]]:
+    """Straight on along the rooms, forwards or back, until there; the infos.
+
+    It claims all the time, or whenever the mapper recognises its place.
+    """
     infos = []
     while True:
         ahead = x - env._robot.poses[0, 0]
         if abs(ahead) < 0.2:
             return infos
+        if recognised:
+            claim = 1.0 if env._robot.matched_readings[0] >= 0 else -1.0
         infos.append(env.step(np.array((0.8 * np.sign(ahead), 0, claim), np.float32))[4])
 
 
@@ -116,7 +140,7 @@ def _drive_to(env: ExploreEnv, x: float, claim: float = -1.0) -> list[dict[str, 
 def test_a_right_claim_is_worth_something_and_a_false_one_costs(
     two_rooms: World, mapper: str
 ) -> None:
-    env = ExploreEnv(two_rooms, mapper=mapper, config=CLAIMING)
+    env = ExploreEnv(two_rooms, mapper=mapper, config=ExploreConfig())
     assert env.action_space.shape == (3,)
     _, info = env.reset(seed=1, options={"start": 0})
     assert (info["re_entries"], info["right_claims"], info["false_claims"]) == (0, 0, 0)
@@ -137,7 +161,7 @@ def test_a_right_claim_is_worth_something_and_a_false_one_costs(
 
 
 def test_without_claims_nothing_is_claimed(two_rooms: World) -> None:
-    env = ExploreEnv(two_rooms, mapper="none")
+    env = ExploreEnv(two_rooms, mapper="none", config=ExploreConfig(claims=False))
     assert env.action_space.shape == (2,)
     env.reset(seed=1, options={"start": 0})
     info = env.step(np.array((1, 1), np.float32))[4]

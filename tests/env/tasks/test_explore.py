@@ -10,8 +10,8 @@ from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.explore.reward import ExploreWeights
 from albot_env.tasks.explore.task import ExploreConfig
 
-AHEAD = np.array((1.0, 0.0), np.float32)
-STILL = np.zeros(2, np.float32)
+AHEAD = np.array((1.0, 0.0, -1.0), np.float32)
+STILL = np.array((0.0, 0.0, -1.0), np.float32)
 
 
 def test_standing_still_costs_time_and_earns_nothing(make_env) -> None:
@@ -58,7 +58,7 @@ def test_coverage_grows_and_never_passes_one(make_env) -> None:
     shares = [info["coverage"]]
     for k in range(300):
         turn = 0.0 if k % 60 < 30 else 0.9
-        _, _, _, _, info = env.step(np.array((0.5, turn), np.float32))
+        _, _, _, _, info = env.step(np.array((0.5, turn, -1), np.float32))
         shares.append(info["coverage"])
     assert (np.diff(shares) >= 0).all()
     assert 0 < shares[0] < 0.3 < shares[-1] <= 1
@@ -88,7 +88,7 @@ def test_position_error_is_that_of_the_odometer(make_env) -> None:
     env = make_env(odometer="ideal")
     env.reset(seed=1, options={"start": 1})
     for _ in range(30):
-        _, _, _, _, info = env.step(np.array((0.6, 0.2), np.float32))
+        _, _, _, _, info = env.step(np.array((0.6, 0.2, -1), np.float32))
     assert info["position_error"] < 0.01
     # The start faces west: what is ahead in the map lies towards smaller x in the world.
     assert info["belief"][0] > 0.5

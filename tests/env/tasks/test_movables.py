@@ -27,7 +27,7 @@ def run(env: ExploreEnv, seed: int, steps: int) -> list[tuple[Any, float, dict[s
     observation, info = env.reset(seed=seed)
     seen = [(observation, 0.0, info)]
     for _ in range(steps):
-        observation, reward, _, _, info = env.step(rng.uniform(-1, 1, 2).astype(np.float32))
+        observation, reward, _, _, info = env.step(rng.uniform(-1, 1, 3).astype(np.float32))
         seen.append((observation, reward, info))
     return seen
 
@@ -48,7 +48,7 @@ def test_a_batch_among_things_gives_what_each_gives_alone(mapper):
             assert np.array_equal(infos["pose"][k], info["pose"])
             assert infos["collided"][k] == info["collided"]
             worlds.add(info["world"])
-        actions = np.array([rng.uniform(-1, 1, 2) for rng in rngs], np.float32)
+        actions = np.array([rng.uniform(-1, 1, 3) for rng in rngs], np.float32)
         observations, _, _, _, infos = batch.step(actions)
         if step % (limit + 1) == limit:  # In NextStep mode this step resets.
             singles = [env.reset() for env in alone]
@@ -81,7 +81,7 @@ def test_no_beam_passes_through_a_thing():
     env.reset(seed=2)
     shortened = 0
     for step in range(60):
-        env.step(rng.uniform((0, -1), (1, 1)).astype(np.float32))
+        env.step(rng.uniform((0, -1, -1), (1, 1, 1)).astype(np.float32))
         if step % 6:
             continue
         frame = env.frame
@@ -114,7 +114,7 @@ def test_things_are_recorded_shown_and_read_back(tmp_path: Path):
     env.reset(seed=5)
     things = [env.frame.things]
     for _ in range(25):
-        env.step(np.array([0.3, 0.1], np.float32))
+        env.step(np.array([0.3, 0.1, -1], np.float32))
         things.append(env.frame.things)
     env.close()
     moments = list(EpisodeReader(tmp_path / "moving.mcap").moments())

@@ -61,7 +61,7 @@ def test_home_is_seen_where_it_is(make_env) -> None:
     env = make_env(odometer="ideal", observation="dict")
     env.reset(seed=1, options={"start": 0})
     for _ in range(25):
-        observation, _, _, _, info = env.step(np.array((1, 0), np.float32))
+        observation, _, _, _, info = env.step(np.array((1, 0, -1), np.float32))
     cosine, sine, scaled = observation["home"]
     assert (cosine, sine) == pytest.approx((-1, 0), abs=1e-3)
     assert CONFIG.home_distance(scaled) == pytest.approx(info["path_length"], abs=0.01)
@@ -110,7 +110,8 @@ def test_the_way_home_is_a_function_of_the_readings_too(make_env, tmp_path: Path
         while np.hypot(*(goal - seen[-1][1]["pose"][:2])) > 0.3:
             ahead = relative(seen[-1][1]["pose"], np.array((*goal, 0.0)))
             turn = np.arctan2(ahead[1], ahead[0])
-            action = np.array((0.6 * max(0.0, np.cos(turn)), np.clip(turn, -0.5, 0.5)))
+            speed = 0.6 * max(0.0, np.cos(turn))
+            action = np.array((speed, np.clip(turn, -0.5, 0.5), -1.0))
             observation, _, _, _, info = env.step(action)
             seen.append((observation, info))
     env.close()

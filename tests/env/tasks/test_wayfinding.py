@@ -219,8 +219,8 @@ def test_a_new_episode_begins_with_an_empty_sketch(two_rooms, mapper) -> None:
     driven, fresh = (ExploreEnv(two_rooms, mapper=mapper, config=config) for _ in range(2))
     driven.reset(seed=3)
     for _ in range(60):
-        driven.step(np.array((0.5, 0.2), np.float32))
+        driven.step(np.array((0.5, 0.2, -1), np.float32))
     seen = [[env.reset(seed=7)[0]] for env in (driven, fresh)]
     for env, observations in zip((driven, fresh), seen, strict=True):
-        observations += [env.step(np.array((0.4, -0.1), np.float32))[0] for _ in range(30)]
+        observations += [env.step(np.array((0.4, -0.1, -1), np.float32))[0] for _ in range(30)]
     np.testing.assert_array_equal(*seen)

@@ -189,7 +189,7 @@ def test_actions_that_are_none_are_refused(environment: str, actions: Any, messa
     env = _vector(environment)
     env.reset(seed=1)
     if isinstance(actions, np.ndarray):
-        silent = np.zeros((len(actions), quick.width(environment) - 2))
+        silent = np.zeros((len(actions), 1))
         actions = np.concatenate((actions, silent), axis=1)
     with pytest.raises(InputError, match=message):
         env.step(actions)

@@ -21,7 +21,7 @@ from albot_env.tasks.explore.task import ExploreConfig
 from albot_maps import WorldSet
 
 assert albot_env.__doc__  # Importing it registers the environments.
-STILL = np.zeros((2, 2), np.float32)
+STILL = np.zeros((2, 3), np.float32)
 
 
 def _batch(**options: Any) -> gymnasium.vector.VectorEnv[Any, Any, Any]:
@@ -144,7 +144,7 @@ def test_closing_lets_the_threads_go() -> None:
     before = threading.active_count()
     env = _batch(num_envs=80, threads=2)
     env.reset(seed=0)
-    env.step(np.zeros((80, 2), np.float32))
+    env.step(np.zeros((80, 3), np.float32))
     assert threading.active_count() == before + 1
     env.close()
     assert threading.active_count() == before
@@ -155,7 +155,7 @@ def test_closing_lets_the_threads_go() -> None:
 def test_a_forked_child_steps_with_threads_of_its_own() -> None:
     env = _batch(num_envs=80, threads=2)
     env.reset(seed=0)
-    actions = np.zeros((80, 2), np.float32)
+    actions = np.zeros((80, 3), np.float32)
     env.step(actions)
     child = os.fork()
     if child == 0:

@@ -84,6 +84,7 @@ class Albot1:
             localised=not robot.places[0, 1],
             place=robot.network(0).current,
             matched_reading=None if matched < 0 else matched,
+            updates=self.updates,
             map_version=int(robot.map_versions[0]),
         )
 

@@ -66,7 +66,12 @@ class OdometryMapper:
     @property
     def estimate(self) -> Estimate:
         """Where the odometer says that the robot is; home is where the odometer began."""
-        return Estimate(pose=self._pose.copy(), home=np.zeros(3), map_version=self._updates)
+        return Estimate(
+            pose=self._pose.copy(),
+            home=np.zeros(3),
+            updates=self._updates,
+            map_version=self._updates,
+        )
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget everything; the next reading is the first. It draws no random number."""
