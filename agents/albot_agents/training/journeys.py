@@ -52,6 +52,11 @@ def prepare_journeys(
     numbered = list(enumerate(tickets))
     # The first one here: numba then keeps what it compiles, and no process has to do it again.
     first = _make_journey(batch.journeys, numbered[0])
+    if first[1] is not None:
+        batch.journeys.keep(tickets[0], first[1])
+        if not batch.missing_journeys():  # Now that one is weighed, not all would be kept.
+            report(f"1 of {len(tickets)} journeys made, the others when they are drawn")
+            return
     others = run_parallel(_JourneyRunner(task, single), numbered[1:], min(jobs, len(tickets) - 1))
     for done, (number, journey) in enumerate(chain([first], others), start=1):
         if journey is not None:

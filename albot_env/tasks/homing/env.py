@@ -31,7 +31,7 @@ class HomingEnv(SingleEnv[HomingTask]):
         At rest where an outward journey ended. World and start are drawn, or chosen by
         `options`, as in `Albot/Explore-v0`; the start is where the journey began. `journeys`
         says from how many journeys from that start one is drawn. Each is made when it
-        is first asked for, which takes a second or more, and the last 1024
+        is first asked for, which takes a second or more, and the last 256 MiB of them
         are kept. A journey is a function of its world, start and number alone; all noise
         after it is the episode's own.
 

@@ -40,8 +40,8 @@ class PlaceRecognitionEnv(SingleEnv[PlaceRecognitionTask]):
         At the second arrival of a tour. World and start are drawn, or chosen by `options`, as in
         `Albot/Explore-v0`; the start is where the tour begins. `journeys` says from how many
         tours from that start one is drawn. Each is made when it is first asked for, which takes
-        a second or two, and the last 1024 are kept. A tour is a function of its world, start
-        and number alone.
+        a second or two, and the last 256 MiB of them are kept. A tour is a function of its
+        world, start and number alone.
 
     Episode end:
         Terminated when the last arrival is judged; the observation then is empty. A success is

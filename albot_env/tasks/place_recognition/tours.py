@@ -22,7 +22,7 @@ from albot_core.maps.layers import MapSnapshot
 from albot_core.ranges import SHARE, check_fields
 from albot_core.sensing.reading import Reading
 from albot_env.sim.simulator import THESIS_STEPS, Simulator, follow_leg
-from albot_env.tasks.core.journeys import KEPT, Journeys, JourneySpec
+from albot_env.tasks.core.journeys import Journeys, JourneySpec
 from albot_env.tasks.core.settings import Equipment
 from albot_env.tasks.place_recognition.arrivals import PlaceDatabase
 from albot_env.tasks.place_recognition.spaces import arrivals_observation
@@ -33,6 +33,8 @@ from albot_maps.same_place import same_places
 
 AROUND = 8
 """At each stop the robot turns round in so many parts, and looks after each."""
+_WORLDS_KEPT = 1024
+"""In so many worlds it is kept where tours can stop."""
 _ROOM = 0.1
 """How much farther than it must the robot keeps from walls on its way (m)."""
 
@@ -133,7 +135,7 @@ class Tours(Journeys[Tour]):
     def _find_stops(self, world: World) -> StoppingRooms:
         if id(world) not in self._stops:
             self._stops[id(world)] = StoppingRooms(world)
-            if len(self._stops) > KEPT:
+            if len(self._stops) > _WORLDS_KEPT:
                 self._stops.popitem(last=False)
         return self._stops[id(world)]
 

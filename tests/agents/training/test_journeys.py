@@ -84,3 +84,20 @@ def test_a_journey_that_cannot_be_made_is_left_to_its_reset(
     assert len(batch.missing_journeys()) == 2
     with pytest.raises(InputError, match="two rooms"):
         batch.reset(seed=1)
+
+
+def test_what_turns_out_too_heavy_is_not_laid_in(
+    two_rooms: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first journey shows that they would drive each other out."""
+    monkeypatch.setattr(prepared, "FEWEST_JOURNEYS", 1)
+    monkeypatch.setattr(prepared, "run_parallel", lambda *_: pytest.fail("processes"))
+    monkeypatch.setattr(journeys, "ASSUMED_BYTES", 1)
+    monkeypatch.setattr(journeys, "JOURNEY_CACHE", JourneyCache(1000))
+    given = settings(two_rooms, threads=2)
+    batch: Any = gymnasium.make_vec(TASK, num_envs=2, **given)
+    assert len(batch.missing_journeys()) == 4
+    told: list[str] = []
+    prepare_journeys(TASK, batch, given, told.append)
+    assert told[-1] == "1 of 4 journeys made, the others when they are drawn"
+    assert batch.missing_journeys() == []
