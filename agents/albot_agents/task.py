@@ -9,8 +9,8 @@ import gymnasium
 from gymnasium.envs.registration import load_env_creator
 
 import albot_env
-from albot_agents.plain_data import Location, read_fields
 from albot_core.errors import InputError, did_you_mean
+from albot_core.plain_data import Location, read_fields
 
 assert albot_env.__doc__  # Importing it registers the environments.
 

@@ -8,6 +8,7 @@ from difflib import get_close_matches
 from typing import TypeVar
 
 from albot_core.errors import InputError
+from albot_core.sensing.reading import Sensor
 from albot_env.sim.laser import LASERS, LMS_200, LaserConfig
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
 from albot_env.sim.scenes import SCENES, SceneConfig
@@ -31,6 +32,16 @@ class Sensors:
     """Places and errors of the sonars; None without sonars."""
     scenes: SceneConfig | None = None
     """How scenes are numbered and seen; None without a camera."""
+
+    @property
+    def available(self) -> frozenset[Sensor]:
+        """Which sensors the robot carries besides the odometer."""
+        sensors: set[Sensor] = {"laser"}
+        if self.sonar is not None:
+            sensors.add("sonar")
+        if self.scenes is not None:
+            sensors.add("scene")
+        return frozenset(sensors)
 
 
 def choose_sensors(

@@ -12,8 +12,8 @@ from importlib import resources
 from pathlib import Path
 
 from albot_core.errors import InputError, did_you_mean
+from albot_core.yaml_document import read_yaml
 from albot_maps.formats.world_file import parse_world, world_from_document
-from albot_maps.formats.yaml_document import read_yaml
 from albot_maps.generators.spec import PREFIX, parse_spec
 from albot_maps.world import World
 

@@ -20,6 +20,7 @@ from albot_cli.map_report import (
     score,
     warm_up,
 )
+from albot_cli.mappers import read_mapper_config
 from albot_cli.outputs import check_folder
 from albot_cli.progress import progress
 from albot_core.errors import InputError
@@ -34,17 +35,27 @@ from albot_core.logs.log import Log
 from albot_core.logs.reader import read_log, read_reference
 from albot_core.mappers.map_file import save_map
 from albot_core.mappers.mapper import PlaceMemory
-from albot_core.mappers.registry import make_mapper, mapper_names
+from albot_core.mappers.registry import (
+    check_sensors,
+    mapper_names,
+    mapper_spec,
+)
 
 _FILE = click.Path(path_type=Path)
 TRAJECTORY, SURFACES, PICTURE, MAP = "trajectory.tum", "surfaces.geojson", "map.png", "map.albot"
-NETWORK, EVENTS = "network.graphml", "events.txt"
+NETWORK, EVENTS, CORRECTED = "network.graphml", "events.txt", "corrected.tum"
 """The names of the files that `--out` leaves."""
 
 
 @click.command()
 @click.argument("log", type=_FILE)
 @click.option("--mapper", default="albot1", show_default=True, help=f"{', '.join(mapper_names())}.")
+@click.option(
+    "--mapper-config",
+    "mapper_config_file",
+    type=_FILE,
+    help="YAML file of the mapper's thresholds that differ from its default ones.",
+)
 @click.option(
     "--reference",
     type=_FILE,
@@ -64,6 +75,7 @@ NETWORK, EVENTS = "network.graphml", "events.txt"
 def command(
     log: Path,
     mapper: str,
+    mapper_config_file: Path | None,
     reference: Path | None,
     relations: Path | None,
     out: Path | None,
@@ -76,7 +88,8 @@ def command(
     LOG is a CARMEN, Wean Hall, Duke or JSON log, plain or packed (.gz, .xz). The seconds
     reported are those of the mapper's updates alone, compiling excluded.
     """
-    make_mapper(mapper)
+    spec = mapper_spec(mapper)
+    thresholds = read_mapper_config(spec, mapper_config_file)
     if out is not None:
         check_folder(out)
     recorded = read_log(log, keep_going)
@@ -86,11 +99,13 @@ def command(
     true_relations = read_relations(relations) if relations else None
     odometry = score(recorded.odometry_trajectory, truth, true_relations)
     _check_stamps(recorded, odometry, reference, relations)
-    warm_up(mapper, recorded)
+    check_sensors(spec, recorded.sensors, recorded.name)
+    warm_up(mapper, thresholds, recorded)
     with progress(f"{mapper} on {recorded.name}", len(recorded.readings), "scans") as tell:
-        run = run_mapper(mapper, recorded, tell)
+        run = run_mapper(mapper, thresholds, recorded, tell)
     mapped = score(run.believed, truth, true_relations)
-    figures = report(recorded, run, mapped, odometry)
+    corrected = None if run.corrected is None else score(run.corrected, truth, true_relations)
+    figures = report(recorded, run, mapped, corrected, odometry)
     if recognition:
         figures["recognition"] = recognition_figures(recorded, truth, run.believed)
     title = f"{mapper} on {recorded.name}"
@@ -128,6 +143,9 @@ def write_files(
     names = {"trajectory": TRAJECTORY, "surfaces": SURFACES, "picture": PICTURE, "map": MAP}
     try:
         write_tum(run.believed, beside / TRAJECTORY)
+        if run.corrected is not None:
+            write_tum(run.corrected, beside / CORRECTED)
+            names["corrected"] = CORRECTED
         snapshot = run.mapper.snapshot()
         write_geojson(snapshot, beside / SURFACES)
         if snapshot.place_graph.nodes:

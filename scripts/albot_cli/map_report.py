@@ -24,7 +24,7 @@ from albot_core.evaluation.trajectory import (
 )
 from albot_core.geometry.types import Poses
 from albot_core.logs.log import Log
-from albot_core.mappers.mapper import Mapper
+from albot_core.mappers.mapper import CorrectedTrajectory, Mapper
 from albot_core.mappers.registry import make_mapper
 
 _WARM_UP = 2500
@@ -43,8 +43,9 @@ class MappingRun:
     """The mapper at the end of the log."""
     believed: Trajectory
     """Where it believed the robot to be, scan by scan, in its map's frame."""
-    updates: int
-    """How many scans it has added to its map."""
+    corrected: Trajectory | None
+    """Where it believes at the end that the robot was, scan by scan; None where it corrects no
+    earlier pose."""
     seconds: float
     """Time spent in its updates alone: no reading of files, no compiling, no drawing."""
 
@@ -57,34 +58,38 @@ class Score:
     relations: RelationError | None
 
 
-def warm_up(name: str, log: Log) -> None:
+def warm_up(name: str, config: Any, log: Log) -> None:
     """Lead a mapper through the log's beginning, so that the next finds its code compiled."""
-    mapper = make_mapper(name)
+    mapper = make_mapper(name, config=config)
     for reading in log.readings[:_WARM_UP]:
         mapper.update(reading)
 
 
-def run_mapper(name: str, log: Log, tell: Callable[[int], None]) -> MappingRun:
+def run_mapper(name: str, config: Any, log: Log, tell: Callable[[int], None]) -> MappingRun:
     """Lead a fresh mapper through the log.
 
     Args:
         name: The mapper's name.
+        config: Its thresholds (see `make_mapper`).
         log: What the robot sensed.
         tell: Is called now and then with the number of scans done.
     """
-    mapper = make_mapper(name)
+    mapper = make_mapper(name, config=config)
     poses = np.empty((len(log.readings), 3))
-    seconds, updates = 0.0, 0
+    seconds = 0.0
     for number, reading in enumerate(log.readings):
         begin = time.perf_counter()
-        updates += mapper.update(reading)
+        mapper.update(reading)
         seconds += time.perf_counter() - begin
         poses[number] = mapper.estimate.pose
         if number % _TELL_EVERY == 0:
             tell(number)
     tell(len(log.readings))
+    corrected = None
+    if isinstance(mapper, CorrectedTrajectory):
+        corrected = Trajectory(stamps=log.stamps, poses=mapper.corrected_poses())
     believed = Trajectory(stamps=log.stamps, poses=poses)
-    return MappingRun(mapper=mapper, believed=believed, seconds=seconds, updates=updates)
+    return MappingRun(mapper=mapper, believed=believed, corrected=corrected, seconds=seconds)
 
 
 def score(
@@ -97,8 +102,14 @@ def score(
     )
 
 
-def report(log: Log, run: MappingRun, mapped: Score, odometry: Score) -> dict[str, Any]:
-    """The run in figures; None where a figure is not known."""
+def report(
+    log: Log, run: MappingRun, mapped: Score, corrected: Score | None, odometry: Score
+) -> dict[str, Any]:
+    """The run in figures; None where a figure is not known.
+
+    `ate_rmse_m` and `relations` are those of the poses that the mapper believed online, scan by
+    scan; `corrected_…` those of the poses that it believes at the end, of one that corrects them.
+    """
     scans, snapshot = len(log.readings), run.mapper.snapshot()
     return {
         "log": log.name,
@@ -107,12 +118,16 @@ def report(log: Log, run: MappingRun, mapped: Score, odometry: Score) -> dict[st
         "path_m": log.path_length,
         "seconds": run.seconds,
         "scans_per_second": scans / run.seconds,
-        "updates": run.updates,
+        "updates": run.mapper.estimate.updates,
         "surfaces": len(snapshot.segments),
         "places": len(snapshot.place_graph.nodes) or None,
         "ate_rmse_m": mapped.trajectory.rmse if mapped.trajectory else None,
+        "corrected_ate_rmse_m": (
+            corrected.trajectory.rmse if corrected and corrected.trajectory else None
+        ),
         "odometry_ate_rmse_m": odometry.trajectory.rmse if odometry.trajectory else None,
         "relations": _relations(mapped.relations),
+        "corrected_relations": _relations(corrected.relations) if corrected else None,
         "odometry_relations": _relations(odometry.relations),
         "map_entropy": _entropy(log, run.believed.poses),
         "odometry_map_entropy": _entropy(log, log.odometry),
@@ -121,6 +136,8 @@ def report(log: Log, run: MappingRun, mapped: Score, odometry: Score) -> dict[st
 
 
 def _entropy(log: Log, poses: Poses) -> float | None:
+    if log.ranges is None:
+        return None
     scans = [reading.required_laser("map entropy") for reading in log.readings]
     return mean_map_entropy(scan_cloud(scans, poses))
 
@@ -170,6 +187,8 @@ def _comparison(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
     mine, its = figures["ate_rmse_m"], figures["odometry_ate_rmse_m"]
     if mine is not None:
         rows.append(("trajectory error, ATE rmse", f"{mine:.2f} m", f"{its:.2f} m"))
+    if (corrected := figures["corrected_ate_rmse_m"]) is not None:
+        rows.append(("… of the corrected poses", f"{corrected:.2f} m", ""))
     mine, its = figures["relations"], figures["odometry_relations"]
     if mine is not None:
         over = f"over {mine['count']} relations"

@@ -14,8 +14,10 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
+from albot_cli.mappers import read_mapper_config
 from albot_cli.outputs import check_file, check_png
 from albot_core.errors import InputError
+from albot_core.mappers.registry import mapper_spec
 from albot_env.rendering.frame import Frame
 
 if TYPE_CHECKING:
@@ -27,7 +29,17 @@ if TYPE_CHECKING:
 
 SENSORS = ("laser", "odometer", "sonar", "scenes")
 """Options that choose a sensor's preset, named as the environment's arguments."""
-RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "record", "no_movables", *SENSORS)
+RUN_ONLY = (
+    "world",
+    "mapper",
+    "mapper_config",
+    "agent",
+    "seed",
+    "steps",
+    "record",
+    "no_movables",
+    *SENSORS,
+)
 """Options that a recorded episode has already decided."""
 
 
@@ -40,6 +52,11 @@ RUN_ONLY = ("world", "mapper", "agent", "seed", "steps", "record", "no_movables"
     help="World: a name, a file or random:KIND:SEED.",
 )
 @click.option("--mapper", default="albot1", show_default=True, help="See `albot mappers`.")
+@click.option(
+    "--mapper-config",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="YAML file of the mapper's thresholds that differ from its default ones.",
+)
 @click.option(
     "--agent",
     default="gap-explorer",
@@ -140,6 +157,7 @@ def _run(
     *,
     world: str,
     mapper: str,
+    mapper_config: Path | None,
     agent: str,
     seed: int,
     steps: int,
@@ -160,6 +178,8 @@ def _run(
     from albot_env.tasks.explore.env import ExploreEnv
 
     settings = {"world": world, "mapper": mapper, "movables": not no_movables, **sensors}
+    if mapper_config is not None:
+        settings["mapper_config"] = read_mapper_config(mapper_spec(mapper), mapper_config)
     check_agent(agent, ExploreEnv.task.environment)
     settings = find_agent(agent).environment(ExploreEnv.task.environment, settings)
     env = gymnasium.make(ExploreEnv.task.environment, max_episode_steps=steps, **settings)

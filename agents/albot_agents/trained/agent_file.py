@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from albot_agents.plain_data import Location, read_config, read_fields, to_plain
 from albot_agents.task import config_kind, for_one, read_settings, task_names
 from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import TrainingPlan
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
+from albot_core.plain_data import Location, read_config, read_fields, to_plain
+from albot_core.yaml_document import shown
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_maps.formats.yaml_document import shown
 
 FORMAT = ArchiveFormat(name="albot-agent", version=1, kind="agent file", largest=1 << 24)
 SUFFIX = ".albot"

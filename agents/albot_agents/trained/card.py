@@ -9,10 +9,10 @@ from typing import Any
 
 import yaml
 
-from albot_agents.plain_data import merged, to_plain
 from albot_agents.trained.agent_file import AgentFile
 from albot_core.errors import InputError
 from albot_core.files import read_bytes, replacing, write_text
+from albot_core.plain_data import merged, to_plain
 
 _FIGURES = {
     "success_rate": "success",

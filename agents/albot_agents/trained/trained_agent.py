@@ -11,10 +11,10 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete, Space
 
 from albot_agents.agent import Action
-from albot_agents.plain_data import differences, to_plain
 from albot_agents.trained.agent_file import SUFFIX, AgentFile
 from albot_agents.trained.network import CANDIDATES, Network
 from albot_core.errors import InputError
+from albot_core.plain_data import differences, to_plain
 from albot_env.tasks.core.observation import ObservationConfig
 
 _FOLDER = Path(str(resources.files("albot_agents.trained")))

@@ -17,7 +17,6 @@ import torch
 from gymnasium import spaces
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
-from albot_agents.plain_data import Location, read_fields, read_value
 from albot_agents.task import for_one
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings
 from albot_agents.trained.network import CANDIDATES, NetworkConfig
@@ -25,6 +24,7 @@ from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import stage_settings
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
+from albot_core.plain_data import Location, read_fields, read_value
 
 FORMAT = ArchiveFormat(name="albot-checkpoint", version=1, kind="checkpoint", largest=1 << 30)
 SUFFIX = ".checkpoint"

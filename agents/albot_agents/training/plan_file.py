@@ -11,12 +11,12 @@ from typing import Any
 import gymnasium
 import yaml
 
-from albot_agents.plain_data import Location, merged, read_config, to_plain
 from albot_agents.task import check_task, read_settings
 from albot_agents.training.plan import StagePlan, TrainingPlan
 from albot_core.errors import InputError
 from albot_core.files import write_text
-from albot_maps.formats.yaml_document import YamlDocument, read_yaml
+from albot_core.plain_data import Location, merged, read_config, to_plain
+from albot_core.yaml_document import YamlDocument, read_yaml
 
 _SHIPPED = resources.files("albot_agents.training") / "configs"
 _MEMORY = Location("training plan")

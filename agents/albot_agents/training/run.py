@@ -12,7 +12,6 @@ from stable_baselines3.common.logger import Logger, TensorBoardOutputFormat
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from torch.utils.tensorboard import SummaryWriter
 
-from albot_agents.plain_data import Location, read_fields
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts
 from albot_agents.training.checkpoint import (
     AgentExporter,
@@ -28,6 +27,7 @@ from albot_agents.training.learner import make_learner
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.run_files import EpisodeLog, RunFolder, machine_facts
 from albot_core.errors import InputError
+from albot_core.plain_data import Location, read_fields
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 _RUN = {"stage": int, "stage_began": int, "monitor": int, "seconds": float, "episodes": int}

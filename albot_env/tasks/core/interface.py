@@ -40,6 +40,7 @@ class TaskInterface(Generic[Robots]):
         *,
         threads: int = 1,
         mapper: str = "albot1",
+        mapper_config: Any = None,
         odometer: str = "pioneer",
         laser: str = "lms-200",
         sonar: str = "pioneer",
@@ -59,6 +60,7 @@ class TaskInterface(Generic[Robots]):
             )
         equipment = equip(
             mapper=mapper,
+            mapper_config=mapper_config,
             odometer=odometer,
             laser=laser,
             sonar=sonar,

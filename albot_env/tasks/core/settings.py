@@ -13,8 +13,9 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_core.mappers.mapper import MapperBatch
-from albot_core.mappers.registry import make_mappers
+from albot_core.mappers.mapper import Mapper, MapperBatch
+from albot_core.mappers.registry import check_sensors, make_mapper, make_mappers, mapper_spec
+from albot_core.mappers.registry import mapper_config as full_config
 from albot_env.sim import Sensors, choose_sensors
 from albot_maps import World, WorldSet
 
@@ -34,6 +35,8 @@ class CommonSettings(TypedDict, total=False):
 
     mapper: str
     """Name of the mapper inside (`albot1`), or `none`: the robot only adds up its odometer."""
+    mapper_config: Any
+    """The mapper's thresholds: its config, or a mapping of what differs from its default one."""
     odometer: str
     """Name of the odometer's preset (`pioneer`; `albot_env.sim.ODOMETERS`)."""
     laser: str
@@ -114,6 +117,8 @@ class Equipment:
 
     mapper: str
     """Name of the mapper inside each, or `none`."""
+    mapper_config: Any = None
+    """Its thresholds (see `make_mapper`); None for its default ones."""
     sensors: Sensors
     """What each senses with."""
     movables: bool = True
@@ -126,19 +131,27 @@ class Equipment:
         """The mappers of so many robots; None where they have none.
 
         Raises:
-            InputError: There is no such mapper.
+            InputError: There is no such mapper, or its config is none.
         """
         if self.mapper == NO_MAPPER:
             return None
-        try:
-            return make_mappers(self.mapper, robots)
-        except InputError as error:
-            raise InputError("mapper", f"{NO_MAPPER} or {error.expected}", error.found) from None
+        return make_mappers(self.mapper, robots, config=self.mapper_config)
+
+    def single_mapper(self, rng: np.random.Generator) -> Mapper | None:
+        """The mapper of a robot that is alone; None where it has none.
+
+        Raises:
+            InputError: As for `mappers`.
+        """
+        if self.mapper == NO_MAPPER:
+            return None
+        return make_mapper(self.mapper, config=self.mapper_config, rng=rng)
 
 
 def equip(
     *,
     mapper: str,
+    mapper_config: Any,
     odometer: str,
     laser: str,
     sonar: str,
@@ -149,14 +162,33 @@ def equip(
     """The equipment of these names.
 
     Raises:
-        InputError: There is no such sensor, or `movables` is neither true nor false.
+        InputError: There is no such sensor or mapper, the mapper's config is none, it needs a
+            sensor that the robot lacks, or `movables` is neither true nor false.
     """
     if not isinstance(movables, bool | np.bool_):
         raise InputError("movables", "True or False", repr(movables))
     sensors = choose_sensors(
         laser=laser, odometer=odometer, sonar=sonar, scenes=scenes, source="sensors"
     )
-    return Equipment(mapper=mapper, sensors=sensors, movables=movables, threads=threads)
+    if mapper == NO_MAPPER:
+        if mapper_config is not None:
+            found = repr(mapper_config)
+            raise InputError("mapper_config", "None, for a robot without a mapper", found)
+    else:
+        try:
+            spec = mapper_spec(mapper)
+        except InputError as error:
+            raise InputError("mapper", f"{NO_MAPPER} or {error.expected}", error.found) from None
+        check_sensors(spec, sensors.available, "the robot's sensors")
+        # Always as a whole: journeys are known by what the robots set out with.
+        mapper_config = full_config(spec, mapper_config)
+    return Equipment(
+        mapper=mapper,
+        mapper_config=mapper_config,
+        sensors=sensors,
+        movables=movables,
+        threads=threads,
+    )
 
 
 def choose_world(

@@ -16,14 +16,12 @@ from jaxtyping import Float32, Float64
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.mapper import Mapper, PlaceMemory
-from albot_core.mappers.registry import make_mapper
 from albot_core.maps.layers import EMPTY_MAP, MapSnapshot
 from albot_core.matching.lines import MatchConfig, match_lines, merge_lines
 from albot_core.matching.panorama import Panorama, match_panoramas
 from albot_core.matching.submaps import longest_lines
 from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import ViewConfig, construct_view
-from albot_env.tasks.core.settings import NO_MAPPER
 from albot_env.tasks.place_recognition.spaces import FEATURES
 
 FARTHEST = 50.0
@@ -65,18 +63,11 @@ class PlaceDatabase:
     """Follows a robot by its readings and notes down where it arrives.
 
     Args:
-        mapper: Name of the mapper inside, or `none`.
-        rng: From which the mapper's random numbers are derived.
-
-    Raises:
-        InputError: There is no such mapper.
+        mapper: The mapper inside; None for none.
     """
 
-    def __init__(self, mapper: str, rng: np.random.Generator | None = None) -> None:
-        stream = None if rng is None else rng.spawn(1)[0]
-        self._mapper: Mapper | None = None
-        if mapper != NO_MAPPER:
-            self._mapper = make_mapper(mapper, rng=stream)
+    def __init__(self, mapper: Mapper | None) -> None:
+        self._mapper = mapper
         self._belief = np.zeros(3)
         self._way = 0.0
         self._begun = False

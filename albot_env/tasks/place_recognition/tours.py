@@ -112,14 +112,13 @@ class Tours(Journeys[Tour]):
         count: How many different ones there are from a start; 0 for a new one each time.
 
     Raises:
-        InputError: There are fewer journeys than none, or there is no such mapper.
+        InputError: There are fewer journeys than none.
     """
 
     def __init__(
         self, environment: str, equipment: Equipment, config: TourConfig, count: int
     ) -> None:
         super().__init__(environment, (replace(equipment, threads=1), config), count)
-        PlaceDatabase(equipment.mapper)  # There is such a mapper.
         self._equipment = equipment
         self._config = config
         self._stops: OrderedDict[int, StoppingRooms] = OrderedDict()
@@ -164,7 +163,7 @@ class _Guide:
     ) -> None:
         self._world = world
         self._simulator = Simulator(world, sensors=equipment.sensors, movables=False)
-        self._places = PlaceDatabase(equipment.mapper, rng)
+        self._places = PlaceDatabase(equipment.single_mapper(rng.spawn(1)[0]))
         self._places.follow(self._simulator.reset(rng, start))
         self._path_length = 0.0
         self._collided = False

@@ -11,13 +11,20 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory, path_length
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Poses, Ranges
-from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
+from albot_core.sensing.reading import (
+    LaserGeometry,
+    LaserScan,
+    Reading,
+    Sensor,
+    SonarGeometry,
+    SonarScan,
+)
 
 NO_RETURN = 30.0
 """Ranges at and beyond this (m) are taken for none: a SICK LMS sees no farther, and writes
@@ -57,14 +64,20 @@ class Log:
 
     name: str
     """The file's name."""
-    geometry: LaserGeometry
-    """Where the laser's beams point."""
+    geometry: LaserGeometry | None
+    """Where the laser's beams point; None in a log without a laser."""
     stamps: Float64[np.ndarray, "scans"]
     """Time of every scan (s), never falling; the scan's number where the log has no clock."""
-    ranges: Float64[np.ndarray, "scans beams"]
-    """Distance along every beam (m); infinity where nothing came back."""
+    ranges: Float64[np.ndarray, "scans beams"] | None
+    """Distance along every beam (m), infinity where nothing came back; None without a laser."""
     odometry: Poses
     """The odometer's pose at every scan, in the odometer's frame."""
+    sonar: SonarGeometry | None = None
+    """Where the sonars sit and point; None in a log without."""
+    echoes: Float64[np.ndarray, "scans sonars"] | None = None
+    """The sonars' ranges at every scan (m); None in a log without."""
+    scenes: Int64[np.ndarray, "scans"] | None = None
+    """The visual scene at every scan, -1 where none is seen; None in a log without."""
     reference: Poses | None = None
     """The robot's corrected pose at every scan, where the log holds one."""
     left_out: LeftOut | None = None
@@ -75,14 +88,28 @@ class Log:
         """A reading for every scan; the first one's motion is none."""
         motions = np.zeros_like(self.odometry)
         motions[1:] = relative(self.odometry[:-1], self.odometry[1:])
-        return [
-            Reading(
-                stamp=float(stamp),
-                motion=motion,
-                laser=LaserScan(ranges=ranges, geometry=self.geometry),
-            )
-            for stamp, motion, ranges in zip(self.stamps, motions, self.ranges, strict=True)
-        ]
+        return [self._reading(scan, motion) for scan, motion in enumerate(motions)]
+
+    def _reading(self, scan: int, motion: Pose) -> Reading:
+        laser, sonar, scene = None, None, None
+        if self.geometry is not None and self.ranges is not None:
+            laser = LaserScan(ranges=self.ranges[scan], geometry=self.geometry)
+        if self.sonar is not None and self.echoes is not None:
+            sonar = SonarScan(ranges=self.echoes[scan], geometry=self.sonar)
+        if self.scenes is not None and self.scenes[scan] >= 0:
+            scene = int(self.scenes[scan])
+        stamp = float(self.stamps[scan])
+        return Reading(stamp=stamp, motion=motion, laser=laser, sonar=sonar, scene=scene)
+
+    @property
+    def sensors(self) -> frozenset[Sensor]:
+        """Which sensors the log holds besides the odometer."""
+        held: dict[Sensor, object] = {
+            "laser": self.ranges,
+            "sonar": self.sonar,
+            "scene": self.scenes,
+        }
+        return frozenset(sensor for sensor, recorded in held.items() if recorded is not None)
 
     @property
     def path_length(self) -> float:
@@ -197,7 +224,9 @@ def with_noise(log: Log, rng: np.random.Generator) -> Log:
 
     How a mapper's error varies over such copies tells how much of it on one real log is luck.
     """
-    ranges = np.abs(log.ranges + rng.normal(0.0, RANGE_NOISE, log.ranges.shape))
+    ranges = log.ranges
+    if ranges is not None:
+        ranges = np.abs(ranges + rng.normal(0.0, RANGE_NOISE, ranges.shape))
     motions = relative(log.odometry[:-1], log.odometry[1:])
     motions += rng.normal(size=motions.shape) * MOTION_NOISE
     odometry = [log.odometry[0]]

@@ -1,4 +1,4 @@
-"""A mapper's whole memory as one file: the mapper's name and every array of its state."""
+"""A mapper's whole memory as one file: its name, its config and every array of its state."""
 
 from __future__ import annotations
 
@@ -6,21 +6,27 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
 from albot_core.mappers.mapper import Mapper
-from albot_core.mappers.registry import MAPPERS, make_mapper
+from albot_core.mappers.registry import MAPPERS, make_mapper, mapper_config, mapper_spec
+from albot_core.plain_data import Location, changed_fields
+from albot_core.yaml_document import YamlDocument
 
 FORMAT = "albot-map"
-VERSION = 4
+VERSION = 5
 
 _FILE = ArchiveFormat(name=FORMAT, version=VERSION, kind="map file", largest=1 << 30)
 
 
 def save_map(mapper: Mapper, path: str | Path) -> None:
     """Write all that `mapper` remembers to `path`, whole or not at all."""
-    _FILE.write(Path(path), {"mapper": mapper.spec.name}, mapper.state())
+    spec = mapper.spec
+    changed = changed_fields(mapper.config, mapper_config(spec))
+    header = {"mapper": spec.name, "config": yaml.safe_dump(changed)}
+    _FILE.write(Path(path), header, mapper.state())
 
 
 def load_map(path: str | Path) -> Mapper:
@@ -32,7 +38,12 @@ def load_map(path: str | Path) -> Mapper:
     """
     path = Path(path)
     header, state = _FILE.read(path)
-    mapper = make_mapper(_mapper_name(path, header))
+    name, text = _mapper_name(path, header), header.get("config")
+    if not isinstance(text, str):
+        raise InputError(path, "the mapper's config as YAML", repr(text), place=HEADER)
+    document = YamlDocument(text, f"{path}, {HEADER}, config")
+    where = Location(f"{path}, {HEADER}, config", place=document.place)
+    mapper = make_mapper(name, config=mapper_config(mapper_spec(name), document.data, where))
     _check_state(path, mapper, state)
     mapper.restore(state)
     return mapper

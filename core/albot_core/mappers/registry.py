@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
 
-from albot_core.errors import InputError
+from albot_core.errors import InputError, did_you_mean
 from albot_core.mappers.looped import LoopedMappers
 from albot_core.mappers.mapper import Mapper, MapperBatch, MapperSpec
+from albot_core.plain_data import Location, read_config
 from albot_core.sensing.reading import Sensor
 
 _HOSSAIN = "Hossain, How Albot1 computes its perceptual map, PhD thesis, AUT 2014"
@@ -88,10 +89,27 @@ def mapper_spec(name: str) -> MapperSpec:
             raise InputError("mapper", expected, f"{name!r} ({error})") from None
     spec = MAPPERS.get(last)
     if spec is None:
-        near = difflib.get_close_matches(last, MAPPERS, n=1, cutoff=0.5)
-        hint = f" (did you mean {near[0]}?)" if near else ""
-        raise InputError("mapper", f"one of {', '.join(MAPPERS)}", f"{last!r}{hint}")
+        found = f"{last!r}{did_you_mean(last, MAPPERS)}"
+        raise InputError("mapper", f"one of {', '.join(MAPPERS)}", found)
     return spec
+
+
+def check_sensors(spec: MapperSpec, available: Collection[Sensor], source: object) -> None:
+    """Refuse a mapper that needs a sensor which is not there.
+
+    Args:
+        spec: The mapper.
+        available: The sensors that there are.
+        source: Whose they are, for the error: an environment or a log.
+
+    Raises:
+        InputError: One is missing; the message names it.
+    """
+    missing = sorted(spec.sensors - set(available))
+    if missing:
+        expected = f"a mapper that needs no more than {', '.join(sorted(available)) or 'odometry'}"
+        found = f"{spec.name}, which needs {', '.join(missing)}"
+        raise InputError(source, expected, found, place="mapper")
 
 
 def make_mapper(name: str, *, config: Any = None, rng: np.random.Generator | None = None) -> Mapper:
@@ -99,7 +117,8 @@ def make_mapper(name: str, *, config: Any = None, rng: np.random.Generator | Non
 
     Args:
         name: See `mapper_spec`.
-        config: Its thresholds, of its own config class; the default ones where none is given.
+        config: Its thresholds: of its own config class, or as a mapping of those that differ from
+            the default ones.
         rng: Where it draws its random numbers; a generator of seed 0 where none is given.
 
     Raises:
@@ -126,22 +145,27 @@ def make_mappers(name: str, count: int, *, config: Any = None) -> MapperBatch:
     return mappers
 
 
-def mapper_config(spec: MapperSpec, config: Any = None) -> Any:
+def mapper_config(spec: MapperSpec, config: Any = None, where: Location | None = None) -> Any:
     """The thresholds that a mapper gets.
 
     Args:
         spec: Which mapper.
-        config: A config of its class; its default where None.
+        where: Where the config stands, for errors.
+        config: A config of its class; or a mapping, as YAML gives it, of what differs from its
+            default; or None for that.
 
     Raises:
-        InputError: The config is of another kind.
+        InputError: The config is of another kind, or the mapping holds a key that is no threshold
+            or a value that it does not take; the message names it.
     """
     default = _load(spec.config)()
     if config is None:
         return default
+    where = Location(f"mapper {spec.name}, config") if where is None else where
+    if isinstance(config, Mapping):
+        return read_config(type(default), config, where, default)
     if not isinstance(config, type(default)):
-        expected = f"a {type(default).__name__}"
-        raise InputError(f"mapper {spec.name}, config", expected, repr(config))
+        raise InputError(where.source, f"a {type(default).__name__} or a mapping", repr(config))
     return config
 
 

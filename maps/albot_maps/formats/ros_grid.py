@@ -21,7 +21,7 @@ from albot_core.errors import InputError
 from albot_core.files import read_bytes
 from albot_core.geometry.poses import transform_points, transform_segments
 from albot_core.geometry.types import Pose, Segments
-from albot_maps.formats.yaml_document import YamlDocument, shown
+from albot_core.yaml_document import YamlDocument, shown
 from albot_maps.world import ROBOT_RADIUS, World
 
 Cells = Bool[np.ndarray, "rows columns"]

@@ -20,7 +20,7 @@ from jsonschema.exceptions import ValidationError, best_match
 
 from albot_core.errors import InputError, did_you_mean
 from albot_core.geometry.types import Points, Pose, Segments
-from albot_maps.formats.yaml_document import YamlDocument, shown
+from albot_core.yaml_document import YamlDocument, shown
 from albot_maps.movables import Box, Door, Movables, Walker
 from albot_maps.world import LARGEST_COORDINATE, METRES, SHORTEST_WALL, Exit, Room, World
 

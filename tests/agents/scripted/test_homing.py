@@ -114,4 +114,4 @@ def test_where_no_way_is_shown_it_makes_straight_for_home() -> None:
     env = gymnasium.make("Albot/Explore-v0", world="square-loop", mapper="odometry")
     agent = make_agent("albot1-homing", env.get_wrapper_attr("observing"))
     observation, info = begin_episode(env, agent, 1)
-    assert np.array_equal(choose_action(agent, observation, info), [0, 0])
+    assert np.array_equal(choose_action(agent, observation, info), [0, 0, 1])

@@ -17,13 +17,13 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from albot_agents.agent import begin_episode, choose_action
-from albot_agents.plain_data import to_plain
 from albot_agents.registry import find_agent, make_agent
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, read_agent
 from albot_agents.trained.card import read_evaluation, write_card
 from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
 from albot_core.errors import InputError
+from albot_core.plain_data import to_plain
 from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.homing.task import HomingConfig
 from tests.env.quick import STROLL

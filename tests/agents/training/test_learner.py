@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from albot_agents.agent import begin_episode, choose_action
-from albot_agents.plain_data import merged
 from albot_agents.registry import find_agent, make_agent
 from albot_agents.trained.agent_file import read_agent
 from albot_agents.trained.card import write_card
 from albot_agents.training.run import TrainingRun
 from albot_core.errors import InputError
+from albot_core.plain_data import merged
 from albot_env.tasks.core.observation import ObservationConfig
 from tests.agents.training.tiny import SMALL, begun
 

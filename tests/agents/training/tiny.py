@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from albot_agents.plain_data import merged
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import read_plan
 from albot_agents.training.run_files import RunFolder
 from albot_core.files import write_text
+from albot_core.plain_data import merged
 
 TASK = "Albot/Homing-v0"
 SMALL: dict[str, Any] = {

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from albot_core.errors import InputError
+from albot_core.mappers.registry import make_mapper
 from albot_core.sensing.reading import Reading
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
@@ -164,7 +165,7 @@ def test_observations_are_a_function_of_the_readings_alone(
     env = _make(two_rooms, mapper="albot1", config=config, observation="dict")
     journeys.JOURNEY_CACHE.clear()  # It is made before our eyes.
     seen = [env.reset(seed=1)[0], env.step(0)[0]]
-    places, again = PlaceDatabase("albot1"), []
+    places, again = PlaceDatabase(make_mapper("albot1")), []
     for act, what in recorded:
         found = getattr(places, act)(what)
         again += [] if found is None else [found]

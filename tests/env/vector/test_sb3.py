@@ -23,8 +23,8 @@ def test_an_episode_s_end_tells_how_it_ended_and_what_was_seen_last() -> None:
     seen, _ = single.reset(seed=9)
     np.testing.assert_array_equal(first[1], seen)
     for step in range(1, 7):
-        observations, rewards, dones, infos = env.step(np.full((2, 2), 0.3, np.float32))
-        seen, reward, _, _, info = single.step(np.full(2, 0.3, np.float32))
+        observations, rewards, dones, infos = env.step(np.full((2, 3), 0.3, np.float32))
+        seen, reward, _, _, info = single.step(np.full(3, 0.3, np.float32))
         assert rewards[1] == np.float32(reward)
         assert dones.tolist() == [step == 6] * 2
         if step < 6:

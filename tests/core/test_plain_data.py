@@ -6,7 +6,6 @@ import json
 
 import pytest
 
-from albot_agents.plain_data import Location, differences, merged, read_config, read_value, to_plain
 from albot_agents.task import (
     batch_settings,
     check_task,
@@ -16,6 +15,7 @@ from albot_agents.task import (
     task_names,
 )
 from albot_core.errors import InputError
+from albot_core.plain_data import Location, differences, merged, read_config, read_value, to_plain
 from albot_env.tasks.core.observation import ObservationConfig
 
 WHERE = Location("a.yml")

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar, get_args, get_origin
 
 from albot_core.errors import InputError, did_you_mean
-from albot_maps.formats.yaml_document import Steps, dotted, shown
+from albot_core.yaml_document import Steps, dotted, shown
 
 Config = TypeVar("Config")
 
@@ -174,6 +174,19 @@ def to_plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [to_plain(each) for each in value]
     return value
+
+
+def changed_fields(config: Any, default: Any) -> dict[str, Any]:
+    """The fields in which a configuration differs from another of its class, as plain data."""
+    changed: dict[str, Any] = {}
+    for each in dataclasses.fields(config):
+        mine, its = getattr(config, each.name), getattr(default, each.name)
+        if dataclasses.is_dataclass(mine) and type(mine) is type(its):
+            if inner := changed_fields(mine, its):
+                changed[each.name] = inner
+        elif mine != its:
+            changed[each.name] = float(mine) if isinstance(mine, float) else to_plain(mine)
+    return changed
 
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
