@@ -1,4 +1,10 @@
-"""One frame model, drawn in a window, in an image array, in the terminal and as a picture."""
+"""One frame model, drawn in a window, in an image array, in the terminal and as a picture.
+
+- `trace`, `frame`: an episode so far, and what can be drawn of its present moment,
+- `layers`, `shapes`, `scene`: a frame as shapes, which every renderer draws alike,
+- `window`, `canvas`, `terminal`, `picture`: the renderers; `viewer`: what shows frames,
+- `display`: whether there is a screen.
+"""
 
 import os
 

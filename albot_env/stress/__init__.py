@@ -1,1 +1,1 @@
-"""What must hold after every step of an episode, told from the outside."""
+"""What must hold after every step of an episode, checked from outside."""

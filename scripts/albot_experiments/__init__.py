@@ -1,1 +1,1 @@
-"""The papers' experiments: one a file, beside nothing but what they need."""
+"""The papers' experiments, one a file, and what they share."""

@@ -75,7 +75,7 @@ def and_on(tour: Float64[np.ndarray, "waypoints 2"]) -> Float64[np.ndarray, "tou
 
 
 def story(events: Iterable[Event]) -> tuple[Beat, ...]:
-    """What happened, but for the suspicions that were not confirmed."""
+    """What happened, without the candidates that were refused."""
     quiet = (EventKind.SET_OUT, EventKind.REFUSED)
     return tuple(
         (event.kind, f"P{event.place + 1}", f"P{event.other + 1}")

@@ -139,8 +139,8 @@ class PlaceDatabase:
         since, -1 for none.
         """
         apart = np.array((*(there.belief - here.belief)[:2], 0.0))
-        likeness = match_lines(here.surfaces, there.surfaces, apart, np.zeros(3), _MATCH)
-        found = match_panoramas(here.panorama, there.panorama, apart, likeness.pose)
+        line_match = match_lines(here.surfaces, there.surfaces, apart, np.zeros(3), _MATCH)
+        found = match_panoramas(here.panorama, there.panorama, apart, line_match.pose)
         turn = abs((found.pose[2] + math.pi) % (2 * math.pi) - math.pi)
         place = 0.0
         memory = self._mapper
@@ -154,8 +154,8 @@ class PlaceDatabase:
             found.sight / PAST,
             2 * float(np.hypot(*(found.pose - apart)[:2])) / SHIFT - 1,
             2 * turn / TURN - 1,
-            2 * likeness.matches / MATCHES - 1,
-            2 * likeness.share - 1,
+            2 * line_match.matches / MATCHES - 1,
+            2 * line_match.share - 1,
             place,
             2 / ago - 1,
             _logarithmic(here.way - there.way, 10.0, LONGEST),

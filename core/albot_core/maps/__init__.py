@@ -1,1 +1,1 @@
-"""The layers that a map can have."""
+"""Maps as data: the layers that a map can have, and the snapshot that holds them."""

@@ -1,1 +1,1 @@
-"""What a robot senses at a step, before any mapper has made something of it."""
+"""What a robot senses at a step: `reading`, and the `view` that a laser scan becomes."""
