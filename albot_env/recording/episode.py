@@ -78,20 +78,20 @@ class Moment:
 
 @runtime_checkable
 class Recorder(Protocol):
-    """Takes an episode down, moment by moment."""
+    """Records an episode, moment by moment."""
 
     def begin(self, header: EpisodeHeader) -> None:
         """Begin an episode."""
 
     def add(self, moment: Moment) -> None:
-        """Take down the next moment."""
+        """Record the next moment."""
 
     def close(self) -> None:
         """End the episode; may be called again."""
 
 
 class NullRecorder:
-    """Takes nothing down."""
+    """Records nothing."""
 
     def begin(self, header: EpisodeHeader) -> None:
         """Do nothing."""

@@ -10,7 +10,7 @@ from albot_core.geometry.types import Pose, Segments
 from albot_env.recording.schemas import PRIMITIVES
 
 Message = tuple[str, dict[str, Any]]
-"""A topic and what is said on it."""
+"""A topic, and a message's content."""
 
 
 def nanoseconds(stamp: float) -> int:

@@ -1,7 +1,7 @@
 """The layers of a map as messages, and back: one function a layer and direction.
 
-Of each layer an episode file says twice what it is: in `/albot/map` exactly, as `albot play` reads
-it, and on a topic of its own as Foxglove draws it.
+An episode file holds each layer twice: exactly, in `/albot/map`, which `albot play` reads; and on a
+topic of its own, as Foxglove draws it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ UNKNOWN = 255
 
 
 def map_messages(snapshot: MapSnapshot, stamp: float) -> Iterator[Message]:
-    """The messages that tell of a map at a moment (s)."""
+    """The messages of a map at a moment (s)."""
     for layer in snapshot.layers:
         yield f"/map/{layer.kind}", drawn_layer(layer, stamp)
     yield "/albot/map", {layer.kind: plain_layer(layer) for layer in snapshot.layers}

@@ -238,7 +238,7 @@ LAYER_SCHEMAS: dict[str, Schema] = {
     "particles": _strict("albot.Particles", poses=_list(_numbers(3)), weights=_list(NUMBER)),
     "trajectory": _strict("albot.Trajectory", poses=_list(_numbers(3))),
 }
-"""What is said of each kind of layer."""
+"""The schema of each kind of layer."""
 MAP = _object("albot.Map", **LAYER_SCHEMAS) | {
     "description": "The layers that the map has, by their kind, map frame."
 }

@@ -85,7 +85,7 @@ class EpisodeWriter:
 
     @contextmanager
     def _disk(self) -> Iterator[None]:
-        """Turn what the disk refuses into an error that says so; nothing more is written then."""
+        """Turn a failure to write into an InputError; nothing more is written after it."""
         try:
             yield
         except OSError as error:

@@ -178,5 +178,5 @@ class TerminalView:
         return True
 
     def close(self) -> None:
-        """Leave the last frame standing."""
+        """Stop drawing; the last frame stays."""
         self._live.stop()

@@ -15,14 +15,14 @@ class Viewer(Protocol):
         """Show a frame; false where the person watching has closed the viewer."""
 
     def close(self) -> None:
-        """Give the screen back."""
+        """Release the screen."""
 
 
 class NullViewer:
     """Shows nothing."""
 
     def show(self, frame: Frame) -> bool:
-        """Look away."""
+        """Show nothing."""
         return True
 
     def close(self) -> None:

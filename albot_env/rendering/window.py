@@ -24,7 +24,7 @@ _LOGGER = logging.getLogger(__name__)
 class Window:
     """A window of its own, resizable; closing it, Escape or Q end the show.
 
-    Without a display it is drawn all the same, and nobody sees it: so do gymnasium's own
+    Without a display it is drawn in memory, unseen. So do gymnasium's own
     environments, whose checks open every render mode wherever they run.
 
     Args:
@@ -50,7 +50,7 @@ class Window:
 
     @property
     def seen(self) -> bool:
-        """Whether it stands on a screen; what the environment names as one may be long gone."""
+        """Whether it is on a real screen: one that the environment variables name may be gone."""
         return pygame.display.get_driver() not in _UNSEEN
 
     def show(self, frame: Frame) -> bool:

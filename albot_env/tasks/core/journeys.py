@@ -1,8 +1,8 @@
 """Journeys that robots have behind them when an episode begins, and the cache that keeps them.
 
-A journey is a function of its world, start and number alone (and of what the robot set out
-with), whoever asks for it and when; so it may be kept and given to any robot, made again, or made
-in another process, without making any difference.
+A journey depends on its world, start and number alone (and on the robot's equipment), not on who
+asks for it or when. So it may be kept and given to any robot, made again, or made in another
+process: the result is the same.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def journey_bytes(journey: Any) -> int:
 
 
 class JourneyCache:
-    """The journeys that are kept. Each holds its world, whose id so is nobody else's.
+    """The journeys that are kept. Each holds its world, so that no other gets its id.
 
     A key begins with the kind of its journey.
 
@@ -128,7 +128,7 @@ class JourneyCache:
             return self.limit // max(1, self._heaviest.get(kind, ASSUMED_BYTES))
 
     def clear(self) -> None:
-        """Keep none any more."""
+        """Drop all."""
         with self._lock:
             self._kept.clear()
             self._heaviest.clear()
@@ -148,7 +148,7 @@ class Journeys(ABC, Generic[Kept]):
         count: How many different ones there are from a start; 0 for a new one each time.
 
     Raises:
-        InputError: There are fewer journeys than none.
+        InputError: The number of journeys is negative.
     """
 
     def __init__(self, environment: str, kind: tuple[Any, ...], count: int) -> None:

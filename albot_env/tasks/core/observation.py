@@ -41,13 +41,13 @@ PARTS = (
 )  # fmt: skip
 """All parts that there are, in the order in which they stand in the flat observation."""
 EXPLORE_AND_HOME_PARTS = tuple(part for part in PARTS if part not in ("shortcut", "onward"))
-"""What a robot is shown that is to explore and be home in time."""
+"""The parts shown in exploring and coming home."""
 HOMING_PARTS = tuple(
     part for part in EXPLORE_AND_HOME_PARTS if part not in ("frontier", "time_left")
 )
-"""What a robot is shown that is to find home: no time that does not press, no frontiers."""
+"""The parts shown in homing: the same without the time left and without frontiers."""
 DEFAULT_PARTS = tuple(part for part in HOMING_PARTS if part not in ("confidence", "exit", "way"))
-"""What others are shown: to find the way home costs time."""
+"""The parts shown in other tasks: without the way home, which takes computing time to find."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -49,8 +49,8 @@ class BatchedRobots:
         observations: How they observe.
 
     Raises:
-        InputError: There is no such mapper; or what is left of a time is to be observed where none
-            is given, or nothing at all.
+        InputError: There is no such mapper; or `time_left` is to be observed in a task without a
+            budget, or no part at all.
     """
 
     environment: ClassVar[str] = "BatchedRobots"
@@ -124,7 +124,7 @@ class BatchedRobots:
         """What each observes, in one row; after each `drive` another array."""
 
     def check_start(self, world: World, start: Pose) -> None:
-        """Refuse a start that is none.
+        """Raise InputError unless a robot can start there.
 
         Raises:
             InputError: It is not finite, too near to something, or nowhere that a robot can
@@ -155,7 +155,7 @@ class BatchedRobots:
         stats.before[row], stats.path_lengths[row] = start[:2], 0.0
 
     def episode_snapshot(self, row: int) -> EpisodeSnapshot:
-        """How a robot stands that is at rest, and all that it knows."""
+        """The state of a robot at rest, and all that it knows."""
         return EpisodeSnapshot(
             start=self.starts[row].copy(),
             path_length=float(self.path_lengths[row]),
@@ -169,7 +169,7 @@ class BatchedRobots:
     def restore(
         self, row: int, world: World, snapshot: EpisodeSnapshot, key: int | None = None
     ) -> None:
-        """Let a robot stand and know as another one did in this world; its steps count anew.
+        """Give a robot the state and knowledge that another one had in this world, at step 0.
 
         `key` decides the noise from now on; by default it is the one it had, and what comes next
         is what would have come, but that it begins an empty occupancy grid.
@@ -233,7 +233,7 @@ class BatchedRobots:
 
     @property
     def ended(self) -> Bool[np.ndarray, "robots"]:
-        """Whose episode is over by what it did."""
+        """Whose episode has ended by itself."""
         return self._never
 
     @property
@@ -259,7 +259,7 @@ class BatchedRobots:
         return self._simulator.readings(self.times)
 
     def close(self) -> None:
-        """Let the threads go."""
+        """Stop the threads."""
         self._threads.close()
 
     @property
@@ -378,14 +378,14 @@ class BatchedRobots:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EpisodeSnapshot:
-    """How a robot stands that is at rest, and all that it knows: all that matters from there on."""
+    """The state of a robot at rest and all that it knows: what its future depends on."""
 
     start: Pose
     """Where it set out (world frame)."""
     path_length: float
     """How far it has driven since (m)."""
     body: RobotSnapshot
-    """How it stands."""
+    """Its body, sensors and obstacles."""
     progress: ProgressSnapshot
     """What it has covered and entered."""
     belief: Pose

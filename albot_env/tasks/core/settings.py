@@ -1,4 +1,4 @@
-"""What environments are told: settings by name, and the options of a reset."""
+"""The settings of environments, by name, and the options of a reset."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ Worlds = str | Path | World | WorldSet
 DEFAULT_WORLD = "office-ring"
 """The world where none is named."""
 NO_MAPPER = "none"
-"""Name of the mapper that is none: the belief is the odometer's, and nothing is remembered."""
+"""The name for no mapper: the belief is the odometer's, and there is no map."""
 
 
 class CommonSettings(TypedDict, total=False):
@@ -203,7 +203,7 @@ def choose_world(
         environment: Id of the environment, for the errors.
 
     Raises:
-        InputError: Another option than `world` and `start`, or a world that is none.
+        InputError: Another option than `world` and `start`, or there is no such world.
     """
     if not isinstance(options, Mapping):
         raise InputError(environment, "a mapping", repr(options), place="options")

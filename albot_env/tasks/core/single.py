@@ -67,7 +67,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         self._begun = False
         self._trace: Trace | None = None
         self.recorder: Recorder = NullRecorder()
-        """Takes the episodes down from the next reset on."""
+        """Records the episodes from the next reset on."""
 
     @classmethod
     def settings(cls) -> dict[str, Any]:
@@ -80,7 +80,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         """Begin a new episode.
 
         Raises:
-            InputError: An option is unknown, or the start is none.
+            InputError: An option is unknown, or the start is not valid.
         """
         super().reset(seed=seed)
         world = choose_world(self._worlds, self.np_random, options or {}, self._environment)

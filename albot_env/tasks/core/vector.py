@@ -54,7 +54,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         max_episode_steps: Steps after which an episode is truncated; None for never.
         autoreset_mode: `NextStep`: the step after an episode's last one resets, whatever (valid)
             action it is given. `SameStep`: the last step itself resets; the info then holds
-            `final_obs` and `final_info`. `Disabled`: who steps must call
+            `final_obs` and `final_info`. `Disabled`: the caller must call
             `reset(options={"reset_mask": finished})` before.
         threads: Threads that share the work; 0 for as many as there are processors. They change
             nothing but the speed.
@@ -120,7 +120,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
             options: `reset_mask`, (environments,) of bool; the others as for the single form.
 
         Raises:
-            InputError: An option is unknown, or a mask, a start or the seeds are none.
+            InputError: An option is unknown, or a mask, a start or the seeds are not valid.
         """
         if not isinstance(options or {}, Mapping):
             raise InputError(self._environment, "a mapping", repr(options), place="options")
@@ -185,7 +185,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         return [] if journeys is None else journeys.missing(list(dict.fromkeys(self._worlds)))
 
     def close_extras(self, **_: Any) -> None:
-        """Let the threads go; called by `close`."""
+        """Stop the threads; called by `close`."""
         self._robots.close()
 
     def _due(self) -> Int64[np.ndarray, "some"]:

@@ -58,7 +58,7 @@ def success_weighted(success: float, geodesic: float, driven: float) -> float:
     """Success weighted by path length: success × shortest way / the longer of it and that driven.
 
     Anderson et al., On Evaluation of Embodied Navigation Agents, 2018, section 3. Where
-    both ways are nothing, so is the detour.
+    both are 0, so is the detour.
     """
     longest = max(geodesic, driven)
     return success if longest <= 0.0 else success * (geodesic / longest)

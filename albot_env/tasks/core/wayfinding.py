@@ -31,8 +31,8 @@ class WayfindingConfig:
     """
 
     worth: float = WORTH
-    """A known way home is left where it is so many times as long as one not known to be barred, of
-    which what is close to things counts twice."""
+    """The known way home is left where it is this many times as long as one not known to be barred,
+    on which stretches close to things count twice."""
     cell: float = 0.15
     """Side of a cell of the occupancy grid (m)."""
     reach: float = 7.0
@@ -64,7 +64,7 @@ class WayfindingConfig:
         self._check("last", self.first)
 
     def _check(self, name: str, least: float) -> None:
-        """Refuse a number that is less than it may be, or none."""
+        """Raise InputError for a number less than it may be, or NaN."""
         found = getattr(self, name)
         if not found >= least:
             raise InputError(f"WayfindingConfig.{name}", f"at least {least:g}", str(found))

@@ -53,10 +53,10 @@ class ExploreAndHomeConfig:
     radius: float = 1.0
     """How near to where the robot set out is home (m), as the crow flies."""
     ground: float = 40.0
-    """Who comes home must have covered so much ground (m²)…"""
+    """A success takes so much ground covered (m²)…"""
     share: float = 0.5
-    """…or this share of what can be reached, where that is less: who stays at home
-    has not explored."""
+    """…or this share of what can be reached, where that is less: to stay at home
+    is not to explore."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "shortest", "longest", "radius")
@@ -134,7 +134,7 @@ class ExploreAndHomeTask(BatchedRobots):
 
     @property
     def ended(self) -> Bool[np.ndarray, "robots"]:
-        """Who has declared home, or has no time left."""
+        """Which robots have declared home, or have no time left."""
         return self._trips.ended
 
     @property

@@ -68,7 +68,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         count: How many different ones there are from a start; 0 for a new one each time.
 
     Raises:
-        InputError: There are fewer journeys than none.
+        InputError: The number of journeys is negative.
     """
 
     _STEPS_PER_METRE = 40
@@ -98,7 +98,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         self._explorer = GapExplorer(GapExplorerConfig(near=observations.coverage.radius))
 
     def close(self) -> None:
-        """Let the scout go."""
+        """Stop the threads of the robot that drives the journeys."""
         self._scout.close()
 
     def travel(self, spec: JourneySpec) -> OutwardJourney:
@@ -113,7 +113,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         scout.observe()
         arrived, left = False, self._STEPS + int(self._STEPS_PER_METRE * wanted)
         while left and not arrived:
-            scout.drive(explorer.command(self._senses())[np.newaxis])
+            scout.drive(explorer.command(self._percept())[np.newaxis])
             scout.observe()
             away = field.distance(scout.poses[0, :2]) >= self._config.away
             arrived, left = bool(away and scout.path_lengths[0] >= wanted), left - 1
@@ -126,8 +126,8 @@ class OutwardJourneys(Journeys[OutwardJourney]):
             world=world, end=scout.episode_snapshot(0), field=field, cut_short=not arrived
         )
 
-    def _senses(self) -> Percept:
-        """What the scout knows now."""
+    def _percept(self) -> Percept:
+        """What the explorer goes by now."""
         scout = self._scout
         reading = scout.readings[0]
         return Percept(

@@ -63,7 +63,7 @@ class HomingTask(BatchedRobots):
         journeys: How many outward journeys there are from a start; 0 for a new one each time.
 
     Raises:
-        InputError: There are fewer journeys than none, or there is no such mapper.
+        InputError: The number of journeys is negative, or there is no such mapper.
     """
 
     environment: ClassVar[str] = "Albot/Homing-v0"
@@ -109,7 +109,7 @@ class HomingTask(BatchedRobots):
         super().act(numbers)
 
     def close(self) -> None:
-        """Let the threads go."""
+        """Stop the threads."""
         super().close()
         self._outward_journeys.close()
 
@@ -133,7 +133,7 @@ class HomingTask(BatchedRobots):
 
     @property
     def ended(self) -> Bool[np.ndarray, "robots"]:
-        """Who has declared home."""
+        """Which robots have declared home."""
         return self._homing.declared
 
     @property

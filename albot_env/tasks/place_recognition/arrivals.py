@@ -29,7 +29,7 @@ FARTHEST = 50.0
 LONGEST = 500.0
 """Way shown as 1 (m)."""
 PAST = 3.0
-"""Sight past the other's place shown as 1 (m); as much short of it is -1."""
+"""Sight beyond the other's place shown as 1 (m); as much short of it is -1."""
 SHIFT = 3.0
 """Correction of the believed distance shown as 1 (m)."""
 TURN = math.radians(45.0)
@@ -99,7 +99,7 @@ class PlaceDatabase:
         """Take in the readings of a look around, and compare the place with all before.
 
         Returns:
-            What tells of each arrival before, in order, in numbers from -1 to 1.
+            The features of each arrival before, in order, in numbers from -1 to 1.
         """
         points: list[Points] = []
         seen: Segments = np.empty((0, 4))
@@ -127,7 +127,7 @@ class PlaceDatabase:
     def _compare(
         self, here: PlaceDescriptor, there: PlaceDescriptor, ago: int
     ) -> Float64[np.ndarray, "features"]:
-        """What tells whether two arrivals were at one place, in numbers from -1 to 1.
+        """The features by which two arrivals are compared, in numbers from -1 to 1.
 
         `distance` between the believed places, -1 at 0 and 1 at `FARTHEST`, logarithmic;
         `agreed` and `contradicted`, the shares of `match_panoramas`, -1 for none and 1 for

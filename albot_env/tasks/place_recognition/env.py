@@ -1,4 +1,4 @@
-"""`Albot/PlaceRecognition-v0`: say of each place whether one has been there before, and when."""
+"""`Albot/PlaceRecognition-v0`: say at each stop which earlier stop was here, if any."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an agent says of places, and what it is shown of them: the spaces of both."""
+"""The spaces of an agent's answers, and of what it observes of arrivals."""
 
 from __future__ import annotations
 
@@ -107,5 +107,5 @@ class ArrivalsObservationConfig(ObservationConfig):
 
     @property
     def layout(self) -> Layout:
-        """Nowhere: none of the parts of those who drive is shown."""
+        """Empty: none of the parts that driving robots observe is shown."""
         return Layout(*[-1] * len(Layout._fields))

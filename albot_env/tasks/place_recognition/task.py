@@ -58,7 +58,7 @@ class PlaceRecognitionTask(BatchedRobots):
         journeys: How many tours there are from a start; 0 for a new one each time.
 
     Raises:
-        InputError: There are fewer journeys than none, or there is no such mapper.
+        InputError: The number of journeys is negative, or there is no such mapper.
     """
 
     environment: ClassVar[str] = "Albot/PlaceRecognition-v0"
@@ -119,7 +119,7 @@ class PlaceRecognitionTask(BatchedRobots):
         self._arguments = KernelArguments((*weights, nothing, *tables))
 
     def check_start(self, world: World, start: Pose) -> None:
-        """Refuse a start that is none, and a world through which no tour leads.
+        """Raise InputError unless a robot can start there and a tour leads through the world.
 
         Raises:
             InputError: As for all robots; or the world has no two rooms to stop in.

@@ -44,7 +44,7 @@ class TourStop:
     """An arrival: what the robot then knew, and how things truly were."""
 
     candidates: Float32[np.ndarray, "arrivals features"]
-    """What tells of each arrival before (see `spaces.FEATURES`)."""
+    """The features of each arrival before (see `spaces.FEATURES`)."""
     reading: Reading
     """The last reading."""
     belief: Pose
@@ -112,7 +112,7 @@ class Tours(Journeys[Tour]):
         count: How many different ones there are from a start; 0 for a new one each time.
 
     Raises:
-        InputError: There are fewer journeys than none.
+        InputError: The number of journeys is negative.
     """
 
     def __init__(

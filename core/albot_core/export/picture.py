@@ -51,7 +51,7 @@ def write_picture(
         title: What stands above it.
         snapshot: The map.
         believed: Where the robot believed to be.
-        reference: Where it was, laid on `believed`; not drawn where there is none.
+        reference: Where it was, aligned with `believed`; not drawn where there is none.
     """
     # Imported here, since it takes long and most runs draw nothing.
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -35,8 +35,8 @@ def read_tum(text: LogText) -> Trajectory:
     """Read a trajectory; only the turn about z is used. Lines may stand in any order.
 
     Raises:
-        InputError: A line is not eight finite numbers, its quaternion is none, or there is
-            no line at all.
+        InputError: A line is not eight finite numbers, its quaternion is not of length 1, or
+            there is no line at all.
     """
     rows = []
     for number, line in enumerate(text.lines, start=1):

@@ -170,7 +170,7 @@ def require(mapper: Mapper, capability: type[Capability]) -> Capability:
     """The mapper as one that has a capability: `RouteHome`, `PlaceMemory`, `CorrectedTrajectory`.
 
     Raises:
-        InputError: It has not.
+        InputError: The mapper lacks it.
     """
     if not isinstance(mapper, capability):
         has = [what for kind, what in _CAPABILITIES.items() if isinstance(mapper, kind)]

@@ -107,8 +107,9 @@ class PlaceEdge:
     motion: Pose
     """The target's frame in the source's."""
     doorway: Float64[np.ndarray, "4"] | None = None
-    """The line to cross on the way, in the source's frame (m). Who goes from its first end to its
-    second has the source to the left. None where the way leads through no doorway."""
+    """The line to cross on the way, in the source's frame (m). A robot that goes along it, from its
+    first end to its second, has the source to its left. None where the way leads through no
+    doorway."""
     reverse: int | None = None
     """Index in `PlaceGraph.edges` of the same way taken backwards; None where none is known."""
 

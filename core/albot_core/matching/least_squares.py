@@ -16,7 +16,7 @@ POINT_NOISE, POINT_NOISE_GROWTH = 0.05, 0.02
 """Standard deviation of an occluding or corner point (m), and its growth with range (m/m)."""
 LINE_NOISE = 0.03
 """Standard deviation of a wall's place (m)."""
-POINT_DOUBT, LINE_DOUBT = 0.15, 0.10
+POINT_SCALE, LINE_SCALE = 0.15, 0.10
 """Residuals (m) at which a point and a wall count half (Cauchy weights)."""
 
 
@@ -38,13 +38,13 @@ class Equations(NamedTuple):
 
 @kernel()
 def stiff(motion: float, turn: float) -> Equations:
-    """Equations of a step that is nothing, with these weights on its x and y and on its turn."""
+    """Equations that hold the step at 0, with these weights on its x and y, and on its turn."""
     return Equations(motion, 0.0, motion, 0.0, 0.0, turn, 0.0, 0.0, 0.0)
 
 
 @kernel()
 def held(correction: np.ndarray, motion: float, turn: float) -> Equations:
-    """Equations of a step that takes a correction (3,) back, with such weights."""
+    """Equations that pull the step to undo a correction (3,), with such weights."""
     x, y, t = -motion * correction[0], -motion * correction[1], -turn * correction[2]
     return Equations(motion, 0.0, motion, 0.0, 0.0, turn, x, y, t)
 
@@ -78,13 +78,13 @@ def pulled_by_point(
     cos: float,
     sin: float,
 ) -> Equations:
-    """Add a recognised landmark's point: at which end, its row and that of what is remembered."""
+    """Add that a landmark's point, its end `side`, lies on that of the remembered surface."""
     px, py = seen[2 * side], seen[2 * side + 1]
     x, y = cos * px - sin * py, sin * px + cos * py
     ex = expected[2 * side] - correction[0] - x
     ey = expected[2 * side + 1] - correction[1] - y
     noise = POINT_NOISE + POINT_NOISE_GROWTH * seen[8 + side]
-    weight = 1.0 / (1.0 + (ex * ex + ey * ey) / POINT_DOUBT**2) / noise**2
+    weight = 1.0 / (1.0 + (ex * ex + ey * ey) / POINT_SCALE**2) / noise**2
     equations = _pulled(equations, x, y, 1.0, 0.0, ex, weight)
     return _pulled(equations, x, y, 0.0, 1.0, ey, weight)
 
@@ -112,7 +112,7 @@ def pulled_by_line(
         part = (min(max(along, 0.0), wall[4]) - first) / run
         x, y = x0 + part * (x1 - x0), y0 + part * (y1 - y0)
         off = (correction[0] + x - wall[0]) * -uy + (correction[1] + y - wall[1]) * ux
-        weight = min(seen[4], 3.0) / (1.0 + (off / LINE_DOUBT) ** 2) / LINE_NOISE**2
+        weight = min(seen[4], 3.0) / (1.0 + (off / LINE_SCALE) ** 2) / LINE_NOISE**2
         equations = _pulled(equations, x, y, -uy, ux, -off, weight)
     return equations
 

@@ -16,8 +16,8 @@ from albot_core.kernels.compiled import kernel
 DIRECTIONS = 180
 """Directions of a panorama, evenly over the full turn."""
 TOLERANCE, SLANT = 0.15, 0.03
-"""Distances agree in part where they differ by less than the first (m) and this share of the
-distance; those that differ by more do not."""
+"""Distances that differ by less than the first (m) plus this share of the distance agree in part;
+those that differ by more do not agree."""
 REACH, GRID = 1.0, 0.5
 """How far from a guess the pose is searched, and the grid's step (m)."""
 TURN, TURN_STEP = math.radians(20.0), math.radians(5.0)
@@ -52,14 +52,14 @@ class PanoramaMatch:
     agreed: float
     """Share of the directions, of both, in which one shows what the other does."""
     contradicted: float
-    """Share of them in which one shows something where the other looks through."""
+    """Share of them in which one shows something where the other saw free space."""
     sight: float
-    """How far (m) each looks past the other's origin, the less of the two; negative where
+    """How far (m) each sees beyond the other's origin, the smaller of the two; negative where
     something stands between."""
 
 
 def match_panoramas(mine: Panorama, theirs: Panorama, *guesses: Pose) -> PanoramaMatch:
-    """Lay one panorama on another, near to guesses of where its frame lies in mine.
+    """Align one panorama with another, near to guesses of where its frame lies in mine.
 
     All shifts up to 1 m and turns up to 20° from each guess are tried on a grid, and the best is
     refined until nothing is gained (E. Olson, Real-time correlative scan matching, ICRA
@@ -221,7 +221,7 @@ def _refine(
 
 @kernel()
 def _sight(spans: tuple[np.ndarray, np.ndarray], pose: np.ndarray) -> float:
-    """How far each panorama looks past the other's origin, the less of the two (m)."""
+    """How far each panorama sees beyond the other's origin, the smaller of the two (m)."""
     apart = length_of(pose[0], pose[1])
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x, y = -cos * pose[0] - sin * pose[1], sin * pose[0] - cos * pose[1]

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.matching.least_squares import (
-    LINE_DOUBT,
     LINE_NOISE,
-    POINT_DOUBT,
+    LINE_SCALE,
     POINT_NOISE,
     POINT_NOISE_GROWTH,
+    POINT_SCALE,
     held,
     pulled_by_line,
     pulled_by_point,
@@ -50,14 +50,14 @@ def test_a_step_is_that_of_least_squares() -> None:
         off = wall[0] - correction[0] - arm[0]
         slopes.append(np.array((-1.0, 0.0, arm[1])))
         residuals.append(-off)
-        weights.append(seen[4] / (1 + (off / LINE_DOUBT) ** 2) / LINE_NOISE**2)
+        weights.append(seen[4] / (1 + (off / LINE_SCALE) ** 2) / LINE_NOISE**2)
     arm = turned(3.0, 1.0, correction[2])
     gap = landmark[:2] - correction[:2] - arm
     noise = POINT_NOISE + POINT_NOISE_GROWTH * np.hypot(3.0, 1.0)
     for axis, slope in enumerate(((1.0, 0.0, -arm[1]), (0.0, 1.0, arm[0]))):
         slopes.append(np.array(slope))
         residuals.append(gap[axis])
-        weights.append(1 / (1 + gap @ gap / POINT_DOUBT**2) / noise**2)
+        weights.append(1 / (1 + gap @ gap / POINT_SCALE**2) / noise**2)
     roots = np.sqrt(weights)
     step = np.linalg.lstsq(np.array(slopes) * roots[:, None], roots * residuals, rcond=None)[0]
     np.testing.assert_allclose(solved(equations), step, rtol=1e-9, atol=1e-12)

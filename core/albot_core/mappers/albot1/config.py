@@ -81,8 +81,8 @@ class PlacesConfig:
     min_relocalise_matches: int = 7
     """A robot that was carried away recognises a place by at least so many surfaces."""
     max_surfaces: int = 1024
-    """Surfaces of a place's description; those seen last are kept. Without an end to it, a
-    robot that drifts as it comes back would describe each wall again beside itself."""
+    """Surfaces of a place's description; those seen last are kept. Without a
+    limit, a robot that drifts as it comes back would describe each wall again beside itself."""
     max_events: int = 512
     """Events remembered; the oldest are forgotten first."""
 

@@ -121,7 +121,7 @@ def _note_update(robot: RobotMemory) -> None:
 
 
 def _compare(robot: RobotMemory) -> None:
-    """Algorithms 6 and 8: many surfaces of an earlier visit are in view again: is it there?"""
+    """Algorithms 6 and 8: many surfaces of an earlier visit are seen again; compare the places."""
     pm, network = robot.pm, robot.network
     reobserved = pm.reobserved[: len(network.visits)]
     step, pose = robot.step, robot.view.pose
@@ -153,7 +153,7 @@ def _start_anew(robot: RobotMemory, limits: Albot1Limits) -> None:
 
 
 def _relocalise(robot: RobotMemory) -> None:
-    """It was carried away before, and compares the present place with all that it knows."""
+    """Compare the present place of a robot that was carried away with all that it knows."""
     pm, view, network = robot.pm, robot.view, robot.network
     first = network.lost_since
     motion = relocalise(network, robot.step, _seen_here(robot), view.pose)

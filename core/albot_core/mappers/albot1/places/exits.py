@@ -258,7 +258,7 @@ def _note_passed(exits: ExitMemory, ax: float, ay: float, x: float, y: float, wh
     """Note as being crossed the exit nearest to (x, y), if any, that was passed on the way there.
 
     If `what` is CROSSING_SEEN, of the exits seen; if CROSSING_EXPECTED, of those expected and not
-    seen, but for the one being crossed: who goes back through that has crossed nothing.
+    seen, but for the one being crossed: a robot that goes back through it has crossed nothing.
     """
     lines, count = exits.lines, exits.counts[0]
     if what == CROSSING_EXPECTED:

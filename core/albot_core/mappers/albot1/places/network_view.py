@@ -17,8 +17,8 @@ class Exit:
     """An exit of a place, with its three values (Hossain 2014, section 4.1)."""
 
     line: Float64[np.ndarray, "4"]
-    """Its whereabouts in this place: x1, y1, x2, y2 in the place's frame (m). Who goes from
-    the first end to the second has the place to the left."""
+    """Its whereabouts in this place: x1, y1, x2, y2 in the place's frame (m). A
+    robot that goes from the first end to the second has the place to its left."""
     leads_to: int
     """The id of the place it leads to."""
     exit_there: int
@@ -66,7 +66,7 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Network:
-    """Places and how they hang together, at one moment."""
+    """Places, and which of them exits join, at one moment."""
 
     places: tuple[Place, ...] = ()
     """The places, in the order of their ids."""
