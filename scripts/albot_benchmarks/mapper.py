@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from albot_benchmarks.timing import best_rates
 from albot_core.geometry.poses import inverse, transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mappers.mapper import Mapper, MapperBatch
-from albot_core.mappers.registry import make_mapper, make_mappers
+from albot_core.mappers.registry import make_mapper, make_mappers, mapper_spec
 from albot_core.sensing.reading import Reading, Readings
 from albot_core.sensing.view import CORNER
 from albot_experiments.tours import Journey, guided_tour
@@ -66,6 +67,65 @@ def measure_growth(rounds: int = 5) -> list[dict[str, float | int | str]]:
             best = max(best, _timed(mapper, tour.readings[1:]))
         rows.append({"name": "albot1", "surfaces": size, "readings_per_second": best})
     return rows
+
+
+def measure_looping(
+    names: Sequence[str], readings: Sequence[Reading] | None = None, rounds: int = 5
+) -> list[dict[str, float | int | str]]:
+    """Time what a batch costs whose mappers are looped over, above what they cost themselves.
+
+    The batch and as many single mappers take in the same first few readings, in turns.
+
+    Returns:
+        For each of these mappers that has no batch of its own: its `name`, how many `robots`;
+        `own_us`, the time that a processor works for the `update` of a single mapper (µs);
+        `above_us`, what a robot and reading take more in the batch; and the `ratio` of both.
+    """
+    readings = readings or tour_readings()
+    rows: list[dict[str, float | int | str]] = []
+    for name in names:
+        if mapper_spec(name).batch is not None:
+            continue
+        rates = best_rates(
+            {
+                "own": _single_turn(name, [shared[0] for shared in _shared(readings, 1)]),
+                "looped": _batch_turn(name, _shared(readings, _BATCH)),
+            },
+            rounds,
+        )
+        own, looped = (1e6 / rates[turn].cpu for turn in ("own", "looped"))
+        took = {"own_us": own, "above_us": looped - own, "ratio": looped / own}
+        rows.append({"name": name, "robots": _BATCH, **took})
+    return rows
+
+
+def _single_turn(name: str, readings: Sequence[Reading]) -> Callable[[], int]:
+    """Lets single mappers take in all readings."""
+    mappers = [make_mapper(name) for _ in range(_BATCH)]
+
+    def turn() -> int:
+        for row, mapper in enumerate(mappers):
+            mapper.reset(np.random.default_rng(row))
+        for reading in readings:
+            for mapper in mappers:
+                mapper.update(reading)
+        return len(mappers) * len(readings)
+
+    return turn
+
+
+def _batch_turn(name: str, readings: Sequence[Readings]) -> Callable[[], int]:
+    """Lets a batch take in all readings."""
+    mappers, everyone = make_mappers(name, _BATCH), np.arange(_BATCH)
+
+    def turn() -> int:
+        for row in everyone.tolist():
+            mappers.reset(row, np.random.default_rng(row))
+        for reading in readings:
+            mappers.update(everyone, reading)
+        return len(everyone) * len(readings)
+
+    return turn
 
 
 def tour_readings() -> list[Reading]:

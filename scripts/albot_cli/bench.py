@@ -83,13 +83,17 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     from albot_benchmarks.laser import measure_laser
     from albot_benchmarks.learner import measure_learner
     from albot_benchmarks.long_run import measure_long_run
-    from albot_benchmarks.mapper import measure_growth, measure_mappers
+    from albot_benchmarks.mapper import measure_growth, measure_looping, measure_mappers
     from albot_benchmarks.startup import measure_startup
 
     readings = read_log(log).readings if log else None
     return {
         "laser": measure_laser,
-        "mapper": lambda: measure_mappers(mapper_names(), readings) + measure_growth(),
+        "mapper": lambda: [
+            *measure_mappers(mapper_names(), readings),
+            *measure_looping(mapper_names(), readings),
+            *measure_growth(),
+        ],
         "journey": measure_long_run,
         "env": lambda: measure_environments(rounds=rounds),
         "processes": measure_processes,
@@ -136,6 +140,11 @@ def _laser(row: Figures) -> str:
 
 
 def _mapper(row: Figures) -> str:
+    if "above_us" in row:
+        return (
+            f"mapper      {row['robots']:7,d} in a loop {row['above_us']:8.1f} µs/reading above "
+            f"the {row['own_us']:.1f} of its own update ({row['ratio']:.2f} times)  {row['name']}"
+        )
     batch = (
         f"; {row['batch']} at once {row['batch_readings_per_second']:,.0f} in sum, "
         f"{row['row_readings_per_second']:,.0f} where each is asked by itself"

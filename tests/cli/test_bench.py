@@ -14,7 +14,13 @@ from click.testing import CliRunner
 from albot_benchmarks import environment, laser, learner
 from albot_benchmarks import environment as processes
 from albot_benchmarks.environment import Case
-from albot_benchmarks.mapper import copies_of, measure_mappers, tour_readings, with_surfaces
+from albot_benchmarks.mapper import (
+    copies_of,
+    measure_looping,
+    measure_mappers,
+    tour_readings,
+    with_surfaces,
+)
 from albot_cli.bench import as_text
 from albot_cli.main import albot
 from albot_core.errors import InputError
@@ -114,6 +120,17 @@ def test_a_mappers_line_tells_what_a_batch_does() -> None:
     alone = "mapper            7 surfaces     1,500 readings/s  odometry"
     assert told[0] == f"{alone}; 4 at once 2,000,000 in sum, 30,000 where each is asked by itself"
     assert told[1] == alone
+
+
+def test_what_a_loop_over_mappers_costs_is_told() -> None:
+    readings = tour_readings()[:10]
+    (row,) = measure_looping(("albot1", "odometry"), readings, rounds=1)
+    assert row["name"] == "odometry"  # albot1 has a batch of its own.
+    assert row["ratio"] == pytest.approx(1 + row["above_us"] / row["own_us"])  # type: ignore[operator]
+    row = {"name": "x", "robots": 256, "own_us": 20.0, "above_us": 12.34, "ratio": 1.617}
+    told = as_text({**bench("--part", "laser"), "mapper": [row]}).splitlines()
+    line = "256 in a loop     12.3 µs/reading above the 20.0 of its own update (1.62 times)  x"
+    assert f"mapper          {line}" in told
 
 
 def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:
