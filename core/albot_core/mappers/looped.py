@@ -46,7 +46,7 @@ class LoopedMappers:
 
     def reset(self, row: int, rng: np.random.Generator) -> None:
         """Let one forget everything."""
-        pass
+        self._mappers[row].reset(rng)
         self.ways_home[row, TRAVEL] = 0.0
         self._begun[row] = False
         self.map_versions[row] = -1
