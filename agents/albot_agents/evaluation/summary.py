@@ -22,8 +22,8 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     of the shortest way; collisions count beginnings of contact. `coverage_auc` is the mean share
     of the ground covered over the first 200 m driven (`area_under`), `rooms_share` that of
     the rooms entered in the end, each with a bootstrapped 95 % interval of its mean;
-    `precision` and `recall` are those of all places judged together. What a task does not know
-    of is None.
+    `precision` and `recall` are those of all places judged together, or of all claims to have been
+    in a room before, of as many `revisits`. What a task does not know of is None.
     """
     figures = _figures(outcomes)
     ends = [outcome.info for outcome in outcomes]
@@ -86,12 +86,19 @@ def _rooms(outcomes: Sequence[Outcome]) -> list[float]:
 
 
 def _places(ends: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Precision and recall over all places that were judged, where any were."""
-    if not ends or "recall" not in ends[0]:
-        return {"precision": None, "recall": None, "revisits": None}
-    right, false, revisits = (
-        sum(int(end[name]) for end in ends) for name in ("right_known", "false_known", "revisits")
+    """Precision and recall over all places that were judged, or claimed, where any were."""
+    counted = (
+        ("right_known", "false_known", "revisits"),
+        (
+            "right_claims",
+            "false_claims",
+            "re_entries",
+        ),
     )
+    names = next((names for names in counted if ends and names[0] in ends[0]), None)
+    if names is None:
+        return {"precision": None, "recall": None, "revisits": None}
+    right, false, revisits = (sum(int(end[name]) for end in ends) for name in names)
     return {
         "precision": right / (right + false) if right + false else 1.0,
         "recall": right / revisits if revisits else 1.0,

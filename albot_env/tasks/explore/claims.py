@@ -6,7 +6,8 @@ before. A claim of a matched reading is false where that was taken elsewhere (se
 `albot_maps.same_place`), and right where it was taken here on an earlier visit. Of the present
 visit it is true but worth nothing, and does not count. A claim without a reading is right on a
 later visit, and false on the first. A visit to a room begins as the robot comes in from another
-one. The first claim of a visit that counts is judged.
+one. The first claim of a visit that counts is judged; claims within `SETTLED` of its beginning do
+not count.
 """
 
 from __future__ import annotations
@@ -50,6 +51,8 @@ class Claims(NamedTuple):
     """(n,) int64: the number of the present visit."""
     room: np.ndarray
     """(n,) int64: the room that it is in, or was in last; -1 for none yet."""
+    since: np.ndarray
+    """(n,) float64: how far it had driven when the visit began (m)."""
     returned: np.ndarray
     """(n,) bool: whether it had been in that room before, and left it."""
     judged: np.ndarray
@@ -60,6 +63,9 @@ class Claims(NamedTuple):
     """(n, 3) int64: how often it came into a room again, claimed rightly, and falsely."""
 
 
+SETTLED = 1.0
+"""So far a robot drives into a room until claims count (m): about a doorway a mapper may notice a
+little before or after that it is through."""
 NOTHING, RIGHT, AGAIN, FALSE = 0, 1, 2, 3
 """What a step's claim was: none to be judged; right; right once more in the same room; false."""
 
@@ -86,6 +92,7 @@ def no_claims(robots: int, matched: np.ndarray | None) -> Claims:
         visits=np.zeros((robots, readings), np.int32),
         visit=np.zeros(robots, np.int64),
         room=np.full(robots, -1),
+        since=np.zeros(robots),
         returned=np.zeros(robots, np.bool_),
         judged=np.zeros(robots, np.bool_),
         recognized=np.zeros((robots, 0), np.bool_),
@@ -120,12 +127,15 @@ def forget_claims(i: int, c: Claims) -> None:
 
 
 @kernel()
-def judge_claim(i: int, reading: int, pose: np.ndarray, room: int, is_new: bool, c: Claims) -> int:
+def judge_claim(
+    i: int, reading: int, driven: float, pose: np.ndarray, room: int, is_new: bool, c: Claims
+) -> int:
     """Follow robot i to its latest reading, and judge its claim.
 
     Args:
         i: Which robot.
         reading: The number of the reading.
+        driven: How far the robot has driven (m).
         pose: Where it truly is (3,) (world frame; m, rad).
         room: The room of its world that it is in, -1 between rooms.
         is_new: Whether it is in that room for the first time.
@@ -136,14 +146,14 @@ def judge_claim(i: int, reading: int, pose: np.ndarray, room: int, is_new: bool,
     """
     if room >= 0 and room != c.room[i]:
         c.returned[i] = not is_new
-        c.room[i], c.judged[i] = room, False
+        c.room[i], c.judged[i], c.since[i] = room, False, driven
         c.visit[i] += 1
         c.counts[i, 0] += not is_new
     matches = c.points.shape[1] > 0
     if matches:
         c.points[i, reading, 0], c.points[i, reading, 1] = pose[0], pose[1]
         c.rooms[i, reading], c.visits[i, reading] = room, c.visit[i]
-    if room < 0 or c.judged[i] or not c.claims[i]:
+    if room < 0 or c.judged[i] or not c.claims[i] or driven - c.since[i] < SETTLED:
         return NOTHING
     is_true = not matches or _is_taken_here(i, pose, room, c)
     has_returned = c.returned[i] and not (matches and c.visits[i, c.matched[i]] == c.visit[i])

@@ -60,7 +60,9 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
         if stats.steps[i] == 0:
             forget_claims(i, claims)
         room, is_new = progress.room[i], progress.new_room[i]
-        claim = judge_claim(i, stats.steps[i], state.poses[i], room, is_new, claims)
+        claim = judge_claim(
+            i, stats.steps[i], stats.path_lengths[i], state.poses[i], room, is_new, claims
+        )
         if stats.steps[i] > 0:
             terms = ExploreTerms(
                 coverage=weights.coverage * progress.new_ground[i] * cell_area,

@@ -47,7 +47,7 @@ def _judged(world: World, *visits: tuple[int, int, int]) -> tuple[list[int], lis
         pose = np.array((ROOMS[room], 2.0, 0.0))
         for _ in range(readings):
             is_new = room >= 0 and room not in entered
-            judged.append(judge_claim(0, reading, pose, room, is_new, claims))
+            judged.append(judge_claim(0, reading, 0.5 * reading, pose, room, is_new, claims))
             entered.add(room)
             reading += 1
         outcomes.append(max(judged))
@@ -89,9 +89,11 @@ def test_without_recognition_a_claim_is_to_have_been_in_the_room(two_rooms: Worl
     claims.claims[:] = True
     forget_claims(0, claims)
     pose = np.zeros(3)
-    steps = [(A, True), (B, True), (A, False)]
-    told = [judge_claim(0, k, pose, room, new, claims) for k, (room, new) in enumerate(steps)]
-    assert told == [FALSE, FALSE, RIGHT]
+    steps = [(A, True), *3 * [(A, False)], (B, True), *3 * [(B, False)], *4 * [(A, False)]]
+    told = [
+        judge_claim(0, k, 0.5 * k, pose, room, new, claims) for k, (room, new) in enumerate(steps)
+    ]
+    assert told == [*2 * [NOTHING], FALSE, *3 * [NOTHING], FALSE, *3 * [NOTHING], RIGHT, NOTHING]
     assert claims.points.shape[1] == 0
 
 
