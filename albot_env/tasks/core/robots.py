@@ -77,7 +77,6 @@ class BatchedRobots:
         self.actions = actions
         """What actions ask for."""
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
-        self._unmatched: Int64[np.ndarray, "robots"] = np.full(robots, -1)
         self._never = np.zeros(robots, np.bool_)
         self._mappers = equipment.mappers(robots)
         self._threads = ThreadPool(equipment.threads)
@@ -346,10 +345,12 @@ class BatchedRobots:
         """How often each map has changed."""
         return self._nothing if self._mappers is None else self._mappers.map_versions
 
-    @property
-    def matched_readings(self) -> Int64[np.ndarray, "robots"]:
-        """The earlier reading that each believes was taken where it is now; -1 for none."""
-        return self._unmatched if self._mappers is None else self._mappers.matched_readings
+    def matched_reading(self, row: int) -> int:
+        """The earlier reading that a robot believes was taken where it is now; -1 for none."""
+        if self._mappers is None:
+            return -1
+        self._mappers.match_readings(np.array([row]))
+        return int(self._mappers.matched_readings[row])
 
     def snapshot(self, row: int) -> MapSnapshot:
         """A robot's map."""

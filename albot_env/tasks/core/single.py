@@ -166,7 +166,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
     def _moment(self, action: np.ndarray | None) -> Moment:
         """How things stand after a reading."""
         robot = self._robot
-        version, matched = int(robot.map_versions[0]), int(robot.matched_readings[0])
+        version, matched = int(robot.map_versions[0]), robot.matched_reading(0)
         changed, self._map_version = version != self._map_version, version
         return Moment(
             action=action,

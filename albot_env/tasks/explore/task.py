@@ -97,6 +97,11 @@ class ExploreTask(BatchedRobots):
         self._claims = with_room(self._claims, int(self._stats.steps.max()) + 1, 0)
 
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
+        if self._mappers is not None and self._mappers.recognises_places:
+            claims = self._claims
+            claiming = rows[claims.claims[rows] & ~claims.judged[rows]]
+            if len(claiming):
+                self._mappers.match_readings(claiming)
         compute_reward(rows, self._arguments.arguments(self._claims), CONTROL_STEP)
 
     def _reward_arguments(self, claims: Claims) -> tuple[Any, ...]:

@@ -63,6 +63,9 @@ class LoopedMappers:
             self._begun[row] = True
             self._take_estimate(row)
 
+    def match_readings(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Do nothing: `matched_readings` are up to date."""
+
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
         """Find the ways home of some, where the mappers know any."""
         if self._knows_routes:

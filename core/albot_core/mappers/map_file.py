@@ -43,7 +43,8 @@ def load_map(path: str | Path) -> Mapper:
         raise InputError(path, "the mapper's config as YAML", repr(text), place=HEADER)
     document = YamlDocument(text, f"{path}, {HEADER}, config")
     where = Location(f"{path}, {HEADER}, config", place=document.place)
-    mapper = make_mapper(name, config=mapper_config(mapper_spec(name), document.data, where))
+    changed = {} if document.data is None else document.data
+    mapper = make_mapper(name, config=mapper_config(mapper_spec(name), changed, where))
     _check_state(path, mapper, state)
     mapper.restore(state)
     return mapper

@@ -207,7 +207,14 @@ class MapperBatch(Protocol):
 
     @property
     def matched_readings(self) -> Int64[np.ndarray, "robots"]:
-        """`Estimate.matched_reading` of each, -1 for none: one and the same array."""
+        """`Estimate.matched_reading` of each, -1 for none: one and the same array.
+
+        Which reading it is, is as of the last `match_readings`; whether there is one, as of the
+        last update.
+        """
+
+    def match_readings(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Bring `matched_readings` of some up to date."""
 
     @property
     def current_places(self) -> Int64[np.ndarray, "robots"]:

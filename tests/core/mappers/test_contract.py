@@ -237,6 +237,7 @@ def test_what_a_batch_does_single_ones_do(name):
         np.testing.assert_array_equal(batch.poses[row], estimate.pose)
         np.testing.assert_array_equal(batch.homes[row], estimate.home)
         matched = -1 if estimate.matched_reading is None else estimate.matched_reading
+        batch.match_readings(np.array([row]))
         assert batch.matched_readings[row] == matched
         assert batch.places[row].tolist() == [matched >= 0, not estimate.localised]
         assert batch.map_versions[row] == estimate.map_version

@@ -95,7 +95,8 @@ def test_the_file_is_plain_numpy_and_json(tmp_path):
         header = json.loads(archive.read("header.json"))
         # No clock in the file.
         assert {member.date_time for member in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
-    assert header == {"format": "albot-map", "version": 4, "mapper": "odometry"}
+    told = {"format": "albot-map", "version": 5, "mapper": "odometry", "config": "{}\n"}
+    assert header == told
     with np.load(path, allow_pickle=False) as arrays:
         np.testing.assert_array_equal(arrays["surfaces"], mapper.snapshot().segments)
 
@@ -117,7 +118,7 @@ def rewrite(path: Path, **members: bytes | None) -> Path:
 
 def header(**fields: object) -> bytes:
     return json.dumps(
-        {"format": FORMAT, "version": VERSION, "mapper": "odometry"} | fields
+        {"format": FORMAT, "version": VERSION, "mapper": "odometry", "config": ""} | fields
     ).encode()
 
 
@@ -135,10 +136,15 @@ def npy(array: np.ndarray, *, pickled: bool = False) -> bytes:
         ({"header": b"[]"}, "header.json: expected a header"),
         ({"header": b"\xff\xfe"}, "header.json: expected a header"),
         ({"header": header(format="other")}, "header.json: expected a header"),
-        ({"header": header(version=1)}, "expected version 4 of the format, found 1"),
+        ({"header": header(version=1)}, "expected version 5 of the format, found 1"),
         ({"header": header(mapper="gone")}, "expected a mapper, one of .*found 'gone'"),
         ({"header": header(mapper=["odometry"])}, "expected a mapper"),
         ({"header": header(mapper="albot1")}, "npy: expected"),
+        ({"header": header(config=None)}, "expected the mapper's config as YAML, found None"),
+        (
+            {"header": header(config="step: far")},
+            "config, step: expected a number, found far|line 1",
+        ),
         ({"pose": None}, "pose.npy: expected the array pose, found none"),
         ({"extra": npy(np.zeros(3))}, "extra.npy: expected only arrays of odometry"),
         ({"pose": npy(np.zeros(3, np.float32))}, "1 dimensions of float64, found 1 of float32"),

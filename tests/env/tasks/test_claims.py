@@ -134,7 +134,7 @@ def _drive_to(
         if abs(ahead) < 0.2:
             return infos
         if recognised:
-            claim = 1.0 if env._robot.matched_readings[0] >= 0 else -1.0
+            claim = 1.0 if env._robot.matched_reading(0) >= 0 else -1.0
         infos.append(env.step(np.array((0.8 * np.sign(ahead), 0, claim), np.float32))[4])
 
 

@@ -112,7 +112,8 @@ def crumbs_at(table: np.ndarray) -> Crumbs:
         _pairs(table[at], room),
         _integers(table[at + 1], room),
         _integers(table[at + 2], room),
-        _integers(table[at + 3], 2),
+        _integers(table[at + 3], room),
+        _integers(table[at + 4], 3),
     )
 
 

@@ -69,7 +69,6 @@ class Albot1Batch:
         self._limits = self.config.limits
         self._arrays: list[RobotArrays] = []
         self._networks = [PlaceNetwork(self.config.places) for _ in range(count)]
-        self._readings = np.zeros(count, np.int64)
         self._homes = np.zeros((count, 3))
         self._matched_readings = np.full(count, -1)
         self._places = np.zeros((count, 2), np.bool_)
@@ -86,6 +85,7 @@ class Albot1Batch:
             poses=np.zeros((count, 3)),
             surfaces=np.zeros(count, np.int64),
             events=np.zeros(count, np.int64),
+            readings=np.zeros(count, np.int64),
             crumb_poses=np.zeros((count, 3)),
             next_ids=np.zeros(count, np.int64),
             current=np.zeros(count, np.int64),
@@ -118,8 +118,18 @@ class Albot1Batch:
 
     @property
     def matched_readings(self) -> Int64[np.ndarray, "robots"]:
-        """A reading of the first stay in the present place; -1 in a new place. Written over."""
+        """The earlier reading taken nearest by in the present place; -1 in a new place.
+
+        As of the last `match_readings`, or since its place changed. Written over.
+        """
         return self._matched_readings
+
+    def match_readings(self, rows: Int64[np.ndarray, "some"]) -> None:
+        """Bring `matched_readings` of some up to date."""
+        for row in rows.tolist():
+            if self._places[row, 0]:
+                matched = self._networks[row].match_reading(self.poses[row])
+                self._matched_readings[row] = -1 if matched is None else matched
 
     @property
     def map_versions(self) -> Int64[np.ndarray, "robots"]:
@@ -176,7 +186,7 @@ class Albot1Batch:
 
     def reset(self, row: int, rng: np.random.Generator) -> None:
         """Let one forget everything. It draws no random number."""
-        self._readings[row] = 0
+        self._robots.readings[row] = 0
         pm, view, exits, _, _ = self._arrays[row]
         clear_map(pm)
         exits.counts[:], exits.crossing[:] = 0, 0
@@ -208,7 +218,7 @@ class Albot1Batch:
         laser: LaserGeometry,
     ) -> None:
         """`update` with the arrays of readings that matter to the map."""
-        self._readings[rows] += 1
+        self._robots.readings[rows] += 1
         arguments = self._arguments_cache.arguments(laser)
         ranges, motions = np.ascontiguousarray(ranges), np.ascontiguousarray(motions)
         done = step_robots(rows, 0, arguments, ranges, motions)
@@ -243,7 +253,7 @@ class Albot1Batch:
         pm, view, exits, _, _ = self._arrays[row]
         robots, network = self._robots, self._networks[row]
         rows = {name: getattr(robots, field)[row].copy() for name, field in STORED_ROWS.items()}
-        rows["readings"] = np.array(self._readings[row])
+        rows["readings"] = np.array(self._robots.readings[row])
         return rows | stored_arrays(pm, view, exits, network)
 
     def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
@@ -262,9 +272,10 @@ class Albot1Batch:
         self._set_addresses(row)
         for name, field in STORED_ROWS.items():
             getattr(self._robots, field)[row] = state[name]
-        self._readings[row] = state["readings"]
+        self._robots.readings[row] = state["readings"]
         self._robots.surfaces[row] = pm.counts[ALIVE]
         compose_pose(view.pose, self._robots.since[row], self._robots.poses[row])
+        self.match_readings(np.array([row]))
 
     def _forget_ways(self, row: int) -> None:
         """Another network: the way home must be found anew."""
@@ -275,7 +286,7 @@ class Albot1Batch:
         """Note what the network says of home and of the present place."""
         network = self._networks[row]
         self._homes[row] = network.home
-        matched = network.matched_reading
+        matched = network.match_reading(self.poses[row])
         self._matched_readings[row] = -1 if matched is None else matched
         self._network_versions[row] = network.version
         self._places[row] = matched is not None, network.lost_since > 0
@@ -289,7 +300,7 @@ class Albot1Batch:
 
     def _handle_events(self, row: int) -> None:
         """Handle what happened to one at its last reading."""
-        self._networks[row].reading = int(self._readings[row]) - 1
+        self._networks[row].reading = int(self._robots.readings[row]) - 1
         robot, events = self._robot(row), int(self._robots.events[row])
         handle_events(robot, events, self._limits)
         self._robots.surfaces[row] = robot.pm.counts[ALIVE]

@@ -74,9 +74,11 @@ class Albot1:
         """What it believes after the latest reading.
 
         Home is where it was left in the perceptual map; once a known place is recognised,
-        where it lies from there. A reading matches one of the first stay in the present place.
+        where it lies from there. A reading matches the one that was taken nearest by on an earlier
+        stay in the present place.
         """
         robot = self._robot
+        robot.match_readings(_ITSELF)
         matched = int(robot.matched_readings[0])
         return Estimate(
             pose=np.array(robot.poses[0]),

@@ -81,6 +81,9 @@ def check_rows(state: Mapping[str, np.ndarray]) -> None:
     progress = state["progress"]
     if progress.shape != (5,) or (progress < 0).any():
         raise InputError("progress", "5 counts", str(progress.tolist()))
+    readings = state["readings"]
+    if readings.shape != () or readings < 0:
+        raise InputError("readings", "a count", str(readings.tolist()))
     for name in ("since", "trod"):
         if state[name].shape != (3,) or not np.isfinite(state[name]).all():
             raise InputError(name, "three finite numbers", str(state[name].tolist()))

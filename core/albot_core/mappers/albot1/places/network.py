@@ -85,12 +85,26 @@ class PlaceNetwork:
         """The place that the robot believes to be in."""
         return self.places[self.current]
 
-    @property
-    def matched_reading(self) -> int | None:
-        """A reading of the first stay in the present place, halfway through it.
+    def match_reading(self, pose: Pose) -> int | None:
+        """The earlier reading that was taken nearest to where the robot is, in the same place.
 
-        None where the robot has not been there before.
+        It is one at which a breadcrumb was dropped on an earlier stay; where none of them is left,
+        one halfway through the first stay.
+
+        Args:
+            pose: Where the robot is in the map.
+
+        Returns:
+            Its number; None where the robot has not been in the present place before.
         """
+        if not self.is_familiar:
+            return None
+        crumbs = self.breadcrumbs
+        earlier = (crumbs.places == self.current) & (crumbs.readings < self.stays[-1][0])
+        if earlier.any():
+            away = crumbs.points - self.in_graph_frame(pose)[:2]
+            squares = np.where(earlier, (away * away).sum(axis=1), np.inf)
+            return int(crumbs.readings[np.argmin(squares)])
         for (first, place), (after, _) in pairwise(self.stays):
             if place == self.current:
                 return (first + after) // 2
@@ -129,7 +143,8 @@ class PlaceNetwork:
 
     def drop_breadcrumb(self, pose: Pose, walls: Segments) -> None:
         """Note that the robot has come to a pose in the map, with these surfaces in view (m)."""
-        self.breadcrumbs.drop(self.current, self.in_graph_frame(pose), walls)
+        here = self.in_graph_frame(pose)
+        self.breadcrumbs.drop(self.current, here, walls, self.reading)
 
     def snapshot(self) -> Network:
         """The network as users see it."""

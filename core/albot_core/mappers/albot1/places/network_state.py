@@ -27,7 +27,7 @@ _SHAPES = {
     "displacement": (3,),
     "looked_from": ("looks", 3),
     "events": ("events", EVENT_COLUMNS),
-    "trail": ("points", 4),
+    "trail": ("points", 5),
     "trail_links": ("links", 3),
 }
 """The arrays and their shapes; names stand for lengths that must agree."""
@@ -60,7 +60,7 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
         "displacement": network.map_to_graph.copy(),
         "looked_from": network.compared_from[None][~np.isnan(network.compared_from[:1])],
         "events": np.array([event.row() for event in network.log.events]),
-        "trail": np.column_stack((crumbs.points, crumbs.places, crumbs.last_used)),
+        "trail": np.column_stack((crumbs.points, crumbs.places, crumbs.last_used, crumbs.readings)),
         "trail_links": crumbs.tree.links,
     }
 
@@ -109,8 +109,10 @@ def _places(stored: Mapping[str, np.ndarray]) -> dict[int, LearnedPlace]:
 
 def _breadcrumbs(stored: Mapping[str, np.ndarray]) -> Breadcrumbs:
     points, last = stored["trail"], int(stored["standing"][3])
-    places, last_used = points[:, 2:].T.astype(np.int64)
-    return rebuilt_breadcrumbs(points[:, :2], places, last_used, last, stored["trail_links"])
+    places, last_used, readings = points[:, 2:].T.astype(np.int64)
+    return rebuilt_breadcrumbs(
+        points[:, :2], places, last_used, readings, last, stored["trail_links"]
+    )
 
 
 def _check_shapes(stored: Mapping[str, np.ndarray]) -> None:

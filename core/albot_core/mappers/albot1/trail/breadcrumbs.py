@@ -66,7 +66,7 @@ class Breadcrumbs:
     def clear(self) -> None:
         """Forget all breadcrumbs."""
         self.tree.graph.counts[:] = 0
-        self.crumbs.last[:] = -1, 0
+        self.crumbs.last[:] = -1, 0, 0
 
     @property
     def points(self) -> Float64[np.ndarray, "points 2"]:
@@ -85,6 +85,12 @@ class Breadcrumbs:
         """When each was used last, counted in breadcrumbs dropped."""
         last_used: Int64[np.ndarray, "points"] = self.crumbs.last_used[: self._count]
         return last_used
+
+    @property
+    def readings(self) -> Int64[np.ndarray, "points"]:
+        """The number of the reading at which each was dropped first."""
+        readings: Int64[np.ndarray, "points"] = self.crumbs.readings[: self._count]
+        return readings
 
     @property
     def last(self) -> int:
@@ -111,15 +117,17 @@ class Breadcrumbs:
                 new[: len(old)] = old
         return True
 
-    def drop(self, place: int, pose: Pose, walls: Segments) -> None:
+    def drop(self, place: int, pose: Pose, walls: Segments, reading: int = 0) -> None:
         """Drop a breadcrumb, or use one again that lies here.
 
         Args:
             place: The id of the place that the robot believes to be in.
             pose: Where it is in the graph frame.
             walls: The surfaces in view, in its own frame (m).
+            reading: The number of the present reading.
         """
         self.ensure_room()
+        self.crumbs.last[2] = reading
         drop_crumb(self.crumbs, self.tree.graph, place, pose, walls)
 
     def nearby(self, place: int, pose: Pose, walls: Segments) -> NearbyCrumbs:
@@ -184,6 +192,7 @@ def rebuilt_breadcrumbs(
     points: Float64[np.ndarray, "points 2"],
     places: Int64[np.ndarray, "points"],
     last_used: Int64[np.ndarray, "points"],
+    readings: Int64[np.ndarray, "points"],
     last: int,
     links: Float64[np.ndarray, "links 3"],
 ) -> Breadcrumbs:
@@ -191,9 +200,9 @@ def rebuilt_breadcrumbs(
     breadcrumbs = Breadcrumbs()
     breadcrumbs.tree = rebuilt_path_tree(len(points), links)
     breadcrumbs.crumbs = crumbs = _empty_crumbs(len(breadcrumbs.tree.graph.distances))
-    for array, kept in zip(crumbs, (points, places, last_used), strict=False):
+    for array, kept in zip(crumbs, (points, places, last_used, readings), strict=False):
         array[: len(kept)] = kept
-    crumbs.last[:] = last, last_used.max(initial=-1) + 1
+    crumbs.last[:] = last, last_used.max(initial=-1) + 1, 0
     return breadcrumbs
 
 
@@ -202,5 +211,6 @@ def _empty_crumbs(room: int) -> Crumbs:
         points=np.zeros((room, 2)),
         places=np.zeros(room, np.int64),
         last_used=np.zeros(room, np.int64),
-        last=np.array((-1, 0)),
+        readings=np.zeros(room, np.int64),
+        last=np.array((-1, 0, 0)),
     )

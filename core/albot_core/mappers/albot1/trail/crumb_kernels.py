@@ -42,9 +42,11 @@ class Crumbs(NamedTuple):
     """(points,) int64: the id of the place that each is in."""
     last_used: np.ndarray
     """(points,) int64: when each was used last, counted in breadcrumbs dropped."""
+    readings: np.ndarray
+    """(points,) int64: the number of the reading at which each was dropped first."""
     last: np.ndarray
-    """(2,) int64: the breadcrumb used last, -1 where the robot did not drive from there; and how
-    many were dropped so far."""
+    """(3,) int64: the breadcrumb used last, -1 where the robot did not drive from there; how many
+    were dropped so far; and the number of the present reading."""
 
 
 @kernel()
@@ -68,6 +70,7 @@ def drop_crumb(
         here = count
         crumbs.points[here, 0], crumbs.points[here, 1] = pose[0], pose[1]
         crumbs.places[here] = place
+        crumbs.readings[here] = crumbs.last[2]
         add_point(graph)
     last = crumbs.last[0]
     if last >= 0:
@@ -107,6 +110,7 @@ def _prune(crumbs: Crumbs, graph: PathGraph) -> None:
             crumbs.points[staying, 1] = crumbs.points[point, 1]
             crumbs.places[staying] = crumbs.places[point]
             crumbs.last_used[staying] = crumbs.last_used[point]
+            crumbs.readings[staying] = crumbs.readings[point]
             numbers[point] = staying
             staying += 1
     keep_points(graph, numbers)

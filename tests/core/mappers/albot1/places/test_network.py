@@ -34,6 +34,28 @@ def test_the_first_place_is_where_the_robot_sets_out():
     assert (snapshot.current, snapshot.home, snapshot.links) == (0, 0, ())
 
 
+def test_a_reading_matches_the_one_taken_nearest_by_on_an_earlier_stay():
+    walker, nothing = Walker(), np.empty((0, 4))
+    network = walker.network
+    for reading, x in enumerate((0.5, 1.0, 1.5), start=1):
+        network.reading = reading
+        network.drop_breadcrumb(np.array((x, 0.0, 0.0)), nothing)
+    assert network.match_reading(np.array((1.0, 0.0, 0.0))) is None
+    network.reading = 10
+    walker.go((1, 0))
+    assert network.match_reading(walker.pose()) is None
+    network.reading = 20
+    walker.go((0, 0))
+    network.reading = 21
+    network.drop_breadcrumb(np.array((0.9, 0.4, 0.0)), nothing)
+    matched = [network.match_reading(np.array((x, 0.1, 0.0))) for x in (0.0, 0.6, 1.1, 9.0)]
+    assert matched == [0, 1, 2, 3]
+    assert [network.place_at(reading) for reading in (0, 9, 10, 19, 20, 99)] == [0, 0, 1, 1, 0, 0]
+    network.breadcrumbs.clear()
+    network.breadcrumbs.drop(0, np.zeros(3), nothing, 30)
+    assert network.match_reading(np.zeros(3)) == 5  # Halfway through the first stay.
+
+
 def test_an_exit_leads_there_and_back():
     walker = Walker()
     walker.go((1, 0))
