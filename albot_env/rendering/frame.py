@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.pose_kernels import length_of
+from albot_core.geometry.poses import transform_points
 from albot_core.geometry.types import Pose
 from albot_core.maps.layers import MapSnapshot
 from albot_env.rendering.layers import layer_summary
@@ -55,7 +54,8 @@ class Frame:
     @property
     def position_error(self) -> float:
         """Distance between the believed and the true position, aligned at the start (m)."""
-        return position_error(self.start, self.pose, self.belief)
+        believed = transform_points(self.start, self.belief[:2])
+        return float(np.hypot(*(believed - self.pose[:2])))
 
     @property
     def caption(self) -> str:
@@ -71,17 +71,3 @@ class Frame:
             f"{self.position_error:.2f} m off",
         )
         return " · ".join(part for part in parts if part)
-
-
-def position_error(start: Pose, pose: Pose, belief: Pose) -> float:
-    """Distance (m) from the true position to the believed one, the map laid at the start.
-
-    Args:
-        start: Where the robot truly set out, world frame: the origin of the map's frame.
-        pose: Where it truly is, world frame.
-        belief: Where it believes to be, map frame.
-    """
-    cos, sin = math.cos(start[2]), math.sin(start[2])
-    x = start[0] + cos * belief[0] - sin * belief[1]
-    y = start[1] + sin * belief[0] + cos * belief[1]
-    return length_of(x - pose[0], y - pose[1])

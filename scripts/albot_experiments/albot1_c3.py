@@ -167,7 +167,7 @@ picture are of it.
 
 `albot1-thesis` looks for places only among surfaces that co-locate within 40 cm. Here its map
 is off by more when it comes back, unlike in the thesis: what it meets then is not where it
-was, arouses no suspicion, and the places are learned as new ones.
+was, is no loop-closure candidate, and the places are learned as new ones.
 """
 
 

@@ -58,7 +58,7 @@ def test_the_mapper_is_compiled_in_a_process_of_its_own(
     monkeypatch.setattr(module, "_is_compiled", lambda _: False)
     module.warm_up("albot1")
     assert [command[1:] for command in FakeProcess.begun] == [
-        ["-m", "albot_core.kernels.precompile", "albot1"]
+        ["-m", "albot_core.mappers.precompile", "albot1"]
     ]
     assert processes[0].ended[0] == "waited"
     said = capsys.readouterr()

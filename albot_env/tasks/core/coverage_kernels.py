@@ -12,7 +12,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.pose_kernels import length_of, pseudo_angle
+from albot_core.geometry.pose_kernels import (
+    length_of,
+    pseudo_angle,
+    rotate_back,
+    transform_point,
+)
 from albot_core.kernels.bits import lowest_bit, popcount
 from albot_core.kernels.compiled import kernel
 from albot_core.kernels.simd import (
@@ -97,8 +102,9 @@ def cover(
     side, cell, centre = ground.sides[i], ground.cell, ground.centres[i]
     cos, sin = turn
     # The laser's place, in cells from the middle of cell (0, 0).
-    eye_x = (pose[0] + cos * sensor.x - sin * sensor.y - centre[0]) / cell + side / 2 - 0.5
-    eye_y = (pose[1] + sin * sensor.x + cos * sensor.y - centre[1]) / cell + side / 2 - 0.5
+    laser_x, laser_y = transform_point(pose, cos, sin, sensor.x, sensor.y)
+    eye_x = (laser_x - centre[0]) / cell + side / 2 - 0.5
+    eye_y = (laser_y - centre[1]) / cell + side / 2 - 0.5
     eye, radius = (eye_x, eye_y, cos, sin), sensor.radius / cell
     first, last = max(0, math.ceil(eye_x - radius)), min(side - 1, math.floor(eye_x + radius))
     low, high = max(0, math.ceil(eye_y - radius)), min(side - 1, math.floor(eye_y + radius))
@@ -149,7 +155,7 @@ def _seen(
         place = lowest_bit(cells)
         cells &= cells - 1
         dx, dy = corner[0] + (place & 7) - x, corner[1] + (place >> 3) - y
-        u, v = cos * dx + sin * dy, cos * dy - sin * dx
+        u, v = rotate_back(cos, sin, dx, dy)
         beam = beams[min(int((pseudo_angle(u, v) + 2.0) * 0.25 * parts), parts - 1)]
         if beam < 0:
             continue

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.pose_kernels import length_of, wrap_angle
+from albot_core.geometry.pose_kernels import length_of, rotate_back, wrap_angle
 from albot_core.kernels.bits import float32_bits, float32_from_bits
 from albot_core.kernels.compiled import kernel
 
@@ -101,8 +101,9 @@ def find_nearest(ranges: np.ndarray, nearest: np.ndarray) -> None:
 def _direct(east: float, north: float, cos: float, sin: float, row: np.ndarray) -> None:
     """Write the direction of a vector of the map as seen with a heading."""
     length = max(length_of(east, north), 1e-9)
-    row[0] = min(max((cos * east + sin * north) / length, -1.0), 1.0)
-    row[1] = min(max((cos * north - sin * east) / length, -1.0), 1.0)
+    ahead, left = rotate_back(cos, sin, east, north)
+    row[0] = min(max(ahead / length, -1.0), 1.0)
+    row[1] = min(max(left / length, -1.0), 1.0)
 
 
 @kernel()
@@ -115,8 +116,7 @@ def locate_home(
     """
     cos, sin = turn
     east, north = where[0] - belief[0], where[1] - belief[1]
-    home[0] = cos * east + sin * north
-    home[1] = cos * north - sin * east
+    home[0], home[1] = rotate_back(cos, sin, east, north)
     home[2] = wrap_angle(where[2] - belief[2])
 
 

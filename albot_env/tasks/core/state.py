@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.pose_kernels import length_of, wrap_angle
+from albot_core.geometry.pose_kernels import length_of, rotate, transform_point, wrap_angle
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
 
@@ -118,8 +118,7 @@ def update_stats(
     stats.path_lengths[i] += driven
     before[0], before[1] = pose[0], pose[1]
     cos, sin = stats.turns[i]
-    x = start[0] + cos * belief[0] - sin * belief[1]
-    y = start[1] + sin * belief[0] + cos * belief[1]
+    x, y = transform_point(start, cos, sin, belief[0], belief[1])
     stats.position_errors[i] = length_of(x - pose[0], y - pose[1])
     share = progress.ground[i] * cell_area / stats.reachable[i]
     stats.coverages[i] = min(1.0, share)
@@ -146,6 +145,7 @@ def integrate_odometry(
     for i in rows:
         travels[i] += length_of(motions[i, 0], motions[i, 1])
         cos, sin = math.cos(beliefs[i, 2]), math.sin(beliefs[i, 2])
-        beliefs[i, 0] += cos * motions[i, 0] - sin * motions[i, 1]
-        beliefs[i, 1] += sin * motions[i, 0] + cos * motions[i, 1]
+        east, north = rotate(cos, sin, motions[i, 0], motions[i, 1])
+        beliefs[i, 0] += east
+        beliefs[i, 1] += north
         beliefs[i, 2] = wrap_angle(beliefs[i, 2] + motions[i, 2])

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.pose_kernels import length_of
+from albot_core.geometry.pose_kernels import length_of, transform_point
 from albot_core.kernels.compiled import kernel
 from albot_core.planning.grid_search import (
     FREE,
@@ -131,8 +131,7 @@ def clear_occupancy(occupancy: OccupancyGrids, i: int) -> None:
 def _has_jumped(before: np.ndarray, motion: np.ndarray, now: np.ndarray, jump: float) -> bool:
     """Whether a belief is elsewhere than the odometer's motion leads to."""
     cos, sin = math.cos(before[2]), math.sin(before[2])
-    x = before[0] + cos * motion[0] - sin * motion[1]
-    y = before[1] + sin * motion[0] + cos * motion[1]
+    x, y = transform_point(before, cos, sin, motion[0], motion[1])
     return length_of(now[0] - x, now[1] - y) > jump
 
 
@@ -146,13 +145,8 @@ def _draw(
 ) -> None:
     """Draw a scan, where all of it is on the grid."""
     cos, sin = math.cos(belief[2]), math.sin(belief[2])
-    eye = np.array(
-        (
-            belief[0] + cos * sensor.x - sin * sensor.y,
-            belief[1] + sin * sensor.x + cos * sensor.y,
-            belief[2] + sensor.first,
-        )
-    )
+    x, y = transform_point(belief, cos, sin, sensor.x, sensor.y)
+    eye = np.array((x, y, belief[2] + sensor.first))
     farthest = max(abs(eye[0]), abs(eye[1])) + params.reach + params.cell
     if farthest < (grid.shape[0] // 2) * params.cell:
         bearings = np.arange(ranges.shape[0]) * sensor.spacing

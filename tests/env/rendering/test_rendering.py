@@ -16,7 +16,7 @@ from rich.text import Text
 from albot_core.errors import InputError
 from albot_core.maps.layers import EMPTY_MAP, MapSnapshot, SegmentsLayer
 from albot_env.rendering.canvas import BACKGROUND, PALETTE, PANEL, paint_array
-from albot_env.rendering.frame import Frame, position_error
+from albot_env.rendering.frame import Frame
 from albot_env.rendering.picture import save_picture
 from albot_env.rendering.scene import lay_out, scale_bar
 from albot_env.rendering.terminal import BrailleCanvas, TerminalView, draw_text
@@ -26,6 +26,11 @@ from albot_env.rendering.window import Window
 
 @pytest.fixture
 def frame() -> Frame:
+    """See `made_frame`."""
+    return made_frame()
+
+
+def made_frame() -> Frame:
     """A square room of 10 m; the robot has gone 4 m east from its south-west, facing north.
 
     Its map frame is turned by a quarter against the world's. The map is perfect.
@@ -82,8 +87,9 @@ def test_the_error_does_not_depend_on_where_the_map_lies(numbers: list[float]) -
         start[1] + sin * truth[0] + cos * truth[1],
         start[2] + truth[2],
     ))  # fmt: skip
-    here = position_error(origin, truth, belief)
-    assert position_error(start, moved, belief) == pytest.approx(here, abs=1e-9)
+    here = replace(made_frame(), start=origin, pose=truth, belief=belief)
+    there = replace(here, start=start, pose=moved)
+    assert there.position_error == pytest.approx(here.position_error, abs=1e-9)
 
 
 @pytest.mark.parametrize(("width", "bar"), [(10.0, 2.0), (31.6, 5.0), (9.9, 1.0), (400.0, 50.0)])

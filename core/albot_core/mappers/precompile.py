@@ -1,4 +1,4 @@
-"""Compile a mapper before it is needed: `python -m albot_core.kernels.precompile albot1`.
+"""Compile a mapper before it is needed: `python -m albot_core.mappers.precompile albot1`.
 
 In a process of its own this takes the time of another processor.
 """
