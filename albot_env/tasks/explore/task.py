@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -68,8 +69,10 @@ class ExploreTask(BatchedRobots):
         self._arguments = ArgumentsCache(self._reward_arguments)
         self._weights = config.weights.values
         mappers = self._mappers
-        matches = mappers is not None and mappers.recognises_places
-        self._claims = no_claims(robots, mappers.matched_readings if mappers and matches else None)
+        self._matches = mappers is not None and mappers.recognises_places
+        matched = mappers.matched_readings if mappers is not None and self._matches else None
+        self._claims = no_claims(robots, matched)
+        self._room_left = 0
         self._worlds_barriers = WorldCache(robots, self._add_barriers, self._forget_barriers)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
@@ -92,16 +95,27 @@ class ExploreTask(BatchedRobots):
     def act(self, numbers: Numbers) -> None:
         """One control step of all robots with these actions, of which some may claim something."""
         if isinstance(self.actions, ClaimingActionConfig):
-            self._claims.claims[:] = self.actions.declares(numbers)
+            np.greater(numbers[:, 2], self.actions.threshold, out=self._claims.claims)
         super().act(numbers)
-        self._claims = with_room(self._claims, int(self._stats.steps.max()) + 1, 0)
+        # No robot has more readings behind it than there were steps since there was room for all.
+        self._room_left -= 1
+        if self._room_left < 0:
+            self._make_room()
+
+    def _make_room(self) -> None:
+        """Make room for the next reading of the robot that has the most behind it."""
+        readings = int(self._stats.steps.max()) + 1
+        self._claims = with_room(self._claims, readings, 0)
+        self._room_left = self._claims.points.shape[1] - readings
+        if not self._matches:
+            self._room_left = sys.maxsize
 
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
-        if self._mappers is not None and self._mappers.recognises_places:
-            claims = self._claims
+        claims = self._claims
+        if self._matches and claims.claims.any():
+            assert self._mappers is not None
             claiming = rows[claims.claims[rows] & ~claims.judged[rows]]
-            if len(claiming):
-                self._mappers.match_readings(claiming)
+            self._mappers.match_readings(claiming)
         compute_reward(rows, self._arguments.arguments(self._claims), CONTROL_STEP)
 
     def _reward_arguments(self, claims: Claims) -> tuple[Any, ...]:

@@ -218,7 +218,6 @@ class Albot1Batch:
         laser: LaserGeometry,
     ) -> None:
         """`update` with the arrays of readings that matter to the map."""
-        self._robots.readings[rows] += 1
         arguments = self._arguments_cache.arguments(laser)
         ranges, motions = np.ascontiguousarray(ranges), np.ascontiguousarray(motions)
         done = step_robots(rows, 0, arguments, ranges, motions)

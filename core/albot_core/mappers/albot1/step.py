@@ -70,7 +70,7 @@ class BatchArrays(NamedTuple):
     """(n,) int64: what happened at the last reading, a sum of CROSSED, REVISITING, KIDNAPPED and
     BREADCRUMB."""
     readings: np.ndarray
-    """(n,) int64: how many readings it has taken in, the present one among them."""
+    """(n,) int64: how many readings it has taken in; within a step, before the present one."""
     crumb_poses: np.ndarray
     """(n, 3) float64: where it dropped its last breadcrumb (m, rad; the map's frame)."""
     next_ids: np.ndarray
@@ -144,6 +144,7 @@ def _step_all(
             robots, row, ranges[row], motions[row], settings, limits, current, view_buffers, buffers
         ):
             return k
+        robots.readings[row] += 1
     return int(rows.shape[0])
 
 
@@ -254,5 +255,5 @@ def _drop_crumb(robots: BatchArrays, row: int, view: LocatedView) -> None:
     here = _here()
     relative_pose(robots.map_to_graph[row], robots.poses[row], here)
     crumbs, graph = crumbs_at(robots.table[row]), graph_at(robots.table[row])
-    crumbs.last[2] = robots.readings[row] - 1
+    crumbs.last[2] = robots.readings[row]
     drop_crumb(crumbs, graph, robots.current[row], here, view.surfaces[: view.size[0]])
