@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.poses import transform_points
+from albot_core.geometry.pose_kernels import length_of, transform_point
 from albot_core.geometry.types import Pose
 from albot_core.maps.layers import MapSnapshot
 from albot_env.rendering.layers import layer_summary
@@ -54,8 +55,9 @@ class Frame:
     @property
     def position_error(self) -> float:
         """Distance between the believed and the true position, aligned at the start (m)."""
-        believed = transform_points(self.start, self.belief[:2])
-        return float(np.hypot(*(believed - self.pose[:2])))
+        cos, sin = math.cos(self.start[2]), math.sin(self.start[2])
+        x, y = transform_point(self.start, cos, sin, self.belief[0], self.belief[1])
+        return length_of(x - self.pose[0], y - self.pose[1])
 
     @property
     def caption(self) -> str:
