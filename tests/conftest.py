@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
@@ -21,6 +23,7 @@ SOURCES = {
     "albot_benchmarks": ROOT / "scripts",
     "albot_cli": ROOT / "scripts",
 }
+_ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 FIRST = (
     "core/mappers/albot1/test_batch.py",
     "env/tasks/test_action.py",
@@ -35,6 +38,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What compiles comes first."""
     places = {Path(__file__).parent / name: place for place, name in enumerate(FIRST)}
     items.sort(key=lambda item: places.get(item.path, len(FIRST)))
+
+
+@pytest.fixture(autouse=True)
+def _signals_as_before() -> Iterator[None]:
+    """The command leaves as few handlers of signals behind as suits a process that ends."""
+    before = {number: signal.getsignal(number) for number in _ENDING}
+    yield
+    for number, handler in before.items():
+        if signal.getsignal(number) is not handler:
+            signal.signal(number, handler)
 
 
 def _checked_modules() -> list[str]:

@@ -12,7 +12,8 @@ from jaxtyping import Float32
 
 Action = Float32[np.ndarray, "numbers"]
 """Speed and turn rate as shares of what the environment allows, in [-1, 1], and what else its
-actions hold: in `Albot/Homing-v0` a number that declares home above 0.5."""
+actions hold: in `Albot/Homing-v0` a number that declares home above 0.5, in `Albot/Explore-v0` one
+that claims to know the place."""
 
 
 @runtime_checkable
@@ -50,12 +51,10 @@ def choose_action(agent: Agent, observation: Any, info: Mapping[str, Any]) -> Ac
     return agent.act(observation, info if agent.knows_truth else {})
 
 
-def fill_action(
-    driving: Float32[np.ndarray, "2"], actions: Box, *, declares: bool = False
-) -> Action:
-    """Speed and turn rate as an action of this space; `declares` goes into a third number."""
+def fill_action(driving: Float32[np.ndarray, "2"], actions: Box, *, says: bool = False) -> Action:
+    """Speed and turn rate as an action of this space; `says` goes into a third number."""
     (length,) = actions.shape
-    action = np.full(length, 1.0 if declares else -1.0, np.float32)
+    action = np.full(length, 1.0 if says else -1.0, np.float32)
     action[:2] = driving
     return action
 

@@ -16,15 +16,14 @@ from albot_agents.scripted.exploring import (
 )
 from albot_agents.scripted.homing import Albot1Homing, Oracle, PathIntegration
 from albot_agents.scripted.place_judge import PlaceJudge
-from albot_agents.trained.agent_file import SUFFIX, AgentFile, read_agent
+from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, read_agent
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
 from albot_core.errors import InputError, did_you_mean
+from albot_core.files import exists
 from albot_env.tasks.core.observation import ObservationConfig
 
 EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
 ROUND_TRIP, PLACES = "Albot/ExploreAndHome-v0", "Albot/PlaceRecognition-v0"
-DRIVING = (EXPLORE, HOMING, ROUND_TRIP)
-"""The tasks in which a robot is driven."""
 
 USUAL = ObservationConfig()
 """How the environments make observations with the sensors that they have by default."""
@@ -38,10 +37,10 @@ class AgentEntry:
     """What it does, in one line."""
     make: Callable[[ObservationConfig, str | None], Agent]
     """What makes it, for an environment that makes observations so, and its id where known."""
+    tasks: tuple[str, ...]
+    """The tasks that it can do, well or badly."""
     mapper: str = "albot1"
     """The mapper that it is evaluated with where no other is asked for."""
-    tasks: tuple[str, ...] = DRIVING
-    """The tasks that it can do something in, well or badly."""
     file: AgentFile | None = None
     """What it was trained to, of a trained agent."""
 
@@ -65,28 +64,53 @@ class AgentEntry:
             return {"mapper": self.mapper} | dict(settings)
         return self.file.environment(task, settings)
 
+    def untrained(self, settings: Mapping[str, Any]) -> tuple[str, ...]:
+        """Which settings are others than those in which a trained agent learnt, in words.
+
+        Another odometer or world is none of them: by these an agent is to be tried out.
+        """
+        if self.file is None:
+            return ()
+        learnt = {"mapper_config": "its default thresholds", **self.file.settings}
+        learnt |= {"mapper": self.mapper, "config": settings.get("config")}
+        return tuple(
+            f"{name} {settings[name]} (trained with {learnt.get(name, 'the usual one')})"
+            for name in KEPT_SETTINGS
+            if settings.get(name, learnt.get(name)) != learnt.get(name)
+        )
+
+
+def _driving(kind: Callable[..., Agent]) -> Callable[[ObservationConfig, str | None], Agent]:
+    """What makes a driving agent: its actions claim in exploring, and declare elsewhere."""
+    return lambda observing, task: kind(observing, claims=task == EXPLORE)
+
 
 AGENTS = {
     Albot1Homing.name: AgentEntry(
         summary="Drives home through the exits of Albot1's network of places.",
-        make=lambda observing, _: Albot1Homing(observing),
+        make=_driving(Albot1Homing),
+        tasks=(HOMING,),
     ),
     GapExplorerAgent.name: AgentEntry(
         summary="Explores from gap to gap, the nearest first; claims to know what its map knows.",
-        make=lambda observing, task: GapExplorerAgent(observing, claims=task == EXPLORE),
+        make=_driving(GapExplorerAgent),
+        tasks=(EXPLORE,),
     ),
     NearestFrontier.name: AgentEntry(
         summary="Explores by going to the nearest border of the ground that it has covered.",
-        make=lambda observing, task: NearestFrontier(observing, claims=task == EXPLORE),
+        make=_driving(NearestFrontier),
+        tasks=(EXPLORE,),
     ),
     Oracle.name: AgentEntry(
         summary="Knows the truth and drives the shortest way home: the upper bound.",
-        make=lambda observing, _: Oracle(observing),
+        make=_driving(Oracle),
+        tasks=(HOMING,),
         mapper="none",
     ),
     PathIntegration.name: AgentEntry(
         summary="Follows the odometer's home vector, without a map.",
-        make=lambda observing, _: PathIntegration(observing),
+        make=_driving(PathIntegration),
+        tasks=(HOMING,),
         mapper="none",
     ),
     PlaceJudge.name: AgentEntry(
@@ -127,7 +151,7 @@ def find_agent(name: str) -> AgentEntry:
     shipped = shipped_agents()
     if name in shipped:
         return _trained(name, shipped[name])
-    if name.endswith(SUFFIX) or Path(name).is_file():
+    if name.endswith(SUFFIX) or exists(Path(name)):
         return _trained(name, Path(name))
     names = (*AGENTS, *shipped)
     expected = f"one of {', '.join(names)}, or a file"
@@ -140,8 +164,10 @@ def check_agent(name: str, task: str) -> None:
     Raises:
         InputError: There is no such agent, or it is not for the task.
     """
-    if task not in find_agent(name).tasks:
-        raise InputError("agent", f"one for {task}: {', '.join(agent_names(task))}", name)
+    tasks = find_agent(name).tasks
+    if task not in tasks:
+        found = f"{name}, which is for {' and '.join(tasks)}"
+        raise InputError("agent", f"one for {task}: {', '.join(agent_names(task))}", found)
 
 
 def _trained(name: str, path: Path) -> AgentEntry:

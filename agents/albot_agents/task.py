@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any, get_args
 
@@ -26,12 +27,32 @@ def check_task(task: str) -> None:
     """Raise InputError if the task is unknown.
 
     Raises:
-        InputError: No task has this name; the message names the nearest.
+        InputError: No task has this id; the message names the nearest.
     """
     tasks = task_names()
     if task not in tasks:
         found = f"{task or 'nothing'}{did_you_mean(task, tasks)}"
         raise InputError("task", f"one of {', '.join(tasks)}", found)
+
+
+def short_name(task: str) -> str:
+    """What a task is called for short: `explore-and-home` for `Albot/ExploreAndHome-v0`."""
+    words = re.sub(r"-v\d+$", "", task.removeprefix(PREFIX))
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", "-", words).lower()
+
+
+def find_task(name: str) -> str:
+    """The id of a task, of which this is the id or the short name.
+
+    Raises:
+        InputError: No task has this name; the message names the nearest.
+    """
+    tasks = {known: task for task in task_names() for known in (task, short_name(task))}
+    if name not in tasks:
+        names = [f"{short_name(task)} ({task})" for task in task_names()]
+        found = f"{name or 'nothing'}{did_you_mean(name, tasks)}"
+        raise InputError("task", f"one of {', '.join(names)}", found)
+    return tasks[name]
 
 
 def batch_settings(task: str) -> dict[str, Any]:

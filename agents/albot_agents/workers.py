@@ -7,15 +7,19 @@ it had reached and the cause.
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import islice
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
+
+from albot_core.interrupts import INTERRUPTS, interrupts_deferred
 
 _CONTEXT = get_context("spawn")
 """Processes that begin anew are the same on every system, and inherit no threads."""
@@ -49,22 +53,27 @@ def run_parallel(
         jobs: How many are done at once.
     """
     waiting = iter(tasks)
-    workers = [_Worker(runner, task) for task in islice(waiting, jobs)]
+    workers: list[_Worker[Task, Result]] = []
     try:
+        for task in islice(waiting, jobs):
+            with interrupts_deferred():  # Or a worker would run on that nobody knows of.
+                workers.append(_Worker(runner, task))
         while workers:
             ready = wait([worker.link for worker in workers])
             for worker in [worker for worker in workers if worker.link in ready]:
-                result = worker.receive()
-                workers.remove(worker)
-                following = next(waiting, None)
-                if following is None:
-                    worker.end()
-                else:
-                    workers.append(worker.start(following))
+                with interrupts_deferred():
+                    result = worker.receive()
+                    workers.remove(worker)
+                    following = next(waiting, None)
+                    if following is None:
+                        worker.end()
+                    else:
+                        workers.append(worker.start(following))
                 yield result
     finally:
-        for worker in workers:
-            worker.end()
+        with interrupts_deferred():
+            for worker in workers:
+                worker.end()
 
 
 class _Worker(Generic[Task, Result]):
@@ -81,10 +90,11 @@ class _Worker(Generic[Task, Result]):
         self._step = _CONTEXT.RawValue("q", 0)
         arguments = (runner, other, self._step)
         self._process = _CONTEXT.Process(target=_serve, args=arguments, daemon=True)
-        with _ignored_interrupts():
+        with _blocked_interrupts():
             self._process.start()
         other.close()  # The process has its own: when it dies, the link breaks.
-        self._send(task)
+        with suppress(ConnectionError):  # Whoever receives finds that it has died.
+            self._send(task)
 
     def _send(self, task: Task) -> None:
         self._task = task
@@ -123,6 +133,7 @@ class _Worker(Generic[Task, Result]):
 
 def _serve(runner: TaskRunner[Any, Any], link: Connection, step: Any) -> None:
     """In the process: run the tasks that come through the link, until there are no more."""
+    threading.Thread(target=_die_with_parent, daemon=True).start()
 
     def on_step(number: int) -> None:
         step.value = number
@@ -135,14 +146,22 @@ def _serve(runner: TaskRunner[Any, Any], link: Connection, step: Any) -> None:
         link.send(runner.run(task, on_step))
 
 
+def _die_with_parent() -> None:
+    """End this process, whatever it is doing, when the one that started it is no more."""
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
+
+
 @contextmanager
-def _ignored_interrupts() -> Iterator[None]:
-    """Processes started meanwhile never hear Ctrl-C: the one that started them ends them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # Only the main thread hears it and may say who else does.
+def _blocked_interrupts() -> Iterator[None]:
+    """Processes started meanwhile never hear Ctrl-C or `kill`: who started them ends them."""
+    if sys.platform == "win32":
+        yield
         return
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, INTERRUPTS)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -32,6 +32,8 @@ class EpisodeHeader:
     """Name of the odometer's preset."""
     seed: int | None
     """The seed of the reset; None where it had none."""
+    agent: str = ""
+    """Name of the agent; empty where nobody has said."""
     laser: LaserGeometry | None = None
     """Where the laser's beams point; None on a robot without a laser."""
     sonar: SonarGeometry | None = None

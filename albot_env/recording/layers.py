@@ -24,6 +24,8 @@ from albot_core.maps.layers import (
     SegmentsLayer,
     TrajectoryLayer,
 )
+from albot_core.plain_data import Location, read_array, read_fields, read_record
+from albot_core.yaml_document import shown
 from albot_env.recording.foxglove import Message, lines, pose_of, scene, time_of
 
 SEGMENT_COLOUR = {"r": 0.96, "g": 0.72, "b": 0.26, "a": 1.0}
@@ -41,13 +43,17 @@ def map_messages(snapshot: MapSnapshot, stamp: float) -> Iterator[Message]:
     yield "/albot/map", {layer.kind: plain_layer(layer) for layer in snapshot.layers}
 
 
-def map_from_message(content: dict[str, Any]) -> MapSnapshot:
-    """The map of an `/albot/map` message.
+def map_from_message(content: Any, where: Location) -> MapSnapshot:
+    """The map of an `/albot/map` message, which stands there in a file.
 
     Raises:
-        KeyError, TypeError, ValueError: The message is not as its schema says.
+        InputError: The message is not as its schema says; it names the place.
     """
-    return MapSnapshot(layers=tuple(_READERS[kind](layer) for kind, layer in content.items()))
+    layers = []
+    for kind, fields in read_fields(dict.fromkeys(_READERS, Any), content, where).items():
+        known, read = _READERS[kind]
+        layers.append(read(read_record(known, fields, where.at(kind)), where.at(kind)))
+    return MapSnapshot(layers=tuple(layers))
 
 
 @singledispatch
@@ -72,8 +78,8 @@ def _drawn_segments(layer: SegmentsLayer, stamp: float) -> dict[str, Any]:
     return scene("segments", "map", stamp, lines=[lines(layer.segments, SEGMENT_COLOUR)])
 
 
-def _read_segments(content: dict[str, Any]) -> SegmentsLayer:
-    return SegmentsLayer(segments=_rows(content["segments"], 4))
+def _read_segments(content: dict[str, Any], where: Location) -> SegmentsLayer:
+    return SegmentsLayer(segments=_rows(4, content, "segments", where))
 
 
 @plain_layer.register
@@ -110,15 +116,21 @@ def _bytes(layer: OccupancyGridLayer) -> np.ndarray:
     return np.where(known, np.rint(254 * chances), UNKNOWN).astype(np.uint8)
 
 
-def _read_grid(content: dict[str, Any]) -> OccupancyGridLayer:
-    raw = np.frombuffer(base64.b64decode(content["occupancy"], validate=True), np.uint8)
-    cells = raw.reshape(int(content["rows"]), int(content["columns"]))
-    occupancy = np.where(cells == UNKNOWN, np.nan, cells / 254).astype(np.float32)
-    return OccupancyGridLayer(
-        origin=_row(content["origin"], 3),
-        resolution=float(content["resolution"]),
-        occupancy=occupancy,
-    )
+def _read_grid(content: dict[str, Any], where: Location) -> OccupancyGridLayer:
+    shape = content["rows"], content["columns"]
+    try:
+        raw = np.frombuffer(base64.b64decode(content["occupancy"], validate=True), np.uint8)
+        if min(shape) < 0:  # A length of -1 would be worked out.
+            raise ValueError
+        cells = raw.reshape(shape)
+        occupancy = np.where(cells == UNKNOWN, np.nan, cells / 254).astype(np.float32)
+    except (ValueError, OverflowError):
+        expected = f"{shape[0]} x {shape[1]} bytes in base 64"
+        raise where.at("occupancy").error(expected, shown(content["occupancy"])) from None
+    origin = _row(3, content, "origin", where)
+    resolution = float(read_array((), content["resolution"], where.at("resolution")))
+    with where.naming():
+        return OccupancyGridLayer(origin=origin, resolution=resolution, occupancy=occupancy)
 
 
 @plain_layer.register
@@ -170,31 +182,49 @@ def _drawn_graph(layer: PlaceGraph, stamp: float) -> dict[str, Any]:
     return scene("place_graph", "map", stamp, lines=drawn, texts=texts)
 
 
-def _read_graph(content: dict[str, Any]) -> PlaceGraph:
-    nodes = tuple(
-        PlaceNode(
-            id=int(node["id"]),
-            label=str(node["label"]),
-            pose=_row(node["pose"], 3),
-            middle=_row(node["middle"], 2),
-            segments=_rows(node["segments"], 4),
+def _read_graph(content: dict[str, Any], where: Location) -> PlaceGraph:
+    nodes, edges = [], []
+    for k, node in enumerate(content["nodes"]):
+        at = where.at("nodes", k)
+        told = read_record(_NODE, node, at)
+        nodes.append(
+            PlaceNode(
+                id=told["id"],
+                label=told["label"],
+                pose=_row(3, told, "pose", at),
+                middle=_row(2, told, "middle", at),
+                segments=_rows(4, told, "segments", at),
+            )
         )
-        for node in content["nodes"]
-    )
-    edges = tuple(
-        PlaceEdge(
-            source=int(edge["source"]),
-            target=int(edge["target"]),
-            motion=_row(edge["motion"], 3),
-            doorway=None if edge["doorway"] is None else _row(edge["doorway"], 4),
-            reverse=edge["reverse"],
+    ids = {node.id for node in nodes}
+    if len(ids) < len(nodes):
+        raise where.at("nodes").error("ids of their own", "one twice")
+    for k, edge in enumerate(content["edges"]):
+        at = where.at("edges", k)
+        told = read_record(_EDGE, edge, at)
+        for name, known in (
+            ("source", ids),
+            ("target", ids),
+            ("reverse", range(len(content["edges"]))),
+        ):
+            if told[name] is not None and told[name] not in known:
+                raise at.at(name).error("the number of one that is there", str(told[name]))
+        doorway = None if told["doorway"] is None else _row(4, told, "doorway", at)
+        edges.append(
+            PlaceEdge(
+                source=told["source"],
+                target=told["target"],
+                motion=_row(3, told, "motion", at),
+                doorway=doorway,
+                reverse=told["reverse"],
+            )
         )
-        for edge in content["edges"]
+    for name in ("current", "home"):
+        if content[name] is not None and content[name] not in ids:
+            raise where.at(name).error("the id of a place", str(content[name]))
+    return PlaceGraph(
+        nodes=tuple(nodes), edges=tuple(edges), current=content["current"], home=content["home"]
     )
-    graph = PlaceGraph(nodes=nodes, edges=edges, current=content["current"], home=content["home"])
-    for edge in edges:
-        graph.node(edge.source), graph.node(edge.target)
-    return graph
 
 
 @plain_layer.register
@@ -213,32 +243,34 @@ def _drawn_poses(layer: ParticlesLayer | TrajectoryLayer, stamp: float) -> dict[
     return {"timestamp": time_of(stamp), "frame_id": "map", "poses": poses}
 
 
-def _read_particles(content: dict[str, Any]) -> ParticlesLayer:
-    poses = _rows(content["poses"], 3)
-    return ParticlesLayer(poses=poses, weights=_row(content["weights"], len(poses)))
+def _read_particles(content: dict[str, Any], where: Location) -> ParticlesLayer:
+    poses = _rows(3, content, "poses", where)
+    return ParticlesLayer(poses=poses, weights=_row(len(poses), content, "weights", where))
 
 
-def _read_trajectory(content: dict[str, Any]) -> TrajectoryLayer:
-    return TrajectoryLayer(poses=_rows(content["poses"], 3))
+def _read_trajectory(content: dict[str, Any], where: Location) -> TrajectoryLayer:
+    return TrajectoryLayer(poses=_rows(3, content, "poses", where))
 
 
-_READERS: dict[str, Callable[[dict[str, Any]], Layer]] = {
-    SegmentsLayer.kind: _read_segments,
-    OccupancyGridLayer.kind: _read_grid,
-    PlaceGraph.kind: _read_graph,
-    ParticlesLayer.kind: _read_particles,
-    TrajectoryLayer.kind: _read_trajectory,
-}
-
-
-def _row(numbers: Any, count: int) -> np.ndarray:
+def _row(count: int, content: dict[str, Any], name: str, where: Location) -> np.ndarray:
     """So many numbers."""
-    array = np.array(numbers, np.float64)
-    if array.shape != (count,):
-        raise ValueError(f"{count} numbers expected, found {array.shape}")
-    return array
+    return read_array((count,), content[name], where.at(name))
 
 
-def _rows(numbers: Any, count: int) -> np.ndarray:
+def _rows(count: int, content: dict[str, Any], name: str, where: Location) -> np.ndarray:
     """Rows of so many numbers."""
-    return np.array(numbers, np.float64).reshape(-1, count)
+    return read_array((None, count), content[name], where.at(name))
+
+
+_NODE = {"id": int, "label": str, "pose": Any, "middle": Any, "segments": Any}
+_EDGE = {"source": int, "target": int, "motion": Any, "doorway": Any, "reverse": int | None}
+_GRID = {"origin": Any, "resolution": float, "rows": int, "columns": int, "occupancy": str}
+_GRAPH = {"nodes": list[Any], "edges": list[Any], "current": int | None, "home": int | None}
+_READERS: dict[str, tuple[dict[str, Any], Callable[[dict[str, Any], Location], Layer]]] = {
+    SegmentsLayer.kind: ({"segments": Any}, _read_segments),
+    OccupancyGridLayer.kind: (_GRID, _read_grid),
+    PlaceGraph.kind: (_GRAPH, _read_graph),
+    ParticlesLayer.kind: ({"poses": Any, "weights": Any}, _read_particles),
+    TrajectoryLayer.kind: ({"poses": Any}, _read_trajectory),
+}
+"""What a layer of each kind holds, and what makes it of that; `Any` are lists of numbers."""

@@ -22,7 +22,7 @@ THING_COLOUR = {"r": 0.83, "g": 0.55, "b": 0.86, "a": 1.0}
 ECHO_COLOUR = {"r": 0.31, "g": 0.72, "b": 0.84, "a": 1.0}
 
 
-def header_messages(header: EpisodeHeader, agent: str) -> Iterator[Message]:
+def header_messages(header: EpisodeHeader) -> Iterator[Message]:
     """The messages that begin an episode."""
     yield (
         "/albot/header",
@@ -34,7 +34,7 @@ def header_messages(header: EpisodeHeader, agent: str) -> Iterator[Message]:
             "start": header.start.tolist(),
             "mapper": header.mapper,
             "odometer": header.odometer,
-            "agent": agent,
+            "agent": header.agent,
             "seed": header.seed,
             "laser": None if header.laser is None else _laser(header.laser),
             "sonar": None if header.sonar is None else _sonars(header.sonar),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
+import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,15 +12,18 @@ from typing import Any, BinaryIO
 
 import jsonschema
 import numpy as np
+import zstandard
 from jaxtyping import Float64
 from mcap.exceptions import McapError
-from mcap.records import Channel, McapRecord, Message
-from mcap.stream_reader import CRCValidationError, StreamReader
-from zstandard import ZstdError
+from mcap.records import Channel, Chunk, McapRecord, Message
+from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+from mcap.writer import MCAP0_MAGIC
 
-from albot_core.errors import InputError
+from albot_core.errors import InputError, MissingFileError
 from albot_core.geometry.types import Segments
+from albot_core.json_document import parse_json
 from albot_core.maps.layers import MapSnapshot
+from albot_core.plain_data import Location, read_array, read_record
 from albot_core.sensing.reading import (
     LaserGeometry,
     LaserScan,
@@ -28,12 +31,29 @@ from albot_core.sensing.reading import (
     SonarGeometry,
     SonarScan,
 )
+from albot_core.yaml_document import shown
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.layers import map_from_message
 from albot_env.recording.schemas import EPISODE_HEADER
 
-RECORD_LIMIT = 256 * 2**20
-"""No record of an episode is larger than this (bytes)."""
+RECORD_LIMIT = 64 << 20
+"""No record of an episode is larger than this, nor does one unpack to more (bytes)."""
+
+
+_POSES = ("motion", "pose", "belief", "home")
+_STEP = dict.fromkeys(("action", *_POSES), Any) | {
+    "stamp": float,
+    "reward": float,
+    "terms": dict[str, float],
+    "echoes": list[float | None] | None,
+    "scene": int | None,
+    "collided": bool,
+    "room": str,
+    "path_length": float,
+    "updates": int,
+    "matched_reading": int | None,
+}
+"""What a step holds; `Any` are lists of numbers."""
 
 
 class EpisodeReader:
@@ -49,9 +69,7 @@ class EpisodeReader:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.torn = False
-        """Whether the file was found to end before its index: known once all was read."""
-        self.agent = ""
-        """Name of the agent that drove."""
+        """Whether the file was never closed, and lacks its end: known once all was read."""
         self.header = self._read_header()
 
     def moments(self) -> Iterator[Moment]:
@@ -60,83 +78,106 @@ class EpisodeReader:
         Raises:
             InputError: The file is damaged before its end.
         """
-        scan: list[float] | None = None
+        scan: LaserScan | None = None
         snapshot: MapSnapshot | None = None
         things: Segments = np.empty((0, 4))
-        for topic, time, content in self._messages():
+        for topic, content, where in self._messages():
             if topic == "/scan":
-                scan = content["ranges"]
+                scan = self._scan(content, where)
             elif topic == "/albot/map":
-                with self._as_its_schema(f"albot.Map at {time / 1e9:g} s"):
-                    snapshot = map_from_message(content)
+                snapshot = map_from_message(content, where)
             elif topic == "/albot/things":
-                with self._as_its_schema(f"albot.Things at {time / 1e9:g} s"):
-                    things = np.array(content["segments"], np.float64).reshape(-1, 4)
+                told = read_record({"segments": Any}, content, where)
+                things = read_array((None, 4), told["segments"], where.at("segments"))
             elif topic == "/albot/step":
-                with self._as_its_schema(f"albot.Step at {time / 1e9:g} s"):
-                    moment = self._moment(content, scan, snapshot, things)
-                yield moment
+                step = read_record(_STEP, content, where, others=True)
+                yield self._moment(step, scan, snapshot, things, where)
                 scan, snapshot, things = None, None, np.empty((0, 4))
+
+    def measure(self) -> tuple[int, float]:
+        """How many steps the file holds, or its good beginning, and the time of the last (s).
+
+        Raises:
+            InputError: The file is damaged before its end.
+        """
+        channels: set[int] = set()
+        stamps: list[int] = []
+        for record in self._records():
+            if isinstance(record, Channel) and record.topic == "/albot/step":
+                channels.add(record.id)
+            elif isinstance(record, Message) and record.channel_id in channels:
+                stamps.append(record.log_time)
+        return max(0, len(stamps) - 1), max(stamps, default=0) / 1e9
 
     def _moment(
         self,
         step: dict[str, Any],
-        ranges: list[float] | None,
+        scan: LaserScan | None,
         snapshot: MapSnapshot | None,
         things: Float64[np.ndarray, "things 4"],
+        where: Location,
     ) -> Moment:
-        reading = Reading(
-            stamp=float(step["stamp"]),
-            motion=_numbers(step["motion"], 3),
-            laser=self._laser(ranges),
-            sonar=self._sonar(step["echoes"]),
-            scene=None if step["scene"] is None else int(step["scene"]),
-        )
+        poses = {name: read_array((3,), step[name], where.at(name)) for name in _POSES}
         action = step["action"]
+        if action is not None:
+            action = read_array((None,), action, where.at("action"))
+        for name in ("updates", "matched_reading", "scene"):
+            if step[name] is not None and step[name] < 0:
+                raise where.at(name).error("a whole number from 0", str(step[name]))
+        if (scan is None) != (self.header.laser is None):
+            raise where.error("a scan of the laser that the header knows", "none or another's")
+        reading = Reading(
+            stamp=step["stamp"],
+            motion=poses["motion"],
+            laser=scan,
+            sonar=self._sonar(step["echoes"], where.at("echoes")),
+            scene=step["scene"],
+        )
         return Moment(
-            action=None if action is None else _numbers(action, len(action)),
-            reward=float(step["reward"]),
-            terms=dict(step["terms"]),
+            action=action,
+            reward=step["reward"],
+            terms=step["terms"],
             reading=reading,
-            pose=_numbers(step["pose"], 3),
-            collided=bool(step["collided"]),
-            room=str(step["room"]),
-            path_length=float(step["path_length"]),
-            belief=_numbers(step["belief"], 3),
-            home=_numbers(step["home"], 3),
-            updates=int(step["updates"]),
+            pose=poses["pose"],
+            collided=step["collided"],
+            room=step["room"],
+            path_length=step["path_length"],
+            belief=poses["belief"],
+            home=poses["home"],
+            updates=step["updates"],
             matched_reading=step["matched_reading"],
             snapshot=snapshot,
             things=things,
         )
 
-    def _laser(self, ranges: list[float] | None) -> LaserScan | None:
-        if (ranges is None) != (self.header.laser is None):
-            raise ValueError("a scan of a laser that the header knows expected")
-        if ranges is None or self.header.laser is None:
-            return None
-        reach = np.array(ranges, np.float64)
-        reach[reach == 0] = np.inf
-        return LaserScan(ranges=reach, geometry=self.header.laser)
+    def _scan(self, content: Any, where: Location) -> LaserScan:
+        told = read_record({"ranges": Any}, content, where, others=True)
+        ranges = read_array((None,), told["ranges"], where.at("ranges"))
+        ranges[ranges == 0] = np.inf
+        if self.header.laser is None:
+            raise where.error("no scan, as the header knows no laser", "one")
+        with where.naming():
+            return LaserScan(ranges=ranges, geometry=self.header.laser)
 
-    def _sonar(self, echoes: list[float | None] | None) -> SonarScan | None:
-        if (echoes is None) != (self.header.sonar is None):
-            raise ValueError("echoes of sonars that the header knows expected")
-        if echoes is None or self.header.sonar is None:
+    def _sonar(self, echoes: list[float | None] | None, where: Location) -> SonarScan | None:
+        geometry = self.header.sonar
+        if (echoes is None) != (geometry is None):
+            raise where.error("echoes of the sonars that the header knows", shown(echoes))
+        if echoes is None or geometry is None:
             return None
-        ranges = [math.inf if reach is None else reach for reach in echoes]
-        count = len(self.header.sonar.bearings)
-        return SonarScan(ranges=_numbers(ranges, count), geometry=self.header.sonar)
+        ranges = np.array([math.inf if reach is None else reach for reach in echoes], np.float64)
+        with where.naming(()):
+            return SonarScan(ranges=ranges, geometry=geometry)
 
     def _read_header(self) -> EpisodeHeader:
-        for topic, _, content in self._messages():
+        for topic, content, _ in self._messages():
             if topic == "/albot/header":
                 return self._header(content)
             break
         raise InputError(
             self._path,
             "an episode that albot has recorded, its header first",
-            "an MCAP file without one",
+            "a file that ends before it" if self.torn else "an MCAP file without one",
         )
 
     def _header(self, content: dict[str, Any]) -> EpisodeHeader:
@@ -147,43 +188,44 @@ class EpisodeReader:
             raise InputError(self._path, "what its schema says", error.message, place=place) from (
                 None
             )
-        self.agent = content["agent"]
-        try:
-            laser, sonar = _laser_geometry(content["laser"]), _sonar_geometry(content["sonar"])
-        except InputError as error:
-            place = f"header, {error.source}"
-            raise InputError(self._path, error.expected, error.found, place=place) from None
+        where = Location(self._path, ("header",))
+        with where.at("laser").naming():
+            laser = _laser_geometry(content["laser"])
+        with where.at("sonar").naming():
+            sonar = _sonar_geometry(content["sonar"])
         return EpisodeHeader(
             environment=content["environment"],
             world=content["world"],
-            walls=np.array(content["walls"], np.float64).reshape(-1, 4),
-            start=_numbers(content["start"], 3),
+            walls=read_array((None, 4), content["walls"], where.at("walls")),
+            start=read_array((3,), content["start"], where.at("start")),
             mapper=content["mapper"],
             odometer=content["odometer"],
             seed=content["seed"],
+            agent=content["agent"],
             laser=laser,
             sonar=sonar,
         )
 
-    def _messages(self) -> Iterator[tuple[str, int, dict[str, Any]]]:
-        """Topic, time (ns) and content of every message in the order of the file."""
+    def _messages(self) -> Iterator[tuple[str, Any, Location]]:
+        """Topic and content of every message in the order of the file, and its place for errors."""
         channels: dict[int, str] = {}
         for record in self._records():
             if isinstance(record, Channel):
                 channels[record.id] = record.topic
             elif isinstance(record, Message) and record.channel_id in channels:
                 topic = channels[record.channel_id]
-                with self._as_its_schema(f"{topic} at {record.log_time / 1e9:g} s"):
-                    content = json.loads(record.data)
-                yield topic, record.log_time, content
+                place = f"{topic} at {record.log_time / 1e9:g} s"
+                content = parse_json(record.data, self._path, place)
+                yield topic, content, Location(self._path, (place,))
 
     def _records(self) -> Iterator[McapRecord]:
-        """The file's records; where it ends too early, they end and `torn` is set."""
+        """The file's records; of one that was never closed the whole ones, and `torn` is set."""
         with self._open() as stream:
-            size = self._path.stat().st_size
-            records = StreamReader(
-                stream, validate_crcs=True, record_size_limit=RECORD_LIMIT
-            ).records
+            records = _unpacked(
+                StreamReader(
+                    stream, emit_chunks=True, validate_crcs=True, record_size_limit=RECORD_LIMIT
+                ).records
+            )
             kinds: set[str] = set()
             while True:
                 try:
@@ -191,17 +233,17 @@ class EpisodeReader:
                 except (
                     McapError,
                     CRCValidationError,
-                    ZstdError,
+                    zstandard.ZstdError,
                     struct.error,
                     ValueError,
                 ) as error:
-                    # mcap reads on to the end of a file that was cut off before it complains.
-                    if stream.tell() < size or not kinds:
+                    place = f"byte {stream.tell()}"
+                    if not kinds or _was_closed(stream):
                         raise InputError(
                             self._path,
                             "an episode in MCAP format",
                             str(error) or "its end",
-                            place=f"byte {stream.tell()}",
+                            place=place,
                         ) from None
                     self.torn = True
                     return
@@ -214,6 +256,8 @@ class EpisodeReader:
     def _open(self) -> Iterator[BinaryIO]:
         try:
             stream = self._path.open("rb")
+        except FileNotFoundError:
+            raise MissingFileError(self._path) from None
         except OSError as error:
             raise InputError(
                 self._path, "an episode file that can be read", error.strerror or str(error)
@@ -221,14 +265,40 @@ class EpisodeReader:
         with stream:
             yield stream
 
-    @contextmanager
-    def _as_its_schema(self, place: str) -> Iterator[None]:
-        try:
-            yield
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            raise InputError(
-                self._path, "a message as its schema says", str(error), place=place
-            ) from None
+
+def _unpacked(records: Iterator[McapRecord]) -> Iterator[McapRecord]:
+    """The records, those in a chunk in its place.
+
+    Raises:
+        ValueError: A chunk would unpack to more than `RECORD_LIMIT`.
+    """
+    for record in records:
+        if isinstance(record, Chunk):
+            if _unpacked_size(record) > RECORD_LIMIT:
+                raise ValueError(f"a chunk that unpacks to more than {RECORD_LIMIT:,} bytes")
+            yield from breakup_chunk(record, validate_crc=True)
+        else:
+            yield record
+
+
+def _unpacked_size(chunk: Chunk) -> int:
+    """The bytes to which a chunk unpacks: what it says, or its data, which alone is obeyed."""
+    if chunk.compression == "zstd":
+        told = zstandard.frame_content_size(chunk.data)
+        return chunk.uncompressed_size if told < 0 else max(told, chunk.uncompressed_size)
+    if chunk.compression == "lz4":
+        return len(chunk.data) * _LZ4_RATIO
+    return chunk.uncompressed_size
+
+
+_LZ4_RATIO = 255
+"""A byte packed by lz4 unpacks to so many at most."""
+
+
+def _was_closed(stream: BinaryIO) -> bool:
+    """Whether a file ends as MCAP files do: what cannot be read in it was damaged, not cut off."""
+    stream.seek(-len(MCAP0_MAGIC), os.SEEK_END)
+    return stream.read() == MCAP0_MAGIC
 
 
 def _laser_geometry(content: dict[str, Any] | None) -> LaserGeometry | None:
@@ -254,11 +324,3 @@ def _sonar_geometry(content: dict[str, Any] | None) -> SonarGeometry | None:
         min_range=float(content["min_range"]),
         max_range=float(content["max_range"]),
     )
-
-
-def _numbers(values: Any, count: int) -> np.ndarray:
-    """So many numbers as an array."""
-    array = np.array(values, np.float64)
-    if array.shape != (count,):
-        raise ValueError(f"{count} numbers expected, found {array.shape}")
-    return array

@@ -3,59 +3,67 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Literal
 
 from mcap.writer import Writer
 
 from albot_core.errors import InputError
+from albot_core.files import is_stream
+from albot_core.interrupts import interrupts_deferred
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.foxglove import Message, nanoseconds
 from albot_env.recording.messages import header_messages, moment_messages
 from albot_env.recording.schemas import TOPICS
 
-CHUNK_BYTES = 48 * 1024
-"""A chunk is closed at this size: about a second of an episode at ten steps a second."""
+CHUNK_MOMENTS = 10
+"""A chunk holds so many moments: a second of an episode at ten steps a second."""
+_NO_LIMIT = 1 << 62
 
 
 class EpisodeWriter:
     """Writes one episode to one file; what was written before a crash can be read.
+
+    The file grows by whole chunks of `CHUNK_MOMENTS` moments. An interrupt never lands within
+    one, and a process that is killed leaves all but the last of them.
 
     Stamps are simulated time, and nothing in the file tells when, where or with which
     versions it was written: the same episode gives the same bytes.
 
     Args:
         path: The file to write; it is begun with the episode, not before.
-        agent: Name of the agent, for the header.
+        overwrite: Whether a file that is there is overwritten.
     """
 
-    def __init__(self, path: Path, agent: str = "") -> None:
+    def __init__(self, path: Path, *, overwrite: bool = True) -> None:
         self._path = path
-        self._agent = agent
+        self._overwrite = overwrite
         self._stream: BinaryIO | None = None
         self._header: EpisodeHeader | None = None
+        self._waiting: list[list[tuple[str, int, bytes]]] = []
 
     def begin(self, header: EpisodeHeader) -> None:
         """Open the file and write the header.
 
         Raises:
-            InputError: The file cannot be written, or it already holds an episode of this
-                writer: one file holds one episode.
+            InputError: The file cannot be written, is not to be overwritten, or already holds an
+                episode of this writer: one file holds one episode.
         """
         if self._header is not None:
             raise InputError(self._path, "one episode a file", "a second reset")
-        self._header = header
+        mode: Literal["wb", "xb"] = "wb" if is_stream(self._path) or self._overwrite else "xb"
+        if self._path.is_fifo():  # Its index needs positions, and a pipe would make us wait.
+            raise InputError(self._path, "a file to write", "a pipe")
         with self._disk():
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._stream = self._path.open("wb")
-            self._writer = Writer(self._stream, chunk_size=CHUNK_BYTES)
+            self._header = header
+            self._stream = self._path.open(mode)
+            self._writer = Writer(self._stream, chunk_size=_NO_LIMIT)
             self._writer.start(profile="", library="albot-env")
             self._channels = {topic: self._register(topic) for topic in TOPICS}
-            for message in header_messages(header, self._agent):
-                self._write(message, 0)
-            self._stream.flush()
+            self._waiting.append(_encoded(header_messages(header), 0))
+            self._write_chunk()
 
     def add(self, moment: Moment) -> None:
         """Write the next moment.
@@ -65,37 +73,43 @@ class EpisodeWriter:
         """
         if self._header is None or self._stream is None:
             raise InputError(self._path, "an episode that was begun", "none")
-        with self._disk():
-            for message in moment_messages(moment, self._header.start):
-                self._write(message, nanoseconds(moment.reading.stamp))
-            # A complete chunk shall outlive us; without a new one this costs nothing.
-            self._stream.flush()
+        messages = moment_messages(moment, self._header.start)
+        # All of a moment or nothing, whenever an interrupt comes.
+        self._waiting.append(_encoded(messages, nanoseconds(moment.reading.stamp)))
+        if len(self._waiting) >= CHUNK_MOMENTS:
+            with self._disk():
+                self._write_chunk()
 
     def close(self) -> None:
-        """Write the file's index and close it.
+        """Write the last moments and the file's index, and close it.
 
         Raises:
             InputError: The disk is full.
         """
         if self._stream is not None:
             with self._disk():
+                self._write_chunk()
                 self._writer.finish()
                 self._stream.close()
-            self._stream = None
+                self._stream = None
 
     @contextmanager
     def _disk(self) -> Iterator[None]:
-        """Turn a failure to write into an InputError; nothing more is written after it."""
-        try:
-            yield
-        except OSError as error:
-            if self._stream is not None:
-                with suppress(OSError):
-                    self._stream.close()
-                self._stream = None
-            raise InputError(
-                self._path, "a file that can be written", error.strerror or str(error)
-            ) from None
+        """Write without interrupts. A failure is an InputError; nothing more is written after it.
+
+        What is half in a chunk or in the writer's index would spoil the file when it is closed.
+        """
+        with interrupts_deferred():
+            try:
+                yield
+            except OSError as error:
+                if self._stream is not None:
+                    with suppress(OSError):
+                        self._stream.close()
+                    self._stream = None
+                raise InputError(
+                    self._path, "a file that can be written", error.strerror or str(error)
+                ) from None
 
     def _register(self, topic: str) -> int:
         schema = TOPICS[topic]
@@ -104,7 +118,16 @@ class EpisodeWriter:
         )
         return self._writer.register_channel(topic, "json", schema_id)
 
-    def _write(self, message: Message, time: int) -> None:
-        topic, content = message
-        data = json.dumps(content, separators=(",", ":"), allow_nan=False).encode()
-        self._writer.add_message(self._channels[topic], time, data, time)
+    def _write_chunk(self) -> None:
+        for topic, time, data in (message for moment in self._waiting for message in moment):
+            self._writer.add_message(self._channels[topic], time, data, time)
+        self._waiting.clear()
+        self._writer.flush()
+
+
+def _encoded(messages: Iterable[Message], time: int) -> list[tuple[str, int, bytes]]:
+    """Topic, time (ns) and data of each message."""
+    return [
+        (topic, time, json.dumps(content, separators=(",", ":"), allow_nan=False).encode())
+        for topic, content in messages
+    ]

@@ -2,7 +2,8 @@
 
 - `trace`, `frame`: an episode so far, and what can be drawn of its present moment,
 - `layers`, `shapes`, `scene`: a frame as shapes, which every renderer draws alike,
-- `window`, `canvas`, `terminal`, `picture`: the renderers; `viewer`: what shows frames,
+- `window`, `canvas`, `terminal`, `picture`: the renderers; `viewer`: what shows frames and hears
+  keys, those of a terminal by `terminal_keyboard`; `controls`: what keys do,
 - `display`: whether there is a screen.
 """
 

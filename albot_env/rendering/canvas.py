@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 
 import numpy as np
 import pygame
@@ -12,6 +11,7 @@ from jaxtyping import Float64, UInt8
 from albot_core.geometry.poses import inverse, transform_points
 from albot_env.rendering.scene import Panel, Scene, scale_bar
 from albot_env.rendering.shapes import ROBOT_RADIUS, Shape
+from albot_env.rendering.viewer import Footer
 
 Colour = tuple[int, int, int]
 
@@ -19,6 +19,7 @@ BACKGROUND: Colour = (22, 24, 29)
 PANEL: Colour = (30, 33, 40)
 TEXT: Colour = (222, 226, 233)
 FAINT: Colour = (128, 136, 150)
+ACCENT: Colour = (120, 190, 255)
 FREE: Colour = (44, 48, 58)
 OCCUPIED: Colour = (236, 239, 244)
 PALETTE: dict[str, Colour] = {
@@ -39,12 +40,16 @@ PALETTE: dict[str, Colour] = {
 }
 
 MARGIN = 12
-TITLE_HEIGHT = 26
-CAPTION_HEIGHT = 30
+TITLE_HEIGHT = 30
+LINE_HEIGHT = 20
+LEGEND_HEIGHT = 18
+BAR_HEIGHT = 4
+SWATCH = 18
+"""Width of the patch of colour in a legend (pixels)."""
 
 
-@cache
 def _font(size: int) -> pygame.font.Font:
+    """A font, made anew each time: a kept one is lost as soon as anybody calls `pygame.quit()`."""
     pygame.font.init()
     return pygame.font.Font(None, size)
 
@@ -66,29 +71,84 @@ class _View:
         return np.asarray(self._centre + (points - self._middle) * (self.scale, -self.scale))
 
 
-def paint(scene: Scene, canvas: pygame.Surface) -> None:
-    """Paint a scene over the whole of `canvas`."""
+def paint(scene: Scene, canvas: pygame.Surface, footer: Footer | None = None) -> None:
+    """Paint a scene over the whole of `canvas`, and the footer, if any, below it."""
     canvas.fill(BACKGROUND)
     width, height = canvas.get_size()
+    texts = [(text, TEXT) for text in scene.captions]
+    if footer is not None:
+        texts += [(footer.status, ACCENT), (footer.keys, FAINT)]
+    bottom = height - MARGIN - LINE_HEIGHT * len(texts)
+    for k, (text, colour) in enumerate(texts):
+        _write(canvas, text, (MARGIN + 4, bottom + LINE_HEIGHT * k), colour, width - 2 * MARGIN)
+    if footer is not None:
+        bottom -= BAR_HEIGHT + MARGIN // 2
+        bar = pygame.Rect(MARGIN, bottom, width - 2 * MARGIN, BAR_HEIGHT)
+        pygame.draw.rect(canvas, FREE, bar)
+        pygame.draw.rect(canvas, ACCENT, (*bar.topleft, bar.width * footer.share, BAR_HEIGHT))
+    _write(canvas, scene.heading, (MARGIN + 4, MARGIN // 2), TEXT, width - 2 * MARGIN)
+    top = MARGIN // 2 + LINE_HEIGHT
     panel_width = (width - 3 * MARGIN) // 2
-    panel_height = height - 2 * MARGIN - CAPTION_HEIGHT
     for k, panel in enumerate(scene.panels):
-        area = pygame.Rect(MARGIN + k * (panel_width + MARGIN), MARGIN, panel_width, panel_height)
+        left = MARGIN + k * (panel_width + MARGIN)
+        area = pygame.Rect(left, top, panel_width, bottom - MARGIN // 2 - top)
         _paint_panel(panel, scene, canvas, area)
-    caption = _font(20).render(scene.caption, True, TEXT)
-    canvas.blit(caption, (MARGIN + 4, height - CAPTION_HEIGHT))
+
+
+def _write(
+    canvas: pygame.Surface, text: str, at: tuple[int, int], colour: Colour, width: int
+) -> None:
+    """Write a line of text, smaller where it is wider than `width` (pixels)."""
+    size = next((size for size in (20, 18, 16, 14) if _font(size).size(text)[0] <= width), 14)
+    canvas.blit(_font(size).render(text, True, colour), at)
 
 
 def _paint_panel(panel: Panel, scene: Scene, canvas: pygame.Surface, area: pygame.Rect) -> None:
     pygame.draw.rect(canvas, PANEL, area, border_radius=6)
     canvas.blit(_font(22).render(panel.title, True, TEXT), (area.x + 12, area.y + 8))
-    inner = area.inflate(-2 * MARGIN, -2 * TITLE_HEIGHT).move(0, TITLE_HEIGHT // 2)
-    view = _View(scene.bounds, inner)
+    entries = legend_places(panel, area)
+    drawn = area.inflate(-2 * MARGIN, 0)
+    drawn.top, drawn.height = area.top + TITLE_HEIGHT, area.height - TITLE_HEIGHT - MARGIN // 2
+    if entries:
+        drawn.height = entries[0][1].top - 4 - drawn.top
+    drawn.width, drawn.height = max(1, drawn.width), max(1, drawn.height)
+    view = _View(scene.bounds, drawn)
     canvas.set_clip(area)
     for shape in panel.shapes:
         PAINTERS[shape.kind](canvas, shape, view)
+    for shape, place in entries:
+        colour = PALETTE[shape.style]
+        swatch = pygame.Rect(place.left, place.top + 3, SWATCH, place.height - 8)
+        if shape.kind in ("segments", "line"):
+            swatch = swatch.inflate(0, 3 - swatch.height)
+        elif shape.kind != "grid":
+            swatch = swatch.inflate(swatch.height - swatch.width, 0)
+        ring, corner = 2 if shape.kind == "home" else 0, 0 if shape.kind == "grid" else 5
+        pygame.draw.rect(canvas, colour, swatch, ring, corner)
+        label = _font(18).render(shape.label, True, TEXT)
+        canvas.blit(label, (place.left + SWATCH + 5, place.top + 1))
     canvas.set_clip(None)
     _paint_scale(canvas, scene, view, area)
+
+
+def legend_places(panel: Panel, area: pygame.Rect) -> list[tuple[Shape, pygame.Rect]]:
+    """Where the legend has each shape, in rows from left to right at the foot of a panel."""
+    font, rows = _font(18), [[]]  # type: tuple[pygame.font.Font, list[list[tuple[Shape, int]]]]
+    left = room = area.width - 2 * MARGIN
+    for shape in panel.shapes:
+        width = SWATCH + 5 + font.size(shape.label)[0] + 14
+        if width > left and rows[-1]:
+            rows.append([])
+            left = room
+        rows[-1].append((shape, width))
+        left -= width
+    places = []
+    for k, row in enumerate(rows):
+        x, y = area.left + MARGIN, area.bottom - 6 - LEGEND_HEIGHT * (len(rows) - k)
+        for shape, width in row:
+            places.append((shape, pygame.Rect(x, y, width, LEGEND_HEIGHT)))
+            x += width
+    return places
 
 
 def _paint_scale(canvas: pygame.Surface, scene: Scene, view: _View, area: pygame.Rect) -> None:
@@ -101,9 +161,9 @@ def _paint_scale(canvas: pygame.Surface, scene: Scene, view: _View, area: pygame
 
 
 def _segments(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
-    colour = PALETTE[shape.style]
+    colour, width = PALETTE[shape.style], 4 if shape.style == "doorway" else 2
     for x1, y1, x2, y2 in view(shape.data.reshape(-1, 2)).reshape(-1, 4).tolist():
-        pygame.draw.line(canvas, colour, (x1, y1), (x2, y2), 2)
+        pygame.draw.line(canvas, colour, (x1, y1), (x2, y2), width)
 
 
 def _line(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
@@ -117,8 +177,12 @@ def _dots(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
 
 
 def _marks(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
-    for x, y in view(shape.data).tolist():
+    places = view(shape.data).tolist()
+    for x, y in places:
         pygame.draw.circle(canvas, PALETTE[shape.style], (x, y), 5)
+    for (x, y), name in zip(places, shape.names, strict=False):
+        label = _font(18).render(name, True, PALETTE[shape.style])
+        canvas.blit(label, (x + 6, y - label.get_height()))
 
 
 def _grid(canvas: pygame.Surface, shape: Shape, view: _View) -> None:

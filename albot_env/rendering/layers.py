@@ -7,7 +7,7 @@ from functools import singledispatch
 import numpy as np
 
 from albot_core.geometry.poses import compose, transform_points, transform_segments
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Points, Pose
 from albot_core.maps.layers import (
     Layer,
     OccupancyGridLayer,
@@ -17,6 +17,9 @@ from albot_core.maps.layers import (
     TrajectoryLayer,
 )
 from albot_env.rendering.shapes import Shape
+
+_ASIDE = 0.8
+"""So far to the side of its exit a place is drawn that would else be drawn on it (m)."""
 
 
 @singledispatch
@@ -39,7 +42,7 @@ def layer_summary(layer: Layer) -> str:
 @layer_shapes.register
 def _segments(layer: SegmentsLayer, frame: Pose) -> tuple[Shape, ...]:
     data = transform_segments(frame, layer.segments)
-    return (Shape(kind="segments", style="surface", label="surfaces remembered", data=data),)
+    return (Shape(kind="segments", style="surface", label="surfaces", data=data),)
 
 
 @layer_summary.register
@@ -63,16 +66,37 @@ def _occupancy_grid_summary(layer: OccupancyGridLayer) -> str:
 def _place_graph(layer: PlaceGraph, frame: Pose) -> tuple[Shape, ...]:
     if not layer.nodes:
         return ()
-    middles = np.array([node.middle for node in layer.nodes])
-    links = [(*layer.node(one).middle, *layer.node(other).middle) for one, other in layer.links]
+    middles = _drawn_at(layer)
+    numbers = {node.id: k for k, node in enumerate(layer.nodes)}
+    links = [(*middles[numbers[one]], *middles[numbers[other]]) for one, other in layer.links]
     lines = transform_segments(frame, np.reshape(links, (-1, 4)).astype(np.float64))
     doorways = transform_segments(frame, layer.doorways())
+    names = tuple(node.label for node in layer.nodes)
+    points = transform_points(frame, middles)
     shapes = (
         Shape(kind="segments", style="link", label="links", data=lines),
-        Shape(kind="segments", style="doorway", label="doorways", data=doorways),
-        Shape(kind="marks", style="place", label="places", data=transform_points(frame, middles)),
+        Shape(kind="segments", style="doorway", label="exits", data=doorways),
+        Shape(kind="marks", style="place", label="places", data=points, names=names),
     )
     return tuple(shape for shape in shapes if len(shape.data))
+
+
+def _drawn_at(layer: PlaceGraph) -> Points:
+    """Where places are drawn, in the map's frame (m): in their middles, or beside an exit there.
+
+    The middle of a place with one exit is that exit, and as well the middle of the place beyond.
+    """
+    points = np.array([node.middle for node in layer.nodes])
+    numbers = {node.id: k for k, node in enumerate(layer.nodes)}
+    for edge in layer.edges:
+        if edge.doorway is None:
+            continue
+        number = numbers[edge.source]
+        x1, y1, x2, y2 = transform_segments(layer.nodes[number].pose, edge.doorway[None])[0]
+        width = np.hypot(x2 - x1, y2 - y1)
+        if np.hypot(*(points[number] - ((x1 + x2) / 2, (y1 + y2) / 2))) < width / 2:
+            points[number] += _ASIDE / width * np.array((y1 - y2, x2 - x1))
+    return points
 
 
 @layer_summary.register

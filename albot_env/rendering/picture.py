@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Affine2D
 
 from albot_core.files import replacing
@@ -45,7 +46,7 @@ def save_picture(frame: Frame, path: Path) -> None:
     height = float(np.clip(6.2 * (y1 - y0) / (x1 - x0), 2.2, 11.0))
     figure = Figure(figsize=(13.0, height + 1.5), layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(scene.caption, fontsize=11)
+    figure.suptitle("\n".join((scene.heading, *scene.captions)), fontsize=10)
     for axes, panel in zip(figure.subplots(1, 2), scene.panels, strict=True):
         _draw_panel(axes, panel, scene)
     with replacing(path) as stream:
@@ -74,7 +75,7 @@ def _draw_panel(axes: Axes, panel: Panel, scene: Scene) -> None:
     axes.legend(
         loc="upper center",
         bbox_to_anchor=(0.5, -0.01),
-        ncols=len(panel.shapes),
+        ncols=min(len(panel.shapes), 8),
         fontsize=8,
         frameon=False,
         handletextpad=0.5,
@@ -88,7 +89,7 @@ def _draw_shape(axes: Axes, shape: Shape, zorder: int) -> None:
         lines = LineCollection(
             list(shape.data.reshape(-1, 2, 2)),
             colors=colour,
-            linewidths=1.4,
+            linewidths=3.0 if shape.style == "doorway" else 1.4,
             label=shape.label,
             zorder=zorder,
             capstyle="round",
@@ -113,6 +114,17 @@ def _draw_shape(axes: Axes, shape: Shape, zorder: int) -> None:
             zorder=zorder,
             linewidths=0,
         )
+        for place, name in zip(shape.data, shape.names, strict=False):
+            axes.annotate(
+                name,
+                place,
+                xytext=(4, 3),
+                textcoords="offset points",
+                fontsize=8,
+                color=colour,
+                zorder=9,
+                path_effects=[withStroke(linewidth=2, foreground="white")],
+            )
     elif shape.kind == "grid":
         _draw_grid(axes, shape)
     elif shape.kind == "home":

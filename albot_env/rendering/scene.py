@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from albot_core.geometry.poses import compose, transform_points
+from albot_core.geometry.types import Points
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.layers import layer_shapes
 from albot_env.rendering.shapes import Shape
@@ -29,7 +30,10 @@ class Scene:
     map: Panel
     bounds: tuple[float, float, float, float]
     """Smallest x, smallest y, largest x, largest y of what both panels show (m)."""
-    caption: str
+    heading: str
+    """What does not change in the episode."""
+    captions: tuple[str, ...]
+    """The figures of the moment, a line each."""
 
     @property
     def panels(self) -> tuple[Panel, Panel]:
@@ -47,7 +51,7 @@ def lay_out(frame: Frame) -> Scene:
         else ()
     )
     truth = Panel(
-        title="truth",
+        title="the truth",
         shapes=(
             Shape(
                 kind="dots",
@@ -57,31 +61,37 @@ def lay_out(frame: Frame) -> Scene:
             ),
             Shape(kind="segments", style="wall", label="walls", data=frame.walls),
             *things,
-            Shape(kind="line", style="path", label="path driven", data=frame.path),
+            _way("path", frame.path, frame),
             Shape(kind="home", style="home", label="home", data=start),
             Shape(kind="robot", style="robot", label="robot", data=frame.pose),
         ),
     )
     mapped = Panel(
-        title=f"map ({frame.mapper})",
+        title=f"what the robot believes ({frame.mapper})",
         shapes=(
             *(shape for layer in frame.snapshot.layers for shape in layer_shapes(layer, start)),
-            Shape(
-                kind="line",
-                style="believed",
-                label="path believed",
-                data=transform_points(start, frame.believed_path),
-            ),
-            Shape(
-                kind="home",
-                style="home",
-                label="home believed",
-                data=compose(believed, frame.home),
-            ),
-            Shape(kind="robot", style="robot", label="robot believed", data=believed),
+            _way("believed", transform_points(start, frame.believed_path), frame),
+            Shape(kind="home", style="home", label="home", data=compose(believed, frame.home)),
+            Shape(kind="robot", style="robot", label="robot", data=believed),
         ),
     )
-    return Scene(truth=truth, map=mapped, bounds=_bounds(truth, mapped), caption=frame.caption)
+    return Scene(
+        truth=truth,
+        map=mapped,
+        bounds=_bounds(truth, mapped),
+        heading=frame.heading,
+        captions=(frame.figures, frame.rewards),
+    )
+
+
+def _way(style: str, points: Points, frame: Frame) -> Shape:
+    """A path; or the stops of a robot that is led, numbered, of which the first is home."""
+    if not frame.is_led:
+        return Shape(kind="line", style=style, label="path", data=points)
+    if (points[-1] == points[-2]).all():  # The last answer leads nowhere else.
+        points = points[:-1]
+    names = tuple(str(number) for number in range(2, len(points) + 2))
+    return Shape(kind="marks", style=style, label="stops", data=points, names=names)
 
 
 def _bounds(*panels: Panel, margin: float = 0.8) -> tuple[float, float, float, float]:

@@ -29,6 +29,8 @@ class Shape:
     """Its name in a legend."""
     data: Float64[np.ndarray, "..."]
     """Coordinates in the world's frame (m)."""
+    names: tuple[str, ...] = ()
+    """What stands beside each mark; nothing where there are none."""
     grid: OccupancyGridLayer | None = None
     """The cells, of a grid; its own origin does not count."""
 

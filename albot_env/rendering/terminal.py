@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from itertools import groupby
+from collections.abc import Sequence
+from contextlib import ExitStack, closing
+from itertools import groupby, zip_longest
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from rich.console import Console, Group, RenderableType
+from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.scene import Panel, Scene, lay_out
 from albot_env.rendering.shapes import Shape
+from albot_env.rendering.terminal_keyboard import TerminalKeyboard
+from albot_env.rendering.viewer import Footer
 
 STYLES = {
     "wall": "white",
@@ -35,6 +39,12 @@ STYLES = {
 ARROWS = "→↗↑↖←↙↓↘"
 HOME = "⌂"
 MARK = "●"
+SIGNS = {"marks": MARK, "dots": "⠶", "home": HOME, "robot": ARROWS[0]}
+"""What stands before each kind of shape in a legend; a line before others."""
+BETWEEN = " │ "
+"""What parts the two panels."""
+FEWEST_ROWS = 10
+"""Something else is left out before panels have fewer rows than these."""
 
 OCCUPIED = 0.65
 """Cells of an occupancy grid are drawn from this probability on."""
@@ -113,8 +123,10 @@ def _draw(canvas: BrailleCanvas, shape: Shape) -> None:
     elif shape.kind == "dots":
         canvas.dots(shape.data, style)
     elif shape.kind == "marks":
-        for point in shape.data:
-            canvas.sign(point, MARK, style)
+        for k, point in enumerate(shape.data):
+            # A number of one figure says which it is; there is no room for more.
+            name = shape.names[k].lstrip("P") if shape.names else ""
+            canvas.sign(point, name if len(name) == 1 else MARK, style)
     elif shape.kind == "grid":
         canvas.dots(shape.placed_grid.centres(OCCUPIED), style)
     elif shape.kind == "home":
@@ -131,52 +143,111 @@ def _panel(panel: Panel, scene: Scene, columns: int, rows: int) -> list[Text]:
     return [canvas.line(row) for row in range(rows)]
 
 
-def draw_text(frame: Frame, columns: int, lines: int) -> Text:
+def _legend(panel: Panel, columns: int) -> list[Text]:
+    """What each sign of a panel means, in as many lines as it takes."""
+    lines = [Text(no_wrap=True)]
+    for shape in panel.shapes:
+        sign = SIGNS.get(shape.kind, "⣿" if shape.kind == "grid" else "━")
+        entry = Text(f"{sign} ", style=STYLES[shape.style]).append(shape.label, style="default")
+        if lines[-1].cell_len and lines[-1].cell_len + 2 + entry.cell_len > columns:
+            lines.append(Text(no_wrap=True))
+        if lines[-1].cell_len:
+            lines[-1].append("  ")
+        lines[-1].append_text(entry)
+    return lines
+
+
+def draw_text(frame: Frame, columns: int, lines: int, footer: Footer | None = None) -> Text:
     """Draw a frame as text that fits the terminal.
+
+    Where there is little room, the legend, then the rewards and the heading are left out.
 
     Args:
         frame: What to draw.
         columns: Width to fill (characters).
         lines: Height not to exceed (characters).
+        footer: What stands below.
     """
     scene = lay_out(frame)
-    width = max(10, (columns - 3) // 2)
+    width = max(10, (columns - len(BETWEEN)) // 2)
+    heading = [Text(scene.heading, style="bold")]
+    titles = _beside(*([Text(panel.title, style="dim")] for panel in scene.panels), width=width)
+    legend = _beside(*(_legend(panel, width) for panel in scene.panels), width=width)
+    figures, *rewards = (Text(caption) for caption in scene.captions)
+    below = []
+    if footer is not None:
+        done = round(footer.share * columns)
+        bar = Text("━" * done, style="bright_blue").append("─" * (columns - done), style="dim")
+        below = [bar, Text(footer.status, style="bright_blue"), Text(footer.keys, style="dim")]
+    for optional in (legend, rewards, heading):
+        rows = lines - sum(map(len, (heading, titles, legend, rewards, below))) - 1
+        if rows < FEWEST_ROWS:
+            optional.clear()
+    rows = lines - sum(map(len, (heading, titles, legend, rewards, below))) - 1
     x0, y0, x1, y1 = scene.bounds
     fitting = int(np.ceil(2 * width * (y1 - y0) / (x1 - x0) / 4))
-    rows = max(4, min(lines - 2, fitting))
-    left, right = (_panel(panel, scene, width, rows) for panel in scene.panels)
-    titles = [Text(f"{panel.title:<{width}}", style="dim") for panel in scene.panels]
+    rows = max(4, min(rows, fitting))
+    drawn = _beside(*(_panel(panel, scene, width, rows) for panel in scene.panels), width=width)
     text = Text(no_wrap=True, overflow="crop")
-    text.append_text(titles[0]).append("   ").append_text(titles[1])
-    for one, other in zip(left, right, strict=True):
-        text.append("\n").append_text(one).append(" │ ", style="dim").append_text(other)
-    text.append("\n" + scene.caption[:columns], style="bold")
+    for line in (*heading, *titles, *drawn, *legend, figures, *rewards, *below):
+        line.truncate(columns)
+        text.append_text(line).append("\n")
+    text.right_crop(1)
     return text
 
 
+def _beside(left: list[Text], right: list[Text], *, width: int) -> list[Text]:
+    """Lines beside each other, the left ones filled up to a width (characters)."""
+    beside = []
+    for one, other in zip_longest(left, right, fillvalue=Text()):
+        line = one.copy()
+        line.truncate(width, pad=True)
+        other.truncate(width)
+        beside.append(line.append(BETWEEN, style="dim").append_text(other))
+    return beside
+
+
 class TerminalView:
-    """Shows frames in place in a terminal, with something below them.
+    """Shows frames in place in a terminal, and hears the keys typed in it.
+
+    While it is open, what is typed is not echoed and nothing of it is left for the shell. The
+    terminal's settings are put back when it is closed, and at the latest when Python ends.
 
     Args:
         console: The terminal.
-        footer: What stands below, such as a progress bar.
     """
 
-    _FOOTER_LINES = 3
-
-    def __init__(self, console: Console, footer: RenderableType) -> None:
+    def __init__(self, console: Console) -> None:
         self._console = console
-        self._footer = footer
-        self._live = Live(footer, console=console, auto_refresh=False)
-        self._live.start()
+        self._size = console.size
+        with ExitStack() as undo:
+            self._keyboard = undo.enter_context(closing(TerminalKeyboard()))
+            self._live = undo.enter_context(Live(console=console, auto_refresh=False))
+            self._undo = undo.pop_all()
 
-    def show(self, frame: Frame) -> bool:
+    @property
+    def lasting(self) -> bool:
+        """Whether somebody can close it by a key."""
+        return self._keyboard.there
+
+    def show(self, frame: Frame, footer: Footer | None = None) -> bool:
         """Show a frame, as large as the terminal is now."""
-        width, height = self._console.size
-        drawing = draw_text(frame, width, height - self._FOOTER_LINES)
-        self._live.update(Group(drawing, self._footer), refresh=True)
+        if self._console.size != self._size:
+            self._size = self._console.size
+            self._console.clear()  # What stood there has been broken into other lines.
+        width, height = self._size
+        # The last line stays free, or the terminal would scroll.
+        self._live.update(draw_text(frame, width, height - 1, footer), refresh=True)
         return True
+
+    def keys(self) -> Sequence[str]:
+        """The names of the keys that were typed since the last call."""
+        return self._keyboard.keys()
+
+    def held(self) -> frozenset[str]:
+        """The names of the keys typed a moment ago."""
+        return self._keyboard.held()
 
     def close(self) -> None:
         """Stop drawing; the last frame stays."""
-        self._live.stop()
+        self._undo.close()

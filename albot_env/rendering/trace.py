@@ -22,6 +22,7 @@ class Trace:
         self._path: list[tuple[float, float]] = []
         self._believed: list[tuple[float, float]] = []
         self._snapshot = EMPTY_MAP
+        self._terms: dict[str, float] = {}
         self.add(first)
 
     def add(self, moment: Moment) -> None:
@@ -29,6 +30,8 @@ class Trace:
         self._moment = moment
         self._path.append((moment.pose[0], moment.pose[1]))
         self._believed.append((moment.belief[0], moment.belief[1]))
+        for name, value in moment.terms.items():
+            self._terms[name] = self._terms.get(name, 0.0) + value
         if moment.snapshot is not None:
             self._snapshot = moment.snapshot
 
@@ -38,8 +41,11 @@ class Trace:
         moment, header = self._moment, self._header
         laser = moment.reading.laser
         return Frame(
+            environment=header.environment,
+            agent=header.agent,
             world=header.world,
             mapper=header.mapper,
+            steps=len(self._path) - 1,
             time=moment.reading.stamp,
             path_length=moment.path_length,
             updates=moment.updates,
@@ -53,4 +59,6 @@ class Trace:
             belief=moment.belief,
             believed_path=np.array(self._believed),
             home=moment.home,
+            terms=dict(self._terms),
+            answer=None if moment.action is None else round(float(moment.action[0])),
         )

@@ -1,9 +1,11 @@
-"""The window: scenes on the screen, by pygame."""
+"""The window: scenes on the screen, by pygame, and the keys pressed in it."""
 
 from __future__ import annotations
 
 import logging
 import os
+from collections import deque
+from collections.abc import Sequence
 
 import pygame
 
@@ -12,11 +14,15 @@ from albot_env.rendering.canvas import paint
 from albot_env.rendering.display import display_found
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.scene import lay_out
+from albot_env.rendering.viewer import Footer
 
 SIZE = (1200, 640)
 
 _UNSEEN = frozenset({"dummy", "offscreen"})
 """SDL's video drivers that show nothing; it takes one of them where no other opens."""
+
+_NAMES = {"return": "enter", "escape": "q", "[+]": "+", "[-]": "-"}
+"""Our names of keys that pygame calls otherwise."""
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -38,34 +44,83 @@ class Window:
     def __init__(self, title: str, rate: float = 30.0) -> None:
         if not display_found() and os.environ.get("SDL_VIDEODRIVER") is None:
             _LOGGER.warning("no display (DISPLAY or WAYLAND_DISPLAY): nobody sees the window")
-        try:
-            pygame.display.init()
-            self._screen = pygame.display.set_mode(SIZE, pygame.RESIZABLE)
-        except pygame.error as error:
-            raise InputError("window", "a display that opens", str(error)) from None
-        pygame.display.set_caption(title)
+        self._title = title
+        self._open_screen()
         self._clock = pygame.time.Clock()
         self._rate = rate
         self._open = True
+        self._pressed: deque[str] = deque(maxlen=64)
+        self._held: set[str] = set()
+        self._touched: set[str] = set()
+
+    def _open_screen(self) -> None:
+        try:
+            pygame.display.init()
+            pygame.display.set_mode(SIZE, pygame.RESIZABLE)
+        except pygame.error as error:
+            raise InputError("window", "a display that opens", str(error)) from None
+        pygame.display.set_caption(self._title)
 
     @property
     def seen(self) -> bool:
         """Whether it is on a real screen: one that the environment variables name may be gone."""
         return pygame.display.get_driver() not in _UNSEEN
 
-    def show(self, frame: Frame) -> bool:
+    @property
+    def lasting(self) -> bool:
+        """Whether somebody can close it."""
+        return True
+
+    def show(self, frame: Frame, footer: Footer | None = None) -> bool:
         """Show a frame; false once the window was closed."""
-        for event in pygame.event.get():
-            pressed = event.key if event.type == pygame.KEYDOWN else None
-            if event.type == pygame.QUIT or pressed in (pygame.K_ESCAPE, pygame.K_q):
-                self._open = False
+        if self._open and not pygame.display.get_init():
+            self._open_screen()  # Somebody else has called `pygame.quit()`.
+        self._listen()
         if self._open:
-            paint(lay_out(frame), pygame.display.get_surface() or self._screen)
+            paint(lay_out(frame), pygame.display.get_surface(), footer)
             pygame.display.flip()
             self._clock.tick(self._rate)
         return self._open
+
+    def keys(self) -> Sequence[str]:
+        """The names of the keys that were pressed since the last call."""
+        self._listen()
+        pressed = tuple(self._pressed)
+        self._pressed.clear()
+        return pressed
+
+    def held(self) -> frozenset[str]:
+        """The names of the keys that are held down, or were since the last call."""
+        self._listen()
+        held = frozenset(self._held | self._touched)
+        self._touched.clear()
+        return held
+
+    def _listen(self) -> None:
+        listens = self._open and pygame.display.get_init()
+        for event in pygame.event.get() if listens else ():
+            if event.type == pygame.QUIT:
+                self._press("q")
+            elif event.type == pygame.KEYDOWN:
+                self._press(_name(event.key))
+            elif event.type == pygame.KEYUP:
+                self._held.discard(_name(event.key))
+            elif event.type == pygame.WINDOWFOCUSLOST:
+                self._held.clear()  # Nobody tells us that they were let go.
+
+    def _press(self, name: str) -> None:
+        self._open &= name != "q"
+        self._pressed.append(name)
+        self._held.add(name)
+        self._touched.add(name)
 
     def close(self) -> None:
         """Close the window."""
         self._open = False
         pygame.display.quit()
+
+
+def _name(key: int) -> str:
+    """Our name of a key."""
+    name = pygame.key.name(key)
+    return _NAMES.get(name, name)

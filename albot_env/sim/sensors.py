@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from typing import TypeVar
 
-from albot_core.errors import InputError
+from albot_core.errors import InputError, did_you_mean
 from albot_core.sensing.reading import Sensor
 from albot_env.sim.laser import LASERS, LMS_200, LaserConfig
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
@@ -76,9 +75,8 @@ def _chosen(
     presets: Mapping[str, Config], name: str, source: str, place: str, *others: str
 ) -> Config:
     """The preset of this name."""
-    if name in presets:
+    if isinstance(name, str) and name in presets:
         return presets[name]
     names = [*others, *presets]
-    close = get_close_matches(str(name), names, 1)
-    hint = f" (did you mean {close[0]}?)" if close else ""
-    raise InputError(source, f"one of {', '.join(names)}", f"{name!r}{hint}", place=place)
+    found = f"{name!r}{did_you_mean(name, names)}"
+    raise InputError(source, f"one of {', '.join(names)}", found, place=place)

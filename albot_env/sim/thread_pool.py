@@ -10,25 +10,26 @@ import numpy as np
 from jaxtyping import Int64
 
 from albot_core.errors import InputError
-from albot_core.ranges import COUNT
+from albot_core.ranges import Range
 
 MIN_ROWS_PER_THREAD = 32
 """Rows below which a thread of its own costs more than it brings."""
+_SIZES = Range("a whole number from 1", 1.0, whole=True)
 
 
 class ThreadPool:
     """Threads that share work. Compiled code lets go of Python's lock, so they run at once.
 
     Args:
-        size: How many threads; 0 for as many as this process may use processors.
+        size: How many threads; None for as many as this process may use processors.
 
     Raises:
-        InputError: No whole number, or fewer than none.
+        InputError: No whole number, or fewer than one.
     """
 
-    def __init__(self, size: int) -> None:
-        if size not in COUNT:
-            raise InputError("threads", COUNT.expected, str(size))
+    def __init__(self, size: int | None) -> None:
+        if size is not None and size not in _SIZES:
+            raise InputError("threads", f"{_SIZES.expected}, or None", str(size))
         self.size = size or _processors()
         self._pool: ThreadPoolExecutor | None = None
         self._owner = 0

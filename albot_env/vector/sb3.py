@@ -11,16 +11,29 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
-from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvObs, VecEnvStepReturn
 
 from albot_core.errors import InputError
+from albot_env.vector import TRAINING_EXTRA
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv, VecMonitor
+    from stable_baselines3.common.vec_env.base_vec_env import (
+        VecEnvIndices,
+        VecEnvObs,
+        VecEnvStepReturn,
+    )
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(f"{error}; {TRAINING_EXTRA}", name=error.name) from None
 
 _SOURCE = "stable-baselines3"
 
 
-def make_sb3(environment: str, num_envs: int, **settings: Any) -> BatchedVecEnv:
+def make_sb3(environment: str, num_envs: int, **settings: Any) -> VecMonitor:
     """Many environments in one, for stable-baselines3's learners.
+
+    They are monitored: a learner reports the means of returns and lengths of its episodes
+    (`ep_rew_mean`, `ep_len_mean`). Who wants a file of the episodes as well wraps `make_batch` in
+    a `VecMonitor` with a name.
 
     Args:
         environment: Id, such as `Albot/Explore-v0`.
@@ -30,6 +43,11 @@ def make_sb3(environment: str, num_envs: int, **settings: Any) -> BatchedVecEnv:
     Raises:
         InputError: As for the environment.
     """
+    return VecMonitor(make_batch(environment, num_envs, **settings))
+
+
+def make_batch(environment: str, num_envs: int, **settings: Any) -> BatchedVecEnv:
+    """What `make_sb3` makes, without a monitor."""
     settings = {"autoreset_mode": AutoresetMode.SAME_STEP, **settings}
     return BatchedVecEnv(gymnasium.make_vec(environment, num_envs=num_envs, **settings))
 

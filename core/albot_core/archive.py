@@ -23,6 +23,7 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.files import read_bytes, replacing
+from albot_core.json_document import parse_json
 
 HEADER = "header.json"
 """The member with the header."""
@@ -92,59 +93,71 @@ class ArchiveFormat:
             InputError: The file is missing, torn or too large, is of another format or
                 version, or holds anything but JSON and arrays of numbers.
         """
-        members = self._members(path)
-        header = self._header(path, members.pop(HEADER, None))
-        arrays = {}
-        for name, content in members.items():
-            if not name.endswith(".npy"):
-                raise InputError(path, f"only {HEADER} and arrays NAME.npy", name)
-            arrays[name.removesuffix(".npy")] = _array(path, name, content)
-        return header, arrays
-
-    def _members(self, path: Path) -> dict[str, bytes]:
-        """What the members unpack to."""
-        try:
-            size = path.stat().st_size
-        except OSError:
-            size = 0  # Reading says better what is wrong.
-        if size > self.largest:
-            raise InputError(path, f"a {self.kind} of {self.largest:,} bytes at most", f"{size:,}")
-        try:
-            with zipfile.ZipFile(io.BytesIO(read_bytes(path))) as archive:
-                self._check_members(path, archive.infolist())
-                return {name: archive.read(name) for name in archive.namelist()}
-        except InputError:
-            raise
-        except _TORN as error:
-            raise InputError(path, f"a whole {self.kind}", _one_line(error)) from None
-
-    def _check_members(self, path: Path, members: list[zipfile.ZipInfo]) -> None:
-        """Refuse, before anything is unpacked, what is too much or not as we write it."""
-        names = [member.filename for member in members]
-        size = sum(member.file_size for member in members)
-        if len(members) > _MOST_MEMBERS or size > self.largest:
-            found = f"{len(members):,} members of {size:,} bytes"
-            raise InputError(path, f"members of {self.largest:,} bytes together at most", found)
-        for name in names:
-            if _PLAIN.fullmatch(name) is None:
-                found = ascii(name)[:80]
-                raise InputError(path, "members with plain names", found)
-        if len(set(names)) < len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise InputError(path, f"the member {twice} once", "it twice")
+        header, arrays = _unpacked(path, self.kind, self.largest)
+        return self._header(path, header), arrays
 
     def _header(self, path: Path, content: bytes | None) -> dict[str, Any]:
         """What the header says, once it is known to be one that we can read."""
-        try:
-            header = json.loads(content or b"")
-        except (ValueError, RecursionError):
-            header = None
+        header = None if content is None else parse_json(content, path, HEADER)
         if not isinstance(header, dict) or header.get("format") != self.name:
             raise InputError(path, f"a header of format {self.name!r}", "none", place=HEADER)
         if header.get("version") != self.version:
             found = repr(header.get("version"))
             raise InputError(path, f"version {self.version} of the format", found, place=HEADER)
         return {key: header[key] for key in header.keys() - {"format", "version"}}
+
+
+def read_arrays(path: Path, kind: str, largest: int) -> dict[str, np.ndarray]:
+    """The arrays by name in a file that `numpy.savez` wrote.
+
+    Args:
+        path: The file.
+        kind: What errors call such a file.
+        largest: Bytes to which it may unpack.
+
+    Raises:
+        InputError: The file is missing, torn or too large, or holds anything but arrays of numbers.
+    """
+    header, arrays = _unpacked(path, kind, largest)
+    if header is not None:
+        raise InputError(path, "only arrays NAME.npy", HEADER)
+    return arrays
+
+
+def _unpacked(path: Path, kind: str, largest: int) -> tuple[bytes | None, dict[str, np.ndarray]]:
+    """The header, if there is one, and the arrays by name."""
+    header, arrays = None, {}
+    try:
+        with zipfile.ZipFile(io.BytesIO(read_bytes(path, largest))) as archive:
+            _check_members(path, archive.infolist(), largest)
+            for name in archive.namelist():
+                if name == HEADER:
+                    header = archive.read(name)
+                elif name.endswith(".npy"):
+                    arrays[name.removesuffix(".npy")] = _array(path, name, archive.read(name))
+                else:
+                    raise InputError(path, f"only {HEADER} and arrays NAME.npy", name)
+    except InputError:
+        raise
+    except _TORN as error:
+        raise InputError(path, f"a whole {kind}", _one_line(error)) from None
+    return header, arrays
+
+
+def _check_members(path: Path, members: list[zipfile.ZipInfo], largest: int) -> None:
+    """Refuse, before anything is unpacked, what is too much or not as we write it."""
+    names = [member.filename for member in members]
+    size = sum(member.file_size for member in members)
+    if len(members) > _MOST_MEMBERS or size > largest:
+        found = f"{len(members):,} members of {size:,} bytes"
+        raise InputError(path, f"members of {largest:,} bytes together at most", found)
+    for name in names:
+        if _PLAIN.fullmatch(name) is None:
+            found = ascii(name)[:80]
+            raise InputError(path, "members with plain names", found)
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise InputError(path, f"the member {twice} once", "it twice")
 
 
 def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:

@@ -1,10 +1,15 @@
-"""The one error that bad input raises, and how it names what may have been meant."""
+"""The error that bad input raises, and how it names what may have been meant."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterable
 from functools import partial
+
+_LONGEST = 200
+"""Characters of what was found, and of its place, that errors quote…"""
+_LONGEST_SOURCE = 1000
+"""…and of the source, which may be the path of a file."""
 
 
 class InputError(ValueError):
@@ -22,10 +27,10 @@ class InputError(ValueError):
     """
 
     def __init__(self, source: object, expected: str, found: str = "", *, place: str = "") -> None:
-        self.source = _one_line(source)
+        self.source = _shortened(_one_line(source), _LONGEST_SOURCE)
         self.expected = _one_line(expected)
-        self.found = _one_line(found)
-        self.place = place = _one_line(place)
+        self.found = found = _shortened(_one_line(found))
+        self.place = place = _shortened(_one_line(place))
         where = f"{self.source}, {place}" if place else self.source
         tail = f", found {self.found}" if found else ""
         super().__init__(f"{where}: expected {self.expected}{tail}")
@@ -35,10 +40,30 @@ class InputError(ValueError):
         return partial(InputError, place=self.place), (self.source, self.expected, self.found)
 
 
+class MissingFileError(InputError):
+    """The error where there is no file of the name given: `intel.log: file not found`.
+
+    Args:
+        source: The file.
+    """
+
+    def __init__(self, source: object) -> None:
+        super().__init__(source, "a file that exists", "none")
+        self.args = (f"{self.source}: file not found",)
+
+    def __reduce__(self) -> tuple[Callable[..., InputError], tuple[str, ...]]:
+        """What worker processes send of it."""
+        return MissingFileError, (self.source,)
+
+
 def did_you_mean(name: object, known: Iterable[str]) -> str:
     """` (did you mean …?)` with the known name nearest to this one; empty where none is near."""
     near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.5)
     return f" (did you mean {near[0]}?)" if near else ""
+
+
+def _shortened(text: str, longest: int = _LONGEST) -> str:
+    return text if len(text) <= longest else f"{text[: longest - 1]}…"
 
 
 def _one_line(told: object) -> str:

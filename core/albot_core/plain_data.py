@@ -11,9 +11,13 @@ from __future__ import annotations
 import dataclasses
 import types
 import typing
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, TypeVar, get_args, get_origin
+
+import numpy as np
+from jaxtyping import Float64
 
 from albot_core.errors import InputError, did_you_mean
 from albot_core.yaml_document import Steps, dotted, shown
@@ -41,6 +45,20 @@ class Location:
     def error(self, expected: str, found: str) -> InputError:
         """The error that something else was expected here."""
         return InputError(self.source, expected, found, place=self.place(self.path))
+
+    @contextmanager
+    def naming(self, names: Collection[str] | None = None) -> Iterator[None]:
+        """Let errors of a dataclass that is made of what stands here name its place in the file.
+
+        Args:
+            names: The fields that stand here; None where all do.
+        """
+        try:
+            yield
+        except InputError as error:
+            name = error.source.rpartition(".")[2]
+            place = self.at(name) if names is None or name in names else self
+            raise place.error(error.expected, error.found) from None
 
 
 def read_config(
@@ -73,12 +91,8 @@ def read_config(
     for name, default in bases.items():
         if default is dataclasses.MISSING and name not in values:
             raise where.at(name).error("a value", "none")
-    try:
+    with where.naming(bases):
         return kind(**(bases | values))
-    except InputError as error:
-        name = error.source.rpartition(".")[2]
-        place = where.at(name) if name in bases else where
-        raise place.error(error.expected, error.found) from None
 
 
 def read_fields(
@@ -101,6 +115,62 @@ def read_fields(
     }
 
 
+def read_record(
+    known: Mapping[str, Any], data: Any, where: Location, *, others: bool = False
+) -> dict[str, Any]:
+    """The values of a mapping that must hold all the keys that are known of it.
+
+    Args:
+        known: The types of the values.
+        data: The mapping.
+        where: Where it stands.
+        others: Whether it may hold other keys too, which are passed over.
+
+    Raises:
+        InputError: As for `read_config`; or a key is missing.
+    """
+    if others and isinstance(data, Mapping):
+        data = {key: data[key] for key in known if key in data}
+    values = read_fields(known, data, where)
+    for name in known:
+        if name not in values:
+            raise where.at(name).error("a value", "none")
+    return values
+
+
+LARGEST = 1e12
+"""No coordinate, length or time of a robot is larger (m, rad, s)."""
+
+
+def read_array(
+    shape: tuple[int | None, ...], data: Any, where: Location
+) -> Float64[np.ndarray, "..."]:
+    """Numbers of a robot's, finite and within ±`LARGEST`, as an array.
+
+    Args:
+        shape: The lengths of its axes; None for any.
+        data: Numbers in lists.
+        where: Where it stands.
+
+    Raises:
+        InputError: The data is anything else.
+    """
+    lengths = " x ".join("n" if length is None else str(length) for length in shape)
+    expected = f"{lengths} numbers within ±{LARGEST:g}".strip()
+    try:
+        array = np.array(data)
+    except ValueError:
+        raise where.error(expected, "lists of different lengths") from None
+    if not array.size and shape[:1] == (None,) and array.ndim == 1:
+        array = np.empty((0, *(length or 0 for length in shape[1:])))
+    right = array.ndim == len(shape) and all(
+        length in (None, found) for length, found in zip(shape, array.shape, strict=True)
+    )
+    if not right or array.dtype.kind not in "iuf" or not (np.abs(array) <= LARGEST).all():
+        raise where.error(expected, shown(data))
+    return array.astype(np.float64)
+
+
 def read_value(kind: Any, data: Any, where: Location, base: Any = None) -> Any:
     """A value of a type; a configuration's fields that are left out are those of `base`.
 
@@ -108,8 +178,9 @@ def read_value(kind: Any, data: Any, where: Location, base: Any = None) -> Any:
         InputError: The data is of another type.
     """
     origin = get_origin(kind)
-    if origin in (typing.Union, types.UnionType):
-        return _read_union(get_args(kind), data, where, base)
+    if origin in (typing.Union, types.UnionType, typing.Literal):
+        read = _read_choice if origin is typing.Literal else _read_union
+        return read(get_args(kind), data, where, base)
     if dataclasses.is_dataclass(kind) and isinstance(kind, type):
         return read_config(kind, data, where, base if isinstance(base, kind) else None)
     if origin is tuple:
@@ -123,7 +194,10 @@ def read_value(kind: Any, data: Any, where: Location, base: Any = None) -> Any:
     if kind is Any:
         return data
     if kind is float and isinstance(data, int | float) and not isinstance(data, bool):
-        return float(data)
+        try:
+            return float(data)
+        except OverflowError:
+            raise where.error("a number", "one that is too large") from None
     if (
         isinstance(kind, type)
         and isinstance(data, kind)
@@ -131,6 +205,14 @@ def read_value(kind: Any, data: Any, where: Location, base: Any = None) -> Any:
     ):
         return data
     raise where.error(_name(kind), shown(data))
+
+
+def _read_choice(values: tuple[Any, ...], data: Any, where: Location, _: Any) -> Any:
+    """One of some values."""
+    if any(type(data) is type(value) and data == value for value in values):
+        return data
+    found = f"{shown(data)}{did_you_mean(data, map(str, values))}"
+    raise where.error(f"one of {', '.join(map(str, values))}", found)
 
 
 def _read_union(kinds: Iterable[Any], data: Any, where: Location, base: Any) -> Any:
@@ -219,6 +301,8 @@ def _name(kind: Any) -> str:
     """A type in words."""
     if get_origin(kind) in (typing.Union, types.UnionType):
         return " or ".join(_name(each) for each in get_args(kind) if each is not type(None))
+    if get_origin(kind) is typing.Literal:
+        return f"one of {', '.join(map(str, get_args(kind)))}"
     if get_origin(kind) is not None:
         return "a mapping" if get_origin(kind) in (dict, Mapping) else "a list"
     words = {float: "a number", int: "a whole number", str: "text", bool: "true or false"}

@@ -25,10 +25,14 @@ class Range:
     """Whether only whole numbers are allowed."""
 
     def __contains__(self, value: object) -> bool:
-        if not isinstance(value, Integral if self.whole else Real) or not math.isfinite(value):
+        if not isinstance(value, Integral if self.whole else Real):
             return False
-        number = float(value)
-        return self.least < number <= self.most or (number == self.least and not self.beyond)
+        try:
+            number = float(value)
+        except OverflowError:  # A whole number beyond all floats.
+            return False
+        within = self.least < number <= self.most or (number == self.least and not self.beyond)
+        return math.isfinite(number) and within
 
 
 FINITE = Range("a finite number", -math.inf)

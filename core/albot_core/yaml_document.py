@@ -12,6 +12,9 @@ import yaml
 from albot_core.errors import InputError
 from albot_core.files import read_bytes
 
+LARGEST = 4 << 20
+"""Bytes of YAML that are read; a large building, traced cell by cell, takes two million."""
+
 Steps = tuple[str | int, ...]
 """The way to a value from the top of a document: keys and indices."""
 
@@ -134,9 +137,9 @@ def read_yaml(path: Path) -> YamlDocument:
     """The document in a file.
 
     Raises:
-        InputError: The file cannot be read, or is no UTF-8 text or no YAML.
+        InputError: The file cannot be read, is larger than `LARGEST`, or is no UTF-8 text or YAML.
     """
-    content = read_bytes(path)
+    content = read_bytes(path, LARGEST)
     try:
         return YamlDocument(content.decode(), path)
     except UnicodeDecodeError as error:
@@ -154,6 +157,9 @@ def dotted(path: Sequence[str | int]) -> str:
 
 def shown(value: Any) -> str:
     """A value as errors quote it: on one line, and shortened where it is long."""
-    dumped = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, width=10**9)
+    try:
+        dumped = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, width=10**9)
+    except (yaml.YAMLError, ValueError, RecursionError):
+        return f"a {type(value).__name__} that cannot be shown"
     text = " ".join(str(dumped).split()).removesuffix(" ...")
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -11,7 +11,8 @@ from collections.abc import Iterator, Sequence
 from importlib import resources
 from pathlib import Path
 
-from albot_core.errors import InputError, did_you_mean
+from albot_core.errors import InputError, MissingFileError, did_you_mean
+from albot_core.files import exists
 from albot_core.yaml_document import read_yaml
 from albot_maps.formats.world_file import parse_world, world_from_document
 from albot_maps.generators.spec import PREFIX, parse_spec
@@ -52,7 +53,7 @@ def load_world(spec: str | Path) -> World:
     if spec in names:
         return parse_world((_CATALOGUE / f"{spec}.yaml").read_text(encoding="utf-8"), source=spec)
     path = Path(spec)
-    if spec and (path.exists() or path.suffix or path.parent != Path()):
+    if spec and (exists(path) or path.suffix or path.parent != Path()):
         return read_world(path)
     raise InputError(
         "world",
@@ -106,8 +107,8 @@ def _read_yaml_world(path: Path) -> World:
 
 def _description_of(picture: Path) -> Path:
     """The YAML beside a ROS map's picture."""
-    if not picture.exists():
-        raise InputError(picture, "a file that exists", "none")
+    if not exists(picture):
+        raise MissingFileError(picture)
     stem = picture.name.split(".")[0]
     for suffix in sorted(_YAML):
         path = picture.with_name(picture.name.replace(".gz", "")).with_suffix(suffix)

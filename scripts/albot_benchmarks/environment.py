@@ -49,8 +49,8 @@ class Case:
     """How many environments step together; 1 is one of `gymnasium.make`."""
     steps: int = 2000
     """Steps in a turn, of all environments together."""
-    threads: int = 1
-    """Threads that share the work of a batch; 0 for as many as there are processors."""
+    threads: int | None = 1
+    """Threads that share the work of a batch; None for as many as there are processors."""
     parts: tuple[str, ...] | None = None
     """What is observed (see `ObservationConfig.parts`); None for what the environment usually
     shows."""
@@ -79,8 +79,8 @@ CASES = (
     Case(mapper="none", num_envs=256, steps=65536),
     Case(mapper="none", num_envs=1024, steps=65536),
     Case(mapper="albot1", num_envs=1024, steps=32768),
-    Case(mapper="none", num_envs=1024, steps=65536, threads=0),
-    Case(mapper="albot1", num_envs=1024, steps=32768, threads=0),
+    Case(mapper="none", num_envs=1024, steps=65536, threads=None),
+    Case(mapper="albot1", num_envs=1024, steps=32768, threads=None),
 )
 
 PROCESS_CASE = Case(mapper="none", num_envs=256, steps=4096)

@@ -12,6 +12,7 @@ from typing import Any
 from gymnasium import spaces
 
 from albot_benchmarks.environment import ENVIRONMENT, WORLD
+from albot_env.vector import TRAINING_EXTRA
 from albot_env.vector.spinning import spin_briefly
 
 BATCH, EPOCHS = 4096, 4
@@ -40,16 +41,16 @@ def measure_learner(num_envs: int = 1024, steps: int = 16, rollouts: int = 3) ->
         name for name in ("torch", "stable_baselines3") if importlib.util.find_spec(name) is None
     ]
     if missing:
-        return {"missing": f"{' and '.join(missing)}: pip install 'albot-env[train]'"}
+        return {"missing": f"{' and '.join(missing)}; {TRAINING_EXTRA}"}
     spin_briefly()
     from albot_benchmarks.timed_batch import FreeBatch, TimedBatch
-    from albot_env.vector.sb3 import make_sb3
+    from albot_env.vector.sb3 import make_batch
     from albot_maps import load_world
 
     world = load_world(WORLD)
     runs, length = [], 0
     for name, mapper in (("free", None), (ENVIRONMENT, "none"), (ENVIRONMENT, "albot1")):
-        batch = make_sb3(ENVIRONMENT, num_envs, world=world, mapper=mapper or "none")
+        batch = make_batch(ENVIRONMENT, num_envs, world=world, mapper=mapper or "none")
         length = spaces.flatdim(batch.observation_space)
         timed = TimedBatch(batch if mapper else FreeBatch(batch))
         runs.append({"id": name, "mapper": mapper, **_measure(timed, steps, rollouts)})

@@ -25,7 +25,8 @@ def measure_startup() -> dict[str, float]:
 
 def _timed(folder: Path, environment: dict[str, str]) -> float:
     command = "from albot_cli.main import main; main()"
-    arguments = ("play", "--steps", "1", "--record", "a.mcap", "--png", "a.png", "--json")
+    files = ("--record", "a.mcap", "--png", "a.png", "--force")
+    arguments = ("play", "--steps", "1", *files, "--json")
     started = time.perf_counter()
     subprocess.run(
         [sys.executable, "-c", command, *arguments],

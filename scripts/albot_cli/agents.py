@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from albot_cli.outputs import FORCE, check_file
+
 _FILE = click.Path(path_type=Path, dir_okay=False)
 
 
@@ -50,17 +52,21 @@ def list_agents(as_json: bool) -> None:
     help="Figures to show: evaluation.json of `albot evaluate --out`; repeatable.",
 )
 @click.option("--out", type=_FILE, help="The card.  [default: FILE's name with .md]")
+@FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def write_agents_card(
-    file: Path, evaluations: tuple[Path, ...], out: Path | None, as_json: bool
+    file: Path, evaluations: tuple[Path, ...], out: Path | None, force: bool, as_json: bool
 ) -> None:
     """Write the model card of the trained agent in FILE, and its learning curve."""
     from albot_agents.trained.agent_file import read_agent
     from albot_agents.trained.card import read_evaluation, write_card
 
+    card = out or file.with_suffix(".md")
+    for path in (card, card.with_suffix(".png")):
+        check_file(path, force=force)
     agent = read_agent(file)
     figures = [read_evaluation(path, agent) for path in evaluations]
-    written = write_card(agent, file.stem, out or file.with_suffix(".md"), figures)
+    written = write_card(agent, file.stem, card, figures)
     if as_json:
         click.echo(json.dumps({"files": [str(path) for path in written]}))
         return

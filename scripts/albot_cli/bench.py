@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from albot_cli.long_run_page import write_long_run
-from albot_cli.outputs import check_file
+from albot_cli.outputs import FORCE, check_file
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.logs.reader import read_log
@@ -39,12 +39,14 @@ PARTS = ("laser", "mapper", "journey", "env", "processes", "learner", "generator
     help="Rounds in which each environment is timed; the best counts. More help on a busy "
     f"machine.  [default: {ROUNDS}]",
 )
+@FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
     parts: tuple[str, ...],
     log: Path | None,
     out: Path | None,
     rounds: int | None,
+    force: bool,
     as_json: bool,
 ) -> None:
     """Measure speed: laser, mappers, environments, a learner, random worlds and the start.
@@ -59,7 +61,8 @@ def command(
     if out is not None:
         if parts and "journey" not in parts:
             raise InputError("--out", "--part journey, whose page it is", ", ".join(parts))
-        check_file(out)
+        check_file(out, force=force)
+        check_file(out.with_suffix(".png"), force=force)
     if rounds is not None and parts and "env" not in parts:
         raise InputError("--rounds", "--part env, whose rounds they are", ", ".join(parts))
     measures = _measures(log, rounds or ROUNDS)

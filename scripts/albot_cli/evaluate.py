@@ -12,16 +12,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from albot_cli.outputs import check_folder
+from albot_cli.mappers import mapper_config_option, read_robots_config
+from albot_cli.outputs import FORCE, check_folder
 from albot_cli.progress import progress
+from albot_cli.signals import STOPPED
 from albot_core.errors import InputError
 
 if TYPE_CHECKING:
     from albot_agents.evaluation.plan import Trial
     from albot_agents.evaluation.trial import Outcome
 
-_STOPPED = 130
-_PICTURE = "failures.png"
+_FIGURES, _PICTURE = "evaluation.json", "failures.png"
 
 
 @click.command()
@@ -39,6 +40,7 @@ _PICTURE = "failures.png"
     "--seeds", default="1000..1019", show_default=True, metavar="A..B", help="Both included."
 )
 @click.option("--mapper", help="See `albot mappers`; or none.  [default: the agent's own]")
+@mapper_config_option
 @click.option(
     "--odometer",
     "--noise",
@@ -58,6 +60,7 @@ _PICTURE = "failures.png"
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder for evaluation.json and, of tasks that can succeed, a picture of the failures.",
 )
+@FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
     task: str,
@@ -65,14 +68,16 @@ def command(
     worlds: tuple[str, ...],
     seeds: str,
     mapper: str | None,
+    mapper_config: Path | None,
     odometer: str,
     outward: str | None,
     steps: int | None,
     jobs: int | None,
     out: Path | None,
+    force: bool,
     as_json: bool,
 ) -> int:
-    """Run an agent through many episodes of TASK, such as Albot/Homing-v0.
+    """Run an agent through many episodes of TASK, such as homing (or Albot/Homing-v0).
 
     Success with its 95 % Wilson interval, success weighted by path length (SPL, its mean and its
     median with bootstrapped 95 % intervals), how far from home it ended. The exit status
@@ -80,9 +85,9 @@ def command(
     """
     from albot_agents.evaluation.plan import parse_seeds, plan_trials
     from albot_agents.registry import check_agent, find_agent
-    from albot_agents.task import check_task
+    from albot_agents.task import find_task
 
-    check_task(task)
+    task = find_task(task)
     check_agent(agent, task)
     entry = find_agent(agent)
     settings: dict[str, Any] = {"odometer": odometer}
@@ -93,21 +98,29 @@ def command(
     if outward is not None:
         settings["config"] = _way_out(task, outward)
     if out is not None:
-        check_folder(out)
+        check_folder(out, (_FIGURES, _PICTURE), force=force)
+    thresholds = {} if mapper_config is None else {"mapper_config": mapper_config}
+    untrained = entry.untrained(settings | thresholds)
     settings = entry.environment(task, settings)
+    inside = settings.get("mapper", entry.mapper)
+    if mapper_config is not None:
+        settings["mapper_config"] = read_robots_config(inside, mapper_config)
     trials = plan_trials(task, agent, worlds, parse_seeds(seeds), settings)
     trials[0].make().close()  # What is wrong with the settings is told before the work.
+    for setting in untrained:
+        click.echo(f"albot: {agent} never learnt to act with {setting}", err=True)
     began = time.perf_counter()
     outcomes, stopped = _run(trials, jobs or os.cpu_count() or 1)
-    inside = settings.get("mapper", entry.mapper)
     facts: dict[str, Any] = {"task": task, "agent": agent, "mapper": inside, "odometer": odometer}
+    facts["mapper_config"] = None if mapper_config is None else str(mapper_config)
+    facts["untrained"] = untrained
     facts["fingerprint"] = None if entry.file is None else entry.file.fingerprint
     facts |= {"world_specs": worlds, "seeds": seeds, **_summary(outcomes)}
     facts |= {"seconds": time.perf_counter() - began, "stopped": stopped, "files": {}}
     if out is not None:
         _save(out, facts, outcomes)
     click.echo(json.dumps(facts) if as_json else _as_text(facts))
-    return _STOPPED if stopped else 0
+    return STOPPED if stopped else 0
 
 
 def _way_out(task: str, text: str) -> Any:
@@ -156,17 +169,16 @@ def _summary(outcomes: list[Outcome]) -> dict[str, Any]:
 
 def _save(out: Path, facts: dict[str, Any], outcomes: list[Outcome]) -> None:
     """Write the figures and the picture; note in `facts` where they are."""
-    from albot_core.files import replacing
+    from albot_core.files import make_folder, write_text
 
-    out.mkdir(parents=True, exist_ok=True)
-    facts["files"]["figures"] = str(out / "evaluation.json")
+    make_folder(out)
+    facts["files"]["figures"] = str(out / _FIGURES)
     if facts["success_rate"] is not None:
         from albot_agents.evaluation.picture import save_failures
 
         save_failures(outcomes, out / _PICTURE)
         facts["files"]["failures"] = str(out / _PICTURE)
-    with replacing(out / "evaluation.json") as stream:
-        stream.write(json.dumps(facts, indent=1).encode())
+    write_text(out / _FIGURES, json.dumps(facts, indent=1))
 
 
 def _as_text(facts: dict[str, Any]) -> str:

@@ -7,16 +7,24 @@ from pathlib import Path
 
 import click
 
-from albot_cli.outputs import check_folder
+from albot_cli.outputs import FORCE, check_file, check_folder
 from albot_cli.progress import progress
 from albot_core.errors import InputError
+from albot_core.files import make_folder
 from albot_experiments.registry import (
     EXPERIMENTS,
     FIRST_SEED,
     Experiment,
     find_experiment,
 )
-from albot_experiments.report import Report, cell, rows, write_index
+from albot_experiments.report import (
+    REPORT_FILES,
+    Report,
+    cell,
+    index_path,
+    rows,
+    write_index,
+)
 
 ALL = "all"
 """The ID that stands for every experiment."""
@@ -48,8 +56,11 @@ def list_experiments(as_json: bool) -> None:
     help="Folder for the report: Markdown, pictures, JSON. Of all: a folder each, and a page "
     "over them, OUT.md.",
 )
+@FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
-def run_experiment(name: str, seeds: int | None, out: Path | None, as_json: bool) -> None:
+def run_experiment(
+    name: str, seeds: int | None, out: Path | None, force: bool, as_json: bool
+) -> None:
     """Run the experiment ID, or all; `albot experiment list` names them."""
     if seeds is not None and seeds < 1:
         raise InputError("--seeds", "at least 1", str(seeds))
@@ -58,6 +69,11 @@ def run_experiment(name: str, seeds: int | None, out: Path | None, as_json: bool
         experiment.check()
     if out is not None:
         check_folder(out)
+        for folder in [out / each.id for each in chosen] if name == ALL else [out]:
+            if folder.exists():
+                check_folder(folder, REPORT_FILES, force=force)
+        if name == ALL:
+            check_file(index_path(out), force=force)
     if name == ALL:
         _run_all(chosen, seeds, out, as_json)
     else:
@@ -78,6 +94,8 @@ def _run_all(
 ) -> None:
     """Run them one after the other; each report is written as soon as it is there."""
     reports, files = [], []
+    if out:
+        make_folder(out)
     for experiment in experiments:
         report = _run(experiment, seeds)
         written = report.write(out / experiment.id) if out else []

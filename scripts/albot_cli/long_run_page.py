@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 Row = Mapping[str, Any]
 
-COMMAND = "albot bench --part journey --out docs/journey.md"
+COMMAND = "albot bench --part journey --out docs/journey.md --force"
 
 _COLUMNS: Mapping[str, tuple[str, str, float]] = {
     "km": ("path_km", "{:.1f}", 1.0),

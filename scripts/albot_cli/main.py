@@ -1,99 +1,93 @@
-"""The `albot` command: finds the subcommand, and turns errors into exit statuses."""
+"""The `albot` command: turns errors and signals into exit statuses.
+
+All but the next to nothing above is imported within functions, once Ctrl-C finds us prepared.
+"""
 
 from __future__ import annotations
 
-import errno
-import importlib
 import os
 import sys
-from contextlib import suppress
-from pathlib import Path
 
-import click
+from albot_cli.signals import STOPPED, Interrupts, die_quietly
 
-from albot_core.errors import InputError
-
-SUBCOMMANDS = {
-    "agents": "List the agents; write the model card of a trained one.",
-    "bench": "Measure speed, each figure beside something run in the same minute.",
-    "evaluate": "Measure an agent in many episodes of a task.",
-    "experiment": "Repeat the papers' experiments.",
-    "map": "Run a mapper over a real robot's log.",
-    "mappers": "List the mapping systems.",
-    "play": "Watch a robot explore and map, or play an episode back.",
-    "results": "Measure all agents in all tasks, for one page.",
-    "stress": "Drive agents through many worlds and check every step.",
-    "train": "Let an agent learn a task.",
-    "worlds": "List, show, check, convert and make worlds.",
-}
-
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""What the system says where a disk, or whatever takes the output, is full or broken."""
-
-
-class LazyGroup(click.Group):
-    """A group whose subcommands are imported only when they are called, to start fast."""
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        """The names of all subcommands."""
-        return sorted(SUBCOMMANDS)
-
-    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        """Import `albot_cli.NAME` and return its `command`."""
-        if name not in SUBCOMMANDS:
-            return None
-        module = importlib.import_module(f"albot_cli.{name}")
-        command: click.Command = module.command
-        return command
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the subcommands without importing them."""
-        with formatter.section("Commands"):
-            formatter.write_dl(sorted(SUBCOMMANDS.items()))
-
-
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.version_option(package_name="albot-env")
-def albot() -> None:
-    """A robot explores, builds an imprecise map, recognises places and finds its way home."""
+TYPE_CHECKING = False  # As typing's, which would have to be loaded.
+if TYPE_CHECKING:
+    import click
 
 
 def main() -> None:
-    """Run the command: exit status 0 done, 2 bad input, 1 our own fault."""
-    with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
+    """Run the command.
+
+    Exit status 0 done, 2 bad input, 1 our own fault, 128 + n where signal n ended it, and so 141
+    (SIGPIPE) where nobody reads any longer what it prints.
+    """
+    die_quietly()
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:  # noqa: PTH123
         # A stream that the caller has closed (`>&-`) is None.
         sys.stdout = sys.stdout or nowhere
         sys.stderr = sys.stderr or nowhere
+        from albot_cli.group import albot
+
         exit_status(albot)
 
 
 def exit_status(command: click.Command) -> None:
     """Run a command and leave with its exit status; bad input is one line on stderr."""
+    interrupts = Interrupts()
     try:
-        status = command.main(standalone_mode=False)
-    except InputError as error:
-        click.echo(f"albot: {error}", err=True)
-        sys.exit(2)
-    except click.ClickException as error:
+        interrupts.listen()
+        returned = command.main(standalone_mode=False)
+        status = returned if isinstance(returned, int) else 0
+        die_quietly()
+    except BaseException as error:  # noqa: BLE001 - an interrupt may come out as any error
+        die_quietly()
+        status = _tell(error, interrupts)
+    sys.exit(interrupts.status if status == STOPPED else status)
+
+
+def _tell(error: BaseException, interrupts: Interrupts) -> int:
+    """Say what has ended the command; the exit status. What is nobody's input is raised again."""
+    import errno
+
+    import click
+
+    from albot_core.errors import InputError
+
+    if interrupts.heard is not None or isinstance(error, click.Abort):
+        _say("albot: stopped")  # Even if the interrupt came out of some library as another error.
+        return STOPPED
+    if isinstance(error, InputError):
+        _say(f"albot: {error}")
+        return 2
+    if isinstance(error, click.ClickException):
         message = error.format_message()
         # A group that is called without a subcommand shows its help.
-        click.echo(message if message.startswith("Usage:") else f"albot: {message}", err=True)
-        sys.exit(2)
-    except click.Abort:
-        click.echo("albot: stopped", err=True)
-        sys.exit(130)
-    except OSError as error:
-        if error.errno not in _NO_ROOM:
-            raise
-        click.echo(f"albot: cannot write: {error.strerror}", err=True)
-        _drop_output()
-        sys.exit(1)
-    sys.exit(status if isinstance(status, int) else 0)
+        _say(message if message.startswith("Usage:") else f"albot: {message}")
+        return 2
+    # What the system says where a disk, or whatever takes the output, is full or broken.
+    no_room = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+    if isinstance(error, OSError) and error.errno in no_room:
+        where = error.filename or "what is printed"
+        _say(f"albot: cannot write {where}: {error.strerror}")
+        drop_output()
+        return 1
+    raise error
 
 
-def _drop_output() -> None:
+def _say(text: str) -> None:
+    from contextlib import suppress
+
+    import click
+
+    with suppress(OSError):  # The terminal may be gone.
+        click.echo(text, err=True)
+
+
+def drop_output() -> None:
     """Let what cannot be written go, or Python would try and fail once more when it ends."""
-    with Path(os.devnull).open("w", encoding="utf-8") as nowhere, suppress(OSError):
+    from contextlib import suppress
+
+    with open(os.devnull, "w", encoding="utf-8") as nowhere, suppress(OSError):  # noqa: PTH123
         os.dup2(nowhere.fileno(), sys.stdout.fileno())
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import shutil
-import tempfile
+from contextlib import ExitStack
 from pathlib import Path
 
 import click
 
 from albot_cli.map_report import (
+    RECOGNITION,
     MappingRun,
     Score,
     as_table,
@@ -20,17 +20,19 @@ from albot_cli.map_report import (
     score,
     warm_up,
 )
-from albot_cli.mappers import read_mapper_config
-from albot_cli.outputs import check_folder
+from albot_cli.mappers import mapper_config_option, read_mapper_config
+from albot_cli.outputs import FORCE, check_folder
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory, alignment, read_relations
+from albot_core.export.g2o import write_g2o
 from albot_core.export.geojson import write_geojson
 from albot_core.export.graphml import write_graphml
 from albot_core.export.picture import write_picture
 from albot_core.export.tum import write_tum
-from albot_core.files import write_text
+from albot_core.files import make_folder, replacing, scratch_folder, write_text
 from albot_core.geometry.poses import compose
+from albot_core.interrupts import interrupts_deferred
 from albot_core.logs.log import Log
 from albot_core.logs.reader import read_log, read_reference
 from albot_core.mappers.map_file import save_map
@@ -44,18 +46,15 @@ from albot_core.mappers.registry import (
 _FILE = click.Path(path_type=Path)
 TRAJECTORY, SURFACES, PICTURE, MAP = "trajectory.tum", "surfaces.geojson", "map.png", "map.albot"
 NETWORK, EVENTS, CORRECTED = "network.graphml", "events.txt", "corrected.tum"
+POSE_GRAPH = "network.g2o"
+FILES = (TRAJECTORY, SURFACES, PICTURE, MAP, NETWORK, POSE_GRAPH, EVENTS, CORRECTED, RECOGNITION)
 """The names of the files that `--out` leaves."""
 
 
 @click.command()
 @click.argument("log", type=_FILE)
 @click.option("--mapper", default="albot1", show_default=True, help=f"{', '.join(mapper_names())}.")
-@click.option(
-    "--mapper-config",
-    "mapper_config_file",
-    type=_FILE,
-    help="YAML file of the mapper's thresholds that differ from its default ones.",
-)
+@mapper_config_option
 @click.option(
     "--reference",
     type=_FILE,
@@ -71,16 +70,18 @@ NETWORK, EVENTS, CORRECTED = "network.graphml", "events.txt", "corrected.tum"
     "reference, and a minute or so.",
 )
 @click.option("--keep-going", is_flag=True, help="Map the good beginning of a damaged log.")
+@FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
     log: Path,
     mapper: str,
-    mapper_config_file: Path | None,
+    mapper_config: Path | None,
     reference: Path | None,
     relations: Path | None,
     out: Path | None,
     recognition: bool,
     keep_going: bool,
+    force: bool,
     as_json: bool,
 ) -> None:
     """Run a mapper over LOG, a real robot's log, and say how well it mapped.
@@ -89,9 +90,9 @@ def command(
     reported are those of the mapper's updates alone, compiling excluded.
     """
     spec = mapper_spec(mapper)
-    thresholds = read_mapper_config(spec, mapper_config_file)
+    thresholds = read_mapper_config(spec, mapper_config)
     if out is not None:
-        check_folder(out)
+        check_folder(out, FILES, force=force)
     recorded = read_log(log, keep_going)
     truth = read_reference(reference) if reference else recorded.reference_trajectory
     if recognition and truth is None:
@@ -133,34 +134,32 @@ def write_files(
 ) -> dict[str, str]:
     """Write trajectory, surfaces, picture and map; return their paths by kind.
 
-    Of a mapper that knows places the network and its events are written as well. All
-    are written to a hidden folder, and moved over when they are whole.
+    Of a mapper that knows places the network and its events are written as well. The folder's
+    files are replaced when all are made.
     """
-    # Inside the folder where there is one: what is around it may not be ours to write to.
-    around = folder if folder.exists() else folder.parent
-    around.mkdir(parents=True, exist_ok=True)
-    beside = Path(tempfile.mkdtemp(dir=around, prefix=f".{folder.name}."))
     names = {"trajectory": TRAJECTORY, "surfaces": SURFACES, "picture": PICTURE, "map": MAP}
-    try:
-        write_tum(run.believed, beside / TRAJECTORY)
+    with scratch_folder() as scratch:
+        write_tum(run.believed, scratch / TRAJECTORY)
         if run.corrected is not None:
-            write_tum(run.corrected, beside / CORRECTED)
+            write_tum(run.corrected, scratch / CORRECTED)
             names["corrected"] = CORRECTED
         snapshot = run.mapper.snapshot()
-        write_geojson(snapshot, beside / SURFACES)
+        write_geojson(snapshot, scratch / SURFACES)
         if snapshot.place_graph.nodes:
-            write_graphml(snapshot.place_graph, beside / NETWORK)
-            names["network"] = NETWORK
+            write_graphml(snapshot.place_graph, scratch / NETWORK)
+            write_g2o(snapshot.place_graph, scratch / POSE_GRAPH)
+            names |= {"network": NETWORK, "pose_graph": POSE_GRAPH}
         if isinstance(run.mapper, PlaceMemory):
-            write_text(beside / EVENTS, "".join(f"{event}\n" for event in run.mapper.events))
+            write_text(scratch / EVENTS, "".join(f"{event}\n" for event in run.mapper.events))
             names["events"] = EVENTS
-        save_map(run.mapper, beside / MAP)
-        _draw(beside / PICTURE, title, run, reference)
-        folder.mkdir(exist_ok=True)
-        for path in sorted(beside.iterdir()):
-            path.replace(folder / path.name)
-    finally:
-        shutil.rmtree(beside)
+        save_map(run.mapper, scratch / MAP)
+        _draw(scratch / PICTURE, title, run, reference)
+        with interrupts_deferred(), ExitStack() as files:
+            make_folder(folder)
+            for path in sorted(scratch.iterdir()):
+                stream = files.enter_context(replacing(folder / path.name))
+                stream.write(path.read_bytes())
+                stream.flush()  # What finds no room does so before anything is replaced.
     return {kind: str(folder / name) for kind, name in names.items()}
 
 

@@ -27,6 +27,8 @@ from albot_core.logs.log import Log
 from albot_core.mappers.mapper import CorrectedTrajectory, Mapper
 from albot_core.mappers.registry import make_mapper
 
+RECOGNITION = "recognition.png"
+"""The name of the picture that `draw_recognition` leaves."""
 _WARM_UP = 2500
 """Scans by which a first mapper is led, so that the second finds its code compiled: so many that
 the robot has been through some exits and come back to a place."""
@@ -241,7 +243,7 @@ def recognition_figures(
 
 def draw_recognition(folder: Path, title: str, figures: dict[str, Any]) -> str:
     """Draw the curve into a folder; return the picture's path."""
-    path = folder / "recognition.png"
+    path = folder / RECOGNITION
     draw_precision_recall(path, title, np.reshape(figures["curve"], (-1, 2)).astype(float))
     return str(path)
 

@@ -8,10 +8,17 @@ from typing import Any
 
 import click
 
+from albot_core.errors import InputError
 from albot_core.mappers.mapper import MapperSpec
-from albot_core.mappers.registry import MAPPERS, mapper_config
+from albot_core.mappers.registry import MAPPERS, mapper_config, mapper_spec
 from albot_core.plain_data import Location
 from albot_core.yaml_document import read_yaml
+
+mapper_config_option = click.option(
+    "--mapper-config",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="YAML file of the mapper's thresholds that differ from its default ones.",
+)
 
 
 @click.command()
@@ -40,6 +47,20 @@ def command(as_json: bool) -> None:
     for entry in MAPPERS.values():
         click.echo(f"{entry.name:<{width}}  {entry.summary}")
         click.echo(f"{'':<{width}}  {entry.paper}")
+
+
+def read_robots_config(mapper: str, path: Path) -> Any:
+    """The thresholds of the mapper in a robot, by its name, from a YAML file.
+
+    Raises:
+        InputError: The robot has no mapper; or as for `read_mapper_config`.
+    """
+    from albot_env.tasks.core.settings import NO_MAPPER
+
+    if mapper == NO_MAPPER:
+        expected = f"no such option for a robot without a mapper (--mapper {NO_MAPPER})"
+        raise InputError("--mapper-config", expected, str(path))
+    return read_mapper_config(mapper_spec(mapper), path)
 
 
 def read_mapper_config(spec: MapperSpec, path: Path | None) -> Any:

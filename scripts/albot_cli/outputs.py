@@ -3,35 +3,66 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
+import click
+
 from albot_core.errors import InputError
+from albot_core.files import is_stream
+
+FORCE = click.option("--force", is_flag=True, help="Overwrite files that are there.")
+"""The option of every command that writes files that users name."""
 
 
-def check_folder(folder: Path) -> None:
-    """Raise InputError where no folder can be made or nothing be written into it."""
-    _check(folder, folder, "a folder to write to")
+def check_folder(folder: Path, names: Iterable[str] = (), *, force: bool = False) -> None:
+    """Raise InputError where no folder can be made, or nothing be written into it.
+
+    Args:
+        folder: The folder.
+        names: Files to be written into it. None of them may be there.
+        force: They may.
+    """
+    if not folder.exists() and not folder.parent.exists():
+        raise InputError(folder, f"a folder {folder.parent} to make it in", "none")
+    _check_writable(folder, folder if folder.exists() else folder.parent, "a folder to write to")
+    for name in names if folder.exists() else ():
+        check_file(folder / name, force=force)
 
 
-def check_file(path: Path) -> None:
-    """Raise InputError where no file can be written."""
-    if path.is_dir():
-        raise InputError(path, "a file to write", "a folder")
-    _check(path, path.parent, "a file to write")
+def check_file(path: Path, *, force: bool = False) -> None:
+    """Raise InputError where no file can be written, or one is there that is not to be overwritten.
+
+    Args:
+        path: The file.
+        force: It may be there.
+    """
+    if is_stream(path):
+        return
+    if path.exists() and not force:
+        raise InputError(path, "no file, or --force to overwrite it", "one")
+    _check_writable(path, path.resolve().parent, "a file to write")
 
 
-def check_png(path: Path | None) -> None:
-    """Raise InputError where a picture's file, if one is wanted, is named as another."""
-    if path is not None and path.suffix.lower() != ".png":
+def check_png(path: Path | None, *, force: bool = False) -> None:
+    """Raise InputError where a picture, if one is wanted, is named as another or cannot be written.
+
+    Args:
+        path: The picture.
+        force: It may be there.
+    """
+    if path is None:
+        return
+    if path.suffix.lower() != ".png":
         raise InputError("--png", "a name that ends in .png", str(path))
+    check_file(path, force=force)
 
 
-def _check(source: Path, folder: Path, expected: str) -> None:
-    existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not existing.is_dir():
-        raise InputError(source, expected, f"a file at {existing}")
+def _check_writable(source: Path, folder: Path, expected: str) -> None:
+    if not folder.is_dir():
+        raise InputError(source, expected, f"a file at {folder}")
     try:
-        with tempfile.TemporaryFile(dir=existing):
+        with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
         raise InputError(source, expected, error.strerror or str(error)) from None

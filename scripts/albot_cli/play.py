@@ -1,12 +1,14 @@
-"""`albot play`: watch a robot explore and map, or play an episode back."""
+"""`albot play`: watch an agent at a task, or play an episode back."""
 
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import count
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,19 +16,24 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from albot_cli.mappers import read_mapper_config
-from albot_cli.outputs import check_file, check_png
+from albot_cli.mappers import mapper_config_option, read_robots_config
+from albot_cli.outputs import FORCE, check_file, check_png
 from albot_core.errors import InputError
-from albot_core.mappers.registry import mapper_spec
 from albot_env.rendering.frame import Frame
 
 if TYPE_CHECKING:
-    import gymnasium
+    from albot_agents.registry import AgentEntry
+    from albot_cli.episodes import PlayedEpisode
 
-    from albot_agents.agent import Agent
-    from albot_cli.live_view import LiveView
-    from albot_env.tasks.explore.env import ExploreEnv
-
+AGENTS = {
+    "Albot/Explore-v0": "gap-explorer",
+    "Albot/Homing-v0": "albot1-homing",
+    "Albot/ExploreAndHome-v0": "round-trip",
+    "Albot/PlaceRecognition-v0": "place-judge",
+}
+"""Who acts in each task where nobody else is asked for."""
+SUFFIX = ".mcap"
+"""By this one tells an episode's file from a task's name."""
 SENSORS = ("laser", "odometer", "sonar", "scenes")
 """Options that choose a sensor's preset, named as the environment's arguments."""
 RUN_ONLY = (
@@ -44,19 +51,15 @@ RUN_ONLY = (
 
 
 @click.command()
-@click.argument("episode", required=False, type=click.Path(path_type=Path))
+@click.argument("what", required=False, metavar="[TASK|EPISODE]")
 @click.option(
     "--world",
     default="office-ring",
     show_default=True,
     help="World: a name, a file or random:KIND:SEED.",
 )
-@click.option("--mapper", default="albot1", show_default=True, help="See `albot mappers`.")
-@click.option(
-    "--mapper-config",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="YAML file of the mapper's thresholds that differ from its default ones.",
-)
+@click.option("--mapper", help="See `albot mappers`; or none.  [default: the agent's own]")
+@mapper_config_option
 @click.option(
     "--agent",
     default="gap-explorer",
@@ -66,19 +69,18 @@ RUN_ONLY = (
 )
 @click.option(
     "--laser",
-    default="lms-200",
-    show_default=True,
-    help="ideal, lms-200, lms-200-fine, long or short.",
+    help="ideal, lms-200, lms-200-fine, long or short.  [default: the agent's own, or lms-200]",
 )
 @click.option(
     "--odometer",
-    default="pioneer",
-    show_default=True,
-    help="ideal, pioneer, poor, carpet, stage, albot1-disturbed, bias-1.5, bias-3 or bias-6.",
+    help="ideal, pioneer, poor, carpet, stage, albot1-disturbed, bias-1.5, bias-3 or bias-6.  "
+    "[default: pioneer]",
 )
-@click.option("--sonar", default="pioneer", show_default=True, help="ideal, pioneer, poor or none.")
 @click.option(
-    "--scenes", default="none", show_default=True, help="ideal, paper, ambiguous or none."
+    "--sonar", help="ideal, pioneer, poor or none.  [default: the agent's own, or pioneer]"
+)
+@click.option(
+    "--scenes", help="ideal, paper, ambiguous or none.  [default: the agent's own, or none]"
 )
 @click.option(
     "--no-movables", is_flag=True, help="Leave out the doors, boxes and people that worlds have."
@@ -93,22 +95,21 @@ RUN_ONLY = (
 )
 @click.option(
     "--record",
-    default="episode.mcap",
-    show_default=True,
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Where the episode is written.",
+    help="Where the episode is written.  [default: episode.mcap, or the first of episode-1.mcap, "
+    "episode-2.mcap, … that is free]",
 )
 @click.option(
     "--png",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="Where the picture of truth and map is written.  [default: episode.png; none for EPISODE]",
+    help="Where the picture of truth and map is written.  [default: episode.png, or the first free "
+    "one as above; none for EPISODE]",
 )
 @click.option(
+@FORCE
     "--speed",
-    default=10.0,
-    show_default=True,
     type=click.FloatRange(min=0, min_open=True),
-    help="How many times faster than real time it is shown.",
+    help="How many times faster than real time it is shown.  [default: 10; 1 for keyboard]",
 )
 @click.option("--headless", is_flag=True, help="Show nothing but the progress line.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object, show nothing.")
@@ -116,28 +117,43 @@ RUN_ONLY = (
 def command(
     ctx: click.Context,
     /,
-    episode: Path | None,
+    what: str | None,
+    record: Path | None,
     png: Path | None,
     as_json: bool,
+    force: bool,
     **options: Any,
 ) -> None:
-    """Watch a robot explore and map, or play back the recorded EPISODE."""
+    """Watch an agent at TASK (explore, homing, explore-and-home, place-recognition).
+
+    Or play back the recorded EPISODE, a file. Keys pause, step and change the speed, and seek in
+    a recorded episode; a line below the picture names them. The last picture stays until q.
+    """
     options["headless"] = options["headless"] or as_json
-    if isnan(options["speed"]):
+    if options["speed"] is not None and isnan(options["speed"]):
         raise InputError("--speed", "a number above 0", "nan")
     if episode is None:
-        png = png or Path("episode.png")
-        _check_picture(png, options["record"])
-        summary = _run(png=png, **options)
+    episode = _episode_file(what)
+        record, png = _free_names(record, png)
+        _check_picture(png, record, force)
+        check_file(record, force=force)
+        summary = _run(what, record=record, png=png, force=force, **options)
     else:
         if png is not None:
-            _check_picture(png, episode)
+            _check_picture(png, episode, force)
         _check_play_back(ctx)
-        summary = _play_back(episode, png, options["speed"], options["headless"])
+        summary = _play_back(episode, png, options["speed"] or 10.0, options["headless"])
     click.echo(json.dumps(summary) if as_json else _as_text(summary))
 
 
 def _check_play_back(ctx: click.Context) -> None:
+def _episode_file(what: str | None) -> Path | None:
+    """The file that is to be played back; None for a task, or nothing."""
+    if what is None or not (what.endswith(SUFFIX) or Path(what).is_file()):
+        return None
+    return Path(what)
+
+
     """Raise InputError where an option was given that the recorded episode has decided."""
     for name in RUN_ONLY:
         if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
@@ -145,76 +161,119 @@ def _check_play_back(ctx: click.Context) -> None:
             raise InputError(option, "no such option when an episode is played back")
 
 
-def _check_picture(png: Path, episode: Path) -> None:
+def _free_names(record: Path | None, png: Path | None) -> tuple[Path, Path]:
+    """The names of episode and picture; those that nobody gave are free ones with one number."""
+    for number in count():
+        stem = f"episode-{number}" if number else "episode"
+        ours = [Path(f"{stem}.mcap")] if record is None else []
+        ours += [Path(f"{stem}.png")] if png is None else []
+        if not any(os.path.lexists(path) for path in ours):
+            return record or Path(f"{stem}.mcap"), png or Path(f"{stem}.png")
+    raise AssertionError
+
+
+def _check_picture(png: Path, episode: Path, force: bool) -> None:
     """Raise InputError where the picture cannot be written, or would take the episode's place."""
     if png.resolve() == episode.resolve():
         raise InputError("--png", "another file than the episode's", str(png))
-    check_png(png)
-    check_file(png)
+    check_png(png, force=force)
 
 
 def _run(
     *,
+    task: str | None,
     world: str,
-    mapper: str,
+    mapper: str | None,
     mapper_config: Path | None,
-    agent: str,
+    agent: str | None,
     seed: int,
     steps: int,
     record: Path,
     png: Path,
-    speed: float,
+    force: bool,
+    speed: float | None,
     headless: bool,
     no_movables: bool,
-    **sensors: Any,
+    **sensors: str | None,
 ) -> dict[str, Any]:
     """Run an episode; its summary. `sensors` holds the presets of `SENSORS`."""
     import gymnasium
 
-    from albot_agents.agent import begin_episode
-    from albot_agents.registry import check_agent, find_agent, make_agent
-    from albot_cli.live_view import open_live_view
+    from albot_cli.episodes import RunningEpisode
+    from albot_cli.keyboard import SAYS, Keyboard
+    from albot_cli.watch import open_viewer, watch
     from albot_env.recording.writer import EpisodeWriter
-    from albot_env.tasks.explore.env import ExploreEnv
+    from albot_env.rendering.controls import Controls
+    from albot_env.tasks.core.single import SingleEnv
 
-    settings = {"world": world, "mapper": mapper, "movables": not no_movables, **sensors}
+    task, agent, entry = _choose(task, agent)
+    if agent == Keyboard.name and headless:
+        raise InputError("--agent keyboard", "somebody who watches", "--headless or --json")
+    asked: dict[str, Any] = {"mapper": mapper, **sensors}
+    settings = {name: value for name, value in asked.items() if value is not None}
+    settings |= {"world": world, "movables": not no_movables}
+    settings = entry.environment(task, settings)
+    mapper = settings.get("mapper", entry.mapper)
     if mapper_config is not None:
-        settings["mapper_config"] = read_mapper_config(mapper_spec(mapper), mapper_config)
-    check_agent(agent, ExploreEnv.task.environment)
-    settings = find_agent(agent).environment(ExploreEnv.task.environment, settings)
-    env = gymnasium.make(ExploreEnv.task.environment, max_episode_steps=steps, **settings)
-    driver = make_agent(agent, env.get_wrapper_attr("observing"), ExploreEnv.task.environment)
+        settings["mapper_config"] = read_robots_config(mapper, mapper_config)
+    env = gymnasium.make(task, max_episode_steps=steps, disable_env_checker=True, **settings)
+    driver = entry.make(env.get_wrapper_attr("observing"), task)
     warm_up(mapper)
-    explorer = env.unwrapped
-    assert isinstance(explorer, ExploreEnv)
-    explorer.recorder = EpisodeWriter(record, agent=agent)
+    inside = env.unwrapped
+    assert isinstance(inside, SingleEnv)
+    inside.agent, inside.recorder = agent, EpisodeWriter(record, overwrite=force)
+    drives = isinstance(driver, Keyboard)
+    more = f"arrows drive · {SAYS[task]}" if drives else ""
+    controls = Controls(speed or (1.0 if drives else 10.0), recorded=False, more=more)
     try:
-        first = begin_episode(env, driver, seed)
+        episode = RunningEpisode(env, driver, seed, steps=steps)
         title = f"{agent} in {world}"
         with (
+
+        def keep() -> None:
+            """The files are written before somebody looks at the last picture for long."""
+            inside.recorder.close()
+            _save_picture(episode.frame, png)
+
             _told_what_is_left(record),
-            open_live_view(title, total=steps, speed=speed, headless=headless) as view,
+            open_viewer(title, steps, headless=headless) as (viewer, tell),
         ):
-            driven, contacts, info = _drive(env, explorer, driver, first, view)
-        _save_picture(explorer.frame, png)
+            if isinstance(driver, Keyboard):
+                driver.listen(viewer)
+            watch(episode, viewer, controls, tell=tell, at_end=keep)
+        info = episode.info
+        return {
+            **_summary(episode),
+            "world": world,
+            "seed": seed,
+            "files": {"episode": str(record), "picture": str(png)},
+            "coverage": info.get("coverage"),
+            "rooms_entered": info.get("rooms_entered"),
+            "success": info.get("is_success"),
+        }
     finally:
         env.close()
-    return {
-        "world": world,
-        "agent": agent,
-        "mapper": mapper,
-        "seed": seed,
-        "steps": driven,
-        "path_m": info["path_length"],
-        "updates": info["updates"],
-        "surfaces": info["surfaces"],
-        "position_error_m": info["position_error"],
-        "files": {"episode": str(record), "picture": str(png)},
-        "simulated_s": info["time"],
-        "coverage": info["coverage"],
-        "rooms_entered": info["rooms_entered"],
-        "steps_in_contact": contacts,
-    }
+
+
+def _choose(task: str | None, agent: str | None) -> tuple[str, str, AgentEntry]:
+    """The id of a task, and the name and entry of an agent that fits it.
+
+    Raises:
+        InputError: There is no such task or agent, or the agent is not for the task.
+    """
+    from albot_agents.registry import agent_names, find_agent
+    from albot_agents.task import find_task
+    from albot_cli.keyboard import KEYBOARD, Keyboard
+
+    task = None if task is None else find_task(task)
+    agent = agent or AGENTS[task or next(iter(AGENTS))]
+    entry = KEYBOARD if agent == Keyboard.name else find_agent(agent)
+    task = task or entry.tasks[0]
+    if task not in entry.tasks:
+        names = (*agent_names(task), *([Keyboard.name] if task in KEYBOARD.tasks else []))
+        found = f"{agent}, which is for {' and '.join(entry.tasks)}"
+        raise InputError("--agent", f"one for {task}: {', '.join(names)}", found)
+    return task, agent, entry
 
 
 @contextmanager
@@ -227,73 +286,49 @@ def _told_what_is_left(record: Path) -> Iterator[None]:
         raise
 
 
-def _drive(
-    env: gymnasium.Env[Any, Any],
-    explorer: ExploreEnv,
-    driver: Agent,
-    first: tuple[Any, dict[str, Any]],
-    view: LiveView,
-) -> tuple[int, int, dict[str, Any]]:
-    """Drive to the end, or until nobody watches: steps, steps in contact, and the last info."""
-    from albot_agents.agent import choose_action
-
-    observation, info = first
-    steps, contacts, over = 0, 0, False
-    while not over:
-        observation, _, terminated, truncated, info = env.step(
-            choose_action(driver, observation, info)
-        )
-        steps += 1
-        contacts += info["collided"]
-        watched = view.step(info["time"], lambda: explorer.frame)
-        over = terminated or truncated or not watched
-    view.end(explorer.frame)
-    return steps, contacts, info
-
-
 def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) -> dict[str, Any]:
     """Play an episode back; its summary."""
-    from albot_cli.live_view import open_live_view
-    from albot_env.recording.reader import EpisodeReader
-    from albot_env.rendering.trace import Trace
+    from albot_cli.episodes import RecordedEpisode
+    from albot_cli.watch import open_viewer, watch
+    from albot_env.rendering.controls import Controls
 
-    reader = EpisodeReader(episode)
-    header, moments = reader.header, reader.moments()
-    moment = next(moments, None)
-    if moment is None:
-        raise InputError(episode, "an episode with at least one step", "its header alone")
-    trace, steps, collisions = Trace(header, moment), 0, 0
-    rooms = {moment.room} - {""}
-    with open_live_view(f"{episode}", total=None, speed=speed, headless=headless) as view:
-        for moment in moments:
-            trace.add(moment)
-            steps += 1
-            collisions += moment.collided
-            rooms |= {moment.room} - {""}
-            if not view.step(moment.reading.stamp, lambda: trace.frame):
-                break
-        view.end(trace.frame)
+    recorded = RecordedEpisode(episode, seekable=not headless)
+    reader = recorded.reader
+    controls = Controls(speed, recorded=True)
+    with open_viewer(f"{episode}", recorded.steps, headless=headless) as (viewer, tell):
+        watch(recorded, viewer, controls, tell=tell)
     if reader.torn:
-        click.echo(f"albot: {episode}: ends early; what is there was played", err=True)
+        told = f"{episode}: ends early, as it was never closed; played up to its last whole chunk"
+        click.echo(f"albot: {told}, at {recorded.time:.1f} s", err=True)
     if png is not None:
-        _save_picture(trace.frame, png)
-    frame = trace.frame
+        _save_picture(recorded.frame, png)
     return {
-        "world": header.world,
-        "agent": reader.agent,
-        "mapper": header.mapper,
-        "seed": header.seed,
-        "steps": steps,
+        **_summary(recorded),
+        "seed": reader.header.seed,
+        "files": {"episode": str(episode), "picture": None if png is None else str(png)},
+        "coverage": None,
+        "rooms_entered": len(recorded.rooms),
+        "success": None,
+        "torn": reader.torn,
+    }
+
+
+def _summary(episode: PlayedEpisode) -> dict[str, Any]:
+    """What an episode's last frame tells."""
+    frame = episode.frame
+    return {
+        "task": frame.environment,
+        "world": frame.world,
+        "agent": frame.agent,
+        "mapper": frame.mapper,
+        "steps": episode.step,
         "path_m": frame.path_length,
         "updates": frame.updates,
         "surfaces": len(frame.snapshot.segments),
         "position_error_m": frame.position_error,
-        "files": {"episode": str(episode), "picture": None if png is None else str(png)},
         "simulated_s": frame.time,
-        "coverage": None,
-        "rooms_entered": len(rooms),
-        "steps_in_contact": collisions,
-        "torn": reader.torn,
+        "reward": sum(frame.terms.values()),
+        "steps_in_contact": episode.contacts,
     }
 
 
@@ -306,17 +341,19 @@ def _save_picture(frame: Frame, path: Path) -> None:
 
 def _as_text(summary: dict[str, Any]) -> str:
     """The summary for people."""
-    covered = summary["coverage"]
+    rooms, covered, success = (summary[key] for key in ("rooms_entered", "coverage", "success"))
     figures = [
         f"{summary['path_m']:.1f} m driven",
         f"{summary['updates']} updates",
         f"{summary['surfaces']} surfaces",
         f"{summary['position_error_m']:.2f} m off",
-        f"{summary['rooms_entered']} rooms entered",
+        *([] if rooms is None else [f"{rooms} rooms entered"]),
         *([] if covered is None else [f"{covered:.0%} of the ground covered"]),
     ]
+        f"reward {summary['reward']:.2f}",
+        *([] if success is None else ["a success" if success else "no success"]),
     lines = [
-        f"{summary['agent']} in {summary['world']} with {summary['mapper']}, "
+        f"{summary['agent']} at {summary['task']} in {summary['world']} with {summary['mapper']}, "
         f"seed {summary['seed']}, {summary['simulated_s']:.0f} s:",
         f"  {' · '.join(figures)}",
         f"  episode  {summary['files']['episode']}  (albot play FILE, or open it in Foxglove)",

@@ -73,7 +73,7 @@ def command(
         if task not in known:
             raise InputError("--task", f"one of {', '.join(known)}", task)
     figures = out.with_suffix(".json")
-    check_file(out)
+    check_file(out, force=True)  # The rows that are there stay.
     read_figures(figures)  # What is there and is none of ours is told before the work.
     contests = [contest for contest in COMPARISONS if not tasks or contest.task in tasks]
     worlds = {kind: [spec] for kind, spec in RANDOM.items()}

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from albot_cli.progress import progress
+from albot_cli.signals import STOPPED
 
 if TYPE_CHECKING:
     from albot_agents.stress import Episode, Outcome
-
-_STOPPED = 130
 
 
 @click.command()
@@ -54,8 +53,8 @@ _STOPPED = 130
     multiple=True,
     default=("gap-explorer", "random"),
     show_default=True,
-    help="albot1-homing, exploring, gap-explorer, nearest-frontier, oracle, path-integration, "
-    "random, or the file of a trained agent; repeatable.",
+    help="exploring, gap-explorer, nearest-frontier, random, or the file of a trained agent; "
+    "repeatable.",
 )
 @click.option("--mapper", default="none", show_default=True, help="See `albot mappers`; or none.")
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
@@ -91,7 +90,7 @@ def command(
     click.echo(json.dumps(tally.facts(chosen)) if as_json else tally.text())
     if tally.violations:
         return 1
-    return _STOPPED if tally.stopped else 0
+    return STOPPED if tally.stopped else 0
 
 
 def _check_mapper(name: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import math
 import shlex
 import sys
 from pathlib import Path
@@ -13,15 +14,20 @@ import click
 
 from albot_cli.outputs import check_folder
 from albot_cli.progress import progress
+from albot_cli.signals import STOPPED
 from albot_core.errors import InputError
+from albot_core.files import make_folder
+from albot_env.vector import TRAINING_EXTRA
 from albot_env.vector.spinning import spin_briefly
 
 if TYPE_CHECKING:
     from albot_agents.training.plan import TrainingPlan
     from albot_agents.training.run_files import RunFolder
 
-_STOPPED = 130
+_EVERY = 10.0
+"""Seconds between two lines about the progress."""
 _NEEDED = ("sb3_contrib", "stable_baselines3", "tensorboard", "torch")
+_RUNS = Path("runs")
 _FOLDER = click.Path(path_type=Path, file_okay=False)
 
 
@@ -38,6 +44,11 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 @click.option(
     "--steps", type=click.IntRange(1), help="Samples in all.  [default: the plan's n_timesteps]"
 )
+@click.option(
+    "--quiet",
+    is_flag=True,
+    help="No lines about the progress where stderr is no terminal.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
     task: str | None,
@@ -46,9 +57,12 @@ def command(
     resume: Path | None,
     seed: int | None,
     steps: int | None,
+    quiet: bool,
     as_json: bool,
 ) -> int:
-    """Train an agent for TASK, such as Albot/Homing-v0.
+    """Train an agent for TASK, such as homing (or Albot/Homing-v0).
+
+    Needs what the extra `train` brings: pip install -c constraints.txt '.[train]' in a clone.
 
     The run's folder holds all that is needed to go on: killed at any moment and begun again with
     --resume, it loses at most what came after the last checkpoint. Ctrl-C writes a checkpoint
@@ -58,15 +72,15 @@ def command(
     _check_installed()
     spin_briefly()
     folder, plan = _begin(task, config, out, resume, seed, steps)
-    result = _train(folder, plan)
+    result = _train(folder, plan, math.inf if quiet else _EVERY)
     click.echo(json.dumps(result) if as_json else _as_text(result))
-    return _STOPPED if result["stopped"] else 0
+    return STOPPED if result["stopped"] else 0
 
 
 def _check_installed() -> None:
     missing = [name for name in _NEEDED if importlib.util.find_spec(name) is None]
     if missing:
-        expected = "what the extra `train` brings (pip install 'albot-env[train]')"
+        expected = f"what the extra `train` brings ({TRAINING_EXTRA})"
         raise InputError("albot train", expected, f"no {', '.join(missing)}")
 
 
@@ -79,12 +93,12 @@ def _begin(
     steps: int | None,
 ) -> tuple[RunFolder, TrainingPlan]:
     """The run's folder, made or found, and its plan."""
-    from albot_agents.task import check_task
+    from albot_agents.task import find_task
     from albot_agents.training.plan_file import read_plan, shipped_plan
     from albot_agents.training.run_files import RunFolder, free_folder
 
     if task is not None:
-        check_task(task)
+        task = find_task(task)
     if resume is not None:
         for name, value in (("--config", config), ("--out", out), ("--seed", seed)):
             if value is not None:
@@ -98,14 +112,17 @@ def _begin(
         plan = shipped_plan(task, **changes)
     else:
         raise InputError("albot train", "a TASK, --config or --resume", "none")
-    folder = RunFolder(out or free_folder(Path("runs"), plan))
-    check_folder(folder.path)
+    if out is None:
+        make_folder(_RUNS)
+        out = free_folder(_RUNS, plan)
+    check_folder(out)
+    folder = RunFolder(out)
     folder.begin(plan, _command(sys.argv[1:]))
     return folder, plan
 
 
-def _train(folder: RunFolder, plan: TrainingPlan) -> dict[str, Any]:
-    """Run; what came of it."""
+def _train(folder: RunFolder, plan: TrainingPlan, every: float) -> dict[str, Any]:
+    """Run; what came of it. Where there is no terminal, a line every so many seconds."""
     from albot_agents.training.run import TrainingRun
 
     def warn(text: str) -> None:
@@ -113,7 +130,7 @@ def _train(folder: RunFolder, plan: TrainingPlan) -> dict[str, Any]:
 
     run = TrainingRun(folder, plan, warn)
     title, start = f"train {plan.task}", run.learner.num_timesteps
-    with progress(title, plan.n_timesteps, "samples", start=start) as tell:
+    with progress(title, plan.n_timesteps, "samples", start=start, every=every) as tell:
         return run.run(tell)
 
 

@@ -9,10 +9,10 @@ from typing import Any
 import click
 import numpy as np
 
-from albot_cli.outputs import check_png
+from albot_cli.outputs import FORCE, check_file, check_folder, check_png
 from albot_cli.progress import progress
 from albot_core.errors import InputError
-from albot_core.files import write_text
+from albot_core.files import make_folder, write_text
 from albot_maps import World, catalogue_names, load_world
 from albot_maps.formats.world_file import world_text
 
@@ -20,6 +20,9 @@ _JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON obj
 _MOST_ON_A_SHEET = 100
 _SINGULAR = {"boxes": "box"}
 _WORLD = click.argument("spec", metavar="WORLD")
+_STRICT = click.option(
+    "--strict", is_flag=True, help="Refuse a world of which its reader left out anything."
+)
 
 
 @click.group()
@@ -48,11 +51,13 @@ def list_worlds(as_json: bool) -> None:
 @command.command()
 @_WORLD
 @click.option("--png", type=click.Path(path_type=Path), help="Draw its floor plan to a file.")
+@FORCE
+@_STRICT
 @_JSON
-def show(spec: str, png: Path | None, as_json: bool) -> None:
+def show(spec: str, png: Path | None, force: bool, strict: bool, as_json: bool) -> None:
     """Say what WORLD holds, and draw it."""
-    check_png(png)
-    world = load_world(spec)
+    check_png(png, force=force)
+    world = _load(spec, strict)
     facts = summary(world)
     if png is not None:
         from albot_maps.drawing import save_picture  # matplotlib is slow to load
@@ -64,10 +69,11 @@ def show(spec: str, png: Path | None, as_json: bool) -> None:
 
 @command.command()
 @_WORLD
+@_STRICT
 @_JSON
-def check(spec: str, as_json: bool) -> None:
+def check(spec: str, strict: bool, as_json: bool) -> None:
     """Check that WORLD can be read and is valid; say what its reader left out."""
-    facts = summary(load_world(spec))
+    facts = summary(_load(spec, strict))
     if as_json:
         click.echo(json.dumps({"valid": True, **facts}))
         return
@@ -79,15 +85,30 @@ def check(spec: str, as_json: bool) -> None:
 @command.command()
 @_WORLD
 @click.option("-o", "--out", type=click.Path(path_type=Path), required=True, help="A .yaml file.")
+@FORCE
+@_STRICT
 @_JSON
-def convert(spec: str, out: Path, as_json: bool) -> None:
+def convert(spec: str, out: Path, force: bool, strict: bool, as_json: bool) -> None:
     """Write WORLD, whatever its format, as our own YAML."""
     if out.suffix not in {".yaml", ".yml"}:
         raise InputError("--out", "a name that ends in .yaml", str(out))
-    world = load_world(spec)
+    check_file(out, force=force)
+    world = _load(spec, strict)
     write_text(out, world_text(world))
     facts = {**summary(world), "out": str(out)}
     click.echo(json.dumps(facts) if as_json else f"{out}: {one_line(facts)}")
+
+
+def _load(spec: str, strict: bool) -> World:
+    """The world of a spec.
+
+    Raises:
+        InputError: It is wrong; or, where `strict`, its reader left out or decided anything.
+    """
+    world = load_world(spec)
+    if strict and world.notes:
+        raise InputError(spec, "a world of which nothing is left out", "; ".join(world.notes))
+    return world
 
 
 class _MakeCommand(click.Command):
@@ -119,6 +140,7 @@ def _default(value: object) -> str:
 @click.option("--param", "params", multiple=True, metavar="KEY=VALUE", help="A parameter's value.")
 @click.option("--out", type=click.Path(path_type=Path), help="The folder to write YAML files to.")
 @click.option("--png", type=click.Path(path_type=Path), help="Draw all of them on one sheet.")
+@FORCE
 @_JSON
 def make(
     kind: str,
@@ -127,13 +149,14 @@ def make(
     params: tuple[str, ...],
     out: Path | None,
     png: Path | None,
+    force: bool,
     as_json: bool,
 ) -> None:
     """Make random worlds of a KIND: apartment, hall, maze, office, ring or warehouse.
 
     The seeds are counted up from --seed.
     """
-    check_png(png)
+    check_png(png, force=force)
     if out is None and png is None:
         raise InputError("albot worlds make", "--out DIR, --png FILE or both", "neither")
     if png is not None and count > _MOST_ON_A_SHEET:
@@ -145,6 +168,8 @@ def make(
             worlds.append(load_world(f"random:{kind}:{seed + done}{query}"))
             tell(done + 1)
     if out is not None:
+        check_folder(out, [f"{world.name}.yaml" for world in worlds], force=force)
+        make_folder(out)
         for world in worlds:
             write_text(out / f"{world.name}.yaml", world_text(world))
     if png is not None:

@@ -6,10 +6,9 @@ import importlib
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
-from albot_core.errors import InputError
+from albot_core.errors import InputError, did_you_mean
 from albot_experiments.report import Report
 
 VARIABLE = "ALBOT_DATA"
@@ -114,9 +113,8 @@ def find_experiment(name: str) -> Experiment:
     """
     if name in EXPERIMENTS:
         return EXPERIMENTS[name]
-    near = get_close_matches(name, EXPERIMENTS, n=1)
-    hint = f"{name!r}; did you mean {near[0]!r}?" if near else repr(name)
-    raise InputError("experiment", f"one of {', '.join(sorted(EXPERIMENTS))}", hint)
+    found = f"{name!r}{did_you_mean(name, EXPERIMENTS)}"
+    raise InputError("experiment", f"one of {', '.join(sorted(EXPERIMENTS))}", found)
 
 
 def data_folder() -> Path:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from albot_core.errors import InputError
-from albot_core.files import replacing, write_text
+from albot_core.files import make_folder, replacing, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,8 +22,10 @@ Figures: TypeAlias = "Scalar | Mapping[str, Figures]"
 
 _COLOURS = 48
 """How many colours a picture has."""
-COMMAND = "albot experiment run all --out docs/experiments"
+COMMAND = "albot experiment run all --out docs/experiments --force"
 """What writes the page over all reports."""
+REPORT_FILES = ("result.json", "report.md")
+"""The files of every report; pictures are beside them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,15 +102,17 @@ class Report:
 
     def write(self, folder: Path) -> list[Path]:
         """Write `result.json`, `report.md` and the pictures into `folder`; return their paths."""
+        make_folder(folder)
         paths = []
         for name, figure in self.pictures.items():
             path = folder / f"{name}.png"
             with replacing(path) as stream:
                 stream.write(_small_png(figure))
             paths.append(path)
-        write_text(folder / "result.json", json.dumps(self.as_json(), indent=2) + "\n")
-        write_text(folder / "report.md", self.as_markdown())
-        return [folder / "result.json", folder / "report.md", *paths]
+        result, report = (folder / name for name in REPORT_FILES)
+        write_text(result, json.dumps(self.as_json(), indent=2) + "\n")
+        write_text(report, self.as_markdown())
+        return [result, report, *paths]
 
 
 def rows(figures: Mapping[str, Figures]) -> list[tuple[str, Scalar]]:
@@ -160,14 +164,15 @@ def _small_png(figure: Figure) -> bytes:
 
 
 def write_index(reports: Sequence[Report], folder: Path) -> Path:
-    """Write the page over the reports that stand in `folder`, each in a folder of its name.
-
-    The page stands beside the folder and is called after it: `experiments.md` over
-    `experiments/`.
-    """
-    page = folder.with_name(f"{folder.name}.md")
+    """Write the page over the reports that stand in `folder`, each in a folder of its name."""
+    page = index_path(folder)
     write_text(page, index(reports, folder.name))
     return page
+
+
+def index_path(folder: Path) -> Path:
+    """The page beside a folder that is called after it: `experiments.md` over `experiments/`."""
+    return folder.with_name(f"{folder.name}.md")
 
 
 def index(reports: Sequence[Report], folder: str) -> str:

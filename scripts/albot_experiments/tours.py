@@ -17,6 +17,7 @@ from albot_core.geometry.poses import compose, relative, wrap_angle
 from albot_core.geometry.types import Points, Pose, Poses
 from albot_core.sensing.reading import Reading
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
+from albot_env.sim.scenes import SceneConfig
 from albot_env.sim.sensors import Sensors
 from albot_env.sim.simulator import THESIS_STEPS, Simulator, StartStop, follow_leg
 from albot_maps.world import World
@@ -133,8 +134,9 @@ def driven_tour(
     *,
     driving: Driving = Driving(),
     odometer: OdometerConfig = ODOMETERS["pioneer"],
+    scenes: SceneConfig | None = None,
 ) -> Journey:
-    """Drive a robot through the waypoints; a reading every 0.1 s.
+    """Drive a robot through the waypoints; a reading every 0.1 s, with scenes if any are given.
 
     The guide sees where the robot truly is, so that the odometer's errors do not change the
     way.
@@ -142,7 +144,7 @@ def driven_tour(
     Raises:
         InputError: The robot bumped into something: the tour is not clear of walls.
     """
-    simulator = Simulator(world, sensors=Sensors(odometer=odometer))
+    simulator = Simulator(world, sensors=Sensors(odometer=odometer, scenes=scenes))
     return lead(simulator, world, waypoints, rng, partial(_drive_to, simulator, driving=driving))
 
 

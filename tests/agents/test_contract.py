@@ -85,6 +85,24 @@ def test_an_agent_that_cannot_do_a_task_is_refused() -> None:
 
 
 def test_an_unknown_agent_is_refused_with_a_hint() -> None:
+@pytest.mark.parametrize(
+    ("name", "task", "others"),
+    [
+        # They never declare.
+        ("gap-explorer", "Albot/Homing-v0", "albot1-homing, oracle, path-integration, random"),
+        ("nearest-frontier", "Albot/ExploreAndHome-v0", "random, round-trip"),
+        # At the start they are at home, and stay.
+        ("albot1-homing", "Albot/ExploreAndHome-v0", "random, round-trip"),
+        ("oracle", "Albot/Explore-v0", "gap-explorer, nearest-frontier, random, exploring"),
+    ],
+)
+def test_who_never_does_what_a_task_asks_is_refused_with_those_who_may(
+    name: str, task: str, others: str
+) -> None:
+    with pytest.raises(InputError, match=f"one for {task}: {others}.* found {name}, which is for"):
+        check_agent(name, task)
+
+
     with pytest.raises(InputError, match=r"gap_explorer.*did you mean gap-explorer"):
         make_agent("gap_explorer")
 

@@ -11,7 +11,8 @@ from albot_benchmarks import learner
 from albot_benchmarks.learner import measure_learner
 from albot_benchmarks.timed_batch import FreeBatch, TimedBatch
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.vector.sb3 import make_sb3
+from albot_env.vector import TRAINING_EXTRA
+from albot_env.vector.sb3 import make_batch
 
 
 def test_every_run_is_timed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -30,12 +31,12 @@ def test_without_the_learner_the_part_says_what_is_missing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
-    missing = "torch and stable_baselines3: pip install 'albot-env[train]'"
+    missing = f"torch and stable_baselines3; {TRAINING_EXTRA}"
     assert measure_learner() == {"missing": missing}
 
 
 def test_a_free_batch_has_the_spaces_and_always_says_the_same() -> None:
-    batch = make_sb3("Albot/Explore-v0", 2, world="square-loop", mapper="none")
+    batch = make_batch("Albot/Explore-v0", 2, world="square-loop", mapper="none")
     timed = TimedBatch(FreeBatch(batch))
     assert timed.observation_space == batch.observation_space
     first = timed.reset()
@@ -48,8 +49,8 @@ def test_a_free_batch_has_the_spaces_and_always_says_the_same() -> None:
 
 def test_a_timed_batch_steps_as_the_batch_does() -> None:
     settings = {"world": "square-loop", "mapper": "none"}
-    plain = make_sb3("Albot/Explore-v0", 2, **settings)
-    timed = TimedBatch(make_sb3("Albot/Explore-v0", 2, **settings))
+    plain = make_batch("Albot/Explore-v0", 2, **settings)
+    timed = TimedBatch(make_batch("Albot/Explore-v0", 2, **settings))
     plain.seed(1), timed.seed(1)
     assert np.array_equal(plain.reset(), timed.reset())
     actions = np.ones((2, 3), np.float32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,13 +12,17 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from albot_cli.main import albot
+from albot_cli import progress, train
+from albot_cli.group import albot
 from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import write_tum
 from albot_core.geometry.poses import compose
+from albot_env.recording.writer import EpisodeWriter
+from albot_env.tasks.explore.env import ExploreEnv
+from tests.env.quick import LOOP
 
 FILES = {"trajectory.tum", "surfaces.geojson", "map.png", "map.albot"}
-PLACES = {"network.graphml", "events.txt"}
+PLACES = {"network.graphml", "network.g2o", "events.txt"}
 """The files of a mapper that knows places besides."""
 """What `albot map --out` writes."""
 WIDTH, LENGTH = 2.0, 14.0
@@ -51,6 +56,13 @@ def corridor_ranges(x: float, y: float, heading: float) -> np.ndarray:
     return nearest
 
 
+@pytest.fixture(autouse=True)
+def no_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No lines of progress: on a busy machine a test may take so long that there is one."""
+    monkeypatch.setattr(progress, "EVERY", math.inf)
+    monkeypatch.setattr(train, "_EVERY", math.inf)
+
+
 @pytest.fixture
 def corridor(tmp_path: Path) -> tuple[Path, Trajectory]:
     """A log of a drive along the corridor, its odometer 4 % short, and where it truly went."""
@@ -74,6 +86,18 @@ def truth_file(corridor: tuple[Path, Trajectory]) -> Path:
     path = corridor[0].with_name("truth.tum")
     write_tum(corridor[1], path)
     return path
+
+
+@pytest.fixture
+def episode_file(tmp_path: Path) -> Path:
+    """A recorded episode of forty steps with the odometry mapper."""
+    env = ExploreEnv(LOOP, mapper="odometry")
+    env.agent, env.recorder = "chance", EpisodeWriter(tmp_path / "watched.mcap")
+    env.reset(seed=1)
+    for k in range(40):
+        env.step(np.array((0.5, 0.2 * np.sin(k), -1.0), np.float32))
+    env.close()
+    return tmp_path / "watched.mcap"
 
 
 @pytest.fixture

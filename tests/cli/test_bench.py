@@ -22,7 +22,7 @@ from albot_benchmarks.mapper import (
     with_surfaces,
 )
 from albot_cli.bench import as_text
-from albot_cli.main import albot
+from albot_cli.group import albot
 from albot_core.errors import InputError
 from albot_core.mappers.registry import make_mapper
 from albot_maps import load_world
@@ -155,7 +155,7 @@ def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:
     ("args", "message"),
     [
         (["--part", "lazer"], "one of laser"),
-        (["--log", "missing.log"], "a file that exists"),
+        (["--log", "missing.log"], "file not found"),
         (["--part", "startup", "--out", "page.md"], "--part journey, whose page it is"),
         (["--part", "startup", "--rounds", "2"], "--part env, whose rounds they are"),
     ],

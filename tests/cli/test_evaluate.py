@@ -68,6 +68,29 @@ def test_the_same_seeds_give_the_same_figures(run: Albot, monkeypatch: pytest.Mo
     assert one == other
 
 
+def test_a_mapper_is_evaluated_with_other_thresholds(
+    run: Albot, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    tried: list[Any] = []
+
+    def inline(trade: TrialRunner, trials: list[Trial], jobs: int) -> Any:
+        tried.extend(trial.settings["mapper_config"] for trial in trials)
+        return _inline(trade, trials, jobs)
+
+    monkeypatch.setattr(workers, "run_parallel", inline)
+    file = tmp_path / "thresholds.yaml"
+    file.write_text("margin: 0.5\n")
+    words = ("evaluate", "Albot/Explore-v0", "--agent", "gap-explorer", "--seeds", "3", "--json")
+    words += ("--worlds", "square-loop", "--steps", "5", "--mapper-config", str(file))
+    status, out, _ = run(*words)
+    assert (status, json.loads(out)["mapper_config"]) == (0, str(file))
+    assert [config.margin for config in tried] == [0.5]
+    file.write_text("margins: 0.5\n")
+    status, _, err = run(*words)
+    assert status == 2
+    assert "thresholds.yaml" in err and "did you mean margin" in err
+
+
 def test_ctrl_c_tells_what_there_is(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
     def stopped(trade: TrialRunner, trials: list[Trial], jobs: int) -> Any:
         yield trade.run(trials[0], lambda _: None)
@@ -102,6 +125,20 @@ def test_every_task_has_its_figures_in_words(
         assert word in out
 
 
+def test_a_trained_agent_with_another_mapper_is_told_of(
+    run: Albot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(workers, "run_parallel", _inline)
+    words = ("evaluate", "Albot/Homing-v0", "--agent", "homing", "--seeds", "3", "--json", *TINY)
+    status, out, err = run(*words, "--mapper", "none")
+    assert status == 0
+    untrained = "mapper none (trained with albot1)"
+    assert err == f"albot: homing never learnt to act with {untrained}\n"
+    assert json.loads(out)["untrained"] == [untrained]
+    status, out, err = run(*words)
+    assert (status, err, json.loads(out)["untrained"]) == (0, "", [])
+
+
 def test_exploring_has_no_success(run: Albot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(workers, "run_parallel", _inline)
     words = ("evaluate", "Albot/Explore-v0", "--agent", "gap-explorer", "--seeds", "1")
@@ -116,6 +153,10 @@ def test_exploring_has_no_success(run: Albot, monkeypatch: pytest.MonkeyPatch) -
     [
         (("Albot/Homming-v0", "--agent", "random"), "did you mean Albot/Homing-v0"),
         (("Albot/Homing-v0", "--agent", "randon"), "did you mean random"),
+        (
+            ("Albot/Homing-v0", "--agent", "gap-explorer"),
+            "found gap-explorer, which is for Albot/Explore-v0",
+        ),
         (("Albot/Homing-v0", "--agent", "random", "--seeds", "5..3"), "--seeds: expected"),
         (("Albot/Homing-v0", "--agent", "random", "--seeds", "x"), "--seeds: expected A..B"),
         (("Albot/Homing-v0", "--agent", "random", "--worlds", "nowhere"), "world: expected"),

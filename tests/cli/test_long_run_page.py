@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from albot_benchmarks import long_run as journey
+from albot_cli.group import albot
 from albot_cli.long_run_page import page
-from albot_cli.main import albot
 from albot_core.errors import InputError
 
 MACHINE = {"processor": "a processor", "python": "3.12"}

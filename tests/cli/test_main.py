@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,9 @@ from pathlib import Path
 import pytest
 
 from albot_agents.registry import EXPLORE, agent_names
+from albot_cli import mappers
 from albot_cli.main import main
+from albot_core.files import replacing
 
 ALBOT = f'"{sys.executable}" -c "from albot_cli.main import main; main()"'
 SHORT = "--world square-loop --mapper odometry --steps 5"
@@ -60,7 +63,23 @@ def test_a_full_disk_is_one_line_and_status_1(words: str) -> None:
         f"{ALBOT} {words} > /dev/full", shell=True, capture_output=True, text=True, check=False
     )
     assert done.returncode == 1
-    assert done.stderr == "albot: cannot write: No space left on device\n"
+    assert done.stderr == "albot: cannot write what is printed: No space left on device\n"
+
+
+def test_a_full_disk_is_said_of_the_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(**_: object) -> None:
+        with replacing(tmp_path / "figures.json"):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(mappers.command, "callback", full)
+    monkeypatch.setattr(sys, "argv", ["albot", "mappers"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 1
+    told = f"albot: cannot write {tmp_path / 'figures.json'}: No space left on device\n"
+    assert capsys.readouterr().err == told
 
 
 def test_the_module_is_the_command() -> None:
@@ -75,11 +94,12 @@ def test_the_module_is_the_command() -> None:
 
 
 @pytest.mark.parametrize("words", [("play",), ("stress",)])
-def test_help_names_every_agent_that_explores(
+def test_help_names_every_agent_that_fits(
     words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["albot", *words, "--help"])
     with pytest.raises(SystemExit):
         main()
     shown = "".join(capsys.readouterr().out.split())  # lines break within names
-    assert all(name in shown for name in agent_names(EXPLORE))
+    task = None if words == ("play",) else EXPLORE
+    assert all(name in shown for name in agent_names(task))

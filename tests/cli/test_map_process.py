@@ -5,8 +5,13 @@ from __future__ import annotations
 import json
 import os
 import pty
+import signal
 import subprocess
 import sys
+
+import pytest
+
+from tests.processes import known_paths, running
 
 ALBOT = (sys.executable, "-c", "from albot_cli.main import main; main()")
 
@@ -57,21 +62,22 @@ def _read_all(terminal: int) -> bytes:
     return shown
 
 
-def test_stopping_leaves_nothing_half_written(corridor, tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_stopping_leaves_nothing_half_written(corridor, tmp_path, number):
     # The signal comes when three of the four files are written.
     code = (
         "import os, signal, albot_cli.map as files\n"
         "from albot_cli.main import main\n"
-        "files.write_picture = lambda *_, **__: os.kill(os.getpid(), signal.SIGINT)\n"
+        f"files.write_picture = lambda *_, **__: os.kill(os.getpid(), {number})\n"
         "main()"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code, "map", corridor[0], "--out", tmp_path / "out"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 130
-    assert "Traceback" not in done.stderr
-    assert done.stderr.strip() == "albot: stopped"
-    assert list(tmp_path.iterdir()) == [corridor[0]]
+    command = [sys.executable, "-c", code, "map", corridor[0], "--out", tmp_path / "out"]
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    around = known_paths() | {"TMPDIR": str(scratch)}
+    with running(command, tmp_path, around) as process:
+        _, told = process.communicate(timeout=120)
+    assert process.returncode == 128 + number
+    assert told.strip() == b"albot: stopped"
+    assert set(tmp_path.iterdir()) == {corridor[0], scratch}
+    assert not list(scratch.iterdir())

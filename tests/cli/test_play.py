@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import pty
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,9 +14,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from albot_agents.task import find_task
+from albot_agents.trained.trained_agent import shipped_agents
 from albot_cli.main import main
 from albot_env.recording.reader import EpisodeReader
 from albot_env.sim import LASERS, ODOMETERS, SCENES, SONARS
+from tests.cli.terminal import Terminal
 
 KEYS = {
     "world", "agent", "mapper", "seed", "steps", "path_m", "updates", "surfaces",
@@ -78,6 +78,35 @@ def test_an_episode_is_played_written_and_summed_up(play: Play, tmp_path: Path) 
     assert moments[-1].updates == summary["updates"]
 
 
+def test_no_earlier_episode_is_overwritten(play: Play, tmp_path: Path) -> None:
+    for number in ("", "-1", "-2"):
+        (tmp_path / "episode-1.png").touch()  # One of somebody else's is enough.
+        files = json.loads(play(*SHORT, "--json").stdout)["files"]
+        name = {"": "episode", "-1": "episode-2", "-2": "episode-3"}[number]
+        assert files == {"episode": f"{name}.mcap", "picture": f"{name}.png"}
+    assert (tmp_path / "episode-1.png").read_bytes() == b""
+    found = json.loads(play(*SHORT, "--record", "a.mcap", "--json").stdout)["files"]
+    assert found == {"episode": "a.mcap", "picture": "episode-4.png"}
+
+
+@pytest.mark.parametrize("option", ["--record", "--png"])
+def test_a_file_that_was_named_is_overwritten_by_force_alone(
+    play: Play, tmp_path: Path, option: str
+) -> None:
+    path = tmp_path / ("mine.mcap" if option == "--record" else "mine.png")
+    path.write_text("mine")
+    done = play(*SHORT, option, path.name)
+    assert done.returncode == 2
+    assert (
+        done.stderr
+        == f"albot: {path.name}: expected no file, or --force to overwrite it, found one\n"
+    )
+    assert path.read_text() == "mine"
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+    assert play(*SHORT, option, path.name, "--force").returncode == 0
+    assert path.stat().st_size > 1000
+
+
 def test_people_get_a_summary_and_a_progress_line(play: Play, tmp_path: Path) -> None:
     done = play(*SHORT)
     assert done.returncode == 0, done.stderr
@@ -114,7 +143,7 @@ def test_a_torn_episode_plays_its_beginning_and_says_so(play: Play, tmp_path: Pa
     (tmp_path / "torn.mcap").write_bytes(whole[: len(whole) // 2])
     back = play("torn.mcap", "--json")
     assert back.returncode == 0
-    assert "torn.mcap: ends early" in back.stderr
+    assert "torn.mcap: ends early, as it was never closed; played up to its last" in back.stderr
     summary = json.loads(back.stdout)
     assert summary["torn"] is True
     assert 0 < summary["steps"] < 40
@@ -139,6 +168,8 @@ def test_a_torn_episode_plays_its_beginning_and_says_so(play: Play, tmp_path: Pa
         ((*SHORT, "--png", "a.jpg"), "a name that ends in .png"),
         (("--world", "two\nlines"), r"found two\nlines"),
         (("none.mcap",), "none.mcap"),
+        ((*SHORT, "--record", "gone/a.mcap"), "expected a folder"),
+        ((*SHORT, "--png", "gone/a.png"), "expected a folder"),
         ((*SHORT, "--record", "taken/a.mcap"), "taken"),
         (("--jsn",), "--json"),
     ],
@@ -184,7 +215,7 @@ def test_the_robots_sensors_are_those_asked_for(play: Play) -> None:
     assert {len(moment.reading.laser.ranges) for moment in moments} == {361}
     assert {moment.reading.sonar for moment in moments} == {None}
     assert any(moment.reading.scene is not None for moment in moments)
-    assert play(*SHORT, "--sonar", "ideal").returncode == 0
+    assert play(*SHORT, "--sonar", "ideal", "--record", "episode.mcap", "--force").returncode == 0
     reader = EpisodeReader(Path("episode.mcap"))
     assert reader.header.sonar is not None
     assert all(moment.reading.scene is None for moment in reader.moments())
@@ -197,7 +228,7 @@ def test_things_move_unless_they_are_left_out(play: Play) -> None:
     assert len(moving[0]) > 4
     assert not np.array_equal(moving[0], moving[-1])
     assert play(*world, "--no-movables").returncode == 0
-    assert not any(len(moment.things) for moment in EpisodeReader(Path("episode.mcap")).moments())
+    assert not any(len(moment.things) for moment in EpisodeReader(Path("episode-1.mcap")).moments())
 
 
 @pytest.mark.parametrize(
@@ -209,61 +240,100 @@ def test_the_help_names_every_preset(play: Play, option: str, presets: Mapping[s
     assert set(presets) <= {word.strip(",.") for word in told.split()}
 
 
-def test_ctrl_c_leaves_a_readable_file(tmp_path: Path) -> None:
-    process = subprocess.Popen(
-        [sys.executable, "-c", "from albot_cli.main import main; main()", "play",
-         "--world", "square-loop", "--mapper", "odometry", "--steps", "1000000"],
-        cwd=tmp_path,
-        env=_environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-    )  # fmt: skip
-    episode = tmp_path / "episode.mcap"
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline and not (
-        episode.exists() and episode.stat().st_size > 200_000
-    ):
-        time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    out, told = process.communicate(timeout=60)
-    assert process.returncode == 130
-    assert out == b""
-    assert b"albot: episode.mcap holds the episode up to here\n" in told
-    assert told.endswith(b"albot: stopped\n")
-    reader = EpisodeReader(episode)
-    assert len(list(reader.moments())) > 20
-    assert not reader.torn
-    assert not (tmp_path / "episode.png").exists()
-
-
 @pytest.mark.parametrize("display", [{}, {"DISPLAY": ":987"}])
 def test_in_a_terminal_the_map_is_drawn(display: dict[str, str], tmp_path: Path) -> None:
-    main_end, other_end = pty.openpty()
-    process = subprocess.Popen(
-        [sys.executable, "-c", "from albot_cli.main import main; main()", "play", *SHORT,
-         "--speed", "1000"],
-        cwd=tmp_path,
-        env={**_environment(), **display, "TERM": "xterm-256color", "LINES": "30"},
-        stdin=other_end,
-        stdout=other_end,
-        stderr=other_end,
-    )  # fmt: skip
-    os.close(other_end)
-    shown = b""
-    while True:
-        try:
-            piece = os.read(main_end, 65536)
-        except OSError:  # The other end is closed: it has ended.
-            break
-        if not piece:
-            break
-        shown += piece
-    os.close(main_end)
-    assert process.wait(timeout=60) == 0
-    text = shown.decode()
-    assert sum(0x2800 < ord(character) < 0x2900 for character in text) > 200
-    assert "truth" in text
-    assert any(arrow in text for arrow in "→↗↑↖←↙↓↘")
+    arguments = ("play", *SHORT, "--speed", "1000")
+    with Terminal(tmp_path, *arguments, environment=display) as terminal:
+        terminal.wait_for("the truth")
+        terminal.wait_for("the end · ×1000 · step 40 of 40")
+        # All is written before anybody looks at the last picture for long.
+        assert (tmp_path / "episode.png").exists()
+        assert not _reader(tmp_path / "episode.mcap").torn
+        terminal.type(" ")  # Drawn once more, as it stays.
+        terminal.wait_for("Albot/Explore-v0 · agent gap-explorer")
+        picture = terminal.wait_for(r"(?s).*?q close")[0]
+        terminal.type("q")
+        assert terminal.finish() == 0
+    lines = picture.splitlines()
+    assert len(lines) < 24
+    assert max(map(len, lines)) <= 80
+    assert sum(0x2800 < ord(character) < 0x2900 for character in picture) > 100
+    assert any(arrow in picture for arrow in "→↗↑↖←↙↓↘")
+    assert "━ surfaces" in picture
+
+
+def _reader(path: Path) -> EpisodeReader:
+    """A reader that has read all."""
+    reader = EpisodeReader(path)
+    assert list(reader.moments())
+    return reader
+
+
+WHO = [
+    ("explore", "gap-explorer"),
+    ("Albot/Explore-v0", "exploring"),
+    ("homing", "albot1-homing"),
+    ("homing", "homing"),
+    ("homing", "homing-mapless"),
+    ("explore-and-home", "round-trip"),
+    ("place-recognition", "place-judge"),
+    ("place-recognition", "place-recognition"),
+]
+
+
+@pytest.mark.parametrize(("task", "agent"), WHO)
+def test_every_task_is_played_by_its_agents_and_played_back(
+    play: Play, task: str, agent: str
+) -> None:
+    ran = play(task, "--agent", agent, "--world", "square-loop", "--steps", "12", "--json")
+    assert ran.returncode == 0, ran.stderr
+    summary = json.loads(ran.stdout)
+    assert (summary["task"], summary["agent"]) == (find_task(task), agent)
+    assert 0 < summary["steps"] <= 12
+    header = EpisodeReader(Path("episode.mcap")).header
+    told = (header.environment, header.agent, header.world, header.mapper)
+    assert told == (summary["task"], agent, "square-loop", summary["mapper"])
+    back = play("episode.mcap", "--png", "again.png", "--json")
+    assert back.returncode == 0, back.stderr
+    played = json.loads(back.stdout)
+    assert {key: played[key] for key in KEYS - {"files"}} == {
+        key: summary[key] for key in KEYS - {"files"}
+    }
+    assert Path("again.png").read_bytes() == Path("episode.png").read_bytes()
+
+
+def test_a_users_agent_file_is_watched_at_its_own_task(play: Play) -> None:
+    Path("mine.albot").write_bytes(shipped_agents()["exploring"].read_bytes())
+    done = play("--agent", "mine.albot", "--world", "square-loop", "--steps", "3", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["task"] == "Albot/Explore-v0"
+    assert EpisodeReader(Path("episode.mcap")).header.agent == "mine.albot"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected", "found"),
+    [
+        (("homing", "--agent", "exploring"), "one for Albot/Homing-v0: ", "exploring, which is"),
+        (("homing", "--agent", "exploring"), "homing-mapless", "for Albot/Explore-v0"),
+        (("explore", "--agent", "place-judge"), "one for Albot/Explore-v0: ", "place-judge"),
+        (("place-recognition", "--agent", "keyboard"), "place-judge", "found keyboard"),
+        (("hooming",), "explore-and-home (Albot/ExploreAndHome-v0)", "did you mean homing?"),
+        (("--agent", "keyboard", "--headless"), "somebody who watches", "--headless"),
+        (("--agent", "keyboard", *SHORT), "a window or a terminal with keys", "neither"),
+        (
+            ("--mapper", "none", "--mapper-config", "a.yml"),
+            "no such option for a robot without a mapper (--mapper none)",
+            "found a.yml",
+        ),
+    ],
+)
+def test_who_does_not_fit_is_refused_by_name(
+    play: Play, arguments: tuple[str, ...], expected: str, found: str
+) -> None:
+    done = play(*arguments)
+    assert done.returncode == 2
+    assert expected in done.stderr
+    assert found in done.stderr
 
 
 def test_nothing_heavy_is_loaded_before_it_is_needed() -> None:

@@ -8,7 +8,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +15,11 @@ import pytest
 
 from albot_cli.main import main
 from albot_env.tasks.explore.env import ExploreEnv
+from tests.processes import ALBOT, running, wait_until
 
 KEYS = {
     "worlds", "agents", "episodes", "steps", "seconds", "steps_per_second", "violations",
 }  # fmt: skip
-ALBOT = [sys.executable, "-c", "from albot_cli.main import main; main()"]
 
 BROKEN = """
 import os, signal
@@ -124,19 +123,12 @@ def test_the_command_that_is_printed_shows_it_again(
 
 
 def test_ctrl_c_tells_what_was_found_so_far(tmp_path: Path):
-    process = subprocess.Popen(
-        [*ALBOT, *SHORT, "--count", "100000", "--json"],
-        cwd=tmp_path,
-        env=environment(tmp_path, "open('going', 'w').close()"),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-    )
-    deadline = time.monotonic() + 120
-    while not (tmp_path / "going").exists() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGINT)  # As the terminal does: the workers get it too.
-    out, told = process.communicate(timeout=60)
+    command = [*ALBOT, *SHORT, "--count", "100000", "--json"]
+    going = environment(tmp_path, "open('going', 'w').close()")
+    with running(command, tmp_path, going) as process:
+        wait_until((tmp_path / "going").exists)
+        os.killpg(process.pid, signal.SIGINT)  # As the terminal does: the workers get it too.
+        out, told = process.communicate(timeout=60)
     found: dict[str, Any] = json.loads(out)
     assert (process.returncode, told) == (130, b"")
     assert found["stopped"] is True

@@ -77,6 +77,22 @@ def test_train_resume_evaluate_and_tell(
     assert run(*words)[0] == 0
 
 
+def test_without_a_terminal_lines_tell_how_it_goes(
+    run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(train, "_EVERY", 0.0)
+    words = ("train", "--config", config, "--json", "--out")
+    status, out, err = run(*words, tmp_path / "run")
+    assert status == 0
+    json.loads(out)
+    last = err.splitlines()[-1]
+    assert f"train {TASK}: 32 of 32 samples, " in last
+    for told in ("samples/s", " left, ", " episodes, ", "return ", "% success"):
+        assert told in last
+    status, out, err = run(*words, tmp_path / "quiet", "--quiet")
+    assert (status, err) == (0, "")
+
+
 def test_ctrl_c_says_how_to_go_on(
     run: Albot, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -102,7 +118,7 @@ def test_ctrl_c_says_how_to_go_on(
     [
         (("Albot/Homming-v0",), "did you mean Albot/Homing-v0"),
         ((), "expected a TASK, --config or --resume"),
-        (("--config", "none.yml"), "none.yml: expected a file that exists"),
+        (("--config", "none.yml"), "none.yml: file not found"),
         (("--resume", "nowhere"), "nowhere: expected a training's folder"),
         (("--resume", "nowhere", "--seed", "3"), "--seed: expected no such option"),
         (("--config", "{config}", "--out", "{config}"), "Invalid value for '--out'"),
@@ -124,5 +140,5 @@ def test_what_is_not_installed_is_told(run: Albot, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(train, "_NEEDED", ("torch", "no_such_package"))
     status, _, err = run("train", TASK)
     assert status == 2
-    assert "pip install 'albot-env[train]'" in err
+    assert "in a clone of the project: pip install -c constraints.txt '.[train]'" in err
     assert "no no_such_package" in err

@@ -13,6 +13,7 @@ from PIL import Image
 from albot_cli.main import main
 from albot_maps import catalogue_names, load_world
 from albot_maps.generators.spec import KINDS, parameters_of
+from tests.maps.formats import test_plan_xml
 
 GOOD = """\
 albot-world: 1
@@ -66,16 +67,19 @@ def test_list_as_json(albot):
 
 @pytest.mark.parametrize("flags", [(), ("--json",)])
 def test_show_draws_a_floor_plan(albot, flags):
-    status, out, err = albot("show", "office-ring", "--png", "plan/ring.png", *flags)
+    status, out, err = albot("show", "office-ring", "--png", "ring.png", *flags)
     assert (status, err) == (0, "")
-    with Image.open("plan/ring.png") as picture:
+    with Image.open("ring.png") as picture:
         pixels = np.asarray(picture.convert("RGB"))
     assert min(pixels.shape[:2]) > 1000
     assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 20
     assert "P5" in out
     if flags:
-        assert json.loads(out)["png"] == "plan/ring.png"
-    assert [path.name for path in Path("plan").iterdir()] == ["ring.png"]
+        assert json.loads(out)["png"] == "ring.png"
+    assert [path.name for path in Path().iterdir()] == ["ring.png"]
+    told = "albot: ring.png: expected no file, or --force to overwrite it, found one\n"
+    assert albot("show", "office-ring", "--png", "ring.png") == (2, "", told)
+    assert albot("show", "square-loop", "--png", "ring.png", "--force")[0] == 0
 
 
 def test_check_says_what_a_world_holds(albot):
@@ -91,13 +95,15 @@ def test_check_says_what_a_world_holds(albot):
 
 def test_convert_writes_a_world_that_reads_the_same(albot):
     Path("plan.xml").write_text(PLAN)
-    status, out, err = albot("convert", "plan.xml", "-o", "out/plan.yaml", "--json")
+    status, out, err = albot("convert", "plan.xml", "-o", "plan.yaml", "--json")
     assert (status, err) == (0, "")
-    assert json.loads(out)["out"] == "out/plan.yaml"
-    original, converted = load_world("plan.xml"), load_world("out/plan.yaml")
+    assert json.loads(out)["out"] == "plan.yaml"
+    original, converted = load_world("plan.xml"), load_world("plan.yaml")
     assert np.array_equal(original.walls, converted.walls)
     assert np.array_equal(original.starts, converted.starts)
     assert converted.rooms[0].name == "HALL"
+    assert albot("convert", "plan.xml", "-o", "plan.yaml")[0] == 2
+    assert albot("convert", "plan.xml", "-o", "plan.yaml", "--force")[0] == 0
 
 
 def bad_files(folder: Path) -> None:
@@ -141,7 +147,7 @@ def bad_files(folder: Path) -> None:
         ("torn.yaml.gz", "torn.yaml.gz: expected whole gz data"),
         ("latin.yaml", "latin.yaml, line 1: expected UTF-8 text, found the byte 0xfc"),
         ("folder.yaml", "folder.yaml: expected a file, found a folder"),
-        ("gone.yaml", "gone.yaml: expected a file that exists, found none"),
+        ("gone.yaml", "gone.yaml: file not found"),
         ("ofice-ring", "found ofice-ring (did you mean office-ring?)"),
         ("random:ofice:42", "one of the kinds apartment, hall, maze, office, ring, warehouse, f"),
         ("random:office", "random:office: expected the form random:KIND:SEED"),
@@ -185,7 +191,7 @@ def test_a_place_that_cannot_be_written_gets_one_line(albot, arguments, words):
 
 def test_make_writes_worlds_that_read_the_same(albot):
     arguments = ("make", "office", "--count", "3", "--seed", "5", "--param", "rooms=8")
-    status, out, err = albot(*arguments, "--param", "clutter=0", "--out", "made/here", "--json")
+    status, out, err = albot(*arguments, "--param", "clutter=0", "--out", "made", "--json")
     assert (status, err) == (0, "")
     made = json.loads(out)["worlds"]
     assert [each["name"] for each in made] == ["office-5", "office-6", "office-7"]
@@ -195,6 +201,12 @@ def test_make_writes_worlds_that_read_the_same(albot):
         assert np.array_equal(written.walls, again.walls)
         assert [room.name for room in written.rooms] == each["rooms"]
         assert sum(not name.startswith(("corridor", "link")) for name in each["rooms"]) == 8
+    status, _, err = albot(*arguments, "--out", "made")
+    assert status == 2
+    assert err.startswith("albot: made/office-5.yaml: expected no file, or --force")
+    assert albot(*arguments, "--out", "made", "--force")[0] == 0
+    assert albot(*arguments, "--out", "gone/made")[0] == 2
+    assert not Path("gone").exists()
 
 
 def test_make_draws_a_contact_sheet(albot):
@@ -251,6 +263,20 @@ def test_make_lists_the_parameters_of_every_kind(albot):
         assert f"Parameters of {kind}:" in out
         assert set(parameters_of(kind).ranges()) <= set(words)
     assert "a whole number from 2 to 200  [default: 20]" in out
+
+
+@pytest.mark.parametrize("words", [("check",), ("show",), ("convert", "-o", "out.yaml")])
+def test_a_strict_reading_refuses_what_would_be_left_out(albot, words):
+    left = "left out: NOOK, whose outline encloses nothing"
+    rooms = test_plan_xml.space("a", "A", test_plan_xml.LEFT)
+    Path("a.xml").write_text(test_plan_xml.plan(rooms, test_plan_xml.space("b", "NOOK", [])))
+    assert albot(*words, "a.xml")[0] == 0
+    Path("out.yaml").unlink(missing_ok=True)
+    status, out, err = albot(*words, "a.xml", "--strict")
+    assert (status, out) == (2, "")
+    assert err == f"albot: a.xml: expected a world of which nothing is left out, found {left}\n"
+    Path("a.xml").write_text(test_plan_xml.plan(rooms))
+    assert albot(*words, "a.xml", "--strict")[0] == 0
 
 
 @pytest.mark.parametrize("name", ["map.pgm", "map.png"])

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
+from typing import Any, Literal
 
+import numpy as np
 import pytest
 
 from albot_agents.task import (
@@ -15,7 +18,16 @@ from albot_agents.task import (
     task_names,
 )
 from albot_core.errors import InputError
-from albot_core.plain_data import Location, differences, merged, read_config, read_value, to_plain
+from albot_core.plain_data import (
+    Location,
+    differences,
+    merged,
+    read_array,
+    read_config,
+    read_record,
+    read_value,
+    to_plain,
+)
 from albot_env.tasks.core.observation import ObservationConfig
 
 WHERE = Location("a.yml")
@@ -65,12 +77,58 @@ def test_parts_that_are_left_out_stay() -> None:
         (dict[str, float], {"a": "b"}, "x.a: expected a number, found b"),
         (dict[str, float], 3, "a mapping, found 3"),
         (list[int], 3, "a list, found 3"),
+        (float, 10**400, "a number, found one that is too large"),
     ],
 )
 def test_what_is_of_another_kind_is_refused(kind: object, data: object, message: str) -> None:
     with pytest.raises(InputError, match=message) as caught:
         read_value(kind, data, WHERE.at("x"))
     assert str(caught.value).startswith("a.yml, x")
+
+
+@pytest.mark.parametrize(
+    ("shape", "data"),
+    [
+        ((3,), [1, 2]),
+        ((3,), [[1, 2, 3]]),
+        ((3,), [1, 2, None]),
+        ((3,), ["1", "2", "3"]),
+        ((2,), [True, False]),
+        ((2,), [0.5, math.nan]),
+        ((2,), [0.5, 1e300]),
+        ((2,), [1, 10**39]),
+        ((None, 4), [[1, 2, 3, 4], [1, 2, 3]]),
+        ((None, 4), {"a": 1}),
+        ((None, 4), [[]]),
+        ((), "1"),
+    ],
+)
+def test_what_is_no_array_of_numbers_is_refused(
+    shape: tuple[int | None, ...], data: object
+) -> None:
+    with pytest.raises(InputError, match=r"a\.yml, x: expected .*numbers within ±1e\+12, found"):
+        read_array(shape, data, WHERE.at("x"))
+
+
+def test_an_array_is_of_the_shape_that_is_asked_for() -> None:
+    assert read_array((None, 4), [], WHERE).shape == (0, 4)
+    assert read_array((None,), [], WHERE).shape == (0,)
+    array = read_array((None, 2), [[1, 2.5]], WHERE)
+    assert (array.tolist(), array.dtype) == ([[1.0, 2.5]], np.float64)
+
+
+def test_a_record_holds_all_its_keys() -> None:
+    known = {"a": int, "b": str}
+    assert read_record(known, {"a": 1, "b": "x"}, WHERE) == {"a": 1, "b": "x"}
+    assert read_record(known, {"a": 1, "b": "x", "c": 0}, WHERE, others=True).keys() == known.keys()
+    for data, message in (
+        ({"a": 1}, "b: expected a value, found none"),
+        ({"a": 1, "b": 2}, "b: expected text, found 2"),
+        ({"a": 1, "b": "x", "c": 0}, "c: expected one of a, b"),
+        ([], "a mapping with a, b"),
+    ):
+        with pytest.raises(InputError, match=message):
+            read_record(known, data, WHERE)
 
 
 def test_plain_data_is_laid_over_plain_data() -> None:
@@ -85,3 +143,14 @@ def test_plain_data_is_laid_over_plain_data() -> None:
 def test_an_unknown_task_is_refused() -> None:
     with pytest.raises(InputError, match="did you mean Albot/Homing-v0"):
         check_task("Albot/Homming-v0")
+
+
+@pytest.mark.parametrize("value", ["laser", 1])
+def test_a_choice_is_one_of_its_values(value: Any) -> None:
+    assert read_value(Literal["laser", 1], value, WHERE) == value
+
+
+@pytest.mark.parametrize("value", ["lasr", True, None, []])
+def test_a_choice_is_nothing_else(value: Any) -> None:
+    with pytest.raises(InputError, match="one of laser, 1, found"):
+        read_value(Literal["laser", 1], value, WHERE)

@@ -61,7 +61,7 @@ def drive(env: ExploreEnv, steps: int, seed: int = 5) -> list[tuple[Any, dict[st
 def episode(make_env: MakeEnv, tmp_path: Path) -> Path:
     """A recorded episode of forty steps with albot1."""
     env = make_env(mapper="albot1")
-    env.recorder = EpisodeWriter(tmp_path / "episode.mcap", agent="chance")
+    env.agent, env.recorder = "chance", EpisodeWriter(tmp_path / "episode.mcap")
     drive(env, 40)
     env.close()
     return tmp_path / "episode.mcap"

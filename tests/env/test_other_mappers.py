@@ -161,7 +161,10 @@ def test_a_frame_shows_what_they_map(two_rooms: World, mapper: str) -> None:
     shown, frame = env.render(), env.frame
     assert shown is not None
     bare = canvas.paint_array(lay_out(_without_map(frame)))
-    band = slice(canvas.MARGIN + canvas.TITLE_HEIGHT, -canvas.CAPTION_HEIGHT - canvas.MARGIN)
+    # Between the heading and the legend, which has what there is.
+    above = canvas.MARGIN + canvas.LINE_HEIGHT + canvas.TITLE_HEIGHT
+    below = 2 * canvas.MARGIN + 2 * canvas.LINE_HEIGHT + canvas.LEGEND_HEIGHT
+    band = slice(above, -below)
     truth, mapped = _changed(shown[band], bare[band])
     assert not truth.any()
     colours = shown[band][:, truth.shape[1] :][mapped]
@@ -194,7 +197,7 @@ def test_pictures_and_terminals_show_what_they_map(
             pictures.append(np.asarray(image.convert("RGB")))
         texts.append(draw_text(drawn, 160, 40).plain)
     shown, bare = texts
-    assert f"map ({frame.mapper})" in shown
+    assert f"what the robot believes ({frame.mapper})" in shown
     if mapper == GRID:
         truth, mapped = _changed(*(picture[60:-60] for picture in pictures))
         assert not truth.any()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from albot_cli.main import albot
+from albot_cli.group import albot
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_experiments import albot1_e3 as e3
@@ -96,7 +96,7 @@ def test_the_list_names_it() -> None:
 @pytest.mark.parametrize(
     ("args", "message"),
     [
-        (["albot1-e33"], "did you mean 'albot1-e3'"),
+        (["albot1-e33"], "did you mean albot1-e3"),
         (["albot1-e3", "--seeds", "0"], "expected at least 1, found 0"),
     ],
 )

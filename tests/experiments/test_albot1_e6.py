@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from albot_cli.main import albot
+from albot_cli.group import albot
 from albot_core.errors import InputError
 from albot_core.logs.log import with_noise
 from albot_experiments import albot1_e6 as e6

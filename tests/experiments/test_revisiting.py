@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from albot_cli.main import albot
+from albot_cli.group import albot
 from albot_experiments import albot1_e4, albot1_e5, revisiting
 from albot_experiments.tours import Journey, driven_tour, thinned_views
 from albot_maps import load_world
@@ -74,6 +74,7 @@ def test_all_are_run_by_one_command(small, tmp_path: Path, monkeypatch: pytest.M
     few = {name: command.EXPERIMENTS[name] for name in ("albot1-e4", "albot1-e5")}
     monkeypatch.setattr(command, "EXPERIMENTS", few)
     out = tmp_path / "docs" / "experiments"
+    out.parent.mkdir()
     args = ["experiment", "run", "all", "--seeds", "1", "--json", "--out", str(out)]
     outcome = CliRunner().invoke(albot, args, catch_exceptions=False)
     reports = json.loads(outcome.stdout)["experiments"]

@@ -9,15 +9,22 @@ from pathlib import Path
 from typing import Any
 
 from albot_agents.evaluation.comparison import Figures
-from albot_core.errors import InputError
 from albot_core.files import write_text
+from albot_core.json_document import read_json
+from albot_core.plain_data import Location, read_record
+from albot_core.yaml_document import shown
 
 _KEYS = (
-    "episodes", "success_rate", "ci95", "spl", "spl_ci95", "soft_spl", "mean_final_distance_m",
+    "success_rate", "ci95", "spl", "spl_ci95", "soft_spl", "mean_final_distance_m",
     "collisions_per_m", "coverage_auc", "coverage_auc_ci95", "rooms_share", "rooms_share_ci95",
     "precision", "recall", "recall_ci95", "mean_coverage",
 )  # fmt: skip
 """Figures that are kept of a row, those that its task knows of."""
+
+_TOLD = {
+    "task": str, "agent": str, "odometer": str, "kind": str, "command": str, "episodes": int,
+}  # fmt: skip
+"""What every row tells, and the types of these values."""
 
 _COLUMNS: Mapping[str, tuple[str, str | None, str]] = {
     "success": ("success_rate", "ci95", "{:.0%}"),
@@ -41,10 +48,10 @@ def save_figures(figures: Figures, command: str, path: Path) -> list[dict[str, A
     tasks = {row.task for row in figures}
     rows = [row for row in read_figures(path) if row["task"] not in tasks]
     for row, found in figures.items():
-        kept = {key: found[key] for key in _KEYS if found.get(key) is not None}
+        kept = {key: found[key] for key in ("episodes", *_KEYS) if found.get(key) is not None}
         rows.append({**asdict(row), "command": command, **kept})
     write_text(path, json.dumps(rows, indent=1) + "\n")
-    return rows
+    return read_figures(path)
 
 
 def read_figures(path: Path) -> list[dict[str, Any]]:
@@ -55,15 +62,21 @@ def read_figures(path: Path) -> list[dict[str, Any]]:
     """
     if not path.exists():
         return []
-    try:
-        rows: list[dict[str, Any]] = json.loads(path.read_text())
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(path, "figures in JSON", str(error)) from None
-    named = {"task", "agent", "odometer", "kind", "command", "episodes"}
-    right = isinstance(rows, list) and all(isinstance(row, dict) for row in rows)
-    if not right or any(not named <= row.keys() for row in rows):
-        raise InputError(path, f"rows with {', '.join(sorted(named))}", "others")
-    return rows
+    rows, where = read_json(path), Location(path)
+    if not isinstance(rows, list):
+        raise where.error("a list of rows", shown(rows))
+    return [_read_row(row, where.at(k)) for k, row in enumerate(rows)]
+
+
+def _read_row(row: Any, where: Location) -> dict[str, Any]:
+    given = row if isinstance(row, dict) else {}
+    known = _TOLD | {name: _kind(name) for name in _KEYS if name in given}
+    return read_record(known, row, where)
+
+
+def _kind(key: str) -> Any:
+    """The type of a figure."""
+    return tuple[float, float] if key.endswith("ci95") else float
 
 
 def render_page(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -40,6 +40,8 @@ class DrivingAgent(Generic[DriverT]):
     Args:
         observing: How the environment makes observations.
         driver: The planner.
+        claims: Whether the third number of an action claims to know the place, which it does where
+            the mapper recognises it; else that number declares home.
 
     Raises:
         InputError: Observations lack one of `SENSED_PARTS`.
@@ -48,10 +50,13 @@ class DrivingAgent(Generic[DriverT]):
     name: ClassVar[str]
     knows_truth: ClassVar[bool] = False
 
-    def __init__(self, observing: ObservationConfig, driver: DriverT) -> None:
+    def __init__(
+        self, observing: ObservationConfig, driver: DriverT, *, claims: bool = False
+    ) -> None:
         observing.require(SENSED_PARTS, self.name)
         self._observing = observing
         self._driver = driver
+        self._claims = claims
 
     def reset(self, rng: np.random.Generator, actions: Box) -> None:
         """Begin anew."""
@@ -62,13 +67,14 @@ class DrivingAgent(Generic[DriverT]):
         """What an observation says of the sensors' readings."""
         return decode_observation(observation, self._observing)
 
-    def _drive(self, command: Command, *, claims: bool = False) -> Action:
-        """The action that is this command; a third number declares, or claims, nothing or so."""
-        return fill_action(ActionConfig().shares(command), self._actions, declares=claims)
+    def _drive(self, command: Command, observation: Any) -> Action:
+        """The action that is this command, and claims to know the place where that is due."""
+        knows = self._claims and decode_recognition(observation, self._observing)
+        return fill_action(ActionConfig().shares(command), self._actions, says=knows)
 
     def _declare(self) -> Action:
-        """The action that stops and declares home."""
-        return fill_action(np.zeros(2, np.float32), self._actions, declares=True)
+        """The action that stops, and declares home where there is no claiming."""
+        return fill_action(np.zeros(2, np.float32), self._actions, says=not self._claims)
 
 
 def decode_observation(observation: Any, config: ObservationConfig) -> Percept:

@@ -11,7 +11,6 @@ from gymnasium.spaces import Box, Discrete
 from albot_agents.agent import Action
 from albot_agents.scripted.driving import (
     DrivingAgent,
-    decode_recognition,
     decode_time_left,
     decode_travel_home,
 )
@@ -35,15 +34,12 @@ class GapExplorerAgent(DrivingAgent[GapExplorer]):
     """Way (m) that ground all new is worth (see `GapExplorerConfig.gain`)."""
 
     def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
-        self._claims = claims
         config = GapExplorerConfig(near=observing.coverage.radius, gain=self._GAIN)
-        super().__init__(observing, GapExplorer(config))
+        super().__init__(observing, GapExplorer(config), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The next action."""
-        command = self._driver.command(self._decode(observation))
-        knows = self._claims and decode_recognition(observation, self._observing)
-        return self._drive(command, claims=knows)
+        return self._drive(self._driver.command(self._decode(observation)), observation)
 
 
 class NearestFrontier(DrivingAgent[FrontierExplorer]):
@@ -57,14 +53,11 @@ class NearestFrontier(DrivingAgent[FrontierExplorer]):
     name: ClassVar[str] = "nearest-frontier"
 
     def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
-        self._claims = claims
-        super().__init__(observing, FrontierExplorer(observing.coverage.radius))
+        super().__init__(observing, FrontierExplorer(observing.coverage.radius), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The next action."""
-        command = self._driver.command(self._decode(observation))
-        knows = self._claims and decode_recognition(observation, self._observing)
-        return self._drive(command, claims=knows)
+        return self._drive(self._driver.command(self._decode(observation)), observation)
 
 
 class RoundTripAgent:

@@ -16,27 +16,24 @@ from albot_core.planning.navigator import GoalSeeker, Navigator
 from albot_env.tasks.core.observation import ObservationConfig
 
 
-class Albot1Homing(DrivingAgent[Navigator]):
-    """Drives over Albot1's network of places: back through its exits, one place at a time.
+class MapHoming(DrivingAgent[Navigator]):
+    """Drives home by the way that its mapper knows, whichever mapper that is.
 
-    It uses only what the map holds: over the network of places the way back to the place that
-    it set out from (Hossain 2014, section 4.2.3, brings known places into the perceptual map
-    one at a time), within a place the trail that it came by. Where that is much longer than a way
+    It uses only what the map holds (`RouteHome`). Where the known way is much longer than one
     that it has not seen to be barred, it tries the latter; that is ours. Round what is in the way
     it goes by its laser.
 
     Args:
         observing: How the environment makes observations. Where they do not show the way home
             (the part `way`), it makes straight for home.
+        claims: Whether it claims to know a place where its mapper recognises it.
     """
-
-    name: ClassVar[str] = "albot1-homing"
 
     ARRIVED = 0.3
     """How near to where it believes home to be it declares (m)."""
 
-    def __init__(self, observing: ObservationConfig) -> None:
-        super().__init__(observing, Navigator())
+    def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
+        super().__init__(observing, Navigator(), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The action that leads on towards home, or declares it."""
@@ -64,8 +61,8 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
     ARRIVED = 0.2
     """The home vector is nothing where it is shorter than this (m)."""
 
-    def __init__(self, observing: ObservationConfig) -> None:
-        super().__init__(observing, GoalSeeker())
+    def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
+        super().__init__(observing, GoalSeeker(), claims=claims)
 
     def reset(self, rng: np.random.Generator, actions: Box) -> None:
         """Begin anew."""
@@ -77,9 +74,10 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
         percept = self._decode(observation)
         self._pose = percept.pose if self._pose is None else compose(self._pose, percept.motion)
         home = inverse(self._pose)[:2]
+        claims: Whether it claims to know a place where its mapper recognises it.
         if np.hypot(*home) < self.ARRIVED:
             return self._declare()
-        return self._drive(self._driver.command(percept, home))
+        return self._drive(self._driver.command(percept, home), observation)
 
 
 class Oracle(DrivingAgent[GoalSeeker]):
@@ -99,8 +97,8 @@ class Oracle(DrivingAgent[GoalSeeker]):
     ARRIVED = 0.2
     """How near to home it stops (m)."""
 
-    def __init__(self, observing: ObservationConfig) -> None:
-        super().__init__(observing, GoalSeeker())
+    def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
+        super().__init__(observing, GoalSeeker(), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The action that leads on along the shortest way, or declares home."""
@@ -109,4 +107,5 @@ class Oracle(DrivingAgent[GoalSeeker]):
         if np.hypot(*(home - pose[:2])) < self.ARRIVED:
             return self._declare()
         turn = transform_points(inverse(pose), info.get("next_turn_home", home))
-        return self._drive(self._driver.command(percept, turn))
+        return self._drive(self._driver.command(percept, turn), observation)
+        claims: Whether it claims to know a place where its mapper recognises it.

@@ -16,14 +16,18 @@ from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import TrainingPlan
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
-from albot_core.plain_data import Location, read_config, read_fields, to_plain
+from albot_core.plain_data import Location, read_config, read_record, to_plain
 from albot_core.yaml_document import shown
 from albot_env.tasks.core.observation import ObservationConfig
 
 FORMAT = ArchiveFormat(name="albot-agent", version=1, kind="agent file", largest=1 << 24)
 SUFFIX = ".albot"
+LARGEST_WEIGHT = 1e6
+"""No weight of a network is larger; those of trained ones are below ten."""
+MOST_LOG_STD = 20.0
+"""No logarithm of a standard deviation is larger."""
 
-KEPT_SETTINGS = ("mapper", "laser", "sonar", "scenes", "action", "config")
+KEPT_SETTINGS = ("mapper", "mapper_config", "laser", "sonar", "scenes", "action", "config")
 """Settings of the environment by which an agent sees and acts; of `config`…"""
 KEPT_CONFIG = ("observations", "actions", "claims", "tour")
 """…these, where the task has them."""
@@ -118,6 +122,8 @@ class AgentFile:
         its = dict(self.settings)
         config, kind = its.pop("config", {}), config_kind(task)
         where = Location(f"the agent's settings in {task}")
+        if settings.get("mapper", its.get("mapper")) != its.get("mapper"):
+            its.pop("mapper_config", None)  # They are that mapper's own.
         base = settings.get("config") or kind()
         seen = read_config(kind, config, where, base)
         return for_one(task, read_settings(task, its, where)) | dict(settings) | {"config": seen}
@@ -134,9 +140,7 @@ def read_agent(path: Path) -> AgentFile:
     where = Location(f"{path}, {HEADER}")
     kinds = {"task": str, "settings": dict[str, Any], "discrete": bool}
     kinds |= {"network": NetworkConfig, "training": TrainingFacts}
-    fields = read_fields(kinds, header, where)
-    for name in kinds.keys() - fields.keys():
-        raise where.at(name).error("a value", "none")
+    fields = read_record(kinds, header, where)
     if fields["task"] not in task_names():
         raise where.at("task").error(f"one of {', '.join(task_names())}", fields["task"])
     _check_settings(fields["task"], fields["settings"], fields["network"], where.at("settings"))
@@ -194,5 +198,7 @@ def _check_weights(path: Path, network: NetworkConfig, weights: Mapping[str, np.
         if array.shape != shapes[name] or array.dtype != np.float32:
             expected = f"shape {shapes[name]} of float32"
             raise InputError(path, expected, f"{array.shape} of {array.dtype}", place=place)
-        if not np.isfinite(array).all():
-            raise InputError(path, "finite numbers", "others", place=place)
+        # Beyond, exponents and sums of products leave the floats.
+        most = MOST_LOG_STD if name == "action.log_std" else LARGEST_WEIGHT
+        if not (np.abs(array) <= most).all():
+            raise InputError(path, f"finite numbers within ±{most:g}", "others", place=place)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,8 +10,9 @@ import yaml
 
 from albot_agents.trained.agent_file import AgentFile
 from albot_core.errors import InputError
-from albot_core.files import read_bytes, replacing, write_text
-from albot_core.plain_data import merged, to_plain
+from albot_core.files import replacing, write_text
+from albot_core.json_document import read_json
+from albot_core.plain_data import Location, merged, read_record, to_plain
 
 _FIGURES = {
     "success_rate": "success",
@@ -27,6 +27,15 @@ _FIGURES = {
 }
 """What the card tells of an evaluation, where it is known."""
 _INTERVALS = {"success_rate": "ci95", "spl": "spl_ci95", "soft_spl": "soft_spl_ci95"}
+_TOLD = {
+    "task": str, "world_specs": list[str], "seeds": str, "odometer": str, "mapper": str,
+    "episodes": int,
+}  # fmt: skip
+"""What else it tells of one, and the types of these values…"""
+_KINDS: dict[str, Any] = dict.fromkeys(_FIGURES, float | None) | dict.fromkeys(
+    _INTERVALS.values(), tuple[float, float] | None
+)
+"""…and of the figures."""
 
 
 def write_card(
@@ -68,18 +77,14 @@ def read_evaluation(path: Path, agent: AgentFile) -> dict[str, Any]:
     Raises:
         InputError: The file is missing or something else, or tells of another agent.
     """
-    try:
-        found = json.loads(read_bytes(path))
-    except InputError:
-        raise
-    except ValueError as error:
-        raise InputError(path, "JSON", str(error)) from None
+    found, where = read_json(path), Location(path)
     if not isinstance(found, dict) or "success_rate" not in found:
         raise InputError(path, "the figures of `albot evaluate`", "something else")
     if found.get("fingerprint") != agent.fingerprint:
         expected = "the figures of the card's agent, whose weights they name by a fingerprint"
-        raise InputError(f"{path}, fingerprint", expected, f"those of {found.get('agent')}")
-    return found
+        raise where.at("fingerprint").error(expected, f"those of {found.get('agent')}")
+    known = _TOLD | {name: kind for name, kind in _KINDS.items() if name in found}
+    return read_record(known, found, where, others=True)
 
 
 def _heading(agent: AgentFile, name: str) -> str:
@@ -126,8 +131,8 @@ def _table(evaluations: Sequence[Mapping[str, Any]]) -> str:
     head += [_FIGURES[name] for name in names]
     rows = []
     for found in evaluations:
-        worlds = ", ".join(f"`{spec}`" for spec in found.get("world_specs", ()))
-        cells = [found["task"], worlds, found.get("seeds", ""), found["odometer"], found["mapper"]]
+        worlds = ", ".join(f"`{spec}`" for spec in found["world_specs"])
+        cells = [found["task"], worlds, found["seeds"], found["odometer"], found["mapper"]]
         cells += [found["episodes"], *(_cell(found, name) for name in names)]
         rows.append(cells)
     lines = [f"| {' | '.join(map(str, row))} |" for row in (head, ["---"] * len(head), *rows)]

@@ -24,9 +24,10 @@ from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import stage_settings
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
-from albot_core.plain_data import Location, read_fields, read_value
+from albot_core.plain_data import Location, read_record, read_value
+from albot_core.ranges import COUNT
 
-FORMAT = ArchiveFormat(name="albot-checkpoint", version=1, kind="checkpoint", largest=1 << 30)
+FORMAT = ArchiveFormat(name="albot-checkpoint", version=1, kind="checkpoint", largest=1 << 28)
 SUFFIX = ".checkpoint"
 KEPT = 2
 """Checkpoints that are kept, the newest ones."""
@@ -118,9 +119,10 @@ def read_checkpoint(path: Path) -> Checkpoint:
     header, arrays = FORMAT.read(path)
     kinds = {"samples": int, "updates": int, "run": dict[str, Any], "random": tuple[float, ...]}
     where = Location(f"{path}, {HEADER}")
-    fields = read_fields(kinds, header, where)
-    for name in kinds.keys() - fields.keys():
-        raise where.at(name).error("a value", "none")
+    fields = read_record(kinds, header, where)
+    for name in ("samples", "updates"):
+        if fields[name] not in COUNT:
+            raise where.at(name).error(COUNT.expected, str(fields[name]))
     for name, array in arrays.items():
         if not np.isfinite(array).all():
             raise InputError(path, "finite numbers", "others", place=f"{name}.npy")
@@ -166,10 +168,15 @@ def _restore_random(arrays: dict[str, np.ndarray], place: tuple[float, ...], pat
     state = _taken(arrays, "random.numpy", keys, path).numpy()
     where = Location(f"{path}, {HEADER}").at("random")
     position, has_normal, normal = read_value(tuple[float, float, float], list(place), where)
-    if not 0 <= position <= len(state):
-        raise where.error(f"a place up to {len(state)}", str(position))
+    if not 0 <= position <= len(state) or has_normal not in (0, 1):
+        raise where.error(f"a place up to {len(state)}, 0 or 1, a number", str(place))
     np.random.set_state(("MT19937", state, int(position), int(has_normal), normal))  # noqa: NPY002
-    torch.set_rng_state(_taken(arrays, "random.torch", torch.get_rng_state(), path))
+    try:
+        torch.set_rng_state(_taken(arrays, "random.torch", torch.get_rng_state(), path))
+    except RuntimeError as error:
+        raise InputError(path, "a generator's state", str(error), place="random.torch.npy") from (
+            None
+        )
     if torch.cuda.is_available() and "random.cuda" in arrays:
         like = torch.cuda.get_rng_state()
         torch.cuda.set_rng_state(_taken(arrays, "random.cuda", like, path))

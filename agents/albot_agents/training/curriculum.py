@@ -16,10 +16,10 @@ from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import stage_settings
 from albot_agents.training.run_files import FIGURES, Row
 from albot_core.errors import InputError
-from albot_env.vector.sb3 import BatchedVecEnv, make_sb3
+from albot_env.vector.sb3 import BatchedVecEnv, make_batch
 
 RECENT = 500
-"""Episodes that the success rate goes by."""
+"""Episodes that the success rate and the mean return go by."""
 
 
 class Curriculum(VecEnvWrapper):
@@ -45,6 +45,7 @@ class Curriculum(VecEnvWrapper):
         self._returns = np.zeros(plan.n_envs)
         self._lengths = np.zeros(plan.n_envs, np.int64)
         self._recent: deque[bool] = deque(maxlen=RECENT)
+        self._recent_returns: deque[float] = deque(maxlen=RECENT)
         self.episodes = 0
         """Episodes that ended since the training began or was resumed."""
         self.stage = stage
@@ -63,6 +64,11 @@ class Curriculum(VecEnvWrapper):
     def success_rate(self) -> float | None:
         """Share of the stage's last episodes that succeeded; None where none is known to."""
         return float(np.mean(self._recent)) if self._recent else None
+
+    @property
+    def mean_return(self) -> float | None:
+        """Mean return of the stage's last episodes; None before the first has ended."""
+        return float(np.mean(self._recent_returns)) if self._recent_returns else None
 
     def is_over(self, samples: int) -> bool:
         """Whether the stage is over after so many samples of its own."""
@@ -101,6 +107,7 @@ class Curriculum(VecEnvWrapper):
         self.venv = following
         self.stage += 1
         self._recent.clear()
+        self._recent_returns.clear()
         self.prepare_journeys(report)
         self.seed(seed)
         return self.reset()
@@ -133,6 +140,7 @@ class Curriculum(VecEnvWrapper):
         episode = {"r": float(self._returns[row]), "l": int(self._lengths[row]), "t": self.elapsed}
         info["episode"] = episode
         self.episodes += 1
+        self._recent_returns.append(episode["r"])
         figures = (float(info[name]) if name in info else None for name in FIGURES)
         self._rows.append((*episode.values(), *figures))
         if "is_success" in info:
@@ -140,4 +148,4 @@ class Curriculum(VecEnvWrapper):
 
     def _make_batch(self, stage: int) -> BatchedVecEnv:
         self._settings = stage_settings(self._plan, self._plan.stages[stage])
-        return make_sb3(self._plan.task, self._plan.n_envs, **self._settings)
+        return make_batch(self._plan.task, self._plan.n_envs, **self._settings)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +16,22 @@ from albot_agents.task import batch_settings
 from albot_agents.training.journeys import prepare_journeys
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import evaluation_settings
+from albot_core.archive import read_arrays
 from albot_core.errors import InputError
 from albot_core.files import replacing
 
 FILE = "evaluations.npz"
-_KINDS = {"timesteps": 1, "results": 2, "ep_lengths": 2, "successes": 2, "spl": 2}
-"""The arrays of the file, those of stable-baselines3's `EvalCallback` and `spl`, and their
-dimensions: evaluations, and episodes."""
+_KINDS: dict[str, tuple[int, Any]] = {
+    "timesteps": (1, np.int64),
+    "results": (2, np.float64),
+    "ep_lengths": (2, np.int64),
+    "successes": (2, np.float64),
+    "spl": (2, np.float64),
+}
+"""The arrays of the file, those of stable-baselines3's `EvalCallback` and `spl`: their dimensions,
+evaluations and episodes, and the kind of their numbers."""
+_LARGEST = 1 << 26
+"""Bytes to which the file may unpack."""
 
 
 class Evaluations:
@@ -147,16 +155,17 @@ class Evaluations:
 def _read_results(path: Path, episodes: int, samples: int) -> dict[str, np.ndarray]:
     """The results in the file, up to so many samples; empty arrays if there is no file."""
     if not path.exists():
-        kinds: Mapping[str, Any] = {"timesteps": np.int64, "ep_lengths": np.int64}
         return {
-            name: np.zeros((0, episodes)[:dimensions], kinds.get(name, np.float64))
-            for name, dimensions in _KINDS.items()
+            name: np.zeros((0, episodes)[:dimensions], kind)
+            for name, (dimensions, kind) in _KINDS.items()
         }
-    try:
-        with np.load(path, allow_pickle=False) as arrays:
-            found = {name: arrays[name] for name in _KINDS}
-        kept = found["timesteps"] <= samples
-        found = {name: array[kept] for name, array in found.items()}
-    except (OSError, ValueError, KeyError, IndexError, zipfile.BadZipFile) as error:
-        raise InputError(path, "evaluations of this training", str(error)) from None
-    return found
+    arrays = read_arrays(path, "file of evaluations", _LARGEST)
+    if arrays.keys() != _KINDS.keys():
+        raise InputError(path, f"the arrays {', '.join(_KINDS)}", ", ".join(sorted(arrays)))
+    for name, (dimensions, kind) in _KINDS.items():
+        shape = (len(np.atleast_1d(arrays["timesteps"])), episodes)[:dimensions]
+        if arrays[name].shape != shape or arrays[name].dtype != kind:
+            found = f"{arrays[name].shape} of {arrays[name].dtype}"
+            raise InputError(path, f"{shape} of {np.dtype(kind)}", found, place=f"{name}.npy")
+    kept = arrays["timesteps"] <= samples
+    return {name: arrays[name][kept] for name in _KINDS}

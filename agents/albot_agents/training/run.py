@@ -27,10 +27,11 @@ from albot_agents.training.learner import make_learner
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.run_files import EpisodeLog, RunFolder, machine_facts
 from albot_core.errors import InputError
-from albot_core.plain_data import Location, read_fields
+from albot_core.plain_data import Location, read_record
+from albot_core.ranges import NOT_NEGATIVE
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-_RUN = {"stage": int, "stage_began": int, "monitor": int, "seconds": float, "episodes": int}
+_RUN = dict.fromkeys(("stage", "stage_began", "monitor", "episodes"), int) | {"seconds": float}
 """What a checkpoint keeps of a run: the stage and the samples when it began, bytes of the
 episode log, seconds and episodes so far."""
 
@@ -56,7 +57,7 @@ class TrainingRun:
         plan: TrainingPlan,
         warn: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self._folder, self._plan = folder, plan
+        self._folder, self._plan, self._command = folder, plan, folder.command
         self._report: Progress = lambda done, note: None
         found = _newest(folder, warn)
         self._resumed = dict.fromkeys(_RUN, 0) | ({} if found is None else _read_run(*found))
@@ -186,7 +187,7 @@ class TrainingRun:
         snapshot = self._snapshot
         told = TrainingFacts(
             plan=self._plan,
-            command=self._folder.command,
+            command=self._command,
             samples=snapshot.samples,
             episodes=snapshot.run["episodes"],
             seconds=round(snapshot.run["seconds"], 1),
@@ -230,6 +231,9 @@ class TrainingRun:
         stages, rate = len(self._plan.stages), self._curriculum.success_rate
         told = [f"stage {self._curriculum.stage + 1} of {stages}"] if stages > 1 else []
         told.append(f"{self._episodes:,} episodes")
+        mean_return = self._curriculum.mean_return
+        if mean_return is not None:
+            told.append(f"return {mean_return:.2f}")
         if rate is not None:
             told.append(f"{rate:.0%} success")
         measured = (self._evaluations.last if self._evaluations else {}).get("success_rate")
@@ -290,7 +294,8 @@ def _newest(folder: RunFolder, warn: Callable[[str], None]) -> tuple[Any, Checkp
 
 def _read_run(path: Any, checkpoint: Checkpoint) -> dict[str, Any]:
     where = Location(path).at("run")
-    run = read_fields(_RUN, checkpoint.run, where)
-    for name in _RUN.keys() - run.keys():
-        raise where.at(name).error("a value", "none")
+    run = read_record(_RUN, checkpoint.run, where)
+    for name, value in run.items():
+        if value not in NOT_NEGATIVE:
+            raise where.at(name).error(NOT_NEGATIVE.expected, str(value))
     return run

@@ -14,11 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float64
 
 from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import read_plan, save_plan
 from albot_core.errors import InputError
-from albot_core.files import write_text
+from albot_core.files import make_folder, read_bytes, write_text
+from albot_core.json_document import read_json
+from albot_core.plain_data import Location, read_record
 
 _PACKAGES = (
     "albot-env", "gymnasium", "numba", "numpy", "pymunk", "sb3-contrib", "stable-baselines3",
@@ -91,6 +94,7 @@ class RunFolder:
         if self.monitor.exists():
             expected = f"a folder without a run (or --resume {self.path})"
             raise InputError(self.path, expected, self.monitor.name)
+        make_folder(self.path)
         write_text(
             self.versions, json.dumps({"command": command, **machine_facts()}, indent=1) + "\n"
         )
@@ -114,11 +118,18 @@ class RunFolder:
 
     @property
     def command(self) -> str:
-        """The command that began the run."""
-        told = (
-            json.loads(self.versions.read_text(encoding="utf-8")) if self.versions.exists() else {}
-        )
-        return str(told.get("command", ""))
+        """The command that began the run; empty where the file of versions is gone.
+
+        Raises:
+            InputError: That file is damaged.
+        """
+        if not self.versions.exists():
+            return ""
+        told = read_json(self.versions)
+        command: str = read_record({"command": str}, told, Location(self.versions), others=True)[
+            "command"
+        ]
+        return command
 
 
 def machine_facts() -> dict[str, Any]:
@@ -149,7 +160,7 @@ class EpisodeLog:
             is cut off. 0 for a new file.
 
     Raises:
-        InputError: The file cannot be written, or is shorter.
+        InputError: The file cannot be written, is shorter, or is damaged.
     """
 
     def __init__(self, path: Path, task: str, size: int = 0) -> None:
@@ -162,6 +173,7 @@ class EpisodeLog:
         self.size = size
         """Bytes of all episodes written so far."""
         self._write(b"")
+        self._episodes()  # A damaged file is told now, not at the next checkpoint.
 
     def add(self, rows: Sequence[Row]) -> None:
         """Write episodes down.
@@ -177,15 +189,26 @@ class EpisodeLog:
     @property
     def curve(self) -> dict[str, list[float]]:
         """The mean return of the episodes so far, in `POINTS` parts, and samples at their ends."""
-        table = self._path.read_text().splitlines()[2:]
-        if not table:
+        returns, steps = self._episodes()
+        if not len(steps):
             return {}
-        returns, steps = np.array([line.split(",")[:2] for line in table], float).T
-        parts = np.array_split(np.arange(len(table)), min(POINTS, len(table)))
+        parts = np.array_split(np.arange(len(steps)), min(POINTS, len(steps)))
         return {
             "samples": [float(steps[: part[-1] + 1].sum()) for part in parts],
             "return": [float(returns[part].mean()) for part in parts],
         }
+
+    def _episodes(self) -> Float64[np.ndarray, "2 episodes"]:
+        """The return and the steps of each episode so far."""
+        table = read_bytes(self._path)[: self.size].splitlines()[2:]
+        try:
+            rows = np.array([line.split(b",")[:2] for line in table], np.float64).reshape(-1, 2)
+        except ValueError as error:
+            expected = f"a line {','.join(_COLUMNS)} for each episode"
+            raise InputError(self._path, expected, str(error)) from None
+        if not np.isfinite(rows).all():
+            raise InputError(self._path, "finite numbers", "others")
+        return rows.T
 
     def _write(self, lines: bytes) -> None:
         """Write lines after the bytes that count, in place of what follows; all of them or none."""

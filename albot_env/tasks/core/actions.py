@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -90,17 +91,15 @@ class ActionConfig:
         """An action as a batch of one.
 
         Args:
-            action: As many numbers in [-1, 1] as there are `names`.
+            action: As many numbers as there are `names`. Those beyond ±1, as normal distributions
+                give them, count as ±1.
             environment: Id of the environment, for the error.
 
         Raises:
-            InputError: The action has another shape, is not finite or out of range. It is
-                never clipped in silence: an agent that asks for more is told.
+            InputError: The action has another shape, or is not finite.
         """
         numbers = self._numbers(action, (len(self.names),), environment)
-        if not (np.abs(numbers) <= 1).all():
-            raise InputError(environment, self._expected, str(numbers.tolist()), place="action")
-        return numbers[np.newaxis]
+        return self._within_limits(numbers[np.newaxis], environment, lambda _: "action")
 
     def batch(self, actions: Any, count: int, environment: str) -> Numbers:
         """The actions of a batch of so many.
@@ -109,13 +108,7 @@ class ActionConfig:
             InputError: As for `single`; it names the first environment that is wrong.
         """
         numbers = self._numbers(actions, (count, len(self.names)), environment)
-        fits = np.abs(numbers) <= 1
-        if not fits.all():
-            wrong = int(np.argmin(fits.all(axis=1)))
-            found = str(numbers[wrong].tolist())
-            place = f"action of environment {wrong}"
-            raise InputError(environment, self._expected, found, place=place)
-        return numbers
+        return self._within_limits(numbers, environment, "action of environment {}".format)
 
     def commands(self, numbers: Numbers) -> Float64[np.ndarray, "robots 2"]:
         """The speeds (m/s) and turn rates (rad/s) that actions ask for."""
@@ -128,7 +121,20 @@ class ActionConfig:
 
     @property
     def _expected(self) -> str:
-        return f"{len(self.names)} numbers in [-1, 1] ({', '.join(self.names)})"
+        return f"{len(self.names)} finite numbers ({', '.join(self.names)})"
+
+    def _within_limits(
+        self, numbers: Numbers, environment: str, place: Callable[[int], str]
+    ) -> Numbers:
+        """Actions with what lies beyond ±1 at ±1; `place` names that of a row, for the error."""
+        if (np.abs(numbers) <= 1).all():
+            return numbers
+        finite = np.isfinite(numbers).all(axis=1)
+        if not finite.all():
+            wrong = int(np.argmin(finite))
+            found = str(numbers[wrong].tolist())
+            raise InputError(environment, self._expected, found, place=place(wrong))
+        return np.asarray(np.clip(numbers, -1, 1))
 
     def _numbers(self, action: Any, shape: tuple[int, ...], environment: str) -> np.ndarray:
         """An action as numbers of the shape wanted."""

@@ -14,6 +14,9 @@ from albot_env.tasks.core.settings import equip
 
 METADATA: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
 
+CLOSED = "{}: it was closed, and is to be made anew"
+"""What is wrong where an environment goes on after its end; with its id."""
+
 Observation = Float32[np.ndarray, "..."] | Parts
 Robots = TypeVar("Robots", bound=BatchedRobots)
 
@@ -24,7 +27,7 @@ class TaskInterface(Generic[Robots]):
     Args:
         task: The task's class.
         robots: How many robots.
-        threads: Threads that share the work; 0 for as many as there are processors.
+        threads: Threads that share the work; None for as many as there are processors.
         mapper, odometer, laser, sonar, scenes, observation, action, movables: See
             `CommonSettings`.
         of_task: The task's own settings: the keywords of its class.
@@ -38,7 +41,7 @@ class TaskInterface(Generic[Robots]):
         task: type[Robots],
         robots: int,
         *,
-        threads: int = 1,
+        threads: int | None = 1,
         mapper: str = "albot1",
         mapper_config: Any = None,
         odometer: str = "pioneer",

@@ -6,7 +6,6 @@ The parts are made by `observation_kernels.observe_robots`, each by a function o
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, field, replace
@@ -16,7 +15,7 @@ import numpy as np
 from gymnasium import spaces
 from jaxtyping import Float, Float32, Float64
 
-from albot_core.errors import InputError
+from albot_core.errors import InputError, did_you_mean
 from albot_core.ranges import POSITIVE, check_fields
 from albot_core.sensing.reading import LaserGeometry, SonarGeometry
 from albot_env.tasks.core.coverage import CoverageConfig
@@ -134,9 +133,8 @@ class ObservationConfig:
         place, known = "ObservationConfig.parts", ", ".join(PARTS)
         for part in self.parts:
             if part not in PARTS:
-                close = difflib.get_close_matches(str(part), PARTS, n=1)
-                hint = f" (did you mean {close[0]}?)" if close else ""
-                raise InputError(place, f"some of {known}", f"{part}{hint}")
+                found = f"{part}{did_you_mean(part, PARTS)}"
+                raise InputError(place, f"some of {known}", found)
         if not self.parts or len(set(self.parts)) < len(self.parts):
             raise InputError(place, f"some of {known}, each once", str(list(self.parts)))
 

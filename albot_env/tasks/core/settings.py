@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from typing import Any, TypedDict, TypeVar, get_type_hints
 
 import numpy as np
 
-from albot_core.errors import InputError
+from albot_core.errors import InputError, did_you_mean
 from albot_core.geometry.types import Pose
 from albot_core.mappers.mapper import Mapper, MapperBatch
 from albot_core.mappers.registry import check_sensors, make_mapper, make_mappers, mapper_spec
@@ -93,9 +92,8 @@ def check_settings(given: Iterable[str], known: Iterable[str], environment: str)
     known = sorted(known)
     for name in given:
         if name not in known:
-            close = difflib.get_close_matches(name, known, n=1)
-            hint = f" (did you mean {close[0]}?)" if close else ""
-            raise InputError(environment, f"settings among {', '.join(known)}", f"{name}{hint}")
+            found = f"{name}{did_you_mean(name, known)}"
+            raise InputError(environment, f"settings among {', '.join(known)}", found)
 
 
 def chosen_config(config: Any, kind: type[Config], environment: str) -> Config:
@@ -123,8 +121,8 @@ class Equipment:
     """What each senses with."""
     movables: bool = True
     """Whether things move in worlds that have any; if not, they are left out."""
-    threads: int = 1
-    """Threads that share the work; 0 for as many as there are processors. What comes of it is
+    threads: int | None = 1
+    """Threads that share the work; None for as many as there are processors. What comes of it is
     the same with any number."""
 
     def mappers(self, robots: int) -> MapperBatch | None:
@@ -157,7 +155,7 @@ def equip(
     sonar: str,
     scenes: str,
     movables: bool,
-    threads: int,
+    threads: int | None,
 ) -> Equipment:
     """The equipment of these names.
 

@@ -14,7 +14,7 @@ from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Rec
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
 from albot_env.rendering.viewer import NullViewer, Viewer
-from albot_env.tasks.core.interface import METADATA, Observation, Robots, TaskInterface
+from albot_env.tasks.core.interface import CLOSED, METADATA, Observation, Robots, TaskInterface
 from albot_env.tasks.core.journeys import Journeys
 from albot_env.tasks.core.settings import (
     DEFAULT_WORLD,
@@ -64,10 +64,12 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         self.action_space = interface.action_space
         self.observation_space = interface.observation_space
         self._map_version = -1
-        self._begun = False
+        self._begun = self._closed = False
         self._trace: Trace | None = None
         self.recorder: Recorder = NullRecorder()
         """Records the episodes from the next reset on."""
+        self.agent = ""
+        """Name of the agent that acts, for recordings and pictures from the next reset on."""
 
     @classmethod
     def settings(cls) -> dict[str, Any]:
@@ -81,7 +83,9 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
 
         Raises:
             InputError: An option is unknown, or the start is not valid.
+            ClosedEnvironmentError: It has been closed.
         """
+        self._check_open()
         super().reset(seed=seed)
         world = choose_world(self._worlds, self.np_random, options or {}, self._environment)
         start = choose_start(world, self.np_random, options or {}, self._environment)
@@ -104,8 +108,11 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         """Drive for 0.1 s.
 
         Raises:
-            InputError: The action is not in the action space.
+            InputError: The action has another shape, or is not finite.
+            ResetNeeded: There was no reset before.
+            ClosedEnvironmentError: It has been closed.
         """
+        self._check_open()
         if not self._begun:
             raise gymnasium.error.ResetNeeded(f"{self._environment}: reset before the first step")
         robot = self._robot
@@ -153,10 +160,15 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         return paint_array(lay_out(self.frame))
 
     def close(self) -> None:
-        """Close the window and the recording."""
+        """Close the window and the recording; nothing can be done with it any more."""
+        self._closed = True
         self._viewer.close()
         self.recorder.close()
         self._robot.close()
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise gymnasium.error.ClosedEnvironmentError(CLOSED.format(self._environment))
 
     @property
     def _followed(self) -> bool:
@@ -206,6 +218,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             seed=seed,
             laser=self._robot.geometry,
             sonar=self._robot.sonar,
+            agent=self.agent,
         )
 
     def _show(self) -> None:

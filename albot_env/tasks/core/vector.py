@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 from albot_core.ranges import Range
-from albot_env.tasks.core.interface import METADATA, Observation, Robots, TaskInterface
+from albot_env.tasks.core.interface import CLOSED, METADATA, Observation, Robots, TaskInterface
 from albot_env.tasks.core.journeys import Journeys, JourneySpec
 from albot_env.tasks.core.settings import (
     DEFAULT_WORLD,
@@ -36,7 +36,7 @@ Steps = tuple[
     dict[str, Any],
 ]
 _NOBODY: Int64[np.ndarray, "none"] = np.zeros(0, np.int64)
-_STEPS = Range("a whole number from 1", 1.0, whole=True)
+_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
@@ -56,8 +56,8 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
             action it is given. `SameStep`: the last step itself resets; the info then holds
             `final_obs` and `final_info`. `Disabled`: the caller must call
             `reset(options={"reset_mask": finished})` before.
-        threads: Threads that share the work; 0 for as many as there are processors. They change
-            nothing but the speed.
+        threads: Threads that share the work; None for as many as there are processors. They
+            change nothing but the speed.
         settings: See `Settings`.
 
     Raises:
@@ -75,16 +75,18 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         *,
         max_episode_steps: int | None = None,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        threads: int = 0,
+        threads: int | None = None,
         **settings: Unpack[Settings],
     ) -> None:
         self._environment = environment = self.task.environment
+        if "render_mode" in settings:
+            expected = "no render_mode: only single environments are drawn"
+            raise InputError(environment, expected, str(dict(settings)["render_mode"]))
         check_settings(settings, self.settings(), environment)
-        if num_envs < 1:
-            raise InputError("make_vec", "at least 1", str(num_envs), place="num_envs")
-        if max_episode_steps is not None and max_episode_steps not in _STEPS:
-            found = str(max_episode_steps)
-            raise InputError("make_vec", _STEPS.expected, found, place="max_episode_steps")
+        for name, number in (("num_envs", num_envs), ("max_episode_steps", max_episode_steps)):
+            unlimited = name == "max_episode_steps" and number is None
+            if isinstance(number, bool) or not (unlimited or number in _FROM_ONE):
+                raise InputError("make_vec", _FROM_ONE.expected, str(number), place=name)
         self._interface = interface = TaskInterface(
             self.task, num_envs, threads=threads, **settings
         )
@@ -121,7 +123,9 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
 
         Raises:
             InputError: An option is unknown, or a mask, a start or the seeds are not valid.
+            ClosedEnvironmentError: It has been closed.
         """
+        self._check_open()
         if not isinstance(options or {}, Mapping):
             raise InputError(self._environment, "a mapping", repr(options), place="options")
         settings = dict(options or {})
@@ -145,6 +149,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         Raises:
             InputError: An action is not in the action space.
             ResetNeeded: An environment has not been reset, or is over in `Disabled` mode.
+            ClosedEnvironmentError: It has been closed.
         """
         resetting = self._due()
         robots = self._robots
@@ -188,8 +193,13 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         """Stop the threads; called by `close`."""
         self._robots.close()
 
+    def _check_open(self) -> None:
+        if self.closed:
+            raise gymnasium.error.ClosedEnvironmentError(CLOSED.format(self._environment))
+
     def _due(self) -> Int64[np.ndarray, "some"]:
         """The environments that this step resets."""
+        self._check_open()
         if not self._begun.all():
             raise gymnasium.error.ResetNeeded(f"{self._environment}: reset before the first step")
         if self._mode is AutoresetMode.DISABLED and self._over.any():
@@ -291,7 +301,8 @@ def _choose_worlds(
     loaded: dict[Any, WorldSet] = {}
     for row, spec in enumerate(specs):
         try:
-            loaded[spec] = loaded.get(spec) or load_worlds(spec)
+            known = loaded.get(spec) if isinstance(spec, Worlds) else None
+            loaded[spec] = known or load_worlds(spec)
         except InputError as error:
             raise _named(error, f"{environment}, world of environment {row}") from None
     return [loaded[spec] for spec in specs]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.geometry.pose_kernels import length_of, transform_point
+from albot_core.geometry.pose_kernels import compose, length_of, transform_point
 from albot_core.kernels.compiled import kernel
 from albot_core.planning.grid_search import (
     FREE,
@@ -130,8 +130,7 @@ def clear_occupancy(occupancy: OccupancyGrids, i: int) -> None:
 @kernel()
 def _has_jumped(before: np.ndarray, motion: np.ndarray, now: np.ndarray, jump: float) -> bool:
     """Whether a belief is elsewhere than the odometer's motion leads to."""
-    cos, sin = math.cos(before[2]), math.sin(before[2])
-    x, y = transform_point(before, cos, sin, motion[0], motion[1])
+    x, y, _ = compose(before, motion)
     return length_of(now[0] - x, now[1] - y) > jump
 
 

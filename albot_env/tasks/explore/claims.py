@@ -155,10 +155,12 @@ def judge_claim(
         c.rooms[i, reading], c.visits[i, reading] = room, c.visit[i]
     if room < 0 or c.judged[i] or not c.claims[i] or driven - c.since[i] < SETTLED:
         return NOTHING
-    is_true = not matches or _is_taken_here(i, pose, room, c)
-    has_returned = c.returned[i] and not (matches and c.visits[i, c.matched[i]] == c.visit[i])
-    if matches and is_true and not has_returned:
-        return NOTHING
+    is_true, has_returned = True, c.returned[i]
+    if matches:
+        is_true = _is_taken_here(i, pose, room, c)
+        has_returned = has_returned and c.visits[i, c.matched[i]] != c.visit[i]
+        if is_true and not has_returned:
+            return NOTHING
     c.judged[i] = True
     if not (is_true and has_returned):
         c.counts[i, 2] += 1

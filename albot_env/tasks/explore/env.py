@@ -21,7 +21,7 @@ class ExploreEnv(SingleEnv[ExploreTask]):
         room, and the reading that its mapper matches with the present one was taken here on an
         earlier visit (see `claims` and `albot_maps.same_place`); with a mapper that recognises no
         places, where it has come back. `ExploreConfig(claims=False)` leaves the third number out.
-        Anything else, out of range or not a number, is an `InputError`.
+        Numbers beyond ±1 count as ±1. Another shape, NaN and infinity are an `InputError`.
 
     Observation space:
         With `observation="dict"` the parts that `ObservationConfig` tells of, by default

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -72,7 +71,6 @@ class ExploreTask(BatchedRobots):
         self._matches = mappers is not None and mappers.recognises_places
         matched = mappers.matched_readings if mappers is not None and self._matches else None
         self._claims = no_claims(robots, matched)
-        self._room_left = 0
         self._worlds_barriers = WorldCache(robots, self._add_barriers, self._forget_barriers)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
@@ -80,8 +78,9 @@ class ExploreTask(BatchedRobots):
         super().begin(row, world, start, rng)
         self._claims.claims[row] = False
         self._claims = with_room(self._claims, 0, len(world.rooms))
-        for other, number in self._worlds_barriers.enter(row, world):
-            self._claims.worlds[other] = number
+        if self._matches:
+            for other, number in self._worlds_barriers.enter(row, world):
+                self._claims.worlds[other] = number
 
     def _add_barriers(self, world: World) -> int:
         """Add what parts the places of one world more; return its number."""
@@ -95,20 +94,10 @@ class ExploreTask(BatchedRobots):
     def act(self, numbers: Numbers) -> None:
         """One control step of all robots with these actions, of which some may claim something."""
         if isinstance(self.actions, ClaimingActionConfig):
-            np.greater(numbers[:, 2], self.actions.threshold, out=self._claims.claims)
+            self._claims.claims[:] = self.actions.declares(numbers)
         super().act(numbers)
-        # No robot has more readings behind it than there were steps since there was room for all.
-        self._room_left -= 1
-        if self._room_left < 0:
-            self._make_room()
-
-    def _make_room(self) -> None:
-        """Make room for the next reading of the robot that has the most behind it."""
-        readings = int(self._stats.steps.max()) + 1
-        self._claims = with_room(self._claims, readings, 0)
-        self._room_left = self._claims.points.shape[1] - readings
-        if not self._matches:
-            self._room_left = sys.maxsize
+        if self._matches:
+            self._claims = with_room(self._claims, int(self._stats.steps.max()) + 1, 0)
 
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
         claims = self._claims

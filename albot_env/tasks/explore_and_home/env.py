@@ -18,7 +18,7 @@ class ExploreAndHomeEnv(SingleEnv[ExploreAndHomeTask]):
     Action space:
         `Box(-1, 1, (3,), float32)`: speed and turn rate, as shares of `DeclaringActionConfig`,
         and a number that declares above 0.5: "where I am at the end of this step is home".
-        Anything else, out of range or not a number, is an `InputError`.
+        Numbers beyond ±1 count as ±1. Another shape, NaN and infinity are an `InputError`.
 
     Observation space:
         As in `Albot/Homing-v0`, and a part `time_left`: what is left of the budget, which
@@ -41,7 +41,7 @@ class ExploreAndHomeEnv(SingleEnv[ExploreAndHomeTask]):
         `max_episode_steps` (never, unless `gymnasium.make` is told).
 
     Info:
-        What `Albot/Explore-v0` gives, and: `is_success`, `declared`, `time_left` (s),
+        What `Albot/Explore-v0` gives but of claims, and: `is_success`, `declared`, `time_left` (s),
         `distance_home` (m; the shortest way for a robot of this width, things that move left
         out), `farthest_distance_home` (m; the longest that this has been), `next_turn_home`
         (x, y in the world's frame, m), `spl` (success × `farthest_distance_home` / the

@@ -19,7 +19,7 @@ class HomingEnv(SingleEnv[HomingTask]):
     Action space:
         `Box(-1, 1, (3,), float32)`: speed and turn rate, as shares of `DeclaringActionConfig`,
         and a number that declares above 0.5: "where I am at the end of this step is home".
-        Anything else, out of range or not a number, is an `InputError`.
+        Numbers beyond ±1 count as ±1. Another shape, NaN and infinity are an `InputError`.
 
     Observation space:
         As in `Albot/Explore-v0`. Home is where the mapper believes it to be.
@@ -40,8 +40,9 @@ class HomingEnv(SingleEnv[HomingTask]):
         the true start. Truncated after `max_episode_steps` (3000, five minutes).
 
     Info:
-        What `Albot/Explore-v0` gives (`path_length`, `coverage` and `rooms_entered` count the
-        outward journey too; `time` does not), and: `is_success`, `declared`, `distance_home` and
+        What `Albot/Explore-v0` gives but of claims (`path_length`, `coverage` and `rooms_entered`
+        count the outward journey too; `time` does not), and: `is_success`, `declared`,
+        `distance_home` and
         `initial_distance_home` (m; the shortest way for a robot of this width, things
         that move left out), `way_driven` (m, since the beginning), `spl` (success ×
         `initial_distance_home` / the longer of it and `way_driven`), `soft_spl` (the share of

@@ -16,7 +16,9 @@ from albot_core.evaluation.trajectory import Trajectory
 from albot_core.files import write_text
 from albot_core.logs.text import LogText
 
-_EXPECTED = "eight finite numbers, stamp x y z qx qy qz qw"
+FIELDS = "stamp x y z qx qy qz qw"
+"""What stands in a line."""
+_EXPECTED = f"eight finite numbers, {FIELDS}"
 
 
 def write_tum(trajectory: Trajectory, path: Path) -> None:
@@ -24,7 +26,7 @@ def write_tum(trajectory: Trajectory, path: Path) -> None:
 
     Read back, stamps and positions are the same to the last bit, headings to rounding.
     """
-    lines = ["# stamp x y z qx qy qz qw"]
+    lines = [f"# {FIELDS}"]
     for stamp, (x, y, heading) in zip(trajectory.stamps, trajectory.poses, strict=True):
         numbers = (stamp, x, y, 0.0, 0.0, 0.0, np.sin(heading / 2), np.cos(heading / 2))
         lines.append(" ".join(_shortest(number) for number in numbers))
@@ -52,7 +54,7 @@ def read_tum(text: LogText) -> Trajectory:
         turn = math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
         rows.append((stamp, x, y, turn))
     if not rows:
-        raise InputError(text.source, "at least one line, stamp x y z qx qy qz qw", "none")
+        raise InputError(text.source, f"at least one line, {FIELDS}", "none")
     table = np.array(sorted(rows, key=lambda row: row[0]))
     return Trajectory(stamps=table[:, 0], poses=table[:, 1:])
 

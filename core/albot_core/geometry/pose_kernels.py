@@ -1,13 +1,11 @@
 """Poses, points and angles in compiled code: the vocabulary of `poses`, one at a time.
 
-The functions of the same name do the same to the same bits, but for `relative`, which subtracts
-before it turns. Loops over points take the cosine and the sine of the frame's heading, which are
-worked out once before the loop:
+The functions of the same name do the same to the same bits. Loops over points take the cosine and
+the sine of the frame's heading, which are worked out once before the loop:
 
 | compiled | result |
 |---|---|
 | `compose(first, second)` | x, y, heading of `second`, given in `first`, in the frame of `first` |
-| `relative(origin, target)` | x, y, heading of `target` seen from `origin` |
 | `transform_point(frame, cos, sin, x, y)` | x, y of a point given in `frame`, outside it |
 | `rotate(cos, sin, x, y)` | a vector turned counter-clockwise |
 | `rotate_back(cos, sin, x, y)` | the same clockwise |
@@ -34,14 +32,6 @@ def compose(first: PoseLike, second: PoseLike) -> tuple[float, float, float]:
     """The pose (x, y, heading) reached by `second` seen from `first`: first ⊕ second."""
     x, y = transform_point(first, math.cos(first[2]), math.sin(first[2]), second[0], second[1])
     return x, y, wrap_angle(first[2] + second[2])
-
-
-@kernel()
-def relative(origin: PoseLike, target: PoseLike) -> tuple[float, float, float]:
-    """The pose (x, y, heading) of `target` seen from `origin`."""
-    dx, dy = target[0] - origin[0], target[1] - origin[1]
-    x, y = rotate_back(math.cos(origin[2]), math.sin(origin[2]), dx, dy)
-    return x, y, wrap_angle(target[2] - origin[2])
 
 
 @kernel()

@@ -8,6 +8,7 @@ the right to the left. Entries are parsed one by one, so that a torn file has a 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -88,10 +89,17 @@ def _entries(cursor: _Cursor) -> Iterator[tuple[str, Any]]:
     cursor.end()
 
 
+def _finite(word: str) -> float:
+    number = float(word)
+    if math.isinf(number):
+        raise ValueError(word)
+    return number
+
+
 class _Cursor:
     """A place in a JSON text; tells the log which line it has come to."""
 
-    _decoder = json.JSONDecoder()
+    _decoder = json.JSONDecoder(parse_float=_finite)
 
     def __init__(self, text: LogText) -> None:
         self._text = text
@@ -127,7 +135,7 @@ class _Cursor:
             self._move_to(error.pos)
             raise self._text.error("whole JSON", error.msg) from None
         except ValueError as error:
-            raise self._text.error("numbers of a common length", str(error)) from None
+            raise self._text.error("numbers of a common size", str(error)) from None
         except RecursionError:
             raise self._text.error("whole JSON", "brackets nested too deep") from None
         return value

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory
-from albot_core.export.tum import read_tum
+from albot_core.export.tum import FIELDS, read_tum
 from albot_core.files import read_beginning, read_bytes
 from albot_core.logs import carmen, duke, intel_json, wean
 from albot_core.logs.log import LeftOut, Log, Recording
@@ -31,6 +32,8 @@ _LINE_FORMATS: tuple[_Format, ...] = (carmen, wean, duke)
 
 FORMATS = (*(known.NAME for known in _LINE_FORMATS), intel_json.NAME)
 """What the known formats are called."""
+_BEGINNING = 1000
+"""So many characters of a text hold no zero byte; those of a picture or an archive do."""
 
 
 def read_log(path: str | Path, keep_going: bool = False) -> Log:
@@ -59,22 +62,32 @@ def read_log(path: str | Path, keep_going: bool = False) -> Log:
 
 
 def _read(text: LogText, keep_going: bool) -> Recording:
+    reader = _reader(text)
+    if reader is None:
+        expected = f"a log in one of the formats {'; '.join(FORMATS)}"
+        raise InputError(text.source, expected, _kind(text))
+    return reader(text, keep_going)
+
+
+def _reader(text: LogText) -> Callable[[LogText, bool], Recording] | None:
+    """What reads the format that the content shows; None for no known one."""
     content = "\n".join(text.lines)
-    if not content.strip():
-        raise InputError(text.source, "a log", "an empty file")
     if content.lstrip().startswith("{"):
-        return intel_json.read(text, keep_going)
+        return intel_json.read
+    if "\0" in content[:_BEGINNING]:
+        return None
     readers = {word: known.read for known in _LINE_FORMATS for word in known.KEYWORDS}
-    for line in text.lines:
-        for word in line.split(None, 1)[:1]:
-            if word in readers:
-                return readers[word](text, keep_going)
-    raise InputError(text.source, f"a log in one of the formats {'; '.join(FORMATS)}", _kind(text))
+    words = (word for line in text.lines for word in line.split(None, 1)[:1])
+    return next((readers[word] for word in words if word in readers), None)
 
 
 def _kind(text: LogText) -> str:
     """What a file of no known format seems to be."""
-    beginning = next(line for line in text.lines if line.strip())[:40]
+    beginning = next((line for line in text.lines if line.strip()), "")[:40]
+    if not beginning:
+        return "an empty file"
+    if beginning.startswith("PK\x03\x04"):
+        return "a zip archive"
     return repr(beginning) if beginning.isprintable() else "binary data"
 
 
@@ -93,8 +106,11 @@ def read_reference(path: Path) -> Trajectory:
         InputError: The file cannot be read, or is none of these.
     """
     text = LogText(path, read_bytes(path).decode("utf-8", "replace"))
-    if _is_tum(text):
+    if path.suffix == ".tum" or _is_tum(text):
         return read_tum(text)
+    if _reader(text) is None:
+        expected = f"a TUM trajectory ({FIELDS}), a JSON log, or a CARMEN log of corrected poses"
+        raise InputError(path, expected, _kind(text))
     log = read_log(path)
     if log.reference_trajectory is not None:
         return log.reference_trajectory
@@ -104,9 +120,9 @@ def read_reference(path: Path) -> Trajectory:
 
 
 def _is_tum(text: LogText) -> bool:
-    """Whether the first line that is no comment consists of eight fields, the first a number."""
+    """Whether the first line that is no comment begins with a number: that of no log does."""
     for line in text.lines:
         words = line.split()
         if words and not words[0].startswith("#"):
-            return len(words) == 8 and is_number(words[0])
+            return is_number(words[0])
     return False

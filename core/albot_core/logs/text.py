@@ -10,9 +10,7 @@ from jaxtyping import Float64
 
 from albot_core.errors import InputError
 from albot_core.logs.log import SICK_SPACINGS, LeftOut
-
-LARGEST = 1e12
-"""No pose (m, rad) and no stamp (s) of a robot is larger."""
+from albot_core.plain_data import LARGEST
 
 _LONGEST_COUNT = 9
 """Digits in a number of things."""
@@ -92,9 +90,12 @@ class LogText:
         """The words as distances: numbers not below 0, infinity among them.
 
         Raises:
-            InputError: One is no distance.
+            InputError: One is no distance, or a number too large to be one.
         """
         values = self._parse(words, "a range")
+        for k in np.flatnonzero(np.isinf(values)).tolist():
+            if "inf" not in words[k].lower():
+                raise self.error("a range, or inf where nothing came back", words[k])
         if not (values >= 0).all():
             raise self.error("distances, numbers not below 0", words[int((values >= 0).argmin())])
         return values

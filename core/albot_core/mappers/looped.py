@@ -34,7 +34,6 @@ class LoopedMappers:
         self.homes = np.zeros((count, 3))
         self.places = np.zeros((count, 2), np.bool_)
         self.matched_readings = np.full(count, -1)
-        self.current_places = np.full(count, -1)
         self.map_versions = np.zeros(count, np.int64)
         self.updates = np.zeros(count, np.int64)
         self.segment_counts = np.zeros(count, np.int64)
@@ -100,7 +99,6 @@ class LoopedMappers:
         self.poses[row] = estimate.pose
         self.homes[row] = estimate.home
         self.updates[row] = estimate.updates
-        self.current_places[row] = -1 if estimate.place is None else estimate.place
         matched = estimate.matched_reading
         self.matched_readings[row] = -1 if matched is None else matched
         self.places[row, 0] = matched is not None

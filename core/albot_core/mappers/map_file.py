@@ -12,13 +12,16 @@ from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
 from albot_core.mappers.mapper import Mapper
 from albot_core.mappers.registry import MAPPERS, make_mapper, mapper_config, mapper_spec
-from albot_core.plain_data import Location, changed_fields
+from albot_core.plain_data import LARGEST, Location, changed_fields
 from albot_core.yaml_document import YamlDocument
 
 FORMAT = "albot-map"
 VERSION = 5
 
-_FILE = ArchiveFormat(name=FORMAT, version=VERSION, kind="map file", largest=1 << 30)
+_MOST = 2**53
+"""No count is larger, so that each is a float as well."""
+
+_FILE = ArchiveFormat(name=FORMAT, version=VERSION, kind="map file", largest=1 << 28)
 
 
 def save_map(mapper: Mapper, path: str | Path) -> None:
@@ -46,7 +49,11 @@ def load_map(path: str | Path) -> Mapper:
     changed = {} if document.data is None else document.data
     mapper = make_mapper(name, config=mapper_config(mapper_spec(name), changed, where))
     _check_state(path, mapper, state)
-    mapper.restore(state)
+    try:
+        mapper.restore(state)
+    except InputError as error:
+        name = f"{error.source}.npy"
+        raise InputError(path, error.expected, error.found, place=name) from None
     return mapper
 
 
@@ -60,7 +67,10 @@ def _mapper_name(path: Path, header: dict[str, Any]) -> str:
 
 
 def _check_state(path: Path, mapper: Mapper, state: dict[str, np.ndarray]) -> None:
-    """Raise InputError unless the arrays are of the names and kinds that the mapper keeps."""
+    """Raise InputError unless the arrays are of the names and kinds that the mapper keeps.
+
+    What their shapes are, and how they belong together, the mapper checks.
+    """
     kept = mapper.state()
     for name in sorted(kept.keys() | state.keys()):
         if name not in state:
@@ -75,3 +85,6 @@ def _check_state(path: Path, mapper: Mapper, state: dict[str, np.ndarray]) -> No
                 f"{theirs.ndim} of {theirs.dtype}",
                 place=f"{name}.npy",
             )
+        most = LARGEST if theirs.dtype.kind == "f" else _MOST
+        if theirs.dtype.kind in "fi" and (np.abs(theirs[np.isfinite(theirs)]) > most).any():
+            raise InputError(path, f"numbers within ±{most:g}", "others", place=f"{name}.npy")

@@ -217,10 +217,6 @@ class MapperBatch(Protocol):
         """Bring `matched_readings` of some up to date."""
 
     @property
-    def current_places(self) -> Int64[np.ndarray, "robots"]:
-        """`Estimate.place` of each, -1 for none: one and the same array."""
-
-    @property
     def map_versions(self) -> Int64[np.ndarray, "robots"]:
         """`Estimate.map_version` of each."""
 

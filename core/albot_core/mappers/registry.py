@@ -15,6 +15,7 @@ from albot_core.plain_data import Location, read_config
 from albot_core.sensing.reading import Sensor
 
 _HOSSAIN = "Hossain, How Albot1 computes its perceptual map, PhD thesis, AUT 2014"
+_MILFORD = "Milford, Prasser and Wyeth, Experience mapping, ACRA 2005"
 _LASER: frozenset[Sensor] = frozenset({"laser"})
 
 MAPPERS: dict[str, MapperSpec] = {
@@ -165,7 +166,7 @@ def mapper_config(spec: MapperSpec, config: Any = None, where: Location | None =
     if isinstance(config, Mapping):
         return read_config(type(default), config, where, default)
     if not isinstance(config, type(default)):
-        raise InputError(where.source, f"a {type(default).__name__} or a mapping", repr(config))
+        raise InputError(where.source, f"a mapping or {type(default).__name__}", repr(config))
     return config
 
 

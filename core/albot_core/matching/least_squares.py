@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel
 
 POINT_NOISE, POINT_NOISE_GROWTH = 0.05, 0.02
@@ -80,7 +81,7 @@ def pulled_by_point(
 ) -> Equations:
     """Add that a landmark's point, its end `side`, lies on that of the remembered surface."""
     px, py = seen[2 * side], seen[2 * side + 1]
-    x, y = cos * px - sin * py, sin * px + cos * py
+    x, y = rotate(cos, sin, px, py)
     ex = expected[2 * side] - correction[0] - x
     ey = expected[2 * side + 1] - correction[1] - y
     noise = POINT_NOISE + POINT_NOISE_GROWTH * seen[8 + side]
@@ -100,8 +101,8 @@ def pulled_by_line(
 ) -> Equations:
     """Add a recognised wall: both ends of the common part lie on it."""
     ux, uy = wall[6], wall[7]
-    x0, y0 = cos * seen[0] - sin * seen[1], sin * seen[0] + cos * seen[1]
-    x1, y1 = cos * seen[2] - sin * seen[3], sin * seen[2] + cos * seen[3]
+    x0, y0 = rotate(cos, sin, seen[0], seen[1])
+    x1, y1 = rotate(cos, sin, seen[2], seen[3])
     first = ux * (correction[0] + x0 - wall[0]) + uy * (correction[1] + y0 - wall[1])
     last = ux * (correction[0] + x1 - wall[0]) + uy * (correction[1] + y1 - wall[1])
     run = last - first

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
+from albot_core.geometry.pose_kernels import rotate, rotate_back, transform_point
 from albot_core.geometry.types import Pose, Segments
 from albot_core.kernels.compiled import kernel
 from albot_core.matching.least_squares import pulled_by_line, solved, stiff
@@ -119,7 +120,7 @@ def _describe_all(lines: np.ndarray, min_length: float, rows: np.ndarray) -> int
     """Fill the rows of the lines from this length on; how many there are."""
     kept = 0
     for k in range(lines.shape[0]):
-        if length_of(lines[k]) >= min_length:
+        if line_length(lines[k]) >= min_length:
             describe(lines[k], rows[kept])
             kept += 1
     return kept
@@ -184,8 +185,9 @@ def lay_on(one: np.ndarray, other: np.ndarray, anchor: int, pose: np.ndarray) ->
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     first, last = 1.0 - 0.5 * anchor, 0.5 * anchor
     x, y = first * other[0] + last * other[2], first * other[1] + last * other[3]
-    pose[0] = first * one[0] + last * one[2] - (cos * x - sin * y)
-    pose[1] = first * one[1] + last * one[3] - (sin * x + cos * y)
+    x, y = rotate(cos, sin, x, y)
+    pose[0] = first * one[0] + last * one[2] - x
+    pose[1] = first * one[1] + last * one[3] - y
 
 
 @kernel()
@@ -197,8 +199,8 @@ def is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, limits: Matc
     # Where the guessed place's point under the robot would come to lie.
     cos, sin = np.cos(turn), np.sin(turn)
     x, y = robot[0] - guess[0], robot[1] - guess[1]
-    dx = pose[0] + cos * x - sin * y - robot[0]
-    dy = pose[1] + sin * x + cos * y - robot[1]
+    x, y = transform_point(pose, cos, sin, x, y)
+    dx, dy = x - robot[0], y - robot[1]
     return bool(dx * dx + dy * dy <= limits.max_shift * limits.max_shift)
 
 
@@ -261,7 +263,7 @@ def _count_sides(
             wall = mine[pairs[q]]
             same += min(theirs[q, 4], wall[4])
             x, y = 0.5 * (wall[0] + wall[2]) - robot[0], 0.5 * (wall[1] + wall[3]) - robot[1]
-            counts[1 if cos * y - sin * x > 0.0 else 2] += 1
+            counts[1 if rotate_back(cos, sin, x, y)[1] > 0.0 else 2] += 1
     for k in range(mine.shape[0]):
         total_mine += mine[k, 4]
     return same / min(total_mine, total_theirs)
@@ -321,7 +323,7 @@ def measure(line: np.ndarray, row: np.ndarray) -> None:
     """Fill a row but for its heading, which takes longer than all else."""
     for i in range(4):
         row[i] = line[i]
-    length = length_of(line)
+    length = line_length(line)
     row[4] = length
     row[6] = (line[2] - line[0]) / length
     row[7] = (line[3] - line[1]) / length
@@ -334,7 +336,7 @@ def heading_of(line: np.ndarray) -> float:
 
 
 @kernel()
-def length_of(line: np.ndarray) -> float:
+def line_length(line: np.ndarray) -> float:
     """Length of a line (m)."""
     x, y = line[2] - line[0], line[3] - line[1]
     return float(np.sqrt(x * x + y * y))
@@ -353,12 +355,9 @@ def wrap(angle: float) -> float:
 @kernel()
 def moved_ends(row: np.ndarray, motion: np.ndarray, cos: float, sin: float) -> Ends:
     """A line's ends after a motion (3,), the cosine and sine of whose turn are given."""
-    return (
-        motion[0] + cos * row[0] - sin * row[1],
-        motion[1] + sin * row[0] + cos * row[1],
-        motion[0] + cos * row[2] - sin * row[3],
-        motion[1] + sin * row[2] + cos * row[3],
-    )
+    x1, y1 = transform_point(motion, cos, sin, row[0], row[1])
+    x2, y2 = transform_point(motion, cos, sin, row[2], row[3])
+    return x1, y1, x2, y2
 
 
 @kernel()

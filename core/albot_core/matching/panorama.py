@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.geometry.pose_kernels import length_of
+from albot_core.geometry.pose_kernels import length_of, rotate_back, transform_point
 from albot_core.geometry.types import Points, Pose
 from albot_core.kernels.compiled import kernel
 
@@ -153,7 +153,7 @@ def _score(
     counts[:] = 0.0
     _tally(spans[0], points[1], pose[0], pose[1], pose[2], step, counts)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    x, y = -cos * pose[0] - sin * pose[1], sin * pose[0] - cos * pose[1]
+    x, y = rotate_back(cos, sin, -pose[0], -pose[1])
     _tally(spans[1], points[0], x, y, -pose[2], step, counts)
     total = counts[0] + counts[1] + counts[2]
     return (counts[0] - counts[1]) / total if total > 0.0 else 0.0
@@ -176,8 +176,7 @@ def _tally(
     cos, sin = math.cos(turn), math.sin(turn)
     count = spans.shape[0]
     for k in range(0, points.shape[0], step):
-        u = x + cos * points[k, 0] - sin * points[k, 1]
-        v = y + sin * points[k, 0] + cos * points[k, 1]
+        u, v = transform_point((x, y, turn), cos, sin, points[k, 0], points[k, 1])
         direction = _direction(u, v, count)
         least, most = spans[direction, 0], spans[direction, 1]
         if most == 0.0:
@@ -224,7 +223,7 @@ def _sight(spans: tuple[np.ndarray, np.ndarray], pose: np.ndarray) -> float:
     """How far each panorama sees beyond the other's origin, the smaller of the two (m)."""
     apart = length_of(pose[0], pose[1])
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    x, y = -cos * pose[0] - sin * pose[1], sin * pose[0] - cos * pose[1]
+    x, y = rotate_back(cos, sin, -pose[0], -pose[1])
     past = math.inf
     for k in range(2):
         to_x, to_y = (pose[0], pose[1]) if k == 0 else (x, y)

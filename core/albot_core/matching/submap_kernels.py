@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from albot_core.geometry.pose_kernels import rotate_back, transform_point
 from albot_core.kernels.compiled import kernel
 from albot_core.matching.lines import MatchLimits, is_near, lay_on
 
@@ -66,7 +67,8 @@ def match_grids(
     _refine(their_points, my_grid, pose)
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     back, beside = np.empty(3), np.empty(3)
-    back[0], back[1] = -cos * pose[0] - sin * pose[1], sin * pose[0] - cos * pose[1]
+    x, y = rotate_back(cos, sin, pose[0], pose[1])
+    back[0], back[1] = -x, -y
     back[2] = -pose[2]
     beside[2] = pose[2]
     elsewhere = -np.inf
@@ -112,8 +114,7 @@ def _score(points: np.ndarray, grid: np.ndarray, pose: np.ndarray, every: int) -
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     total = 0.0
     for k in range(0, points.shape[0], every):
-        x = pose[0] + cos * points[k, 0] - sin * points[k, 1]
-        y = pose[1] + sin * points[k, 0] + cos * points[k, 1]
+        x, y = transform_point(pose, cos, sin, points[k, 0], points[k, 1])
         i, j = int(np.floor(x / CELL + MIDDLE)), int(np.floor(y / CELL + MIDDLE))
         if 0 <= i < CELLS and 0 <= j < CELLS:
             cell = grid[i, j]

@@ -7,7 +7,6 @@ each label the boxes x1, y1, x2, y2 of its rooms, and `id` names the house. Ther
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +14,10 @@ import numpy as np
 import shapely
 
 from albot_core.errors import InputError
-from albot_core.files import read_bytes
 from albot_core.geometry.types import Points
+from albot_core.json_document import read_json
 from albot_maps.formats.reachable import reachable_world
-from albot_maps.world import METRES, SHORTEST_WALL, Room, World
+from albot_maps.world import LARGEST_COORDINATE, METRES, SHORTEST_WALL, Room, World
 
 _NUMBER = (int, float)
 
@@ -76,14 +75,7 @@ def _largest(shape: shapely.Geometry) -> shapely.Polygon | None:
 
 
 def _parse(path: Path) -> dict[str, Any]:
-    try:
-        house = json.loads(read_bytes(path))
-    except json.JSONDecodeError as error:
-        raise InputError(path, "whole JSON", error.msg, place=f"line {error.lineno}") from None
-    except UnicodeDecodeError:
-        raise InputError(path, "JSON text", "bytes that are no text") from None
-    except RecursionError:
-        raise InputError(path, "JSON nested a few levels", "too many") from None
+    house = read_json(path)
     if not isinstance(house, dict) or "verts" not in house:
         raise InputError(path, "a HouseExpo house with verts", "none")
     return house
@@ -101,6 +93,6 @@ def _rows(
         numbers = isinstance(row, list) and len(row) == width
         if not numbers or not all(type(item) in _NUMBER for item in row):
             raise InputError(path, f"{width} numbers", str(row)[:40], place=f"{place}[{index}]")
-        if not np.isfinite(np.array(row, dtype=np.float64)).all():
+        if not (np.abs(np.array(row, dtype=np.float64)) <= LARGEST_COORDINATE).all():
             raise InputError(path, METRES, str(row), place=f"{place}[{index}]")
     return np.array(rows, dtype=np.float64).reshape(-1, width)

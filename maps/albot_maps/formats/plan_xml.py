@@ -22,6 +22,7 @@ from jaxtyping import Float64
 from albot_core.errors import InputError
 from albot_core.files import read_bytes
 from albot_core.geometry.types import Points, Segments
+from albot_core.plain_data import LARGEST
 from albot_maps.formats.reachable import reachable_world
 from albot_maps.world import SHORTEST_WALL, Exit, Room, World
 
@@ -47,7 +48,7 @@ def read_plan_xml(path: Path) -> World:
 
     Doors are 0.9 m wide. The start lies in the widest place of the largest part that hangs
     together. Spaces that cannot be reached from there keep their walls but are no rooms;
-    the world's notes name them.
+    the world's notes name them. A space whose outline encloses nothing is left out.
 
     Raises:
         InputError: The file cannot be read, is torn, or is no such plan.
@@ -84,14 +85,20 @@ def _walls(outlines: list[shapely.Polygon], doors: list[DoorOpening]) -> Segment
     return np.compress(long, segments, axis=0)
 
 
+_LARGEST = 16 << 20
+"""Bytes of a plan; those of large schools have a quarter of a million."""
+
+
 class _Plan:
     """The elements of a plan's file, with what had to be passed over in `notes`."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.notes: list[str] = []
+        self._left_out: set[str] = set()
+        content = read_bytes(path, _LARGEST)
         try:
-            self._root = ElementTree.fromstring(read_bytes(path))
+            self._root = ElementTree.fromstring(content)
         except ElementTree.ParseError as error:
             line, _ = error.position
             raise self._error("whole XML", ErrorString(error.code), f"line {line}") from None
@@ -122,7 +129,11 @@ class _Plan:
             if not key or key in spaces:
                 raise self._error("an id of its own", repr(key), f"space {name}")
             spaces[key] = self._space(element, name)
-        return spaces
+        enclosing = {key: space for key, space in spaces.items() if space is not None}
+        if not enclosing:
+            raise self._error("a space with an outline that encloses something", "none")
+        self._left_out = spaces.keys() - enclosing.keys()
+        return enclosing
 
     def doors(self, spaces: dict[str, _Space]) -> list[tuple[DoorOpening, tuple[str, str]]]:
         """A door for every portal, with the names of the two spaces it joins."""
@@ -148,6 +159,8 @@ class _Plan:
         for element in self._root.iterfind(".//portal"):
             line = element.findtext("linesegment", "")
             ids = [target.text or "" for target in element.findall("target/id")]
+            if self._left_out.intersection(ids):
+                continue
             for key in ids:
                 if key not in spaces:
                     raise self._error("the id of a space", repr(key), f"portal {line}")
@@ -162,16 +175,16 @@ class _Plan:
             if point is not None or pair not in placed
         ]
 
-    def _space(self, element: ElementTree.Element, name: str) -> _Space:
+    def _space(self, element: ElementTree.Element, name: str) -> _Space | None:
+        """A space; None, and a note, where its outline encloses nothing."""
         corners = self._points(element.find("bounding_polygon"))
-        if len(corners) < 3:
-            raise self._error("3 corners or more", str(len(corners)), f"space {name}")
-        outline = shapely.Polygon(corners)
-        if not outline.is_valid:
+        outline = shapely.Polygon(corners if len(corners) > 2 else ())
+        if not outline.is_valid or not outline.area:
             parts = shapely.get_parts(shapely.make_valid(outline, method="structure"))
             polygons = [part for part in parts if part.geom_type == "Polygon" and part.area]
             if not polygons:
-                raise self._error("an outline that encloses something", "a line", f"space {name}")
+                self.notes.append(f"left out: {name}, whose outline encloses nothing")
+                return None
             outline = shapely.Polygon(max(polygons, key=lambda part: float(part.area)).exterior)
             self.notes.append(f"the outline of {name} crossed itself and was cleaned")
         return _Space(name=name, outline=outline)
@@ -196,7 +209,7 @@ class _Plan:
         if self._root.findtext(f"{place}/um", "").strip() != unit:
             raise self._error(f"the unit {unit}", self._root.findtext(f"{place}/um", "none"), place)
         value = self._number(self._root.findtext(f"{place}/value"), place)
-        if value <= 0:
+        if value < SHORTEST_WALL:
             raise self._error("a positive length", f"{value:g}", place)
         return value
 
@@ -205,8 +218,8 @@ class _Plan:
             value = float(text or "")
         except ValueError:
             raise self._error("a number", repr(text or ""), place) from None
-        if not np.isfinite(value):
-            raise self._error("a finite number", repr(text), place)
+        if not abs(value) <= LARGEST:
+            raise self._error(f"a finite number within ±{LARGEST:g}", repr(text), place)
         return value
 
     def _error(self, expected: str, found: str, place: str = "") -> InputError:

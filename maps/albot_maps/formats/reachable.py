@@ -8,7 +8,7 @@ import shapely
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
 from albot_maps.freespace import FreeSpace
-from albot_maps.world import ROBOT_RADIUS, Exit, Room, World
+from albot_maps.world import LARGEST_COORDINATE, METRES, ROBOT_RADIUS, Exit, Room, World
 
 
 def reachable_world(
@@ -27,8 +27,9 @@ def reachable_world(
     and their exits are left out, and a note names them.
 
     Raises:
-        InputError: The robot can stand in no room.
+        InputError: A wall is beyond `LARGEST_COORDINATE`, or the robot can stand in no room.
     """
+    check_coordinates(walls, source)
     space = FreeSpace(walls, ROBOT_RADIUS)
     outlines = [shapely.Polygon(room.boundary) for room in rooms]
     start, region = _start(space, shapely.unary_union(outlines), source)
@@ -49,6 +50,16 @@ def reachable_world(
         notes=notes,
         source=source,
     )
+
+
+def check_coordinates(walls: Segments, source: object) -> None:
+    """Check that walls are those of a building, before it is worked out where a robot can go.
+
+    Raises:
+        InputError: A coordinate is beyond `LARGEST_COORDINATE`.
+    """
+    if not (np.abs(walls) <= LARGEST_COORDINATE).all():
+        raise InputError(source, METRES, f"{np.abs(walls).max():g}", place="walls")
 
 
 def _start(space: FreeSpace, floor: shapely.Geometry, source: str) -> tuple[Pose, shapely.Polygon]:

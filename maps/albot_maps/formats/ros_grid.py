@@ -6,6 +6,8 @@ exceeds `occupied_thresh`. Occupied cells are traced to walls along their edges.
 
 from __future__ import annotations
 
+import struct
+import warnings
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -18,16 +20,21 @@ from PIL import Image, UnidentifiedImageError
 from scipy import ndimage
 
 from albot_core.errors import InputError
-from albot_core.files import read_bytes
+from albot_core.files import exists, read_bytes
 from albot_core.geometry.poses import transform_points, transform_segments
 from albot_core.geometry.types import Pose, Segments
 from albot_core.yaml_document import YamlDocument, shown
-from albot_maps.world import ROBOT_RADIUS, World
+from albot_maps.world import LARGEST_COORDINATE, ROBOT_RADIUS, World
 
 Cells = Bool[np.ndarray, "rows columns"]
 """One truth value a cell; the first row is the lowest on the map."""
 
 
+LARGEST = 1 << 24
+"""Cells of the largest picture: 200 m by 200 m in cells of 5 cm. A picture of some kilobytes can
+unpack to more than any memory holds."""
+MOST_RUNS = 500_000
+"""Runs of occupied cells in the rows of a picture; large buildings have some ten thousand."""
 _SIMPLIFIED_BY = 1.0
 """How far (cells) a corner that is left out may lie from its wall."""
 
@@ -62,8 +69,8 @@ def read_ros_grid(document: YamlDocument, path: Path) -> World:
     occupied, free = _read_cells(description)
     if not occupied.any():
         raise InputError(description.picture, "at least one occupied cell", "none")
+    walls = trace_cells(occupied, description.picture) * description.resolution
     start = _start(occupied, free, description)
-    walls = trace_cells(occupied) * description.resolution
     return World(
         name=path.stem,
         walls=transform_segments(description.origin, walls),
@@ -72,11 +79,17 @@ def read_ros_grid(document: YamlDocument, path: Path) -> World:
     )
 
 
-def trace_cells(occupied: Cells) -> Segments:
+def trace_cells(occupied: Cells, source: Path) -> Segments:
     """The outlines of the occupied cells, simplified by at most one cell's side.
 
     Lengths are in cells, from the lower left corner of the map.
+
+    Raises:
+        InputError: There are more than `MOST_RUNS` to trace; it names the source.
     """
+    runs = occupied[:, 0].sum() + (occupied[:, 1:] & ~occupied[:, :-1]).sum()
+    if runs > MOST_RUNS:
+        raise InputError(source, f"{MOST_RUNS:,} runs of dark cells at most", f"{runs:,}")
     rows, lefts, rights = _runs(occupied)
     blobs = shapely.unary_union(shapely.box(lefts, rows, rights, rows + 1))
     outlines = shapely.get_rings(shapely.get_parts(blobs))
@@ -128,27 +141,53 @@ def _start(occupied: Cells, free: Cells, description: _Description) -> Float64[n
 
 def _read_cells(description: _Description) -> tuple[Cells, Cells]:
     """Which cells are occupied and which are free; the rest were never seen."""
-    shade = read_shades(description.picture) / 255
-    darkness = shade if description.negate else 1 - shade
+    shade = read_shades(description.picture)
+    shade /= 255
+    darkness = shade if description.negate else np.subtract(1, shade, out=shade)
     upward = darkness[::-1]
     return upward > description.occupied_above, upward < description.free_below
 
 
 def read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
-    """The picture's brightness, 0 to 255; that of a coloured one is its channels' mean."""
-    content = read_bytes(path)
+    """The picture's brightness, 0 to 255; that of a coloured one is its channels' mean.
+
+    Raises:
+        InputError: The file cannot be read, is no PGM or PNG of 8 bits a channel, or is larger than
+            `LARGEST`; then it is not unpacked.
+    """
+    content = read_bytes(path, _BYTES * LARGEST)
     expected = "a whole PGM or PNG picture"
     try:
-        with Image.open(BytesIO(content)) as picture:
-            mode = picture.mode
-            colours: np.ndarray = np.asarray(picture.convert("RGB"), dtype=np.float64)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # We count the cells.
+            picture = Image.open(BytesIO(content), formats=("PNG", "PPM"))
+        with picture:
+            _check_picture(path, picture)
+            colours: np.ndarray = np.asarray(picture.convert("RGB"))
+    except InputError:
+        raise
     except UnidentifiedImageError:  # Its message tells where in memory the content is.
         raise InputError(path, expected, "something else") from None
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+    except Image.DecompressionBombError:
+        raise InputError(path, f"{LARGEST:,} cells at most", "many more") from None
+    except _TORN as error:
         raise InputError(path, expected, str(error)) from None
-    if mode.startswith(("I", "F")):
-        raise InputError(path, "8 bits a channel", f"the mode {mode}")
-    return np.array(colours.mean(axis=2))
+    return np.asarray(colours.mean(axis=2))
+
+
+_BYTES = 4
+"""Bytes that a cell takes in a file at most: three digits and a space."""
+_TORN = (OSError, SyntaxError, ValueError, EOFError, IndexError, OverflowError, struct.error)
+"""What Pillow raises where bytes are lost or changed."""
+
+
+def _check_picture(path: Path, picture: Image.Image) -> None:
+    """Raise InputError, before anything is unpacked, for a picture that is not read."""
+    width, height = picture.size
+    if width * height > LARGEST:
+        raise InputError(path, f"{LARGEST:,} cells at most", f"{width:,} x {height:,}")
+    if picture.mode.startswith(("I", "F")):
+        raise InputError(path, "8 bits a channel", f"the mode {picture.mode}")
 
 
 def _describe(document: YamlDocument, path: Path) -> _Description:
@@ -183,8 +222,10 @@ class _Fields:
         value = self._document.data.get(key)
         values = value if isinstance(value, list) else [value]
         plain = [item for item in values if isinstance(item, int | float)]
-        if len(plain) != len(values) or len(values) != count or not np.isfinite(plain).all():
-            raise self.error(key, "a number" if count == 1 else f"{count} numbers")
+        within = (np.abs(np.array(plain, np.float64)) <= LARGEST_COORDINATE).all()
+        if len(plain) != len(values) or len(values) != count or not within:
+            expected = "a number" if count == 1 else f"{count} numbers"
+            raise self.error(key, f"{expected} within ±{LARGEST_COORDINATE:g}")
         return [float(item) for item in plain]
 
     def share(self, key: str) -> float:
@@ -201,9 +242,9 @@ class _Fields:
             raise self.error("image", "the name of a picture")
         path = self._path.parent / name
         zipped = path.with_name(f"{path.name}.gz")
-        if not path.is_file() and not zipped.is_file():
+        if not exists(path) and not exists(zipped):
             raise self.error("image", "a picture that exists")
-        return path if path.is_file() else zipped
+        return path if exists(path) else zipped
 
     def error(self, key: str, expected: str) -> InputError:
         """What is wrong with the value of a key."""

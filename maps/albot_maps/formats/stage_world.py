@@ -21,12 +21,14 @@ import numpy as np
 import shapely
 
 from albot_core.errors import InputError
-from albot_core.files import read_bytes
+from albot_core.files import exists, read_bytes
 from albot_core.geometry.poses import transform_segments
 from albot_core.geometry.types import Segments
+from albot_core.plain_data import LARGEST
+from albot_maps.formats.reachable import check_coordinates
 from albot_maps.formats.ros_grid import read_shades, trace_cells
 from albot_maps.freespace import FreeSpace
-from albot_maps.world import ROBOT_RADIUS, World
+from albot_maps.world import ROBOT_RADIUS, SHORTEST_WALL, World
 
 Value = str | float | list[str | float]
 """What a property is set to."""
@@ -44,6 +46,8 @@ _SOLID_TYPES = {"model", "floorplan"}
 _DARK = 128
 """A pixel darker than this is solid."""
 _SQUARE = np.array([[0.0, 0, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 0, 0]])
+_LARGEST = 4 << 20
+"""Bytes of a file; those of real worlds have some thousand."""
 _DEEPEST = 50
 """How many definitions may build on each other."""
 
@@ -75,6 +79,7 @@ def read_stage_world(path: Path) -> World:
         listed = ", ".join(f"{count} {kind}" for kind, count in left_out.items())
         notes.append(f"left out, for they are not known or not solid: {listed}")
     everything = np.concatenate(walls)
+    check_coordinates(everything, path)
     return World(
         name=path.stem,
         walls=everything,
@@ -123,7 +128,7 @@ class _Solid:
         shape = self._shape()
         corners = shape.reshape(-1, 2)
         low, high = corners.min(axis=0), corners.max(axis=0)
-        if (high <= low).any():
+        if (high - low <= SHORTEST_WALL).any():
             raise self._error("a shape with an area", "a line")
         size = self._numbers("size", (2, 3), [1.0, 1.0])[:2]
         if (size <= 0).any():
@@ -149,7 +154,7 @@ class _Solid:
         folder = self._model.path.parent
         picture = folder / name
         beside = folder / Path(name).name
-        if not picture.is_file() and beside.is_file():
+        if not exists(picture) and exists(beside):
             self.notes.append(f"{name} is not there; {beside.name} beside the file was taken")
             picture = beside
         dark = read_shades(picture)[::-1] < _DARK
@@ -157,7 +162,8 @@ class _Solid:
             raise InputError(picture, "at least one dark pixel", "none")
         edge = _SQUARE * np.array([dark.shape[::-1] * 2])
         bounded = self._values.get("boundary", 0.0) == 1
-        return np.concatenate((trace_cells(dark), edge)) if bounded else trace_cells(dark)
+        traced = trace_cells(dark, picture)
+        return np.concatenate((traced, edge)) if bounded else traced
 
     def _outline(self, block: Model) -> np.ndarray:
         points = [value for key, value in block.values.items() if key.startswith("point[")]
@@ -180,7 +186,7 @@ class _Solid:
 
 
 def _all_numbers(rows: list[list[str | float]]) -> bool:
-    return all(isinstance(item, float) and np.isfinite(item) for row in rows for item in row)
+    return all(isinstance(item, float) and abs(item) <= LARGEST for row in rows for item in row)
 
 
 @dataclass(kw_only=True)
@@ -223,7 +229,7 @@ class StageText:
             if token.text == "include" and token.kind == "word":
                 name = parser.expect("text", "the name of a file").text
                 included = path.parent / name
-                if included.is_file():
+                if exists(included):
                     self.read(included, depth + 1)
                 else:
                     self.missing.append(name)
@@ -246,7 +252,7 @@ class _Parser:
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            text = read_bytes(path).decode()
+            text = read_bytes(path, _LARGEST).decode()
         except UnicodeDecodeError as error:
             found = f"the byte 0x{error.object[error.start]:02x}"
             raise InputError(path, "UTF-8 text", found) from None

@@ -6,6 +6,7 @@ import io
 import json
 import zipfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from hypothesis import strategies as st
 
 from albot_agents.agent import begin_episode, choose_action
 from albot_agents.registry import find_agent, make_agent
-from albot_agents.trained.agent_file import AgentFile, TrainingFacts, read_agent
+from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings, read_agent
 from albot_agents.trained.card import read_evaluation, write_card
 from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import PolicyPlan, TrainingPlan
@@ -115,6 +116,24 @@ def test_what_differs_is_said(path: Path) -> None:
     with pytest.raises(InputError, match="3 numbers, found 11 discrete"):
         agent.reset(rng, Discrete(11))
     agent.reset(rng, Box(-1, 1, (3,), np.float32))
+
+
+def test_what_it_never_learnt_to_act_with_is_said(path: Path) -> None:
+    entry = find_agent(str(path))
+    assert entry.untrained({}) == entry.untrained({"mapper": "odometry", "odometer": "poor"}) == ()
+    assert entry.untrained({"mapper": "none"}) == ("mapper none (trained with odometry)",)
+    other = ("mapper_config x.yaml (trained with its default thresholds)",)
+    assert entry.untrained({"mapper_config": Path("x.yaml")}) == other
+    assert find_agent("oracle").untrained({"mapper": "albot1"}) == ()
+
+
+def test_its_mapper_s_thresholds_are_kept_but_not_for_another_mapper() -> None:
+    settings = {"mapper": "albot1", "mapper_config": {"view_spacing": 0.5}}
+    kept = kept_settings(TASK, settings, ObservationConfig())
+    file = replace(_agent(), settings=kept)
+    made = file.environment(TASK, {})
+    assert made["mapper_config"] == {"view_spacing": 0.5}
+    assert "mapper_config" not in file.environment(TASK, {"mapper": "odometry"})
 
 
 def _npy(array: np.ndarray, *, pickled: bool = False) -> bytes:
@@ -253,6 +272,15 @@ def test_a_card_tells_what_the_file_does(path: Path, tmp_path: Path) -> None:
     (tmp_path / "e.json").write_text("[]")
     with pytest.raises(InputError, match="the figures of `albot evaluate`"):
         read_evaluation(tmp_path / "e.json", agent)
+    for changed, message in (
+        ({"task": None}, "e.json, task: expected text"),
+        ({"world_specs": 3}, "e.json, world_specs: expected a list"),
+        ({"success_rate": "all"}, "e.json, success_rate: expected a number, found all"),
+        ({"ci95": [1]}, "e.json, ci95: expected tuple|e.json, ci95: expected a list"),
+    ):
+        (tmp_path / "e.json").write_text(json.dumps(figures | changed))
+        with pytest.raises(InputError, match=message):
+            read_evaluation(tmp_path / "e.json", agent)
 
 
 @pytest.mark.parametrize("told", [{"fingerprint": None}, {"fingerprint": "0" * 64}, {}])

@@ -124,7 +124,7 @@ def test_an_unknown_number_of_beams_is_named(drive, write):
         ('"range": [', '"range": [1.0, ', "181"),
         ('"range": [', '"range": 3, "more": [', "range 3"),
         ("},", "}", "'\"'"),
-        ('"x": ', '"x": 1e400, "z": ', "inf"),
+        ('"x": ', '"x": 1e400, "z": ', "1e400"),
     ],
 )
 def test_damaged_json_is_named(old, new, found, write, log_text):
@@ -149,11 +149,25 @@ def test_json_nested_too_deep_is_refused(write):
 
 def test_numbers_without_end_are_refused(write, log_text):
     long = "9" * 5000
-    with pytest.raises(InputError, match="numbers of a common length"):
+    with pytest.raises(InputError, match="numbers of a common size"):
         read_log(write(log_text("json").replace('"range": [', f'"range": [{long}, ', 1)))
     text = log_text("carmen")
     line = _number_of(text, "FLASER", 2)
     _expect_error(write(_edit(text, line, 1, long)), line, "the number of beams")
+
+
+@pytest.mark.parametrize("kind", ["carmen", "wean", "duke", "json"])
+def test_a_range_too_large_to_be_a_number_is_no_missing_return(kind, write, log_text):
+    """Read as a number it is infinite, which lasers say where nothing comes back."""
+    text = log_text(kind)
+    first = {"carmen": "FLASER", "wean": "L", "duke": "Laser"}.get(kind)
+    with pytest.raises(InputError, match=r"line \d+: .*1e400"):
+        if first is None:
+            read_log(write(text.replace('"range": [', '"range": [1e400, ', 1)))
+        else:
+            read_log(write(_edit(text, _number_of(text, first, 2), 9, "1e400")))
+    if first is not None:
+        read_log(write(_edit(text, _number_of(text, first, 2), 9, "Infinity")))
 
 
 def test_a_laser_line_without_its_odometry_is_named(write, log_text):

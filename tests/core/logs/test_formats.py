@@ -194,6 +194,7 @@ def test_a_last_line_without_its_end_is_read_if_whole(kind, write, log_text):
         (b"", "an empty file"),
         (b" \n\n", "an empty file"),
         (b"\x7fELF\x00\x01\x02", "binary data"),
+        (b"PK\x03\x04\x14\x00\x08\x00\nL 1 2\n", "a zip archive"),
         (b"Dear diary,\ntoday I drove.\n", "'Dear diary,'"),
         (b"point2 0 1 2\n", "'point2 0 1 2'"),
     ],
@@ -226,7 +227,7 @@ def test_a_log_without_scans_is_refused(write):
 
 
 def test_a_missing_log_and_a_folder(tmp_path):
-    with pytest.raises(InputError, match="a file that exists"):
+    with pytest.raises(InputError, match="file not found"):
         read_log(tmp_path / "none.log")
     with pytest.raises(InputError, match="a folder"):
         read_log(tmp_path)

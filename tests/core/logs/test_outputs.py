@@ -70,6 +70,25 @@ def test_a_damaged_trajectory_is_named(line, message, tmp_path):
         read_reference(path)
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "message"),
+    [
+        ("truth.txt", "1 0 0 0\n", "line 1: expected eight finite numbers, stamp x y .* 4 fields"),
+        ("truth.tum", "time x y\n", "line 1: expected eight finite numbers, stamp x y .* 3 fields"),
+        (
+            "truth.txt",
+            "Dear diary\n",
+            r"expected a TUM trajectory \(stamp x y .*found 'Dear diary'",
+        ),
+        ("truth.txt", "", "expected a TUM trajectory .*found an empty file"),
+    ],
+)
+def test_what_is_no_reference_is_told_what_one_is(name, text, message, tmp_path):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_reference(tmp_path / name)
+
+
 def test_references_from_logs(write, log_text, drive):
     corrected = read_reference(write(log_text("corrected")))
     np.testing.assert_allclose(corrected.poses, drive("corrected").corrected, atol=1e-9)

@@ -38,6 +38,8 @@ class GridConfig:
     def __post_init__(self) -> None:
         if self.particles < 1:
             raise InputError("GridConfig.particles", "at least 1", str(self.particles))
+        if not 0 <= self.noise < np.inf:
+            raise InputError("GridConfig.noise", "at least 0", str(self.noise))
 
 
 class GridMapper:

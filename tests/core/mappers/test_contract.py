@@ -44,7 +44,7 @@ def readings(count: int = 12) -> list[Reading]:
         ranges = np.minimum(ranges, end)
         motion = np.array((0.4 if k else 0.0, 0.0, 0.0))
         scan = LaserScan(ranges=ranges, geometry=LASER)
-        scans.append(Reading(stamp=float(k), motion=motion, laser=scan))
+        scans.append(Reading(stamp=float(k), motion=motion, laser=scan, scene=k // 2))
     return scans
 
 
@@ -82,7 +82,7 @@ def test_the_motion_of_the_first_reading_is_ignored(name):
     still, moved = make_mapper(name), make_mapper(name)
     first = readings(1)[0]
     still.update(first)
-    moved.update(Reading(stamp=0.0, motion=np.array((3.0, 2.0, 1.0)), laser=first.laser))
+    moved.update(Reading(stamp=0.0, motion=np.array((3.0, 2.0, 1.0)), laser=first.laser, scene=0))
     same_state(still, moved)
 
 
@@ -232,6 +232,7 @@ def test_what_a_batch_does_single_ones_do(name):
         batch.update(rows, many)
         for row in rows.tolist():
             added[row] += singles[row].update(reading)
+            scenes=np.full(count, reading.scene),
     for row, single in enumerate(singles):
         estimate = single.estimate
         np.testing.assert_array_equal(batch.poses[row], estimate.pose)

@@ -132,9 +132,9 @@ def npy(array: np.ndarray, *, pickled: bool = False) -> bytes:
     ("members", "message"),
     [
         ({"header": None}, "header.json: expected a header of format 'albot-map'"),
-        ({"header": b"{"}, "header.json: expected a header"),
+        ({"header": b"{"}, "header.json: expected whole JSON"),
         ({"header": b"[]"}, "header.json: expected a header"),
-        ({"header": b"\xff\xfe"}, "header.json: expected a header"),
+        ({"header": b"\xff\xfe"}, "header.json: expected whole JSON"),
         ({"header": header(format="other")}, "header.json: expected a header"),
         ({"header": header(version=1)}, "expected version 5 of the format, found 1"),
         ({"header": header(mapper="gone")}, "expected a mapper, one of .*found 'gone'"),
@@ -165,6 +165,47 @@ def test_a_file_that_is_no_map_of_ours_is_refused(members, message, tmp_path):
     assert "\n" not in str(caught.value)
 
 
+ODOMETRY, ALBOT1 = "odometry", "albot1"
+
+
+@pytest.mark.parametrize(
+    ("mapper", "array", "change", "message"),
+    [
+        (ODOMETRY, "pose", lambda pose: pose[:2], r"pose\.npy: expected shape \(3,\), found"),
+        (ODOMETRY, "pose", lambda pose: pose * np.nan, r"pose\.npy: expected finite numbers"),
+        (ODOMETRY, "updates", lambda count: count - 99, r"updates\.npy: expected a count, found -"),
+        (ODOMETRY, "surfaces", lambda rows: rows[:, :3], r"surfaces\.npy: expected shape"),
+        (ODOMETRY, "surfaces", lambda rows: rows * 1e17, r"surfaces\.npy: expected numbers within"),
+        (ODOMETRY, "surfaces", lambda rows: rows * 1e7, "line segments of 1000 m at most, found"),
+        (
+            ALBOT1,
+            "memory.surfaces",
+            lambda rows: rows * 1e17,
+            "numbers within ±1e\\+12",
+        ),
+        (ALBOT1, "memory.surfaces", lambda rows: rows * 1e7, "line segments of 1000 m at most"),
+        (ALBOT1, "memory.marks", lambda marks: marks[:-1], r"marks\.npy: expected shape"),
+        (ALBOT1, "memory.met", lambda rows: rows[:, :1], r"memory\.met\.npy: expected shape"),
+        (ALBOT1, "memory.counts", lambda counts: counts + 2**60, r"counts\.npy: expected numbers"),
+        (ALBOT1, "view.surfaces", lambda rows: rows * 1e7, "line segments of 1000 m at most"),
+        (ALBOT1, "view.slots", lambda slots: slots + 9999, "view.slots.npy: expected slots of"),
+        (ALBOT1, "exits.gate", lambda gate: gate[:3], r"exits\.gate\.npy: expected shape \(5,\)"),
+        (ALBOT1, "places.frames", lambda rows: rows[:, :2], r"frames\.npy: expected shape"),
+        (ALBOT1, "places.trail_links", lambda rows: rows * (1, 1, 1e-9), "lengths from 0.001 to"),
+        (ALBOT1, "places.trail_links", lambda rows: rows + 0.5, "expected pairs of"),
+        (ALBOT1, "readings", lambda count: count - 999, r"readings\.npy: expected a count"),
+    ],
+)
+def test_arrays_that_no_mapper_made_are_refused(mapper, array, change, message, tmp_path):
+    path = tmp_path / "a.albot"
+    kept = led(mapper)
+    save_map(kept, path)
+    changed = np.asarray(change(kept.state()[array]), kept.state()[array].dtype)
+    with pytest.raises(InputError, match=message) as caught:
+        load_map(rewrite(path, **{array: npy(changed)}))
+    assert str(caught.value).startswith(f"{path}, {array}.npy: expected")
+
+
 @pytest.mark.parametrize(
     "shape", [b"(99999999999999999999,)", b"(-3,)", b"(3,", b"('a',)", b"(" * 500, b"open('x')"]
 )
@@ -182,7 +223,7 @@ def test_what_is_no_zip_is_refused(content, tmp_path):
     path.write_bytes(content)
     with pytest.raises(InputError):
         load_map(path)
-    with pytest.raises(InputError, match="a file that exists"):
+    with pytest.raises(InputError, match="file not found"):
         load_map(tmp_path / "none.albot")
 
 

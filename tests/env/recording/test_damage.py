@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from albot_core.errors import InputError
+from albot_env.recording.episode import Moment
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.schemas import EPISODE_HEADER, STEP
 
@@ -39,6 +40,30 @@ def test_a_file_cut_anywhere_gives_its_beginning_or_a_clear_error(
     assert max(played) == len(stamps)
 
 
+@pytest.mark.parametrize("tail", [b"\0" * 4096, b"\6" + b"\0" * 99, bytes(range(1, 256))])
+def test_what_follows_the_last_whole_chunk_is_left_out(
+    episode: Path, tmp_path: Path, tail: bytes
+) -> None:
+    """A computer that goes down may leave blocks of zeros, or of something else."""
+    with episode.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    chunk = summary.chunk_indexes[2]
+    whole = episode.read_bytes()[: chunk.chunk_start_offset + chunk.chunk_length]
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(whole + tail)
+    reader = EpisodeReader(torn)
+    assert len(list(reader.moments())) == 20
+    assert reader.torn
+
+
+def test_a_file_that_ends_before_its_header_says_so(episode: Path, tmp_path: Path) -> None:
+    torn = tmp_path / "torn.mcap"
+    torn.write_bytes(episode.read_bytes()[:100])
+    with pytest.raises(InputError, match="its header first, found a file that ends before it"):
+        EpisodeReader(torn)
+
+
 @pytest.mark.parametrize("share", [0.3, 0.6])
 def test_a_flipped_byte_is_found(episode: Path, share: float) -> None:
     data = bytearray(episode.read_bytes())
@@ -62,9 +87,15 @@ def test_a_foreign_file_is_refused(tmp_path: Path, content: bytes) -> None:
         EpisodeReader(path)
 
 
-@pytest.mark.parametrize("name", ["none.mcap", "."])
-def test_no_file_is_refused(tmp_path: Path, name: str) -> None:
-    with pytest.raises(InputError, match="expected an episode file that can be read"):
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("none.mcap", "none.mcap: file not found"),
+        (".", "expected an episode file that can be read"),
+    ],
+)
+def test_no_file_is_refused(tmp_path: Path, name: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
         EpisodeReader(tmp_path / name)
 
 
@@ -123,14 +154,108 @@ def test_another_mcap_file_is_refused(tmp_path: Path) -> None:
         ({"start": None}, "header/start"),
         ({"seed": "one"}, "header/seed"),
         ({"sonar": {"bearings": [0]}}, "header/sonar"),
-        ({"sonar": _sonar(cone=7.0)}, "header, SonarGeometry.cone"),
-        ({"sonar": _sonar(places=[])}, "header, SonarGeometry.places"),
+        ({"sonar": _sonar(cone=7.0)}, "header.sonar.cone"),
+        ({"sonar": _sonar(places=[])}, "header.sonar.places"),
     ],
 )
 def test_a_wrong_header_says_where(tmp_path: Path, changes: dict, place: str) -> None:
     _write(tmp_path / "a.mcap", [("/albot/header", _header(**changes))])
     with pytest.raises(InputError, match=f"{place}: expected"):
         EpisodeReader(tmp_path / "a.mcap")
+
+
+STEP_SENT = {
+    "stamp": 0.0, "action": None, "reward": 0.0, "terms": {"coverage": 1.0}, "motion": [0, 0, 0],
+    "echoes": None, "scene": None, "pose": [0, 0, 0], "collided": False, "room": "west",
+    "path_length": 0.0, "belief": [0, 0, 0], "home": [0, 0, 0], "updates": 0,
+    "matched_reading": None,
+}  # fmt: skip
+NODE = {"id": 0, "label": "P1", "pose": [0, 0, 0], "middle": [0, 0], "segments": []}
+EDGE = {"source": 0, "target": 0, "motion": [0, 0, 0], "doorway": None, "reverse": None}
+GRID = {"origin": [0, 0, 0], "resolution": 0.5, "rows": 1, "columns": 2, "occupancy": "AP8="}
+GRAPH = {"nodes": [NODE], "edges": [EDGE], "current": 0, "home": None}
+
+
+def _moments(path: Path, **changed: object) -> list[Moment]:
+    """The moments of an episode of one step, of which some messages are others."""
+    sent = {
+        "/scan": {"ranges": [1, 2, 3]},
+        "/albot/things": {"segments": [[0, 0, 1, 1]]},
+        "/albot/map": {"occupancy_grid": GRID, "place_graph": GRAPH},
+        "/albot/step": STEP_SENT,
+    } | changed
+    messages = [(topic, json.dumps(content).encode()) for topic, content in sent.items()]
+    _write(path, [("/albot/header", _header()), *messages])
+    return list(EpisodeReader(path).moments())
+
+
+def test_the_messages_that_are_damaged_below_are_whole(tmp_path: Path) -> None:
+    (moment,) = _moments(tmp_path / "a.mcap")
+    assert moment.snapshot is not None
+    assert len(moment.snapshot.place_graph.nodes) == 1
+
+
+@pytest.mark.parametrize(
+    ("topic", "content", "message"),
+    [
+        ("/scan", [], "expected a mapping with ranges, found"),
+        ("/scan", {}, "ranges: expected a value, found none"),
+        ("/scan", {"ranges": {}}, "ranges: expected n numbers within"),
+        ("/scan", {"ranges": [1, None, 3]}, "ranges: expected n numbers within"),
+        ("/scan", {"ranges": [1, 2]}, "ranges: expected 3 ranges as the geometry says"),
+        ("/scan", {"ranges": [1, 2, -3]}, "ranges: expected distances"),
+        ("/scan", {"ranges": [1, 2, 10**39]}, "ranges: expected n numbers within"),
+        ("/albot/things", {"segments": [[1, 2, 3]]}, "segments: expected n x 4 numbers"),
+        ("/albot/step", STEP_SENT | {"terms": []}, "terms: expected a mapping"),
+        ("/albot/step", STEP_SENT | {"terms": {"a": "b"}}, "terms.a: expected a number"),
+        ("/albot/step", STEP_SENT | {"pose": [0, 0]}, "pose: expected 3 numbers"),
+        ("/albot/step", STEP_SENT | {"pose": [0, 0, 1e300]}, "pose: expected 3 numbers"),
+        ("/albot/step", STEP_SENT | {"action": 3}, "action: expected n numbers"),
+        ("/albot/step", STEP_SENT | {"updates": -1}, "updates: expected a whole number from 0"),
+        ("/albot/step", STEP_SENT | {"updates": 1.5}, "updates: expected a whole number"),
+        ("/albot/step", STEP_SENT | {"matched_reading": "x"}, "matched_reading: expected a whole"),
+        ("/albot/step", STEP_SENT | {"echoes": [1]}, "echoes: expected echoes of the sonars"),
+        ("/albot/map", [], "expected a mapping with"),
+        ("/albot/map", {"segmnts": {}}, "found segmnts .did you mean segments"),
+        ("/albot/map", {"segments": {"segments": 3}}, "segments.segments: expected n x 4"),
+        ("/albot/map", {"trajectory": {"poses": [[0, 0]]}}, "trajectory.poses: expected n x 3"),
+        (
+            "/albot/map",
+            {"particles": {"poses": [[0, 0, 0]], "weights": []}},
+            "particles.weights: expected 1 numbers",
+        ),
+        ("/albot/map", {"occupancy_grid": GRID | {"rows": 2}}, "expected 2 x 2 bytes in base 64"),
+        ("/albot/map", {"occupancy_grid": GRID | {"rows": -1}}, "expected -1 x 2 bytes"),
+        ("/albot/map", {"occupancy_grid": GRID | {"rows": 2**62}}, "bytes in base 64"),
+        ("/albot/map", {"occupancy_grid": GRID | {"occupancy": "A"}}, "bytes in base 64"),
+        ("/albot/map", {"occupancy_grid": GRID | {"resolution": 0}}, "resolution: expected a pos"),
+        ("/albot/map", {"place_graph": GRAPH | {"nodes": {}}}, "place_graph.nodes: expected a li"),
+        ("/albot/map", {"place_graph": GRAPH | {"nodes": [NODE, NODE]}}, "ids of their own"),
+        ("/albot/map", {"place_graph": GRAPH | {"nodes": [3]}}, r"nodes\[0\]: expected a mapping"),
+        ("/albot/map", {"place_graph": GRAPH | {"current": 7}}, "current: expected the id of a pl"),
+        (
+            "/albot/map",
+            {"place_graph": GRAPH | {"edges": [EDGE | {"target": 7}]}},
+            r"edges\[0\]\.target: expected the number of one that is there, found 7",
+        ),
+        (
+            "/albot/map",
+            {"place_graph": GRAPH | {"edges": [EDGE | {"reverse": 1}]}},
+            r"edges\[0\]\.reverse: expected the number",
+        ),
+        (
+            "/albot/map",
+            {"place_graph": GRAPH | {"edges": [EDGE | {"doorway": [1]}]}},
+            r"edges\[0\]\.doorway: expected 4 numbers",
+        ),
+    ],
+)
+def test_a_message_of_another_shape_says_where(
+    tmp_path: Path, topic: str, content: object, message: str
+) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        _moments(tmp_path / "a.mcap", **{topic: content})
+    assert str(caught.value).startswith(f"{tmp_path / 'a.mcap'}, {topic} at 0 s")
 
 
 @pytest.mark.parametrize("data", [b"{", b"[]", b'{"pose": 1}', b"\xff\xfe"])

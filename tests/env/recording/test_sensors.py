@@ -97,7 +97,9 @@ def test_a_robot_without_sonars_has_none_in_its_file(tmp_path: Path) -> None:
 def test_echoes_without_sonars_are_refused(tmp_path: Path, sonar, echoes) -> None:
     header = dataclasses.replace(HEADER, sonar=sonar)
     reader = write(tmp_path / "a.mcap", header, [moment(0.0, echoes, None)])
-    with pytest.raises(InputError, match=r"Step at 0 s: expected a message as its schema says"):
+    with pytest.raises(
+        InputError, match=r"/albot/step at 0 s.echoes: expected echoes of the sonars"
+    ):
         list(reader.moments())
 
 

@@ -85,5 +85,5 @@ def test_a_thread_pool_does_all_rows_once_and_raises_what_its_threads_raise() ->
     with pytest.raises(ValueError, match="three"):
         pool.share(np.arange(100), fail)
     pool.close()
-    with pytest.raises(InputError, match="a whole number from 0, found -1"):
+    with pytest.raises(InputError, match="a whole number from 1, or None, found -1"):
         ThreadPool(-1)

@@ -179,7 +179,6 @@ def test_the_start_is_drawn(environment: str) -> None:
     ("action", "found"),
     [
         ([np.nan, 0], "nan"),
-        ([0, 1.01], "1.01"),
         ([-np.inf, 0], "-inf"),
         ([0, 0, 0], r"shape \(\d,\)"),
         (0.5, r"shape \(\)"),
@@ -192,9 +191,23 @@ def test_an_action_that_is_none_is_refused(environment: str, action: Any, found:
     env.reset(seed=1)
     if isinstance(action, list):
         action = [*action, 0]
-    expected = f"{environment}, action: expected 3 numbers.*{found}"
+    expected = f"{environment}, action: expected 3 finite numbers.*{found}"
     with pytest.raises(InputError, match=expected):
         env.step(action)
+
+
+@pytest.mark.parametrize("environment", quick.DRIVEN)
+def test_numbers_beyond_the_limits_are_those_at_the_limits(environment: str) -> None:
+    """A normal distribution draws any number, and 1 is not the same in all arithmetics."""
+    env = _make(environment).unwrapped
+    seen = []
+    for actions in (
+        [[1, 1, -1], [-1, -0.5, -1], [1, 1, 1]],
+        [[1.0000001, 9e9, -1.5], [-1.1, -0.5, -3], [2, 1, 1e300]],
+    ):
+        env.reset(seed=1)
+        seen.append([env.step(np.array(action)) for action in actions])
+    assert _same(*seen)
 
 
 @pytest.mark.parametrize("environment", quick.IDS)
@@ -228,9 +241,18 @@ def test_reset_options_that_are_none_are_refused(environment: str, options: Any)
 
 
 @pytest.mark.parametrize("environment", quick.IDS)
-def test_stepping_before_a_reset_is_an_error(environment: str) -> None:
+def test_stepping_before_a_reset_or_after_the_end_is_an_error(environment: str) -> None:
+    env = _make(environment).unwrapped
     with pytest.raises(gymnasium.error.ResetNeeded):
-        _make(environment).unwrapped.step(quick.still(environment))
+        env.step(quick.still(environment))
+    env.reset(seed=1)
+    env.close()
+    env.close()  # Once more is no harm.
+    closed = f"{environment}: it was closed"
+    with pytest.raises(gymnasium.error.ClosedEnvironmentError, match=closed):
+        env.step(quick.still(environment))
+    with pytest.raises(gymnasium.error.ClosedEnvironmentError, match=closed):
+        env.reset(seed=1)
 
 
 @pytest.mark.parametrize("environment", quick.IDS)

@@ -260,7 +260,7 @@ def test_things_that_move_are_where_the_journey_left_them() -> None:
 
 def test_an_episode_can_be_recorded(two_rooms: World, tmp_path: Any) -> None:
     env = _make(two_rooms)
-    env.recorder = EpisodeWriter(tmp_path / "home.mcap", agent="chance")
+    env.agent, env.recorder = "chance", EpisodeWriter(tmp_path / "home.mcap")
     env.reset(seed=1)
     env.step(STILL)
     env.step(DECLARE)

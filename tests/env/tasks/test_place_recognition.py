@@ -256,7 +256,7 @@ def test_rooms_without_a_doorway_between_them_are_one_place(
 
 def test_a_tour_can_be_recorded(two_rooms: World, tmp_path: Any) -> None:
     env = _make(two_rooms, mapper="odometry", config=THERE_AND_BACK)
-    env.recorder = EpisodeWriter(tmp_path / "tour.mcap", agent="judge")
+    env.agent, env.recorder = "judge", EpisodeWriter(tmp_path / "tour.mcap")
     _answer(env, 0, 1, 2)
     env.close()
     moments = list(EpisodeReader(tmp_path / "tour.mcap").moments())

@@ -30,8 +30,8 @@ def _settings(environment: str, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _vector(environment: str, count: int = COUNT, **options: Any) -> VectorEnv[Any, Any, Any]:
-    settings = _settings(environment, options)
-    return gymnasium.make_vec(environment, num_envs=count, **settings)
+    settings = {"num_envs": count} | _settings(environment, options)
+    return gymnasium.make_vec(environment, **settings)
 
 
 def _singles(environment: str, mode: AutoresetMode, **options: Any) -> SyncVectorEnv[Any, Any]:
@@ -181,7 +181,7 @@ def test_observations_are_inside_and_their_own(environment: str, form: str) -> N
     [
         (np.zeros((2, 2)), r"action: .* for each of 3, found shape \(2, \d\)"),
         (np.array([[0, 0], [0, np.nan], [2, 0]]), r"action of environment 1: .*nan"),
-        (np.array([[0, 0], [0, 0], [2, 0]]), r"action of environment 2: .*\[2.0, 0.0"),
+        (np.array([[0, 0], [0, 0], [2, -np.inf]]), r"action of environment 2: .*\[2.0, -inf"),
         ("fast", "action: .*fast"),
     ],
 )
@@ -195,6 +195,20 @@ def test_actions_that_are_none_are_refused(environment: str, actions: Any, messa
         env.step(actions)
 
 
+@pytest.mark.parametrize("environment", quick.DRIVEN)
+def test_numbers_beyond_the_limits_count_as_in_the_single_form(environment: str) -> None:
+    env = _vector(environment)
+    single = gymnasium.make(environment, **_settings(environment, {}))
+    env.reset(seed=[4, 5, 4])
+    single.reset(seed=4)
+    actions = np.array([[1.0000001, -9, -1], [0, 0, 0], [1, -1, -7.5]])
+    observations, rewards, *_ = env.step(actions)
+    np.testing.assert_array_equal(observations[0], observations[2])
+    alone, reward, *_ = single.step(actions[2])
+    np.testing.assert_array_equal(alone, observations[0])
+    assert reward == rewards[0] == rewards[2]
+
+
 @pytest.mark.parametrize("environment", quick.IDS)
 @pytest.mark.parametrize(
     ("options", "message"),
@@ -203,6 +217,9 @@ def test_actions_that_are_none_are_refused(environment: str, actions: Any, messa
         ({"autoreset_mode": "Sometimes"}, "autoreset_mode: expected one of NextStep"),
         ({"num_treads": 1}, "expected settings among"),
         ({"thread": 1}, r"found thread \(did you mean threads\?\)"),
+        ({"render_mode": "human"}, "expected no render_mode: only single .*found human"),
+        ({"threads": 0}, "threads: expected a whole number from 1, or None, found 0"),
+        ({"num_envs": 0}, "make_vec, num_envs: expected a whole number from 1, found 0"),
         *quick.UNKNOWN,
     ],
 )
@@ -232,7 +249,7 @@ def test_resets_that_are_none_are_refused(
 
 
 @pytest.mark.parametrize("environment", quick.IDS)
-def test_stepping_what_has_not_begun_or_is_over_is_an_error(environment: str) -> None:
+def test_stepping_what_has_not_begun_or_is_over_or_closed_is_an_error(environment: str) -> None:
     env = _vector(environment, autoreset_mode="Disabled", max_episode_steps=1)
     nothing = quick.still(environment, COUNT)
     with pytest.raises(gymnasium.error.ResetNeeded, match="before the first step"):
@@ -242,3 +259,7 @@ def test_stepping_what_has_not_begun_or_is_over_is_an_error(environment: str) ->
     env.reset(options={"reset_mask": np.array([True, False, True])})
     with pytest.raises(gymnasium.error.ResetNeeded, match="environment 1 is over"):
         env.step(nothing)
+    env.close()
+    for go_on in (env.reset, lambda: env.step(nothing)):
+        with pytest.raises(gymnasium.error.ClosedEnvironmentError, match="it was closed"):
+            go_on()

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import importlib
+import json
+import sys
+from pathlib import Path
+
 import gymnasium
 import numpy as np
 import pytest
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecMonitor
+from stable_baselines3.common.logger import configure
 
 from albot_core.errors import InputError
-from albot_env.vector.sb3 import BatchedVecEnv, make_sb3
+from albot_env.vector.sb3 import BatchedVecEnv, make_batch, make_sb3
 
 ENVIRONMENT = "Albot/Explore-v0"
 SETTINGS = {"world": "square-loop", "mapper": "none", "max_episode_steps": 6}
 
 
 def test_an_episode_s_end_tells_how_it_ended_and_what_was_seen_last() -> None:
-    env = make_sb3(ENVIRONMENT, 2, **SETTINGS)
+    env = make_batch(ENVIRONMENT, 2, **SETTINGS)
     single = gymnasium.make(ENVIRONMENT, **SETTINGS)
     env.seed(8)
     first = env.reset()
@@ -39,13 +44,18 @@ def test_an_episode_s_end_tells_how_it_ended_and_what_was_seen_last() -> None:
 
 
 @pytest.mark.parametrize(("form", "policy"), [("flat", "MlpPolicy"), ("dict", "MultiInputPolicy")])
-def test_ppo_learns_with_it(form: str, policy: str) -> None:
-    env = VecMonitor(make_sb3(ENVIRONMENT, 4, observation=form, **SETTINGS))
+def test_ppo_learns_with_it_and_reports_its_returns(form: str, policy: str, tmp_path: Path) -> None:
+    env = make_sb3(ENVIRONMENT, 4, observation=form, **SETTINGS)
     model = PPO(policy, env, n_steps=16, batch_size=32, n_epochs=2, seed=0, device="cpu")
+    model.set_logger(configure(str(tmp_path), ["json"]))
     before = [weights.detach().clone() for weights in model.policy.parameters()]
     model.learn(128)
     assert len(model.ep_info_buffer) == 4 * (32 // 6)
-    assert all(episode["l"] == 6 for episode in model.ep_info_buffer)
+    model.logger.close()
+    told = json.loads((tmp_path / "progress.json").read_text().splitlines()[-1])
+    assert told["rollout/ep_len_mean"] == 6
+    mean = np.mean([episode["r"] for episode in model.ep_info_buffer])
+    assert told["rollout/ep_rew_mean"] == pytest.approx(mean)
     after = model.policy.parameters()
     assert any(not old.equal(new) for old, new in zip(before, after, strict=True))
 
@@ -54,7 +64,7 @@ def test_a_batch_that_resets_in_another_way_is_refused() -> None:
     batch = gymnasium.make_vec(ENVIRONMENT, num_envs=2, **SETTINGS)
     with pytest.raises(InputError, match="expected autoreset_mode SameStep"):
         BatchedVecEnv(batch)
-    env = make_sb3(ENVIRONMENT, 2, **SETTINGS)
+    env = make_batch(ENVIRONMENT, 2, **SETTINGS)
     with pytest.raises(AttributeError, match="batch"):
         env.env_method("step")
     with pytest.raises(AttributeError, match="batch"):
@@ -65,3 +75,12 @@ def test_a_batch_that_resets_in_another_way_is_refused() -> None:
     env.reset()  # Options are for one reset.
     assert [info["world"] for info in env.reset_infos] == ["square-loop"] * 2
     assert all(info["coverage"] >= 0.0 for info in env.reset_infos)
+
+
+def test_without_stable_baselines3_it_is_said_how_to_install_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setitem(sys.modules, "stable_baselines3.common.vec_env", None)
+    monkeypatch.delitem(sys.modules, "albot_env.vector.sb3")
+    with pytest.raises(ModuleNotFoundError, match=r"clone.*pip install -c constraints.txt"):
+        importlib.import_module("albot_env.vector.sb3")

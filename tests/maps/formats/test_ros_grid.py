@@ -82,7 +82,7 @@ def assert_near(lines: np.ndarray, others: np.ndarray) -> None:
 @given(arrays.arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12))))
 def test_traced_walls_are_within_one_cell_of_the_cells_and_back(occupied):
     if occupied.any():
-        assert_within_one_cell(occupied, trace_cells(occupied))
+        assert_within_one_cell(occupied, trace_cells(occupied, Path("map.pgm")))
 
 
 @pytest.mark.parametrize("name", ["UMA_236_237", "y4_aaf-cropped"])

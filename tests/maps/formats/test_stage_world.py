@@ -110,7 +110,7 @@ def test_the_bitmap_may_lie_beside_the_file(folder):
         ("model ( size [1 a] )", "line 1: expected size with 2 or 3 numbers"),
         ("model ( size [-1 1] )", "line 1: expected a size larger than 0"),
         ("model ( pose [1 2] )", "line 1: expected pose with 3 or 4 numbers"),
-        ('floorplan ( bitmap "no.png" )', "no.png: expected a file that exists, found none"),
+        ('floorplan ( bitmap "no.png" )', "no.png: file not found"),
         ('floorplan ( bitmap "a.world" )', "a.world: expected a whole PGM or PNG picture"),
         ("model ( block ( points 1 point[0] [0 0] ) )", "line 1: expected 3 points or more"),
         ("model ( size [0.3 0.3] )", "expected walls round a robot"),

@@ -112,11 +112,6 @@ class Albot1Batch:
         return self._homes
 
     @property
-    def current_places(self) -> Int64[np.ndarray, "robots"]:
-        """The id of the place that each believes to be in. Written over."""
-        return self._robots.current
-
-    @property
     def matched_readings(self) -> Int64[np.ndarray, "robots"]:
         """The earlier reading taken nearest by in the present place; -1 in a new place.
 

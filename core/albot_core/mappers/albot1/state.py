@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from jaxtyping import Bool
 
 from albot_core.errors import InputError
 from albot_core.mappers.albot1.config import PlacesConfig
@@ -24,6 +25,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     empty_map,
     empty_view,
     file_all,
+    living,
 )
 from albot_core.mappers.albot1.places.exits import (
     CROSSING_EXPECTED,
@@ -35,6 +37,7 @@ from albot_core.mappers.albot1.places.exits import (
 )
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
+from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths, check_shapes
 
 STORED_ROWS = {"progress": "progress", "since": "since", "trod": "crumb_poses"}
 """The fields of `BatchArrays` from which, with a robot's arrays, all others follow, by their names
@@ -63,7 +66,7 @@ def rebuilt_arrays(
         InputError: The arrays contradict each other.
     """
     pm = rebuilt_map(_part(state, "memory."))
-    view = rebuilt_view(_part(state, "view."), len(state["memory.ids"]))
+    view = rebuilt_view(_part(state, "view."), living(pm))
     exits = rebuilt_exits(_part(state, "exits."))
     network = rebuilt_network(_part(state, "places."), config)
     if len(network.visits) != pm.counts[VISIT] + 1:
@@ -142,6 +145,18 @@ def enlarged_map(pm: PerceptualMap) -> PerceptualMap:
     return _filled_map(stored_map(pm), 2 * len(pm.ids))
 
 
+_MAP_SHAPES: dict[str, Shape] = {
+    "surfaces": ("slots", 4),
+    "edges": ("slots", 2),
+    "ids": ("slots",),
+    "marks": ("slots",),
+    "met_in": ("slots",),
+    "met": ("visits", 2),
+    "free": ("freed",),
+    "counts": (6,),
+}
+
+
 def rebuilt_map(stored: Mapping[str, np.ndarray]) -> PerceptualMap:
     """The map with the given fields.
 
@@ -149,22 +164,14 @@ def rebuilt_map(stored: Mapping[str, np.ndarray]) -> PerceptualMap:
         InputError: The fields contradict each other.
     """
     ids, counts = stored["ids"], stored["counts"]
-    shapes = {
-        "surfaces": (len(ids), 4),
-        "edges": (len(ids), 2),
-        "marks": (len(ids),),
-        "met_in": (len(ids),),
-        "counts": (6,),
-    }
-    for field, shape in shapes.items():
-        if stored[field].shape != shape:
-            raise InputError(f"memory.{field}", f"shape {shape}", str(stored[field].shape))
+    check_shapes(stored, _MAP_SHAPES, "memory.")
+    check_lengths("memory.surfaces", stored["surfaces"])
     alive = ids >= 0
     expected = [alive.sum(), len(ids) - alive.sum(), counts[NEXT_ID], len(ids)]
     if counts[:VISIT].tolist() != expected:
         raise InputError("memory.counts", str(expected), str(counts.tolist()))
     visit, candidate = counts[VISIT:].tolist()
-    if visit < 1 or not 0 <= candidate <= visit or stored["met"].shape != (visit + 1, 2):
+    if visit < 1 or not 0 <= candidate <= visit or len(stored["met"]) != visit + 1:
         found = f"{visit}, {candidate} and {stored['met'].shape}"
         raise InputError("memory.met", "a row for each visit up to the present one", found)
     if ((stored["marks"][alive] < 1) | (stored["marks"][alive] > visit)).any():
@@ -189,8 +196,8 @@ def stored_view(view: LocatedView) -> dict[str, np.ndarray]:
     return stored | {"pose": view.pose.copy()}
 
 
-def rebuilt_view(stored: Mapping[str, np.ndarray], slots: int) -> LocatedView:
-    """The view with the given fields, whose landmarks are in a map that uses so many slots.
+def rebuilt_view(stored: Mapping[str, np.ndarray], alive: Bool[np.ndarray, "slots"]) -> LocatedView:
+    """The view with the given fields, whose landmarks are in slots of a map that hold a surface.
 
     Raises:
         InputError: The fields contradict each other or the map.
@@ -198,16 +205,14 @@ def rebuilt_view(stored: Mapping[str, np.ndarray], slots: int) -> LocatedView:
     size = len(stored["slots"])
     view = empty_view(max(VIEW_ROOM_AT_FIRST, size))
     view.size[0] = size
+    shapes: dict[str, Shape] = {field: (size, *getattr(view, field).shape[1:]) for field in VIEWED}
+    check_shapes(stored, shapes | {"pose": (3,)}, "view.")
     for field in (*VIEWED, "pose"):
-        array = getattr(view, field)
-        shape = (3,) if field == "pose" else (size, *array.shape[1:])
-        if stored[field].shape != shape:
-            raise InputError(f"view.{field}", f"shape {shape}", str(stored[field].shape))
-        array[: shape[0]] = stored[field]
-    if ((view.slots < NOT_RECOGNIZED) | (view.slots >= slots)).any():
-        raise InputError("view.slots", f"slots of a map of {slots}", "others")
-    if not (np.isfinite(view.surfaces).all() and np.isfinite(view.pose).all()):
-        raise InputError("view.surfaces", "finite surfaces and pose", "NaN or infinity")
+        getattr(view, field)[: len(stored[field])] = stored[field]
+    if not np.isin(stored["slots"], (NOT_RECOGNIZED, *np.flatnonzero(alive))).all():
+        raise InputError("view.slots", "slots of surfaces in the map", "others")
+    check_finite(stored, "surfaces", "pose", prefix="view.")
+    check_lengths("view.surfaces", stored["surfaces"])
     return view
 
 
@@ -232,11 +237,11 @@ def rebuilt_exits(stored: Mapping[str, np.ndarray]) -> ExitMemory:
         [len(lines), crossing] for crossing in (NOT_CROSSING, CROSSING_SEEN, CROSSING_EXPECTED)
     ]:
         raise InputError("exits.counts", f"{len(lines)} and 0 to 2", str(counts.tolist()))
-    if len(lines) > MAX_EXITS or lines.shape[1:] != (4,) or stored["gate"].shape != (5,):
-        found = f"{lines.shape} and {stored['gate'].shape}"
-        raise InputError("exits.lines", f"shapes (up to {MAX_EXITS}, 4) and (5,)", found)
-    if not (np.isfinite(lines).all() and np.isfinite(stored["gate"]).all()):
-        raise InputError("exits.lines", "finite numbers", "NaN or infinity")
+    check_shapes(stored, {"lines": ("exits", 4), "gate": (5,)}, "exits.")
+    if len(lines) > MAX_EXITS:
+        raise InputError("exits.lines", f"{MAX_EXITS} exits at most", str(len(lines)))
+    check_finite(stored, "lines", "gate", prefix="exits.")
+    check_lengths("exits.lines", lines)
     exits.lines[: len(lines)] = lines
     exits.crossing[:], exits.counts[:2] = stored["gate"], counts
     return exits

@@ -18,6 +18,7 @@ from albot_core.geometry.poses import compose, relative, transform_segments
 from albot_core.geometry.types import Segments
 from albot_core.mappers.mapper import Estimate, MapperSpec
 from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths, check_shapes
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import ViewConfig, construct_view
@@ -43,6 +44,15 @@ class OdometryConfig:
                 raise InputError(f"OdometryConfig.{name}", f"0 or more ({unit})", str(value))
         if self.capacity < 1:
             raise InputError("OdometryConfig.capacity", "at least 1", str(self.capacity))
+
+
+_SHAPES: dict[str, Shape] = {
+    "pose": (3,),
+    "laid_at": (3,),
+    "updates": (),
+    "surfaces": ("surfaces", 4),
+}
+"""The arrays of a state."""
 
 
 class OdometryMapper:
@@ -115,7 +125,16 @@ class OdometryMapper:
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`."""
+        """Become the mapper that returned `state`.
+
+        Raises:
+            InputError: The arrays are none that a state holds.
+        """
+        check_shapes(state, _SHAPES)
+        check_finite(state, "pose", "laid_at", "surfaces")
+        check_lengths("surfaces", state["surfaces"])
+        if state["updates"] < 0:
+            raise InputError("updates", "a count", str(state["updates"]))
         self._pose = state["pose"].copy()
         self._laid_at = state["laid_at"].copy()
         self._updates = int(state["updates"])

@@ -14,7 +14,7 @@ from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import relative_pose, seen_from
 from albot_core.mappers.albot1.perceptual_map.memory import LocatedView
-from albot_core.matching.lines import length_of
+from albot_core.matching.lines import line_length
 
 CONTRADICTED = 0.45
 """Two views are inconsistent if a larger share of their walls contradicts."""
@@ -76,7 +76,7 @@ def _compare(
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     wall, agreeing, seen_past = _wall(), 0, 0
     for k in range(walls.size[0]):
-        length = length_of(walls.surfaces[k])
+        length = line_length(walls.surfaces[k])
         if length < limits.landmark_length:
             continue
         seen_from(pose, cos, sin, walls.surfaces[k], wall)

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import types
 
+from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.consistency import inconsistent_views
@@ -47,7 +48,7 @@ from albot_core.mappers.albot1.perceptual_map.overlay import (
 )
 from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers
 from albot_core.mappers.albot1.perceptual_map.submap_matching import match_submap
-from albot_core.matching.lines import heading_of, length_of, wrap
+from albot_core.matching.lines import heading_of, line_length, wrap
 from albot_core.sensing.view import NO_EDGE, ViewBuffers, extract_surfaces
 
 STEP, UPDATED_AT, UPDATES, UNRECOGNIZED, INCONSISTENT = 0, 1, 2, 3, 4
@@ -104,7 +105,7 @@ def take_view(
     )
     # Section 3.1.4: landmarks are long surfaces with an occluding or corner point.
     for k in range(current.size[0]):
-        current.landmark[k] = length_of(current.surfaces[k]) >= limits.landmark_length and (
+        current.landmark[k] = line_length(current.surfaces[k]) >= limits.landmark_length and (
             current.edges[k, 0] != NO_EDGE or current.edges[k, 1] != NO_EDGE
         )
 
@@ -200,7 +201,7 @@ def localize(pm: PerceptualMap, current: LocatedView, pairs: np.ndarray) -> None
             continue
         j = which[k]
         # Eq. (3.5); perfect agreement would divide by zero.
-        goodness = length_of(current.surfaces[j]) / (
+        goodness = line_length(current.surfaces[j]) / (
             max(pairs[j, DISTANCE], TINY) * max(pairs[j, GAP], TINY) * max(pairs[j, ANGLE], TINY)
         )
         if goodness > best:  # Alg. 2, line 1
@@ -218,9 +219,9 @@ def _pose_by_landmark(remembered: np.ndarray, seen: np.ndarray, end: int, pose: 
     """
     pose[2] = wrap(heading_of(remembered) - heading_of(seen))
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    x, y = seen[2 * end], seen[2 * end + 1]
-    pose[0] = remembered[2 * end] - (cos * x - sin * y)
-    pose[1] = remembered[2 * end + 1] - (sin * x + cos * y)
+    x, y = rotate(cos, sin, seen[2 * end], seen[2 * end + 1])
+    pose[0] = remembered[2 * end] - x
+    pose[1] = remembered[2 * end + 1] - y
 
 
 # Algorithm 3: update the map
@@ -284,7 +285,7 @@ def _lay_over(
             if k < 0:
                 cut_at_boundary(old, outer, polygon, box, limits.margin, changed)
                 edges[outer], edges[1 - outer] = pm.edges[slot, outer], NO_EDGE
-                if length_of(changed) < MIN_REMAINDER:
+                if line_length(changed) < MIN_REMAINDER:
                     remove_surface(pm, slot)
                 else:
                     move_surface(pm, slot, changed, edges)
@@ -313,7 +314,7 @@ def _note_visit(
     So a familiar place comes to be a loop-closure candidate.
     """
     old = pm.surfaces[slot]
-    if pm.marks[slot] == pm.counts[VISIT] or length_of(old) < limits.landmark_length:
+    if pm.marks[slot] == pm.counts[VISIT] or line_length(old) < limits.landmark_length:
         return
     if same_wall(old, in_map, none_used, limits) >= 0:
         count_reobserved(pm, slot)

@@ -9,7 +9,7 @@ import numpy as np
 
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot1.config import Albot1Limits
-from albot_core.matching.lines import length_of
+from albot_core.matching.lines import line_length
 
 
 @kernel(arrays=True)
@@ -104,7 +104,7 @@ def same_wall(
 
     The same wall: nearly the same direction, side by side or end to end, and the nearest.
     """
-    length = length_of(old)
+    length = line_length(old)
     x0, y0 = old[0], old[1]
     ux, uy = (old[2] - x0) / length, (old[3] - y0) / length
     steepest = np.tan(limits.landmark_angle)
@@ -129,7 +129,7 @@ def same_wall(
 @kernel()
 def extend_surface(new: np.ndarray, old: np.ndarray, outer: int, out: np.ndarray) -> bool:
     """Write the new surface drawn out to the old one's outer end; false where it reaches it."""
-    length = length_of(new)
+    length = line_length(new)
     ux, uy = (new[2] - new[0]) / length, (new[3] - new[1]) / length
     along = (old[2 * outer] - new[0]) * ux + (old[2 * outer + 1] - new[1]) * uy
     for i in range(4):

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import seen_from
@@ -19,7 +20,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     PerceptualMap,
     find_surfaces,
 )
-from albot_core.matching.lines import describe, length_of, measure
+from albot_core.matching.lines import describe, line_length, measure
 
 
 class MatchBuffers(NamedTuple):
@@ -65,7 +66,7 @@ def describe_seen(current: LocatedView, limits: Albot1Limits, buffers: MatchBuff
     which, edges, rows = buffers.which, buffers.seen_edges, buffers.seen
     kept = 0
     for k in range(current.size[0]):
-        if length_of(current.surfaces[k]) >= limits.landmark_length:
+        if line_length(current.surfaces[k]) >= limits.landmark_length:
             row = rows[kept]
             describe(current.surfaces[k], row)
             row[8], row[9] = np.hypot(row[0], row[1]), np.hypot(row[2], row[3])
@@ -87,7 +88,7 @@ def describe_expected(
     cos, sin = np.cos(motion[2]), np.sin(motion[2])
     kept = 0
     for i in range(previous.size[0]):
-        if length_of(previous.surfaces[i]) >= limits.landmark_length:
+        if line_length(previous.surfaces[i]) >= limits.landmark_length:
             seen_from(motion, cos, sin, previous.surfaces[i], expected)
             describe(expected, rows[kept])
             edges[kept, 0], edges[kept, 1] = previous.edges[i, 0], previous.edges[i, 1]
@@ -115,7 +116,7 @@ def describe_remembered(
     for k in range(find_surfaces(pm, box, slots)):
         slot = slots[k]
         seen_from(pose, cos, sin, pm.surfaces[slot], expected)
-        if length_of(expected) >= limits.landmark_length:
+        if line_length(expected) >= limits.landmark_length:
             measure(expected, rows[kept])
             edges[kept, 0], edges[kept, 1] = pm.edges[slot, 0], pm.edges[slot, 1]
             slots[kept] = slot
@@ -134,8 +135,8 @@ def _box_around_view(
         for end in range(2):
             x, y = seen[k, 2 * end], seen[k, 2 * end + 1]
             shrink = min(1.0, limits.match_range / max(seen[k, 8 + end], 1e-9))
-            east = pose[0] + shrink * (cos * x - sin * y)
-            north = pose[1] + shrink * (sin * x + cos * y)
+            x, y = rotate(cos, sin, x, y)
+            east, north = pose[0] + shrink * x, pose[1] + shrink * y
             box[0], box[2] = min(box[0], east), max(box[2], east)
             box[1], box[3] = min(box[1], north), max(box[3], north)
     for axis in range(2):

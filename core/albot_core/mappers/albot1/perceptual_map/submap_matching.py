@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import TURN_STEP, Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.memory import (
@@ -90,8 +91,9 @@ def match_submap(
             current.slots[which[k]] = slots[matches[k, POINT]]
     _note_visits(pm, slots, expected, seen, correction)
     cos, sin = np.cos(current.pose[2]), np.sin(current.pose[2])
-    current.pose[0] += cos * correction[0] - sin * correction[1]
-    current.pose[1] += sin * correction[0] + cos * correction[1]
+    x, y = rotate(cos, sin, correction[0], correction[1])
+    current.pose[0] += x
+    current.pose[1] += y
     current.pose[2] = wrap(current.pose[2] + correction[2])
     return int(recognized)
 
@@ -172,8 +174,8 @@ def _vote_by_points(
         x, y = seen[2 * end], seen[2 * end + 1]
         ex, ey = wall[2 * end], wall[2 * end + 1]
         for b in range(low, high + 1):
-            cos, sin = turns[b, 0], turns[b, 1]
-            dx, dy = cos * x - sin * y - ex, sin * x + cos * y - ey
+            east, north = rotate(turns[b, 0], turns[b, 1], x, y)
+            dx, dy = east - ex, north - ey
             own[b] = max(own[b], 1.0 - (dx * dx + dy * dy) / gap**2)
 
 
@@ -218,7 +220,7 @@ def match_surfaces(
     cos, sin = np.cos(correction[2]), np.sin(correction[2])
     points = 0
     for k in range(seen.shape[0]):
-        ux, uy = _turned(seen[k], cos, sin)
+        ux, uy = rotate(cos, sin, seen[k, 6], seen[k, 7])
         ends = moved_ends(seen[k], correction, cos, sin)
         point, side, line = -1, 0, -1
         nearest_gap, nearest_line = limits.landmark_gap**2, LINE_GAP
@@ -238,12 +240,6 @@ def match_surfaces(
         matches[k, POINT], matches[k, SIDE], matches[k, LINE] = point, side, line
         points += point >= 0
     return points
-
-
-@kernel()
-def _turned(row: np.ndarray, cos: float, sin: float) -> tuple[float, float]:
-    """The unit vector along a surface after a turn."""
-    return cos * row[6] - sin * row[7], sin * row[6] + cos * row[7]
 
 
 @kernel()
@@ -286,7 +282,7 @@ def _note_visits(
         if visit == pm.counts[VISIT] or pm.reobserved[visit, GATE] == NEVER:
             continue
         for k in range(seen.shape[0]):
-            ux, uy = _turned(seen[k], cos, sin)
+            ux, uy = rotate(cos, sin, seen[k, 6], seen[k, 7])
             if ux * expected[q, 6] + uy * expected[q, 7] <= REVISIT_COSINE:
                 continue
             ends = moved_ends(seen[k], correction, cos, sin)

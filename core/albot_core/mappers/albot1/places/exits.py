@@ -12,12 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from albot_core.geometry.pose_kernels import rotate_back
 from albot_core.geometry.types import Segments
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import to_map
 from albot_core.mappers.albot1.perceptual_map.memory import LocatedView
-from albot_core.matching.lines import length_of
+from albot_core.matching.lines import line_length
 from albot_core.sensing.view import CORNER, OCCLUDING
 
 EXIT_RANGE = 6.0
@@ -126,7 +127,7 @@ def _wall_at(view: LocatedView, k: int, side: int) -> int:
     """The wall whose end a gap begins at, past the face that the wall has in the gap."""
     beside = k - 1 if side == 0 else k + 1
     is_corner = 0 <= beside < view.size[0] and view.edges[k, side] == CORNER
-    return beside if is_corner and length_of(view.surfaces[k]) < JAMB else k
+    return beside if is_corner and line_length(view.surfaces[k]) < JAMB else k
 
 
 @kernel()
@@ -178,9 +179,9 @@ def _is_shut(line: np.ndarray, view: LocatedView, cos: float, sin: float) -> boo
     """
     x = 0.5 * (line[0] + line[2]) - view.pose[0]
     y = 0.5 * (line[1] + line[3]) - view.pose[1]
-    east, north = cos * x + sin * y, cos * y - sin * x
-    dx, dy = line[2] - line[0], line[3] - line[1]
-    ux, uy = 0.25 * (cos * dx + sin * dy), 0.25 * (cos * dy - sin * dx)
+    east, north = rotate_back(cos, sin, x, y)
+    dx, dy = rotate_back(cos, sin, line[2] - line[0], line[3] - line[1])
+    ux, uy = 0.25 * dx, 0.25 * dy
     along, across = _along(), _across()
     along[0], along[1], along[2], along[3] = east - ux, north - uy, east + ux, north + uy
     across[0], across[1], across[2], across[3] = east + uy, north - ux, east - uy, north + ux

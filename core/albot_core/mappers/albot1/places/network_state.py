@@ -12,8 +12,16 @@ from albot_core.mappers.albot1.places.events import EVENT_COLUMNS, Event, EventK
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import LearnedExit, LearnedPlace
 from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs, rebuilt_breadcrumbs
+from albot_core.mappers.albot1.trail.path_tree import MIN_LINK
+from albot_core.mappers.stored_arrays import (
+    LONGEST,
+    Shape,
+    check_finite,
+    check_lengths,
+    check_shapes,
+)
 
-_SHAPES = {
+_SHAPES: dict[str, Shape] = {
     "ids": ("places",),
     "frames": ("places", 3),
     "sizes": ("places", 2),
@@ -71,7 +79,10 @@ def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> P
     Raises:
         InputError: The arrays contradict each other.
     """
-    _check_shapes(stored)
+    check_shapes(stored, _SHAPES, "places.")
+    check_finite(stored, *_SHAPES, prefix="places.")
+    for name in ("surfaces", "lines"):
+        check_lengths(f"places.{name}", stored[name])
     _check_places(stored)
     network = PlaceNetwork(config)
     network.places = _places(stored)
@@ -115,21 +126,6 @@ def _breadcrumbs(stored: Mapping[str, np.ndarray]) -> Breadcrumbs:
     )
 
 
-def _check_shapes(stored: Mapping[str, np.ndarray]) -> None:
-    lengths: dict[str, int] = {}
-    for name, shape in _SHAPES.items():
-        found = stored[name].shape
-        wanted = tuple(
-            lengths.setdefault(length, found[axis]) if isinstance(length, str) else length
-            for axis, length in enumerate(shape)
-            if axis < len(found)
-        )
-        if len(found) != len(shape) or found != wanted:
-            raise InputError(f"places.{name}", f"shape {shape}", str(found))
-        if stored[name].dtype.kind == "f" and not np.isfinite(stored[name]).all():
-            raise InputError(f"places.{name}", "finite numbers", "NaN or infinity")
-
-
 def _check_places(stored: Mapping[str, np.ndarray]) -> None:
     ids, sizes = stored["ids"].tolist(), stored["sizes"]
     totals = [len(stored["surfaces"]), len(stored["lines"])]
@@ -163,8 +159,12 @@ def _check_breadcrumbs(ids: list[int], stored: Mapping[str, np.ndarray]) -> None
     last = int(stored["standing"][3])
     if not (np.isin(stored["trail"][:, 2], ids).all() and -1 <= last < points):
         raise InputError("places.trail", "points of known places", "others")
-    if ((ends < 0) | (ends >= points)).any() or (stored["trail_links"][:, 2] <= 0).any():
-        raise InputError("places.trail_links", "pairs of points and lengths", "others")
+    lengths = stored["trail_links"][:, 2]
+    if ((ends < 0) | (ends >= points) | (ends % 1 != 0)).any():
+        raise InputError("places.trail_links", f"pairs of {points} points", "others")
+    if ((lengths < MIN_LINK) | (lengths > LONGEST)).any():
+        expected = f"lengths from {MIN_LINK:g} to {LONGEST:g} m"
+        raise InputError("places.trail_links", expected, "others")
 
 
 def _check_links(ids: list[int], exits: list[int], links: list[list[int]]) -> None:

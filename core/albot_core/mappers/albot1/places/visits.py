@@ -31,7 +31,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
 )
 from albot_core.mappers.albot1.perceptual_map.overlay import box_around, same_wall
 from albot_core.mappers.albot1.places.exits import NOT_CROSSING, ExitMemory
-from albot_core.matching.lines import length_of, wrap
+from albot_core.matching.lines import line_length, wrap
 
 
 def seen_in_visit(pm: PerceptualMap) -> np.ndarray:
@@ -78,7 +78,7 @@ def enter_place(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> N
         for i in range(4):
             held[q, i] = pm.surfaces[slots[q], i]
         if same_wall(held[q], in_map, none_used, limits) >= 0:
-            if length_of(held[q]) >= limits.landmark_length:
+            if line_length(held[q]) >= limits.landmark_length:
                 count_reobserved(pm, slots[q])
             pm.marks[slots[q]] = pm.counts[VISIT]
     for k in range(count):

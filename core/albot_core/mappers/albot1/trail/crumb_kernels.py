@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from albot_core.geometry.pose_kernels import rotate_back
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot1.perceptual_map.memory import sort
 from albot_core.mappers.albot1.trail.path_tree import (
@@ -142,7 +143,7 @@ def find_reachable(
         if own and distance < best:
             nearest, best = k, distance
         reachable[k] = distance < SAME_CRUMB or (own and distance < NEAR)
-        x, y = cos * dx + sin * dy, cos * dy - sin * dx
+        x, y = rotate_back(cos, sin, dx, dy)
         if not reachable[k] and x > 0.0 and distance < VIEW_RANGE:
             reachable[k] = _is_clear(walls, x / distance, y / distance, distance)
     return nearest

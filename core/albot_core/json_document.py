@@ -1,0 +1,82 @@
+"""JSON read strictly: finite numbers of a common length, nested a few levels."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from albot_core.errors import InputError
+from albot_core.files import read_bytes
+
+LARGEST = 16 << 20
+"""Bytes of a file of JSON that are read; a house or a page of results has some thousand."""
+_DIGITS = 40
+"""Digits of a whole number: as many as 128 bits take, and no more than a float can hold."""
+_DEPTH = 100
+"""How deep lists and objects may stand in each other."""
+
+
+def read_json(path: Path) -> Any:
+    """The value in a file.
+
+    Raises:
+        InputError: The file cannot be read, is larger than `LARGEST`, or is no such JSON.
+    """
+    return parse_json(read_bytes(path, LARGEST), path)
+
+
+def parse_json(content: bytes | str, source: object, place: str = "") -> Any:
+    """The value that a text stands for.
+
+    Args:
+        content: The text.
+        source: What errors name as the place it came from.
+        place: Where in the source it stands, for errors.
+
+    Raises:
+        InputError: The text is no JSON or no UTF-8, is nested too deep, or holds a number that is
+            not finite or too long.
+    """
+    try:
+        value = json.loads(content, parse_int=_whole, parse_float=_finite, parse_constant=_finite)
+    except json.JSONDecodeError as error:
+        line = "" if place else f"line {error.lineno}"
+        raise InputError(source, "whole JSON", error.msg, place=place or line) from None
+    except UnicodeDecodeError:
+        raise InputError(source, "JSON text", "bytes that are no text", place=place) from None
+    except RecursionError:
+        raise _too_deep(source, place) from None
+    except ValueError as error:
+        expected = f"finite numbers of {_DIGITS} digits at most"
+        raise InputError(source, expected, str(error), place=place) from None
+    if _is_deeper(value, _DEPTH):
+        raise _too_deep(source, place)
+    return value
+
+
+def _too_deep(source: object, place: str) -> InputError:
+    return InputError(source, f"JSON nested {_DEPTH} levels at most", "more", place=place)
+
+
+def _whole(text: str) -> int:
+    if len(text) > _DIGITS:
+        raise ValueError(f"one of {len(text)} digits")
+    return int(text)
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(text)
+    return number
+
+
+def _is_deeper(value: Any, levels: int) -> bool:
+    """Whether lists and objects stand in each other more than so many levels deep."""
+    holders = [value] if isinstance(value, dict | list) else []
+    for _ in range(levels):
+        items = (each.values() if isinstance(each, dict) else each for each in holders)
+        holders = [each for held in items for each in held if isinstance(each, dict | list)]
+    return bool(holders)

@@ -1,0 +1,91 @@
+"""The group of all subcommands, each imported only when it is called."""
+
+from __future__ import annotations
+
+import importlib
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import click
+
+from albot_cli.main import drop_output
+from albot_cli.signals import die_quietly, heeded
+
+_CLOSED_PIPE = 141
+"""Exit status where nobody reads the output any longer: that of programs that SIGPIPE ends."""
+
+SUBCOMMANDS = {
+    "agents": "List the agents; write the model card of a trained one.",
+    "bench": "Measure speed, each figure beside something run in the same minute.",
+    "evaluate": "Measure an agent in many episodes of a task.",
+    "experiment": "Repeat the papers' experiments.",
+    "map": "Run a mapper over a real robot's log.",
+    "mappers": "List the mapping systems.",
+    "play": "Watch an agent at a task, or play an episode back.",
+    "results": "Measure all agents in all tasks, for one page.",
+    "stress": "Drive agents through many worlds and check every step.",
+    "train": "Let an agent learn a task.",
+    "worlds": "List, show, check, convert and make worlds.",
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose subcommands are imported only when they are called, to start fast."""
+
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        """Parse the words, and print help."""
+        with _until_the_pipe_closes():
+            return super().make_context(*args, **kwargs)
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Call the subcommand."""
+        with _until_the_pipe_closes():
+            return super().invoke(ctx)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The names of all subcommands."""
+        return sorted(SUBCOMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        """Import `albot_cli.NAME` and return its `command`."""
+        if name not in SUBCOMMANDS:
+            return None
+        with _dying_quietly():
+            module = importlib.import_module(f"albot_cli.{name}")
+        command: click.Command = module.command
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the subcommands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(sorted(SUBCOMMANDS.items()))
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(package_name="albot-env")
+def albot() -> None:
+    """A robot explores, builds an imprecise map, recognises places and finds its way home."""
+
+
+@contextmanager
+def _until_the_pipe_closes() -> Iterator[None]:
+    """End where whoever read the output stopped, as `head` does: that is no fault."""
+    try:
+        yield
+    except BrokenPipeError:
+        drop_output()
+        raise click.exceptions.Exit(_CLOSED_PIPE) from None
+
+
+@contextmanager
+def _dying_quietly() -> Iterator[None]:
+    """Let signals end the process at once and without a word during the block."""
+    before = {number: signal.getsignal(number) for number in heeded()}
+    die_quietly()
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

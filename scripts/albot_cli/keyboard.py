@@ -1,0 +1,63 @@
+"""The agent `keyboard`: a person drives, by the keys of a window or a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium.spaces import Box
+
+from albot_agents.agent import Action
+from albot_agents.registry import EXPLORE, HOMING, ROUND_TRIP, AgentEntry
+from albot_core.errors import InputError
+from albot_env.rendering.viewer import NullViewer, Viewer
+
+_TURN = 0.4
+"""How fast an arrow turns the robot, as a share of what it can: at more nobody drives straight."""
+
+
+class Keyboard:
+    """Drives as the arrows say, and claims or declares as long as Enter is held."""
+
+    name: ClassVar[str] = "keyboard"
+    knows_truth: ClassVar[bool] = False
+
+    def __init__(self) -> None:
+        self._viewer: Viewer = NullViewer()
+
+    def listen(self, viewer: Viewer) -> None:
+        """Hear the keys of this viewer from now on.
+
+        Raises:
+            InputError: It has none.
+        """
+        if not viewer.lasting:
+            raise InputError("--agent keyboard", "a window or a terminal with keys", "neither")
+        self._viewer = viewer
+
+    def reset(self, rng: np.random.Generator, actions: Box) -> None:
+        """Begin anew."""
+        self._actions = actions
+
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+        """The action that the keys ask for; without one the robot stands still."""
+        held = self._viewer.held()
+        speed = ("up" in held) - ("down" in held)
+        turn = ("left" in held) - ("right" in held)
+        action = np.full(self._actions.shape, 1.0 if "enter" in held else -1.0, np.float32)
+        action[:2] = speed, _TURN * turn
+        return action
+
+
+SAYS = {
+    EXPLORE: "enter: I was here",
+    HOMING: "enter: I am home",
+    ROUND_TRIP: "enter: I am home",
+}
+"""What Enter says in each task in which a person can drive."""
+
+KEYBOARD = AgentEntry(
+    summary="You drive.", make=lambda *_: Keyboard(), tasks=(EXPLORE, HOMING, ROUND_TRIP)
+)
+"""The entry of the agent: only where somebody watches does it drive at all."""

@@ -1,0 +1,354 @@
+"""Runs of the command that are interrupted or killed at random moments, and what is left of them.
+
+Starting Python and loading what is compiled takes seconds, so one process does both and forks a
+child for each run, which calls the command as its console script does. Some runs are processes of
+their own nevertheless, for the moments before. `left_files.py` says what must hold afterwards.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import gc
+import mmap
+import os
+import random
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import chdir, contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from itertools import cycle, islice
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, NoReturn
+from unittest.mock import patch
+
+import yaml
+
+import albot_agents.workers as workers
+from albot_agents.evaluation import comparison
+from albot_cli.main import main
+from albot_env.recording.episode import Moment
+from albot_env.recording.writer import EpisodeWriter
+from left_files import BrokenPromiseError, check_quiet, check_run
+
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+PATIENCE = 600.0
+"""A run that goes on for so long (s) after its signal hangs; a busy machine lets it wait."""
+RESUMED = 0.1
+"""The share of trainings that are resumed afterwards, and trained to their end."""
+EARLY = 1.5
+"""Processes of their own are interrupted within so many seconds from their start."""
+
+_FORKING = get_context("fork")
+_READY = 8
+"""Where a child says that it has begun, in memory that it shares; before it, its moments."""
+_PLAN: Mapping[str, Any] = {
+    "task": "Albot/Homing-v0",
+    "n_envs": 2,
+    "n_timesteps": 128,
+    "n_steps": 8,
+    "batch_size": 16,
+    "n_epochs": 1,
+    "torch_threads": 1,
+    "checkpoint_every": 32,
+    "policy": {"net_arch": [8], "initial_action": [0.5, 0, -1]},
+    "env": {
+        "world": "square-loop",
+        "mapper": "none",
+        "journeys": 1,
+        "max_episode_steps": 12,
+        "config": {"outing": {"shortest": 1, "longest": 2, "away": 0}},
+    },
+    "evaluation": {"worlds": ["square-loop"], "seeds": "900", "every": 32},
+}
+_STEPS = ("--worlds", "square-loop", "--steps", "20", "--jobs", "2")
+COMMANDS: Mapping[str, tuple[str, ...]] = {
+    "play": ("--headless", "--world", "square-loop", "--mapper", "odometry", "--steps", "60"),
+    "train": ("--config", "plan.yml", "--out", "run"),
+    "evaluate": ("Albot/Explore-v0", "--agent", "gap-explorer", "--mapper", "none", *_STEPS,
+                 "--seeds", "1..4", "--out", "out"),
+    "results": ("--out", "page.md", "--seeds", "1..2", "--jobs", "2"),
+    "stress": (*_STEPS, "--count", "4", "--agent", "gap-explorer", "--json"),
+}  # fmt: skip
+"""The words after each subcommand."""
+OTHERS = ("mappers", "agents list", "worlds list", "map --help", "experiment list", "bench --help")
+"""What else is interrupted at its start."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One run, and what came of it."""
+
+    words: tuple[str, ...]
+    """The command, without `albot`."""
+    number: int
+    """The signal that it is sent."""
+    after: float
+    """When, after its start (s)."""
+    resumed: bool = False
+    """Whether a training is resumed afterwards."""
+    ended: bool = False
+    """Whether it was over before the signal came."""
+    problem: str = ""
+    """Which promise was broken."""
+    facts: Mapping[str, int] = field(default_factory=dict)
+    """What else was found."""
+
+
+def prepare() -> dict[str, float]:
+    """Import and load everything; how long each command takes (s)."""
+    import torch
+
+    torch.set_num_threads(1)
+    workers._CONTEXT = _FORKING  # type: ignore[assignment]
+    # Few and short episodes, two tasks: the page is written twice.
+    comparison.COMPARISONS = tuple(  # type: ignore[assignment]
+        comparison.Comparison(
+            task=task,
+            agents=("random",),
+            kinds=(comparison.OFFICES,),
+            settings={"max_episode_steps": 10, "mapper": "none"},
+        )
+        for task in ("Albot/Explore-v0", "Albot/ExploreAndHome-v0")
+    )
+    comparison.RANDOM[comparison.OFFICES] = "random:maze"
+    _load()
+    lengths = {}
+    for command, words in COMMANDS.items():
+        with _folder() as folder:
+            began = time.monotonic()
+            _call(("albot", command, *words), folder)
+            lengths[command] = time.monotonic() - began
+    return lengths
+
+
+def _load() -> None:
+    """Call the commands in this process, so that all that they load is there in each child."""
+    from click.testing import CliRunner
+    from stable_baselines3 import PPO
+
+    from albot_cli.group import albot
+
+    with (
+        _folder() as folder,
+        chdir(folder),
+        patch.object(workers, "run_parallel", _run_here),
+        patch.object(comparison, "run_parallel", _run_here),
+        # Once torch has computed gradients, it does so in no child any more.
+        patch.object(PPO, "train", lambda self: None),
+    ):
+        for command, words in COMMANDS.items():
+            CliRunner().invoke(albot, [command, *words], catch_exceptions=False)
+    gc.freeze()  # What is never looked at is never copied into a child.
+
+
+def _run_here(
+    runner: workers.TaskRunner[Any, Any], tasks: Iterable[Any], jobs: int
+) -> Generator[Any, None, None]:
+    for task in tasks:
+        yield runner.run(task, lambda step: None)
+
+
+def forked_runs(
+    lengths: Mapping[str, float], count: int, numbers: Sequence[int], jobs: int
+) -> Iterator[Run]:
+    """Run each command in turn, until so many runs were still going on when their signal came.
+
+    Args:
+        lengths: How long each command takes (s).
+        count: How many runs.
+        numbers: The signals, of which each run gets one.
+        jobs: Runs at a time.
+    """
+    rng = random.Random(sum(numbers))
+    commands = cycle(lengths.items())
+    with ProcessPoolExecutor(jobs, mp_context=_FORKING) as pool:
+        while count > 0:
+            wanted = [
+                Run(
+                    words=(command, *COMMANDS[command]),
+                    number=rng.choice(numbers),
+                    after=rng.uniform(0, length),
+                    resumed=command == "train" and rng.random() < RESUMED,
+                )
+                for command, length in islice(commands, count)
+            ]
+            for run in pool.map(_run_forked, wanted):
+                count -= not run.ended
+                yield run
+
+
+def fresh_runs(count: int, numbers: Sequence[int], jobs: int) -> Iterator[Run]:
+    """The same in processes of their own, soon after their start."""
+    rng = random.Random(count)
+    words = [(command, *rest) for command, rest in COMMANDS.items()]
+    words += [tuple(line.split()) for line in OTHERS]
+    wanted = [
+        Run(words=each, number=rng.choice(numbers), after=rng.uniform(0, EARLY))
+        for each in islice(cycle(words), count)
+    ]
+    with ProcessPoolExecutor(jobs, mp_context=_FORKING) as pool:
+        yield from pool.map(_run_fresh, wanted)
+
+
+def _run_forked(run: Run) -> Run:
+    with _folder() as folder:
+        moments = mmap.mmap(-1, 9)
+        child = os.fork()
+        if not child:
+            _be_child(("albot", *run.words), folder, moments)
+        while not moments[_READY] and _wait(child, 0.002) is None:
+            pass
+        return _interrupted(run, folder, child, moments)
+
+
+def _run_fresh(run: Run) -> Run:
+    albot = Path(sys.executable).with_name("albot")
+    with _folder() as folder:
+        process = subprocess.Popen(
+            f'exec "{albot}" {shlex.join(run.words)} >.out 2>.err',
+            shell=True,
+            cwd=folder,
+            start_new_session=True,
+            env={**os.environ, "TMPDIR": str(folder / ".tmp")},
+            preexec_fn=_hear_signals,
+        )
+        return _interrupted(run, folder, process.pid, None)
+
+
+def _interrupted(run: Run, folder: Path, child: int, moments: mmap.mmap | None) -> Run:
+    """Send the signal when it is time, wait for the end, and check what is left."""
+    try:
+        _wait(child, run.after)
+        with suppress(ProcessLookupError):
+            # A terminal's Ctrl-C goes to all processes of a command, the others to one.
+            (os.killpg if run.number == signal.SIGINT else os.kill)(child, run.number)
+        status = _wait(child, PATIENCE)
+        if status is None:
+            os.kill(child, signal.SIGUSR1)
+            _wait(child, 1.0)
+            told = (folder / ".err").read_text()
+            raise BrokenPromiseError(f"goes on for {PATIENCE:.0f} s: {told}")
+        if status == 0:
+            return replace(run, ended=True)
+        if not _gone(child, PATIENCE):
+            raise BrokenPromiseError("leaves processes behind")
+        facts = check_quiet(folder, status, run.number)
+        written = None if moments is None else int.from_bytes(moments[:8], "little")
+        facts |= check_run(run.words[0], folder, run.number == signal.SIGKILL, written)
+        if run.resumed and (folder / "run" / "config.yml").exists():
+            _call(("albot", "train", "--resume", "run"), folder)
+            facts["resumed"] = 1
+        return replace(run, facts=facts)
+    except BrokenPromiseError as broken:
+        return replace(run, problem=str(broken))
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)
+
+
+def _wait(child: int, seconds: float) -> int | None:
+    """The child's exit status, negative for a signal; None where it has none by then."""
+    deadline = time.monotonic() + seconds
+    while True:
+        # It stays a zombie, so that its number stays its own until all is checked.
+        found = os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        if found is not None:
+            killed = found.si_code in (os.CLD_KILLED, os.CLD_DUMPED)
+            return -found.si_status if killed else found.si_status
+        if (left := deadline - time.monotonic()) <= 0:
+            return None
+        time.sleep(min(left, 0.002))
+
+
+def _gone(child: int, seconds: float) -> bool:
+    """Whether no other process of the child's session is left before time is up."""
+    os.waitpid(child, 0)
+    deadline = time.monotonic() + seconds
+    while time.monotonic() < deadline:
+        try:
+            os.killpg(child, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def _call(words: Sequence[str], folder: Path) -> None:
+    """Call the command in a child to its end, which must be a good one."""
+    child = os.fork()
+    if not child:
+        _be_child(words, folder, None)
+    _, status = os.waitpid(child, 0)
+    if status:
+        told = (folder / ".err").read_text()
+        raise BrokenPromiseError(f"{' '.join(words)}: status {status}, {told}")
+
+
+def _be_child(words: Sequence[str], folder: Path, moments: mmap.mmap | None) -> NoReturn:
+    """In the child: be the command, in a folder of its own."""
+    status = 1
+    try:
+        os.setsid()
+        os.chdir(folder)
+        tempfile.tempdir = str(folder / ".tmp")
+        for number, path in enumerate((os.devnull, ".out", ".err")):
+            flags = os.O_RDONLY if number == 0 else os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+            os.dup2(os.open(path, flags), number)
+        sys.stdin, sys.stdout, sys.stderr = open(0), open(1, "w"), open(2, "w")  # noqa: SIM115
+        sys.argv = list(words)
+        if moments is not None:
+            _count_moments(moments)
+        _hear_signals()
+        faulthandler.register(signal.SIGUSR1)
+        if moments is not None:
+            moments[_READY] = 1
+        main()
+    except SystemExit as leaving:
+        status = leaving.code if isinstance(leaving.code, int) else 1
+    except BaseException:  # noqa: BLE001 - as Python itself does
+        traceback.print_exc()
+    finally:
+        with suppress(OSError):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(status)
+
+
+def _hear_signals() -> None:
+    """As in a process that a shell has started; whoever started us may ignore some."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)
+
+
+def _count_moments(counter: mmap.mmap) -> None:
+    """Let a recorder tell how many moments it was given."""
+    whole = EpisodeWriter.add
+
+    def add(self: EpisodeWriter, moment: Moment) -> None:
+        whole(self, moment)
+        count = int.from_bytes(counter[:8], "little") + 1
+        counter[:8] = count.to_bytes(8, "little")
+
+    EpisodeWriter.add = add  # type: ignore[method-assign]
+
+
+@contextmanager
+def _folder() -> Iterator[Path]:
+    """A folder for a run, with the plan of a training."""
+    folder = Path(tempfile.mkdtemp(prefix="interrupted-"))
+    try:
+        (folder / ".tmp").mkdir()
+        (folder / "plan.yml").write_text(yaml.safe_dump(dict(_PLAN)))
+        yield folder
+    finally:
+        shutil.rmtree(folder)

@@ -1,0 +1,147 @@
+"""What must hold of the files that an interrupted or killed run of the command has left."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from albot_agents.evaluation.results_page import read_figures, render_page
+from albot_agents.trained.agent_file import read_agent
+from albot_agents.training.checkpoint import checkpoints, read_checkpoint
+from albot_agents.training.plan_file import read_plan
+from albot_agents.training.run_files import RunFolder
+from albot_core.errors import InputError
+from albot_env.recording.reader import EpisodeReader
+from albot_env.recording.writer import CHUNK_MOMENTS
+
+OURS = {".out", ".err", ".tmp", "plan.yml"}
+"""What stood in the folder before, and what the run has said."""
+
+
+class BrokenPromiseError(Exception):
+    """Something is not as docs/reliability.md says."""
+
+
+def check_quiet(folder: Path, status: int, number: int) -> dict[str, int]:
+    """Raise BrokenPromiseError where a signal ended a run with a traceback or an odd status.
+
+    Returns:
+        Whether it came before Python had come to our first line.
+    """
+    told = (folder / ".err").read_text()
+    if "Traceback" in told or "ignored" in told:
+        if "albot_" in told:
+            raise BrokenPromiseError(f"says {told}")
+        return {"before us": 1}
+    # Before anything is begun, and once all is done, the signal itself ends the process.
+    if status not in (-number, 128 + number):
+        raise BrokenPromiseError(f"status {status} after signal {number}: {told}")
+    return {}
+
+
+def check_run(command: str, folder: Path, killed: bool, moments: int | None) -> dict[str, int]:
+    """Raise BrokenPromiseError where a run's files are not as promised.
+
+    Args:
+        command: The subcommand.
+        folder: Where it ran.
+        killed: Whether it was killed, and could not tidy up.
+        moments: How many moments of an episode its recorder was given, where that is known.
+
+    Returns:
+        What was counted: whole files, temporary ones left behind, moments lost.
+    """
+    hidden = [path for path in folder.rglob("*") if path.name.startswith(".")]
+    left = [path for path in (*hidden, *(folder / ".tmp").iterdir()) if path.name not in OURS]
+    if left and not killed:
+        raise BrokenPromiseError(f"leaves {', '.join(path.name for path in left)}")
+    facts = {"left": len(left), "files": 0}
+    check = _CHECKS.get(command)
+    try:
+        if check is not None:
+            facts |= check(folder, killed, moments)
+    except (InputError, ValueError, KeyError, OSError) as error:
+        raise BrokenPromiseError(f"{type(error).__name__}: {error}") from error
+    facts["files"] = sum(path.is_file() and path.name not in OURS for path in folder.rglob("*"))
+    return facts
+
+
+def _check_play(folder: Path, killed: bool, moments: int | None) -> dict[str, int]:
+    picture, episode = folder / "episode.png", folder / "episode.mcap"
+    if picture.exists() and not picture.read_bytes().endswith(b"IEND\xaeB`\x82"):
+        raise BrokenPromiseError("half a picture")
+    if not episode.exists():
+        return {}
+    try:
+        reader = EpisodeReader(episode)
+        kept = len(list(reader.moments()))
+    except InputError:
+        if killed and not moments:
+            return {"before the header": 1}
+        raise
+    if reader.torn and not killed:
+        raise BrokenPromiseError("an episode that was never closed")
+    lost = max(0, (moments or 0) - kept)
+    if lost >= (CHUNK_MOMENTS if killed else 1):
+        raise BrokenPromiseError(f"{lost} of {moments} moments lost")
+    return {"lost": lost, "torn": int(reader.torn)}
+
+
+def _check_train(folder: Path, killed: bool, moments: int | None) -> dict[str, int]:
+    run = RunFolder(folder / "run")
+    if run.versions.exists():
+        json.loads(run.versions.read_text())
+    if run.plan.exists():
+        read_plan(run.plan)
+    if run.monitor.exists():
+        lines = run.monitor.read_bytes()
+        # A killed run may have been writing; what resumes it cuts off what follows a checkpoint.
+        if not lines.endswith(b"\n") and not killed:
+            raise BrokenPromiseError("half a line in the log of episodes")
+    if run.evaluations.exists():
+        with np.load(run.evaluations) as arrays:
+            _ = [arrays[name] for name in arrays]
+    for agent in (run.best, run.last):
+        if agent.exists():
+            read_agent(agent)
+    for path in checkpoints(run.checkpoints):
+        read_checkpoint(path)
+    return {}
+
+
+def _check_evaluate(folder: Path, killed: bool, moments: int | None) -> dict[str, int]:
+    figures = folder / "out" / "evaluation.json"
+    said = (folder / ".out").read_text()
+    if figures.exists():
+        json.loads(figures.read_text())["success_rate"]
+    elif said:
+        raise BrokenPromiseError("figures told and not written")
+    return {}
+
+
+def _check_results(folder: Path, killed: bool, moments: int | None) -> dict[str, int]:
+    page = folder / "page.md"
+    rows = read_figures(page.with_suffix(".json"))
+    earlier = [row for row in rows if row["task"] != rows[-1]["task"]]
+    if page.exists() and page.read_text() not in (render_page(rows), render_page(earlier)):
+        raise BrokenPromiseError("a page that is not that of its figures")
+    return {}
+
+
+def _check_stress(folder: Path, killed: bool, moments: int | None) -> dict[str, int]:
+    said = (folder / ".out").read_text()
+    if said and json.loads(said)["violations"]:
+        raise BrokenPromiseError("violations")
+    return {}
+
+
+_CHECKS: Mapping[str, Callable[[Path, bool, int | None], dict[str, int]]] = {
+    "play": _check_play,
+    "train": _check_train,
+    "evaluate": _check_evaluate,
+    "results": _check_results,
+    "stress": _check_stress,
+}

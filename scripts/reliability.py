@@ -1,0 +1,105 @@
+"""Writes docs/reliability.md: what was tried to break the project, and what came of it.
+
+    python scripts/reliability.py [--section NAME]... [--share SHARE] [--jobs N]
+
+The figures of sections that are not measured anew stay: they are kept in a JSON file beside the
+page. What is measured takes the processors for some time, politely.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+import fuzzing
+import interruptions
+from albot_cli.main import exit_status
+from albot_core.errors import InputError
+from albot_core.files import write_text
+
+Figures = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """A section of the page."""
+
+    measure: Callable[[float, int], Figures]
+    """Takes the share of the whole that is to be measured, and how many processes work at a time;
+    what it returns can be written as JSON."""
+    render: Callable[[Figures], Iterable[str]]
+    """The section's lines, of the figures."""
+
+
+SECTIONS: Mapping[str, Section] = {
+    "interruptions": Section(measure=interruptions.measure, render=interruptions.render),
+    "fuzzing": Section(measure=fuzzing.measure, render=fuzzing.render),
+}
+"""The sections by their names, in the order of the page."""
+_HEAD = """\
+# Reliability
+
+What was tried to break the project, and what came of it. This page is written by one command:
+
+```
+python scripts/reliability.py
+```
+"""
+
+
+@click.command()
+@click.option(
+    "--section",
+    "sections",
+    multiple=True,
+    type=click.Choice(list(SECTIONS)),
+    help="Measure only this one; repeatable. The others' figures stay.",
+)
+@click.option(
+    "--share",
+    default=1.0,
+    show_default=True,
+    type=click.FloatRange(0, 1, min_open=True),
+    help="Measure less, to try it.",
+)
+@click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
+@click.option(
+    "--out",
+    default=Path("docs/reliability.md"),
+    show_default=True,
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="The page; the figures go into a JSON file beside it.",
+)
+def main(sections: tuple[str, ...], share: float, jobs: int | None, out: Path) -> None:
+    """Try to break the project, and write the page that tells of it."""
+    os.nice(10)
+    kept = out.with_suffix(".json")
+    figures = _read(kept)
+    for name in sections or SECTIONS:
+        figures[name] = SECTIONS[name].measure(share, jobs or os.cpu_count() or 1)
+        write_text(kept, json.dumps(figures, indent=1) + "\n")
+        told = [name for name in SECTIONS if name in figures]
+        lines = [line for name in told for line in ("", *SECTIONS[name].render(figures[name]))]
+        write_text(out, _HEAD + "\n".join(lines) + "\n")
+
+
+def _read(path: Path) -> dict[str, Figures]:
+    if not path.exists():
+        return {}
+    try:
+        figures = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise InputError(path, "figures in JSON", str(error)) from None
+    if not isinstance(figures, dict):
+        raise InputError(path, "figures by section", type(figures).__name__)
+    return figures
+
+
+if __name__ == "__main__":
+    exit_status(main)

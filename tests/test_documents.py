@@ -1,0 +1,132 @@
+"""What README and docs show: code that runs, commands that there are, and the keys of `info`."""
+
+from __future__ import annotations
+
+import gzip
+import re
+import runpy
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+import gymnasium
+import numpy as np
+import pytest
+
+from albot_cli.group import albot
+from tests.conftest import ROOT
+from tests.core.scenes import FURNITURE, house_walk, scan_from, two_rooms
+from tests.env import quick
+
+PAGES = ("README.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md")))
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+SPAN = re.compile(r"`(albot [^`\n]*)`")
+ELSEWHERE = {"docs/mappers.md": "is tests/core/mappers/topological.py, see test_guide.py"}
+"""Pages whose code other tests run."""
+FASTER = {
+    "num_envs=256": "num_envs=2",
+    '"Albot/Explore-v0", 256': '"Albot/Explore-v0", 2',
+    "batch_size=4096": "batch_size=64",
+    "learn(1_000_000)": "learn(128)",
+}
+"""What is done less often here than on the pages."""
+
+
+def _blocks(page: str, *languages: str) -> list[str]:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return [code for language, code in BLOCK.findall(text) if language in languages]
+
+
+def _write_log(path: Path) -> None:
+    """A CARMEN log of a walk through two rooms."""
+    walls = np.concatenate((two_rooms(), FURNITURE))
+    lines = []
+    for k, pose in enumerate(house_walk()):
+        ranges = np.minimum(scan_from(pose, walls).ranges, 81.0)
+        there = " ".join(f"{number:.6f}" for number in pose)
+        words = " ".join(f"{distance:.3f}" for distance in ranges)
+        lines.append(f"FLASER {len(ranges)} {words} {there} {there} {k} robot {k}\n")
+    path.write_bytes(gzip.compress("".join(lines).encode()))
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if _blocks(page, "python") and page not in ELSEWHERE]
+)
+def test_the_code_of_a_page_runs_as_it_stands(
+    page: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One block after the other, in a folder with a log to map."""
+    code = "\n".join(_blocks(page, "python"))
+    for shown, here in FASTER.items():
+        code = code.replace(shown, here)
+    (tmp_path / "page.py").write_text(code)
+    _write_log(tmp_path / "intel.log.gz")
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path("page.py")
+
+
+def test_what_is_done_less_often_stands_on_some_page() -> None:
+    shown = "".join(code for page in PAGES for code in _blocks(page, "python"))
+    assert all(budget in shown for budget in FASTER)
+
+
+def _commands() -> Iterator[tuple[str, str]]:
+    """Each page's commands, those with `[` or `…` left out: they say what may be called."""
+    for page in PAGES:
+        lines = "\n".join(_blocks(page, "", "bash")).replace("\\\n", " ").splitlines()
+        spans = SPAN.findall((ROOT / page).read_text(encoding="utf-8"))
+        for line in dict.fromkeys((*lines, *spans)):
+            found = re.search(r"(?:^|[\s/])(albot [^|;>]*)", line.replace("\\|", "|"))
+            if found is not None and not re.search(r"[\[…]|  +[a-z]", found[1].partition("#")[0]):
+                yield page, found[1]
+
+
+@pytest.mark.parametrize(("page", "line"), list(_commands()))
+def test_a_command_on_a_page_can_be_called(
+    page: str, line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its words are what the command takes; it is not run. A name alone is that of a command."""
+    monkeypatch.setattr(click.Command, "invoke", lambda *_: None)
+    (tmp_path / "plans").mkdir()
+    words = shlex.split(line.replace("$ALBOT_DATA", str(tmp_path)), comments=True)[1:]
+    try:
+        albot.main(words, standalone_mode=False)
+    except (click.MissingParameter, click.exceptions.NoArgsIsHelpError):
+        assert f"`{line}`" in (ROOT / page).read_text(encoding="utf-8")
+        assert not any(word.startswith("-") for word in words)
+
+
+TABLE = re.compile(r"^\| `info` of ([^|]*?) \| \|\n\|[-|]+\n((?:\|.*\n)+)", re.MULTILINE)
+CLAIMS = {"re_entries", "right_claims", "false_claims"}
+
+
+def _documented_infos() -> dict[str, set[str]]:
+    """The keys of each task's info, as docs/environments.md tells them."""
+    text = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
+    found: dict[str, set[str]] = {}
+    for title, rows in TABLE.findall(text):
+        cells = (row.split("|")[1] for row in rows.splitlines())
+        keys = {key for cell in cells for key in re.findall(r"`(\w+)`", cell)}
+        if "exploring's but of claims" in title:
+            keys |= found["exploring"] - CLAIMS
+        found[title.partition(":")[0]] = keys
+    return found
+
+
+@pytest.mark.parametrize(
+    ("environment", "title"),
+    [
+        ("Albot/Explore-v0", "exploring"),
+        ("Albot/Homing-v0", "homing"),
+        ("Albot/ExploreAndHome-v0", "exploring and coming home"),
+        ("Albot/PlaceRecognition-v0", "recognising places"),
+    ],
+)
+def test_the_keys_of_infos_are_those_in_the_tables(environment: str, title: str) -> None:
+    settings = {"world": quick.LOOP, "mapper": "none"} | quick.SETTINGS.get(environment, {})
+    env = gymnasium.make(environment, **settings)
+    _, info = env.reset(seed=1)
+    assert info.keys() == _documented_infos()[title]
+    *_, after = env.step(quick.still(environment))
+    assert after.keys() == info.keys()
