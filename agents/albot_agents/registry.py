@@ -14,7 +14,7 @@ from albot_agents.scripted.exploring import (
     RandomAgent,
     RoundTripAgent,
 )
-from albot_agents.scripted.homing import Albot1Homing, Oracle, PathIntegration
+from albot_agents.scripted.homing import Albot1Homing, Oracle, PathIntegration, RatSlamHoming
 from albot_agents.scripted.place_judge import PlaceJudge
 from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, read_agent
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
@@ -122,7 +122,13 @@ AGENTS = {
         summary="Acts at random: the lower bound.",
         make=lambda *_: RandomAgent(),
         mapper="none",
-        tasks=(*DRIVING, PLACES),
+        tasks=(EXPLORE, HOMING, ROUND_TRIP, PLACES),
+    ),
+    RatSlamHoming.name: AgentEntry(
+        summary="Drives home by the quickest route over RatSLAM's experience map.",
+        make=_driving(RatSlamHoming),
+        mapper="ratslam",
+        tasks=(HOMING,),
     ),
     RoundTripAgent.name: AgentEntry(
         summary="Explores while there is time, and drives home before it is up.",

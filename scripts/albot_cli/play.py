@@ -62,10 +62,11 @@ RUN_ONLY = (
 @mapper_config_option
 @click.option(
     "--agent",
-    default="gap-explorer",
-    show_default=True,
-    help="albot1-homing, exploring, gap-explorer, nearest-frontier, oracle, path-integration, "
-    "random, or the file of a trained agent.",
+    help="albot1-homing, exploring, gap-explorer, homing, homing-blind, homing-mapless, "
+    "nearest-frontier, oracle, path-integration, place-judge, place-recognition, random, "
+    "ratslam-homing, round-trip, the file of a trained agent, or keyboard: you drive.  [default: "
+    "gap-explorer in explore, albot1-homing in homing, round-trip in explore-and-home, "
+    "place-judge in place-recognition]",
 )
 @click.option(
     "--laser",
@@ -105,8 +106,8 @@ RUN_ONLY = (
     help="Where the picture of truth and map is written.  [default: episode.png, or the first free "
     "one as above; none for EPISODE]",
 )
-@click.option(
 @FORCE
+@click.option(
     "--speed",
     type=click.FloatRange(min=0, min_open=True),
     help="How many times faster than real time it is shown.  [default: 10; 1 for keyboard]",
@@ -120,8 +121,8 @@ def command(
     what: str | None,
     record: Path | None,
     png: Path | None,
-    as_json: bool,
     force: bool,
+    as_json: bool,
     **options: Any,
 ) -> None:
     """Watch an agent at TASK (explore, homing, explore-and-home, place-recognition).
@@ -132,8 +133,8 @@ def command(
     options["headless"] = options["headless"] or as_json
     if options["speed"] is not None and isnan(options["speed"]):
         raise InputError("--speed", "a number above 0", "nan")
-    if episode is None:
     episode = _episode_file(what)
+    if episode is None:
         record, png = _free_names(record, png)
         _check_picture(png, record, force)
         check_file(record, force=force)
@@ -146,7 +147,6 @@ def command(
     click.echo(json.dumps(summary) if as_json else _as_text(summary))
 
 
-def _check_play_back(ctx: click.Context) -> None:
 def _episode_file(what: str | None) -> Path | None:
     """The file that is to be played back; None for a task, or nothing."""
     if what is None or not (what.endswith(SUFFIX) or Path(what).is_file()):
@@ -154,6 +154,7 @@ def _episode_file(what: str | None) -> Path | None:
     return Path(what)
 
 
+def _check_play_back(ctx: click.Context) -> None:
     """Raise InputError where an option was given that the recorded episode has decided."""
     for name in RUN_ONLY:
         if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
@@ -180,8 +181,8 @@ def _check_picture(png: Path, episode: Path, force: bool) -> None:
 
 
 def _run(
-    *,
     task: str | None,
+    *,
     world: str,
     mapper: str | None,
     mapper_config: Path | None,
@@ -228,13 +229,13 @@ def _run(
     try:
         episode = RunningEpisode(env, driver, seed, steps=steps)
         title = f"{agent} in {world}"
-        with (
 
         def keep() -> None:
             """The files are written before somebody looks at the last picture for long."""
             inside.recorder.close()
             _save_picture(episode.frame, png)
 
+        with (
             _told_what_is_left(record),
             open_viewer(title, steps, headless=headless) as (viewer, tell),
         ):
@@ -349,9 +350,9 @@ def _as_text(summary: dict[str, Any]) -> str:
         f"{summary['position_error_m']:.2f} m off",
         *([] if rooms is None else [f"{rooms} rooms entered"]),
         *([] if covered is None else [f"{covered:.0%} of the ground covered"]),
-    ]
         f"reward {summary['reward']:.2f}",
         *([] if success is None else ["a success" if success else "no success"]),
+    ]
     lines = [
         f"{summary['agent']} at {summary['task']} in {summary['world']} with {summary['mapper']}, "
         f"seed {summary['seed']}, {summary['simulated_s']:.0f} s:",

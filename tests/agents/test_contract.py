@@ -46,6 +46,7 @@ def test_the_agents_are_these() -> None:
         "path-integration",
         "place-judge",
         "random",
+        "ratslam-homing",
         "round-trip",
     )
 
@@ -84,7 +85,6 @@ def test_an_agent_that_cannot_do_a_task_is_refused() -> None:
         check_agent("place-judge", "Albot/Homing-v0")
 
 
-def test_an_unknown_agent_is_refused_with_a_hint() -> None:
 @pytest.mark.parametrize(
     ("name", "task", "others"),
     [
@@ -103,6 +103,7 @@ def test_who_never_does_what_a_task_asks_is_refused_with_those_who_may(
         check_agent(name, task)
 
 
+def test_an_unknown_agent_is_refused_with_a_hint() -> None:
     with pytest.raises(InputError, match=r"gap_explorer.*did you mean gap-explorer"):
         make_agent("gap_explorer")
 

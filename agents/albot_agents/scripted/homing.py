@@ -42,7 +42,27 @@ class MapHoming(DrivingAgent[Navigator]):
         if np.hypot(*home) < self.ARRIVED:
             return self._declare()
         known = decode_known_way(observation, self._observing)
-        return self._drive(self._driver.command(percept, home, known))
+        return self._drive(self._driver.command(percept, home, known), observation)
+
+
+class Albot1Homing(MapHoming):
+    """Drives over Albot1's network of places: back through its exits, one place at a time.
+
+    Over the network it goes back to the place that it set out from (Hossain 2014, section 4.2.3,
+    brings known places into the perceptual map one at a time), within a place by the trail that it
+    came by.
+    """
+
+    name: ClassVar[str] = "albot1-homing"
+
+
+class RatSlamHoming(MapHoming):
+    """Drives over RatSLAM's experience map, by the quickest route of transitions.
+
+    Milford, Prasser and Wyeth 2005 name this as what the times of transitions are for (section 7).
+    """
+
+    name: ClassVar[str] = "ratslam-homing"
 
 
 class PathIntegration(DrivingAgent[GoalSeeker]):
@@ -54,6 +74,7 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
 
     Args:
         observing: How the environment makes observations.
+        claims: Whether it claims to know a place where its mapper recognises it.
     """
 
     name: ClassVar[str] = "path-integration"
@@ -74,7 +95,6 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
         percept = self._decode(observation)
         self._pose = percept.pose if self._pose is None else compose(self._pose, percept.motion)
         home = inverse(self._pose)[:2]
-        claims: Whether it claims to know a place where its mapper recognises it.
         if np.hypot(*home) < self.ARRIVED:
             return self._declare()
         return self._drive(self._driver.command(percept, home), observation)
@@ -89,6 +109,7 @@ class Oracle(DrivingAgent[GoalSeeker]):
 
     Args:
         observing: How the environment makes observations.
+        claims: Whether it claims to know a place where its mapper recognises it.
     """
 
     name: ClassVar[str] = "oracle"
@@ -108,4 +129,3 @@ class Oracle(DrivingAgent[GoalSeeker]):
             return self._declare()
         turn = transform_points(inverse(pose), info.get("next_turn_home", home))
         return self._drive(self._driver.command(percept, turn), observation)
-        claims: Whether it claims to know a place where its mapper recognises it.

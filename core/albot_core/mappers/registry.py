@@ -50,6 +50,24 @@ MAPPERS: dict[str, MapperSpec] = {
             factory="albot_core.mappers.odometry.mapper:OdometryMapper",
             config="albot_core.mappers.odometry.mapper:OdometryConfig",
         ),
+        MapperSpec(
+            name="ratslam",
+            summary="RatSLAM's pose cells and experience map, which sees by laser templates.",
+            paper=_MILFORD,
+            sensors=_LASER,
+            layers=("place_graph", "trajectory"),
+            factory="albot_core.mappers.ratslam.mapper:RatSlam",
+            config="albot_core.mappers.ratslam.config:RatSlamConfig",
+        ),
+        MapperSpec(
+            name="ratslam-scenes",
+            summary="The same with the numbers of visual scenes, as in the paper's simulator.",
+            paper=_MILFORD,
+            sensors=frozenset({"scene"}),
+            layers=("place_graph", "trajectory"),
+            factory="albot_core.mappers.ratslam.mapper:RatSlam",
+            config="albot_core.mappers.ratslam.config:RatSlamConfig.scenes",
+        ),
     )
 }
 """All mapping systems by name, in the order of the alphabet."""

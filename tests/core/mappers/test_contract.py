@@ -27,6 +27,8 @@ NAMES = (
     "albot1",
     "albot1-thesis",
     "odometry",
+    "ratslam",
+    "ratslam-scenes",
     "tests.core.mappers.topological:topological",
     "tests.core.mappers.grid:grid",
 )
@@ -194,6 +196,8 @@ def test_a_capability_is_had_or_clearly_refused(name):
         "albot1": (True, True, False),
         "albot1-thesis": (True, True, False),
         "odometry": (False, False, False),
+        "ratslam": (True, True, True),
+        "ratslam-scenes": (True, True, True),
         "topological": (False, True, False),
         "grid": (False, False, True),
     }[mapper.spec.name]
@@ -228,11 +232,11 @@ def test_what_a_batch_does_single_ones_do(name):
             motions=np.tile(reading.motion, (count, 1)),
             laser=LASER,
             ranges=np.tile(reading.laser.ranges, (count, 1)),
+            scenes=np.full(count, reading.scene),
         )
         batch.update(rows, many)
         for row in rows.tolist():
             added[row] += singles[row].update(reading)
-            scenes=np.full(count, reading.scene),
     for row, single in enumerate(singles):
         estimate = single.estimate
         np.testing.assert_array_equal(batch.poses[row], estimate.pose)

@@ -22,7 +22,7 @@ from albot_core.mappers.registry import (
 from albot_core.maps.layers import LAYERS
 from tests.core.mappers import grid, topological
 
-OURS = ("albot1", "albot1-thesis", "odometry")
+OURS = ("albot1", "albot1-thesis", "odometry", "ratslam", "ratslam-scenes")
 
 
 def test_the_names():

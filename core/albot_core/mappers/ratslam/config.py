@@ -1,0 +1,164 @@
+"""Every threshold of RatSLAM. The paper gives few: each field says whose its value is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+from albot_core.errors import InputError
+from albot_core.ranges import COUNT, NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
+
+_SIDE = Range("a whole number from 16", 16.0, 4096.0, whole=True)
+_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
+_DECAY = Range("a number within [0, 1)", 0.0, math.nextafter(1.0, 0.0))
+_RATE = Range("a number within (0, 1)", 0.0, math.nextafter(1.0, 0.0), beyond=True)
+_ANGLE = Range("an angle within (0, pi]", 0.0, math.pi, beyond=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseCellConfig:
+    """The competitive attractor network of pose cells (sections 3.2 and 3.3)."""
+
+    columns: int = 128
+    """Cells along x', which wraps round. The paper gives no size: ours."""
+    rows: int = 128
+    """Cells along y', which wraps round: ours."""
+    headings: int = 36
+    """Cells along θ': 10° each, as in the paper."""
+    cell: float = 0.25
+    """Side of a cell (m), as in the paper."""
+    excitation: float = 1.2
+    """Standard deviation of a cell's excitation of its neighbours (cells): ours."""
+    inhibition: float = 2.0
+    """Standard deviation of its local inhibition (cells): ours."""
+    global_inhibition: float = 2e-4
+    """What every cell loses in each iteration, as a share of all activity: ours. The larger it is,
+    the sooner the largest packet wins."""
+    step: float = 0.1
+    """The network takes part once the robot has moved so far (m)…: ours, so that it does the
+    same at any rate of readings."""
+    turn: float = math.radians(10.0)
+    """…or turned so far (rad): ours."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, _SIDE, "columns", "rows", "headings")
+        check_fields(self, POSITIVE, "cell", "excitation", "inhibition")
+        check_fields(self, NOT_NEGATIVE, "global_inhibition", "step", "turn")
+        if self.excitation >= self.inhibition:
+            expected = f"more than excitation, {self.excitation:g}"
+            raise InputError("PoseCellConfig.inhibition", expected, f"{self.inhibition:g}")
+
+    @property
+    def cell_turn(self) -> float:
+        """The angle of a cell (rad)."""
+        return 2 * math.pi / self.headings
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocalViewConfig:
+    """Local views, and their links to the pose cells (section 3.4). All values are ours."""
+
+    bins: int = 36
+    """Sectors of a laser template; each is the mean of its ranges."""
+    reach: float = 8.0
+    """Ranges count as no longer than this (m)."""
+    difference: float = 0.03
+    """A template is the view where the mean absolute difference is at most this, as a share of
+    `reach`."""
+    turn_search: float = math.radians(20.0)
+    """How far a template is turned to either side to find the least difference (rad)."""
+    confirmations: int = 2
+    """A scene is believed when so many readings in a row show it…"""
+    forget: int = 30
+    """…and until it has not been shown for so many."""
+    injection: float = 0.04
+    """Activity that a fresh view injects in each iteration, as a share of all activity…"""
+    fatigue: float = 0.9
+    """…of which so much is left in the next iteration, …"""
+    recovery: float = 0.05
+    """…and which recovers by so much in each iteration in which the view is not seen."""
+    learning_rate: float = 1.0
+    """Strength of a new link, as a share of view times pose cell activity."""
+    learning_delay: float = 5.0
+    """A link is learned once the robot has gone so far without being re-localised (m)."""
+    linked_share: float = 0.5
+    """Pose cells are linked that have this share of the most active one's activity."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, _FROM_ONE, "bins", "confirmations", "forget")
+        check_fields(self, POSITIVE, "reach", "learning_rate")
+        check_fields(self, NOT_NEGATIVE, "difference", "turn_search", "injection")
+        check_fields(self, NOT_NEGATIVE, "learning_delay")
+        check_fields(self, _DECAY, "fatigue")
+        check_fields(self, SHARE, "recovery", "linked_share")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExperienceConfig:
+    """The zones of influence of experiences (section 4.1). The paper gives no sizes: ours."""
+
+    radius: float = 1.0
+    """r_a: radius of the zone in the plane of the pose cells (m)."""
+    turn: float = math.radians(45.0)
+    """θ_a: half the zone's width in θ' (rad)."""
+    either_zone: bool = False
+    """Whether being in the zone in (x', y') or in that in θ' is enough, as eq. (9) has it to the
+    letter. Then a false scene is at once an experience far away."""
+    apart: float = 3.0
+    """An experience is recognised when the robot went so far since it was last there (m)."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, POSITIVE, "radius")
+        check_fields(self, _ANGLE, "turn")
+        check_fields(self, NOT_NEGATIVE, "apart")
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrectionConfig:
+    """The correction of the experience map (sections 4.3 and 4.4)."""
+
+    form: Literal["link_by_link", "all_at_once"] = "link_by_link"
+    """`link_by_link`: each link moves its two experiences, equally and oppositely, before the next
+    is looked at; stable for every rate below 1. `all_at_once`: eq. (12) to (14) of all
+    experiences from the same poses, as the paper writes them, which diverges where the rate is
+    not below 2 / the greatest eigenvalue of the graph's Laplacian: at junctions."""
+    rate: float = 0.5
+    """α for positions and headings, as in the paper (table 1)."""
+    passes: int = 2
+    """How often all links are looked at in each iteration; 0 corrects nothing: ours."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, _RATE, "rate")
+        check_fields(self, COUNT, "passes")
+        if self.form not in ("link_by_link", "all_at_once"):
+            expected = "link_by_link or all_at_once"
+            raise InputError("CorrectionConfig.form", expected, repr(self.form))
+
+
+@dataclass(frozen=True, kw_only=True)
+class RatSlamConfig:
+    """Thresholds of RatSLAM. `RatSlamConfig.scenes()` sees with a camera, by default a laser."""
+
+    sees: Literal["laser", "scenes"] = "laser"
+    """Where views come from: templates of laser scans, or numbers of visual scenes."""
+    pose_cells: PoseCellConfig = field(default_factory=PoseCellConfig)
+    """The network of pose cells."""
+    views: LocalViewConfig = field(default_factory=LocalViewConfig)
+    """Local views and their links."""
+    experiences: ExperienceConfig = field(default_factory=ExperienceConfig)
+    """When an experience is active."""
+    correction: CorrectionConfig = field(default_factory=CorrectionConfig)
+    """How the map is corrected."""
+    ahead: float = 2.0
+    """How far ahead the point lies that is shown on the way home (m): ours."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, POSITIVE, "ahead")
+        if self.sees not in ("laser", "scenes"):
+            raise InputError("RatSlamConfig.sees", "laser or scenes", repr(self.sees))
+
+    @classmethod
+    def scenes(cls) -> RatSlamConfig:
+        """The default values for a camera, whose scenes are trusted more than laser templates."""
+        return cls(sees="scenes", views=LocalViewConfig(injection=0.08))

@@ -1,0 +1,385 @@
+"""Local views: what is seen, by number, and its links to the pose cells (section 3.4).
+
+A view is a scene that the camera recognises, or a template of the laser's scan. While a view is
+seen it tires; rested it is fresh. Links grow between a fresh view and the pose cells that are
+active with it, so they lead to where the view came into sight, and inject activity there when it
+does so again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from albot_core.kernels.compiled import kernel
+from albot_core.mappers.ratslam.arrays import Table
+from albot_core.mappers.ratslam.config import LocalViewConfig
+from albot_core.sensing.reading import LaserScan
+
+NO_VIEW = -1
+"""The view of a robot that recognises nothing."""
+NEAR = 2
+"""A view that has a link to a cell no farther away than this along each axis learns no other."""
+_NONE = np.zeros(0, np.int64), np.zeros(0)
+
+
+class Scenes:
+    """Numbers the scenes that a camera recognises, those not seen again at once left out.
+
+    Args:
+        config: How often a scene is to be seen.
+    """
+
+    def __init__(self, config: LocalViewConfig) -> None:
+        self._config = config
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all scenes."""
+        self._views: dict[int, int] = {}
+        self._candidate, self._seen, self._unseen = NO_VIEW, 0, 0
+        self._scene = NO_VIEW
+
+    def look(self, scene: int | None, view: int) -> int:
+        """The view after a look.
+
+        A single look may be wrong (section 5.1): another scene than that before is believed when
+        it is seen so often in a row, and one that is not seen is forgotten after a while.
+
+        Args:
+            scene: The scene that is seen; None where none is.
+            view: The view before.
+        """
+        if scene is None:
+            self._unseen += 1
+            self._seen = 0
+            return NO_VIEW if self._unseen >= self._config.forget else view
+        self._seen = self._seen + 1 if scene == self._candidate else 1
+        self._candidate = scene
+        self._unseen = 0 if scene == self._scene else self._unseen + 1
+        if self._seen < self._config.confirmations:
+            return NO_VIEW if self._unseen >= self._config.forget else view
+        self._scene, self._unseen = scene, 0
+        return self._views.setdefault(scene, len(self._views))
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything remembered, as arrays by name."""
+        counts = self._candidate, self._seen, self._unseen, self._scene
+        return {
+            "scenes.known": np.array(list(self._views), np.int64),
+            "scenes.counts": np.array(counts, np.int64),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become what gave `state`."""
+        known = state["scenes.known"].tolist()
+        self._views = {scene: view for view, scene in enumerate(known)}
+        counts = state["scenes.counts"].tolist()
+        self._candidate, self._seen, self._unseen, self._scene = counts
+
+
+class Templates:
+    """Templates of laser scans, matched by sums of absolute differences.
+
+    Args:
+        config: How templates are made and compared.
+    """
+
+    def __init__(self, config: LocalViewConfig) -> None:
+        self._config = config
+        self._table = Table(profile=(np.float64, (config.bins,)))
+
+    def reset(self) -> None:
+        """Forget all templates."""
+        self._table.clear()
+
+    def look(self, laser: LaserScan, view: int) -> tuple[int, float]:
+        """The view that a scan shows, and the robot's heading as seen from it (rad).
+
+        The view before stays as long as it matches. A scan that no template matches becomes one.
+        """
+        config = self._config
+        width = laser.geometry.spacing * laser.geometry.beams / config.bins
+        profile = np.empty(config.bins)
+        fill_profile(laser.ranges, config.reach, profile)
+        turns = min(int(config.turn_search / width), config.bins // 2)
+        found, turn = match_profile(
+            profile, self._table["profile"], self._table.count, view, turns, config.difference
+        )
+        if found < 0:
+            return self._table.append(profile=profile), 0.0
+        return found, turn * width
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything remembered, as arrays by name."""
+        return self._table.state("templates")
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become what gave `state`."""
+        self._table.restore("templates", state)
+
+
+@kernel()
+def fill_profile(ranges: np.ndarray, reach: float, profile: np.ndarray) -> None:
+    """Fill `profile` with the mean range in each of as many sectors, as a share of `reach`."""
+    beams, bins = ranges.shape[0], profile.shape[0]
+    for k in range(bins):
+        first = k * beams // bins
+        last = max((k + 1) * beams // bins, first + 1)
+        total = 0.0
+        for beam in range(first, last):
+            total += min(ranges[beam], reach)
+        profile[k] = total / ((last - first) * reach)
+
+
+@kernel()
+def match_profile(
+    profile: np.ndarray,
+    templates: np.ndarray,
+    count: int,
+    before: int,
+    turns: int,
+    difference: float,
+) -> tuple[int, float]:
+    """The template that a profile matches, -1 for none, and how many bins it is turned from it.
+
+    The template before, where it matches; else the one that differs least.
+    """
+    if before >= 0:
+        least, turn = compare(profile, templates[before], turns, difference)
+        if least <= difference:
+            return before, turn
+    best, found, found_turn = difference, -1, 0.0
+    for k in range(count):
+        least, turn = compare(profile, templates[k], turns, best)
+        if least < best or (found < 0 and least <= best):
+            best, found, found_turn = least, k, turn
+    return found, found_turn
+
+
+@kernel()
+def compare(
+    profile: np.ndarray, template: np.ndarray, turns: int, enough: float
+) -> tuple[float, float]:
+    """The least mean absolute difference over the turns tried, and the turn of it in bins.
+
+    Infinite where all differ by more than `enough`. A fraction of a bin is interpolated.
+    """
+    bins = profile.shape[0]
+    least, best = np.inf, 0
+    for turn in range(-turns, turns + 1):
+        apart = _difference(profile, template, turn, min(least, enough))
+        if apart < least:
+            least, best = apart, turn
+    if not least <= enough or abs(best) == turns:
+        return least, float(best)
+    # The differences near their minimum are straight lines of about equal slopes.
+    left = _difference(profile, template, best - 1, np.inf)
+    right = _difference(profile, template, best + 1, np.inf)
+    slope = max(left, right) - least
+    shift = 0.5 * (left - right) / slope if slope > 0.0 and bins > 2 else 0.0
+    return least, float(best + shift)
+
+
+@kernel()
+def _difference(profile: np.ndarray, template: np.ndarray, turn: int, enough: float) -> float:
+    """The mean absolute difference where both overlap; infinite where it is above `enough`."""
+    bins = profile.shape[0]
+    first, last = max(0, -turn), min(bins, bins - turn)
+    total, most = 0.0, enough * (last - first)
+    for k in range(first, last):
+        total += abs(profile[k] - template[k + turn])
+        if total > most:
+            return np.inf
+    share: float = total / (last - first)
+    return share
+
+
+class Links:
+    """Links between views and pose cells, which Hebbian learning makes.
+
+    Args:
+        config: How they are learned, and how much they inject.
+    """
+
+    def __init__(self, config: LocalViewConfig) -> None:
+        self._config = config
+        self._waiting: Int64[np.ndarray, "waiting 2"]
+        self._waiting_numbers: Float64[np.ndarray, "waiting 2"]
+        # The links of a view are a chain: `first` names the first, `next` the one after each.
+        self._links = Table(cell=(np.int64, ()), strength=(np.float64, ()), next=(np.int64, ()))
+        self._views = Table(
+            first=(np.int64, ()), freshness=(np.float64, ()), tired_at=(np.int64, ())
+        )
+        self.forget_waiting()
+
+    def reset(self) -> None:
+        """Forget all views and links."""
+        self._links.clear()
+        self._views.clear()
+        self.forget_waiting()
+
+    @property
+    def views(self) -> int:
+        """How many views have been seen."""
+        return self._views.count
+
+    def has_links(self, view: int) -> bool:
+        """Whether a view has any."""
+        return view < self._views.count and self._views["first"][view] >= 0
+
+    def activate(self, view: int, iteration: int) -> float:
+        """How active a view is that is seen in this iteration, from 0 to 1; it tires by that."""
+        self._know(view)
+        views, config = self._views, self._config
+        rest = iteration - int(views["tired_at"][view]) - 1
+        fresh = min(1.0, float(views["freshness"][view]) + config.recovery * rest)
+        views["freshness"][view] = fresh * config.fatigue
+        views["tired_at"][view] = iteration
+        return fresh
+
+    def injection(
+        self, view: int, active: float, turn: int, plane: int, cells: int
+    ) -> tuple[Int64[np.ndarray, "links"], Float64[np.ndarray, "links"]]:
+        """The cells that a view injects activity into, and how much.
+
+        Args:
+            view: The view.
+            active: How active it is.
+            turn: How far the robot is turned from it, in cells.
+            plane: How many cells there are of each heading.
+            cells: How many cells there are.
+        """
+        if active <= 0.0 or not self.has_links(view):
+            return _NONE
+        links = self._links
+        found, count = np.empty((2, links.count), np.int64), 0
+        count = list_links(int(self._views["first"][view]), links["next"], found[0])
+        chosen = found[0, :count]
+        strengths = links["strength"][chosen]
+        amounts = self._config.injection * active * strengths / strengths.sum()
+        return (links["cell"][chosen] + turn * plane) % cells, amounts
+
+    def leads_near(self, view: int, cell: int, shape: tuple[int, int, int]) -> bool:
+        """Whether a view has a link to a cell, or to one near it."""
+        links = self._links
+        return self.has_links(view) and leads_near(
+            int(self._views["first"][view]), links["cell"], links["next"], cell, shape
+        )
+
+    def remember(
+        self,
+        view: int,
+        cells: Int64[np.ndarray, "some"],
+        strengths: Float64[np.ndarray, "some"],
+        way: float,
+    ) -> None:
+        """Remember for `learn` which cells were active with a view as the robot had gone so far."""
+        added = np.column_stack((np.full(len(cells), view), cells))
+        self._waiting = np.concatenate((self._waiting, added))
+        numbers = np.column_stack((strengths, np.full(len(cells), way)))
+        self._waiting_numbers = np.concatenate((self._waiting_numbers, numbers))
+
+    def learn(self, way: float) -> None:
+        """Strengthen what has been remembered since long enough: β = max(β, λ V P).
+
+        Links wait until the robot has gone on without being re-localised: had it been, they would
+        lead to where it was not.
+        """
+        ripe = int(np.searchsorted(self._waiting_numbers[:, 1], way - self._config.learning_delay))
+        if not ripe:
+            return
+        links = self._links
+        links.reserve(ripe)
+        links.count = strengthen(
+            self._waiting[:ripe],
+            self._config.learning_rate * self._waiting_numbers[:ripe, 0],
+            self._views["first"],
+            (links["cell"], links["strength"], links["next"]),
+            links.count,
+        )
+        self._waiting = self._waiting[ripe:]
+        self._waiting_numbers = self._waiting_numbers[ripe:]
+
+    def forget_waiting(self) -> None:
+        """Learn nothing of what waits."""
+        self._waiting = np.empty((0, 2), np.int64)  # Views and cells.
+        self._waiting_numbers = np.empty((0, 2))  # Strengths and ways (m).
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything remembered, as arrays by name."""
+        waiting = {"waiting": self._waiting.copy(), "waiting_numbers": self._waiting_numbers.copy()}
+        return self._links.state("links") | self._views.state("views") | waiting
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become what gave `state`."""
+        self._links.restore("links", state)
+        self._views.restore("views", state)
+        self._waiting = state["waiting"].copy()
+        self._waiting_numbers = state["waiting_numbers"].copy()
+
+    def _know(self, view: int) -> None:
+        """Have a row for a view."""
+        while self._views.count <= view:
+            self._views.append(first=-1, freshness=1.0, tired_at=0)
+
+
+@kernel()
+def list_links(first: int, following: np.ndarray, found: np.ndarray) -> int:
+    """List the links of a view; returns how many there are."""
+    count, link = 0, first
+    while link >= 0:
+        found[count] = link
+        count += 1
+        link = following[link]
+    return count
+
+
+@kernel()
+def leads_near(
+    first: int, cells: np.ndarray, following: np.ndarray, cell: int, shape: tuple[int, int, int]
+) -> bool:
+    """Whether one of a view's links leads to a cell, or to one near it along each axis."""
+    columns, rows, headings = shape
+    link = first
+    while link >= 0:
+        other = cells[link]
+        x = abs(other % columns - cell % columns)
+        y = abs(other // columns % rows - cell // columns % rows)
+        layer = abs(other // (columns * rows) - cell // (columns * rows))
+        apart = max(min(x, columns - x), min(y, rows - y), min(layer, headings - layer))
+        if apart <= NEAR:
+            return True
+        link = following[link]
+    return False
+
+
+@kernel()
+def strengthen(
+    ends: np.ndarray,
+    strengths: np.ndarray,
+    first: np.ndarray,
+    links: tuple[np.ndarray, np.ndarray, np.ndarray],
+    count: int,
+) -> int:
+    """The maximum rule for links between views and cells; returns how many links there are.
+
+    `ends` (some, 2) are views and cells. `first` holds each view's first link; new ones are put
+    before it.
+    """
+    linked, strength, following = links
+    for k in range(ends.shape[0]):
+        view, cell = ends[k, 0], ends[k, 1]
+        link = first[view]
+        while link >= 0 and linked[link] != cell:
+            link = following[link]
+        if link < 0:
+            linked[count], strength[count] = cell, strengths[k]
+            following[count] = first[view]
+            first[view] = count
+            count += 1
+        else:
+            strength[link] = max(strength[link], strengths[k])
+    return count

@@ -1,0 +1,375 @@
+"""The pose cells: a competitive attractor network over (x', y', θ') (sections 3.2 and 3.3).
+
+Only active cells are kept, and only they and their neighbours are touched, so a step takes as long
+in a large network as in a small one. The weights of an iteration, which the paper does not give,
+are Gaussians along each axis: excitation, then a wider inhibition of what was excited, then the
+same inhibition of all cells.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from albot_core.geometry.pose_kernels import rotate
+from albot_core.geometry.types import Pose
+from albot_core.kernels.compiled import kernel
+from albot_core.mappers.ratslam.config import PoseCellConfig
+
+REACH = 2
+"""How many cells away a cell excites and inhibits others, along each axis."""
+_LEAST = 1e-9
+"""Less activity than this share of all counts as none."""
+_WINDOW = 3
+"""Cells to either side of the most active one that make up the packet."""
+
+
+class Scratch(NamedTuple):
+    """Arrays that an iteration works in: zeros before and after it."""
+
+    first: np.ndarray
+    second: np.ndarray
+    third: np.ndarray
+    """Activity of all cells."""
+    cells: np.ndarray
+    """(2, n) int64: the cells that are active in the first and the second."""
+
+
+class Packet(NamedTuple):
+    """The largest packet of activity."""
+
+    x: float
+    y: float
+    heading: float
+    """Its centre, in cells: [0, columns), [0, rows), [0, headings)."""
+    share: float
+    """Its share of all activity."""
+
+
+@cache
+def _scratch(cells: int) -> Scratch:
+    """The scratch arrays of all networks of a size, of which one iterates at a time."""
+    first, second, third = np.zeros((3, cells))
+    return Scratch(first, second, third, np.zeros((2, cells), np.int64))
+
+
+@cache
+def _weights(config: PoseCellConfig) -> tuple[np.ndarray, np.ndarray]:
+    """The weights of excitation and inhibition along an axis; both sum to 1."""
+    away = np.arange(-REACH, REACH + 1)
+    both = [np.exp(-0.5 * (away / width) ** 2) for width in (config.excitation, config.inhibition)]
+    return both[0] / both[0].sum(), both[1] / both[1].sum()
+
+
+class PoseCells:
+    """A network of pose cells.
+
+    Args:
+        config: Its size and weights.
+    """
+
+    def __init__(self, config: PoseCellConfig) -> None:
+        self.config = config
+        self.shape = config.columns, config.rows, config.headings
+        """How many cells there are along x', y' and θ'."""
+        self._scratch_size = math.prod(self.shape)
+        self.reset()
+
+    def reset(self) -> None:
+        """One packet in the middle, with heading 0."""
+        columns, rows, _ = self.shape
+        self.seed(Packet(columns // 2, rows // 2, 0.0, 1.0))
+
+    def seed(self, packet: Packet) -> None:
+        """Begin anew with all activity in the cell at a packet's centre."""
+        cell = cell_at(packet.x, packet.y, packet.heading, self.shape)
+        self.cells: Int64[np.ndarray, "active"] = np.array((cell,))
+        """The active cells, (θ' rows + y') columns + x' each."""
+        self.activity: Float64[np.ndarray, "active"] = np.ones(1)
+        """The activity of each; all together 1."""
+        self.packet = packet
+        """The packet that dominates."""
+
+    def iterate(
+        self,
+        motion: tuple[float, float, float],
+        injected: Int64[np.ndarray, "some"],
+        amounts: Float64[np.ndarray, "some"],
+    ) -> bool:
+        """Inject activity, let cells compete, and shift all activity with the robot.
+
+        Args:
+            motion: The robot's pose now in its frame at the last iteration (m, m, rad).
+            injected: Cells that activity is injected into…
+            amounts: …and how much into each, as a share of all activity.
+
+        Returns:
+            Whether any activity is left. If none is, the network is seeded where the packet was.
+        """
+        config, scratch = self.config, _scratch(self._scratch_size)
+        excitation, inhibition = _weights(config)
+        shift = motion[0] / config.cell, motion[1] / config.cell, motion[2] / config.cell_turn
+        count = iterate(
+            self.cells,
+            self.activity,
+            injected,
+            amounts,
+            self.shape,
+            (excitation, inhibition, config.global_inhibition),
+            shift,
+            scratch,
+        )
+        if not count:
+            self.seed(self.packet)
+            return False
+        self.cells = scratch.cells[0, :count].copy()
+        self.activity = scratch.first[self.cells]
+        self.packet = Packet(*find_packet(self.cells, self.activity, self.shape, scratch.first))
+        return True
+
+    def top(self, share: float) -> Int64[np.ndarray, "some"]:
+        """Where in `cells` those are that have this share of the most active one's activity."""
+        return np.flatnonzero(self.activity >= share * self.activity.max())
+
+    def offset(self, x: float, y: float, heading: float) -> Pose:
+        """The packet's centre seen from a pose in cells, the shortest way round (m, m, rad)."""
+        columns, rows, headings = self.shape
+        config, packet = self.config, self.packet
+        east = config.cell * _shortest(packet.x - x, columns)
+        north = config.cell * _shortest(packet.y - y, rows)
+        angle = heading * config.cell_turn
+        cos, sin = math.cos(angle), math.sin(angle)
+        turn = config.cell_turn * _shortest(packet.heading - heading, headings)
+        return np.array((cos * east + sin * north, cos * north - sin * east, turn))
+
+
+def _shortest(difference: float, cells: int) -> float:
+    """A difference along an axis that wraps round, within half of its cells to either side."""
+    return (difference + cells / 2) % cells - cells / 2
+
+
+Shape = tuple[int, int, int]
+
+
+@kernel()
+def cell_at(x: float, y: float, heading: float, shape: Shape) -> int:
+    """The number of the cell nearest to a place in cells."""
+    columns, rows, headings = shape
+    column = np.int64(math.floor(x + 0.5)) % columns
+    row = np.int64(math.floor(y + 0.5)) % rows
+    layer = np.int64(math.floor(heading + 0.5)) % headings
+    return int((layer * rows + row) * columns + column)
+
+
+@kernel()
+def iterate(
+    cells: np.ndarray,
+    activity: np.ndarray,
+    injected: np.ndarray,
+    amounts: np.ndarray,
+    shape: Shape,
+    weights: tuple[np.ndarray, np.ndarray, float],
+    shift: tuple[float, float, float],
+    scratch: Scratch,
+) -> int:
+    """One iteration; returns how many cells are active then.
+
+    They are in the first row of `scratch.cells`, their activity in `scratch.first`; what reads it
+    clears it (`find_packet`). With none left all is cleared.
+    """
+    first, second, third, lists = scratch
+    here, there = lists[0], lists[1]
+    count = 0
+    for k in range(cells.shape[0]):
+        count = _add(first, here, count, cells[k], activity[k])
+    for k in range(injected.shape[0]):
+        if amounts[k] > 0.0:
+            count = _add(first, here, count, injected[k], amounts[k])
+    count = _compete(shape, weights, scratch, count)
+    if count == 0:
+        return 0
+    return _shift(third, first, second, here, there, count, shape, shift)
+
+
+@kernel()
+def _compete(
+    shape: Shape, weights: tuple[np.ndarray, np.ndarray, float], scratch: Scratch, count: int
+) -> int:
+    """Excitation and inhibition; returns how many cells are active then.
+
+    The first row of `scratch.cells` lists the active cells, before in `scratch.first`, then in
+    `scratch.third`.
+    """
+    columns, rows, headings = shape
+    first, second, third, lists = scratch
+    excitation, inhibition, lost = weights
+    here, there = lists[0], lists[1]
+    # Excitation along x', y' and θ', from one array into the other.
+    count = _spread(first, second, here, there, count, excitation, 1, columns)
+    count = _spread(second, first, there, here, count, excitation, columns, rows)
+    count = _spread(first, second, here, there, count, excitation, columns * rows, headings)
+    # Local inhibition of what was excited, which waits in `third`.
+    for k in range(count):
+        third[there[k]] = second[there[k]]
+    count = _spread(second, first, there, here, count, inhibition, 1, columns)
+    count = _spread(first, second, here, there, count, inhibition, columns, rows)
+    count = _spread(second, first, there, here, count, inhibition, columns * rows, headings)
+    total, kept = 0.0, 0
+    for k in range(count):
+        cell = here[k]
+        left = third[cell] - first[cell]
+        first[cell] = third[cell] = 0.0
+        if left > 0.0:
+            third[cell] = left
+            total += left
+            here[kept] = cell
+            kept += 1
+    # Global inhibition of activity that sums to 1; then it is to sum to 1 again.
+    before, total, count = total, 0.0, 0
+    for k in range(kept):
+        cell = here[k]
+        left = third[cell] / before - lost
+        third[cell] = 0.0
+        if left > _LEAST:
+            third[cell] = left
+            total += left
+            here[count] = cell
+            count += 1
+    for k in range(count):
+        third[here[k]] /= total
+    return count
+
+
+@kernel()
+def _add(target: np.ndarray, reached: np.ndarray, count: int, cell: int, amount: float) -> int:
+    """Add activity to a cell, which is listed where it had none; the new length of the list."""
+    if target[cell] == 0.0:
+        reached[count] = cell
+        count += 1
+    target[cell] += amount
+    return count
+
+
+@kernel()
+def _spread(
+    source: np.ndarray,
+    target: np.ndarray,
+    cells: np.ndarray,
+    reached: np.ndarray,
+    count: int,
+    weights: np.ndarray,
+    stride: int,
+    length: int,
+) -> int:
+    """Move activity to its neighbours along one axis, by weights; the source is cleared."""
+    found = 0
+    for k in range(count):
+        cell = cells[k]
+        amount = source[cell]
+        source[cell] = 0.0
+        at = cell // stride % length
+        base = cell - at * stride
+        for j in range(2 * REACH + 1):
+            place = at + j - REACH
+            if place < 0:
+                place += length
+            elif place >= length:
+                place -= length
+            found = _add(target, reached, found, base + place * stride, weights[j] * amount)
+    return found
+
+
+@kernel()
+def _shift(
+    source: np.ndarray,
+    target: np.ndarray,
+    between: np.ndarray,
+    cells: np.ndarray,
+    reached: np.ndarray,
+    count: int,
+    shape: Shape,
+    shift: tuple[float, float, float],
+) -> int:
+    """Path integration: move all activity with the robot; the fractions go to the cells around.
+
+    The activity of a heading moves in its own direction. `source` is cleared; the active cells
+    are listed in `cells`.
+    """
+    columns, rows, headings = shape
+    found, layer, east, north = 0, -1, 0.0, 0.0
+    for k in range(count):
+        cell = cells[k]
+        amount = source[cell]
+        source[cell] = 0.0
+        if cell // (columns * rows) != layer:
+            layer = cell // (columns * rows)
+            angle = 2.0 * math.pi * layer / headings
+            east, north = rotate(math.cos(angle), math.sin(angle), shift[0], shift[1])
+            east, north = _wrapped(east, columns), _wrapped(north, rows)
+        whole_x, whole_y = math.floor(east), math.floor(north)
+        part_x, part_y = east - whole_x, north - whole_y
+        x = (cell % columns + np.int64(whole_x)) % columns
+        y = (cell // columns % rows + np.int64(whole_y)) % rows
+        for j in range(4):
+            share = (part_x if j & 1 else 1.0 - part_x) * (part_y if j & 2 else 1.0 - part_y)
+            if share > 0.0:
+                to = (layer * rows + (y + (j >> 1)) % rows) * columns + (x + (j & 1)) % columns
+                found = _add(between, reached, found, to, share * amount)
+    turn = _wrapped(shift[2], headings)
+    whole = math.floor(turn)
+    part = turn - whole
+    count = 0
+    for k in range(found):
+        cell = reached[k]
+        amount = between[cell]
+        between[cell] = 0.0
+        layer = (cell // (columns * rows) + np.int64(whole)) % headings
+        flat = cell % (columns * rows)
+        for j in range(2):
+            share = part if j else 1.0 - part
+            if share > 0.0:
+                to = (layer + j) % headings * (columns * rows) + flat
+                count = _add(target, cells, count, to, share * amount)
+    return count
+
+
+@kernel()
+def find_packet(
+    cells: np.ndarray, activity: np.ndarray, shape: Shape, dense: np.ndarray
+) -> tuple[float, float, float, float]:
+    """The centre of the packet round the most active cell, across the wrap, and its share.
+
+    `dense` holds the activity of all cells, and is cleared.
+    """
+    columns, rows, headings = shape
+    peak = cells[np.argmax(activity)]
+    x, y, layer = peak % columns, peak // columns % rows, peak // (columns * rows)
+    share = east = north = turn = 0.0
+    for i in range(-_WINDOW, _WINDOW + 1):
+        for j in range(-_WINDOW, _WINDOW + 1):
+            for k in range(-_WINDOW, _WINDOW + 1):
+                at = ((layer + k) % headings * rows + (y + j) % rows) * columns + (x + i) % columns
+                amount = dense[at]
+                share += amount
+                east += amount * i
+                north += amount * j
+                turn += amount * k
+    for k in range(cells.shape[0]):
+        dense[cells[k]] = 0.0
+    return (
+        _wrapped(x + east / share, columns),
+        _wrapped(y + north / share, rows),
+        _wrapped(layer + turn / share, headings),
+        share,
+    )
+
+
+@kernel()
+def _wrapped(place: float, length: int) -> float:
+    """A place along an axis that wraps round, within [0, length)."""
+    place %= float(length)
+    return place if place < length else 0.0

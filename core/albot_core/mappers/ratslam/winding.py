@@ -1,0 +1,139 @@
+"""Which winding a link has that closes a loop.
+
+An odometer with a constant bias turns in excess all the way. At 6 °/s a lap of a minute is a whole
+turn too much, and nothing that the odometer measured tells it from a lap without error: a square
+whose sides are bent by 90° each is as closed as one with straight sides. What tells them apart is
+that robots drive straight more often than they turn: the median turn rate while they drive is the
+bias. It decides how often the links of a loop turn round, and nothing else; the correction of the
+map does the rest. The paper does not speak of this: ours.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from albot_core.geometry.pose_kernels import length_of, rotate
+from albot_core.kernels.compiled import kernel
+
+_FASTEST, _BIN = math.radians(30.0), math.radians(0.1)
+_BINS = 2 * round(_FASTEST / _BIN) + 1
+_ENOUGH = 3.0
+"""No bias is believed before so much way (m)."""
+_GAP = 0.25
+"""A loop without the bias must close up to this share of its length."""
+
+
+class HeadingBias:
+    """The odometer's bias: the median turn rate, over the way."""
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self._ways = np.zeros(_BINS)
+
+    def add(self, way: float, turn: float, duration: float) -> None:
+        """Take in a motion: its way (m), turn (rad) and duration (s), which may be 0: unknown."""
+        if duration > 0.0 and way > 0.0:
+            rate = min(max(turn / duration, -_FASTEST), _FASTEST)
+            self._ways[round(rate / _BIN) + _BINS // 2] += way
+
+    @property
+    def rate(self) -> float:
+        """The bias (rad/s); 0 before there is enough way."""
+        summed = np.cumsum(self._ways)
+        if summed[-1] < _ENOUGH:
+            return 0.0
+        return float((np.searchsorted(summed, summed[-1] / 2) - _BINS // 2) * _BIN)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything remembered, as arrays by name."""
+        return {"bias.ways": self._ways.copy()}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become what gave `state`."""
+        self._ways = state["bias.ways"].copy()
+
+
+Tree = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""(experiences,) the link that led to each as it was new, -1 for the first; and of all links the
+(links,) sources, (links, 3) motions and (links,) times."""
+
+
+@kernel()
+def turns_of(
+    source: int,
+    target: int,
+    motion: tuple[float, float, float],
+    time: float,
+    tree: Tree,
+    bias: float,
+) -> int:
+    """How many whole turns are to be added to a link between experiences that are both known.
+
+    The way between them over the links by which each was first reached, taken without the bias,
+    says how much the robot turned. It is not believed where that way does not lead to where the
+    link does, and the way as it was measured does so better.
+    """
+    turns, gap, _ = _turns_without(source, target, motion, time, tree, 0.0)
+    if bias != 0.0:
+        others, other_gap, length = _turns_without(source, target, motion, time, tree, bias)
+        if other_gap <= max(_GAP * length, gap):
+            return others
+    return turns
+
+
+@kernel()
+def _turns_without(
+    source: int,
+    target: int,
+    motion: tuple[float, float, float],
+    time: float,
+    tree: Tree,
+    bias: float,
+) -> tuple[int, float, float]:
+    """The whole turns, the gap that is left in the loop (m), and its length (m)."""
+    reached_by, sources, motions, times = tree
+    here, there = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # Source and target, seen from their ancestors.
+    length = length_of(motion[0], motion[1])
+    one, other = source, target
+    while one != other:  # An experience is younger than that from which it was reached.
+        link = reached_by[max(one, other)]
+        step = _unbiased((motions[link, 0], motions[link, 1], motions[link, 2]), times[link], bias)
+        length += length_of(step[0], step[1])
+        if one > other:
+            here = _unwrapped(step, here)
+            one = sources[link]
+        else:
+            there = _unwrapped(step, there)
+            other = sources[link]
+    x, y = rotate(math.cos(-here[2]), math.sin(-here[2]), there[0] - here[0], there[1] - here[1])
+    direct = _unbiased(motion, time, bias)
+    turns = math.floor((there[2] - here[2] - direct[2]) / (2 * math.pi) + 0.5)
+    return turns, length_of(x - direct[0], y - direct[1]), length
+
+
+@kernel()
+def _unbiased(
+    motion: tuple[float, float, float], time: float, bias: float
+) -> tuple[float, float, float]:
+    """A motion as it was if the odometer turned in excess at this rate.
+
+    On average half of the excess bends the way itself.
+    """
+    excess = bias * time
+    x, y = rotate(math.cos(-excess / 2), math.sin(-excess / 2), motion[0], motion[1])
+    return x, y, motion[2] - excess
+
+
+@kernel()
+def _unwrapped(
+    first: tuple[float, float, float], second: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """One motion after the other, the headings added up without wrapping."""
+    x, y = rotate(math.cos(first[2]), math.sin(first[2]), second[0], second[1])
+    return first[0] + x, first[1] + y, first[2] + second[2]

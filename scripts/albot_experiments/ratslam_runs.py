@@ -1,0 +1,166 @@
+"""RatSLAM led through a journey: what became of its map, measured and drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+from albot_core.evaluation.trajectory import align
+from albot_core.geometry.poses import transform_points, wrap_angle
+from albot_core.geometry.types import Points, Pose, Poses
+from albot_core.mappers.ratslam.config import CorrectionConfig, RatSlamConfig
+from albot_core.mappers.ratslam.events import RELOCALISED
+from albot_core.mappers.ratslam.mapper import RatSlam
+from albot_core.sensing.reading import Reading
+from albot_experiments.drawing import FLOOR, MARK, PATH, SURFACE, draw_floor
+from albot_maps.world import World
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+UNCORRECTED = replace(RatSlamConfig.scenes(), correction=CorrectionConfig(passes=0))
+"""The same mapper without map correction."""
+SAME_PLACE = 2.0
+"""An experience that was made farther away than this is another place (m)."""
+_NEAR, _ALIGNED = 0.5, np.radians(30.0)
+"""Experiences made so near each other represent one place (m, rad)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """RatSLAM at the end of a journey."""
+
+    mapper: RatSlam
+    truth: Poses
+    """(readings, 3): where the robot was."""
+    packets: Float64[np.ndarray, "readings 3"]
+    """The largest packet at every reading, in cells."""
+    counts: Int64[np.ndarray, "readings"]
+    """How many experiences there were."""
+    places: Int64[np.ndarray, "readings"]
+    """Which one was active."""
+
+    @cached_property
+    def made_at(self) -> Poses:
+        """Where the robot was as each experience was made."""
+        return np.asarray(self.truth[self.mapper.experiences.experiences.rows("reading")])
+
+    @cached_property
+    def frame(self) -> Pose:
+        """The map's frame on the floor, under which the experiences fit best."""
+        return align(self.mapper.experiences.poses[:, :2], self.made_at[:, :2])
+
+    @property
+    def error(self) -> float:
+        """Root mean squared distance of the experiences from where they were made (m)."""
+        points = transform_points(self.frame, self.mapper.experiences.poses[:, :2])
+        return _rms(points, self.made_at)
+
+    @property
+    def path_error(self) -> float:
+        """The same of all corrected poses from where the robot was (m): laps lie on laps."""
+        points = transform_points(self.frame, self.mapper.corrected_poses()[:, :2])
+        return _rms(points, self.truth)
+
+    def growth(self, readings: int) -> int:
+        """How many experiences were made in the last so many readings."""
+        return int(self.counts[-1] - self.counts[-1 - readings])
+
+    @cached_property
+    def is_elsewhere(self) -> Bool[np.ndarray, "readings"]:
+        """At which readings the robot was not where its experience was made."""
+        away = np.hypot(*(self.truth - self.made_at[self.places])[:, :2].T)
+        return np.asarray(away > SAME_PLACE)
+
+    @property
+    def longest_elsewhere(self) -> int:
+        """Most readings in a row at which it was elsewhere."""
+        edges = np.flatnonzero(np.diff(self.is_elsewhere, prepend=False, append=False))
+        return int(np.diff(edges)[::2].max(initial=0))
+
+    @property
+    def relocalisations(self) -> int:
+        """How often it was re-localised."""
+        return sum(event.kind == RELOCALISED for event in self.mapper.events)
+
+    @cached_property
+    def represented(self) -> tuple[int, int]:
+        """How many experiences share their place with another, and their pose cells.
+
+        The first are multiple representations (section 3.6): made within 0.5 m and 30° of another,
+        with other pose cells. The second are hash collisions (section 3.7): with pose cells in
+        whose zone another one has its own, that was made elsewhere.
+        """
+        config = self.mapper.config
+        cells = self.mapper.experiences.experiences.rows("cell").copy()
+        size = np.array(
+            (config.pose_cells.columns, config.pose_cells.rows, config.pose_cells.headings)
+        )
+        multiple, collided = 0, 0
+        for k in range(len(cells)):
+            apart = np.abs(cells - cells[k])
+            apart = np.minimum(apart, size - apart)
+            same_cells = np.hypot(*apart[:, :2].T) * config.pose_cells.cell < (
+                config.experiences.radius
+            )
+            same_cells &= apart[:, 2] * config.pose_cells.cell_turn < config.experiences.turn
+            away = np.hypot(*(self.made_at - self.made_at[k])[:, :2].T)
+            turned = np.abs(wrap_angle(self.made_at[:, 2] - self.made_at[k, 2]))
+            multiple += bool(((away < _NEAR) & (turned < _ALIGNED) & ~same_cells).any())
+            collided += bool(((away > SAME_PLACE) & same_cells).any())
+        return multiple, collided
+
+
+def _rms(points: Points, truth: Poses) -> float:
+    off = points - truth[:, :2]
+    return float(np.sqrt((off**2).sum(axis=1).mean()))
+
+
+def follow(readings: Sequence[Reading], truth: Poses, config: RatSlamConfig) -> Run:
+    """Lead a fresh mapper through the readings."""
+    mapper = RatSlam(config, "ratslam" if config.sees == "laser" else "ratslam-scenes")
+    packets, counts = np.empty((len(readings), 3)), np.zeros(len(readings), np.int64)
+    for k, reading in enumerate(readings):
+        mapper.update(reading)
+        packets[k] = mapper.packet[:3]
+        counts[k] = mapper.experiences.count
+    places = np.array([mapper.place_at(k) for k in range(len(readings))])
+    return Run(mapper=mapper, truth=truth, packets=packets, counts=counts, places=places)
+
+
+def draw_pose_cells(axes: Axes, run: Run) -> None:
+    """Draw the packet's path in (x', y'): re-localisations thin, without what wraps round."""
+    cells = run.packets[:, :2]
+    leaps = np.abs(np.diff(cells, axis=0)).max(axis=1)
+    size = run.mapper.config.pose_cells
+    for least, most, width in ((0.0, 2.0, 1.2), (2.0, min(size.columns, size.rows) / 2, 0.3)):
+        here = np.where(((leaps >= least) & (leaps < most))[:, None], cells[1:], np.nan)
+        there = np.where(((leaps >= least) & (leaps < most))[:, None], cells[:-1], np.nan)
+        pairs = np.stack((there, here, np.full_like(here, np.nan)), axis=1).reshape(-1, 2)
+        axes.plot(pairs[:, 0], pairs[:, 1], color=PATH if most == 2.0 else SURFACE, lw=width)
+    axes.set(aspect="equal", xlim=(0, size.columns), ylim=(0, size.rows), xlabel="x'", ylabel="y'")
+
+
+def draw_experiences(axes: Axes, run: Run, world: World | None) -> None:
+    """Draw the experience map, laid on the floor where there is one."""
+    poses = transform_points(run.frame, run.mapper.experiences.poses[:, :2])
+    if world is not None:
+        draw_floor(axes, world.walls, FLOOR)
+    links = run.mapper.experiences.links
+    ends = np.stack(
+        (
+            poses[links.rows("source")],
+            poses[links.rows("target")],
+            np.full((links.count, 2), np.nan),
+        ),
+        axis=1,
+    ).reshape(-1, 2)
+    axes.plot(ends[:, 0], ends[:, 1], color=SURFACE, lw=0.5)
+    axes.plot(poses[:, 0], poses[:, 1], ".", color=MARK, ms=3)
+    axes.set(aspect="equal", xticks=[], yticks=[])
+    axes.autoscale_view()

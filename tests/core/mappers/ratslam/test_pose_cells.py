@@ -1,0 +1,167 @@
+"""The pose cells against a plain dense network, and laws of theirs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from albot_core.errors import InputError
+from albot_core.mappers.ratslam.config import PoseCellConfig
+from albot_core.mappers.ratslam.pose_cells import REACH, PoseCells
+
+SMALL = PoseCellConfig(columns=20, rows=24, headings=18)
+NOTHING = np.zeros(0, np.int64), np.zeros(0)
+
+
+def dense(cells: PoseCells) -> np.ndarray:
+    """The activity of all cells, (headings, rows, columns)."""
+    columns, rows, headings = cells.shape
+    activity = np.zeros(headings * rows * columns)
+    activity[cells.cells] = cells.activity
+    return activity.reshape(headings, rows, columns)
+
+
+def spread(activity: np.ndarray, width: float) -> np.ndarray:
+    away = np.arange(-REACH, REACH + 1)
+    weights = np.exp(-0.5 * (away / width) ** 2)
+    for axis in range(3):
+        shifted = [w * np.roll(activity, d, axis) for d, w in zip(away, weights, strict=True)]
+        activity = sum(shifted) / weights.sum()
+    return activity
+
+
+def shifted(activity: np.ndarray, amounts: tuple[float, float, float]) -> np.ndarray:
+    """Shifted along x, y and θ, by linear interpolation."""
+    for axis, amount in zip((2, 1, 0), amounts, strict=True):
+        whole = int(np.floor(amount))
+        part = amount - whole
+        activity = (1 - part) * np.roll(activity, whole, axis) + part * np.roll(
+            activity, whole + 1, axis
+        )
+    return activity
+
+
+def iterated(activity: np.ndarray, config: PoseCellConfig, motion: np.ndarray) -> np.ndarray:
+    """One iteration of the whole network, cell by cell as it is defined."""
+    excited = spread(activity, config.excitation)
+    left = np.maximum(excited - spread(excited, config.inhibition), 0)
+    left = left / left.sum() - config.global_inhibition
+    left[left <= 1e-9] = 0
+    left /= left.sum()
+    moved = np.zeros_like(left)
+    for layer in range(config.headings):
+        angle = layer * config.cell_turn
+        cos, sin = np.cos(angle), np.sin(angle)
+        x, y = cos * motion[0] - sin * motion[1], sin * motion[0] + cos * motion[1]
+        one = np.zeros_like(left)
+        one[layer] = left[layer]
+        turn = motion[2] / config.cell_turn
+        moved += shifted(one, (x / config.cell, y / config.cell, turn))
+    return moved
+
+
+def test_it_does_what_a_dense_network_does():
+    rng = np.random.default_rng(0)
+    cells, config = PoseCells(SMALL), SMALL
+    activity = dense(cells)
+    for _ in range(40):
+        motion = rng.normal(0, (0.3, 0.1, 0.4))
+        injected = rng.integers(0, activity.size, 3)
+        amounts = rng.uniform(0, 0.3, 3)
+        np.add.at(activity.reshape(-1), injected, amounts)
+        activity = iterated(activity, config, motion)
+        assert cells.iterate(tuple(motion.tolist()), injected, amounts)
+        np.testing.assert_allclose(dense(cells), activity, atol=1e-12)
+        assert cells.activity.sum() == pytest.approx(1.0)
+
+
+def test_activity_settles_in_one_packet():
+    cells = PoseCells(PoseCellConfig())
+    for _ in range(100):
+        cells.iterate((0.0, 0.0, 0.0), *NOTHING)
+    assert len(cells.cells) < 500
+    assert cells.packet.share == pytest.approx(1.0, abs=1e-3)
+    np.testing.assert_allclose(cells.offset(64, 64, 0), 0, atol=1e-9)
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.5, 2.0, -2.4])
+def test_path_integration_keeps_direction_and_way(heading):
+    cells = PoseCells(PoseCellConfig())
+    for turn in np.full(10, heading / 10):
+        cells.iterate((0.0, 0.0, float(turn)), *NOTHING)
+    start = cells.packet
+    for _ in range(60):  # Within a tenth of the way, though a step is a fraction of a cell.
+        cells.iterate((0.1, 0.0, 0.0), *NOTHING)
+    x, y, turn = cells.offset(start.x, start.y, start.heading)
+    assert np.hypot(x - 6, y) < 0.1 * 6
+    assert abs(turn) < 0.1
+
+
+def test_the_network_wraps_round():
+    """A packet that goes once round is where it was, and its centre is found across the edge."""
+    cells = PoseCells(SMALL)
+    seen = []
+    for _ in range(2 * SMALL.columns):
+        cells.iterate((0.5 * SMALL.cell, 0.0, 0.0), *NOTHING)
+        seen.append(cells.packet.x)
+    moves = np.diff(seen) % SMALL.columns
+    assert moves.min() > 0.2
+    assert moves.max() < 0.8
+    assert all(0 <= x < SMALL.columns for x in seen)
+    assert max(seen) > SMALL.columns - 1
+
+
+def test_a_shift_by_whole_cells_moves_the_same_activity():
+    cells, twin = PoseCells(SMALL), PoseCells(SMALL)
+    for _ in range(5):
+        cells.iterate((0.0, 0.0, 0.0), *NOTHING)
+        twin.iterate((0.0, 0.0, 0.0), *NOTHING)
+    cells.iterate((0.0, 0.0, 0.0), *NOTHING)
+    twin.iterate((0.0, 0.0, 7 * SMALL.cell_turn), *NOTHING)
+    np.testing.assert_allclose(np.roll(dense(cells), 7, 0), dense(twin), atol=1e-12)
+
+
+def inject(cells: PoseCells, times: int, amount: float) -> None:
+    columns, rows, _ = cells.shape
+    for _ in range(times):
+        far = np.array(((3 * rows + 5) * columns + 6,))
+        cells.iterate((0.0, 0.0, 0.0), far, np.array((amount,)))
+
+
+def test_little_activity_far_away_dies_and_much_wins():
+    weak, strong = PoseCells(SMALL), PoseCells(SMALL)
+    inject(weak, 1, 0.2)
+    inject(strong, 30, 0.2)
+    for cells in (weak, strong):
+        for _ in range(200):
+            cells.iterate((0.0, 0.0, 0.0), *NOTHING)
+        assert cells.packet.share > 0.99
+    np.testing.assert_allclose(weak.offset(10, 12, 0), 0, atol=0.02)
+    np.testing.assert_allclose(strong.offset(6, 5, 3), 0, atol=0.02)
+
+
+def test_a_network_that_loses_all_activity_is_seeded_where_it_was():
+    cells = PoseCells(PoseCellConfig(columns=20, rows=20, global_inhibition=0.9))
+    assert not cells.iterate((0.1, 0.0, 0.0), *NOTHING)
+    assert cells.packet[:3] == (10, 10, 0)
+    np.testing.assert_array_equal(cells.activity, [1.0])
+    assert dense(cells)[0, 10, 10] == 1.0
+
+
+@pytest.mark.parametrize("far", [1e3, 1e9, 1e200])
+def test_motion_faster_than_the_network_is_wide_wraps(far):
+    cells = PoseCells(SMALL)
+    assert cells.iterate((far, -far, far), *NOTHING)
+    assert np.isfinite(cells.activity).all()
+    assert cells.activity.sum() == pytest.approx(1.0)
+    assert np.isfinite(cells.packet).all()
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("columns", 4), ("cell", 0.0), ("global_inhibition", -1.0), ("step", -1.0)]
+)
+def test_a_network_that_cannot_be_is_refused(field, value):
+    with pytest.raises(InputError, match=f"PoseCellConfig.{field}"):
+        PoseCellConfig(**{field: value})
+    with pytest.raises(InputError, match="more than excitation"):
+        PoseCellConfig(excitation=2.0, inhibition=2.0)
