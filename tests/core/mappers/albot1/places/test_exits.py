@@ -176,8 +176,12 @@ def test_walking_past_crosses_nothing():
     assert walked(np.stack((np.full(len(ys), 0.05), ys), -1), [DOOR]) == []
 
 
+# A motion so small that its products with lengths are lost as 0 is no motion.
+WITHIN = st.floats(-0.29, 0.29, allow_subnormal=False)
+
+
 @settings(deadline=None)
-@given(st.lists(st.floats(-0.29, 0.29), max_size=20), st.sampled_from((-1.0, 1.0)))
+@given(st.lists(WITHIN, max_size=20), st.sampled_from((-1.0, 1.0)))
 def test_dithering_in_a_doorway_crosses_nothing_until_one_side_is_left(waver, end):
     xs = np.array([-1.0, *waver, end])
     crossed = walked(np.stack((xs, np.zeros(len(xs))), -1), [DOOR])
