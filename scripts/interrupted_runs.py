@@ -12,7 +12,6 @@ import gc
 import mmap
 import os
 import random
-import shlex
 import shutil
 import signal
 import subprocess
@@ -212,11 +211,16 @@ def _run_forked(run: Run) -> Run:
 
 def _run_fresh(run: Run) -> Run:
     albot = Path(sys.executable).with_name("albot")
-    with _folder() as folder:
+    with (
+        _folder() as folder,
+        (folder / ".out").open("w") as out,
+        (folder / ".err").open("w") as err,
+    ):
         process = subprocess.Popen(
-            f'exec "{albot}" {shlex.join(run.words)} >.out 2>.err',
-            shell=True,
+            [albot, *run.words],
             cwd=folder,
+            stdout=out,
+            stderr=err,
             start_new_session=True,
             env={**os.environ, "TMPDIR": str(folder / ".tmp")},
             preexec_fn=_hear_signals,

@@ -45,7 +45,7 @@ def measure(share: float, jobs: int) -> dict[str, Any]:
     with progress("reliability", 2 * (forked + fresh), "runs") as tell:
         for kind, numbers in _KINDS.items():
             every = chain(
-                forked_runs(lengths, forked, numbers, jobs), fresh_runs(fresh, numbers, jobs)
+                fresh_runs(fresh, numbers, jobs), forked_runs(lengths, forked, numbers, jobs)
             )
             for run in every:
                 _count(run, found[kind].setdefault(run.words[0], Counter()), problems)
