@@ -56,13 +56,12 @@ class SceneConfig:
         columns = max(math.ceil((right - left) / self.cell), 1)
         rows = max(math.ceil((top - bottom) / self.cell), 1)
         views = columns * rows * self.sectors
-        stride = 1
-        if self.sharing > 1:
-            # Coprime, so that no two views meet; near the golden section, so that
-            # neighbours' numbers lie far apart and those who share one are scattered.
-            stride = max(round(views * _GOLDEN), 1)
-            while math.gcd(stride, views) > 1:
-                stride += 1
+        scenes = math.ceil(views / self.sharing)
+        # Coprime, so that no two views of a share meet; near the golden section, so that
+        # neighbours' numbers lie far apart there.
+        stride = max(round(scenes * _GOLDEN), 1)
+        while math.gcd(stride, scenes) > 1:
+            stride += 1
         return SceneConstants(
             left=float(left),
             bottom=float(bottom),
@@ -70,7 +69,7 @@ class SceneConfig:
             columns=columns,
             rows=rows,
             sectors=self.sectors,
-            scenes=math.ceil(views / self.sharing),
+            scenes=scenes,
             stride=stride,
             position_noise=float(self.position_noise),
             heading_noise=float(self.heading_noise),
@@ -129,7 +128,7 @@ class SceneConstants(NamedTuple):
     scenes: int
     """How many scenes there are."""
     stride: int
-    """How far the numbers of neighbouring views are apart, before they are shared."""
+    """How far the numbers of neighbouring views are apart where numbers are given once more."""
     position_noise: float
     """Standard deviation of x and of y (m)."""
     heading_noise: float
@@ -172,6 +171,11 @@ def scene_at(x: float, y: float, heading: float, scenes: SceneConstants) -> int:
     row = min(max(math.floor((y - scenes.bottom) / scenes.cell), 0), scenes.rows - 1)
     share = heading / (2 * math.pi)
     sector = min(math.floor((share - math.floor(share)) * scenes.sectors), scenes.sectors - 1)
-    views = scenes.columns * scenes.rows * scenes.sectors
     view = (row * scenes.columns + column) * scenes.sectors + sector
-    return view * scenes.stride % views % scenes.scenes
+    # As many views as there are numbers take them in order, the next as many scattered, and so on,
+    # each time otherwise: were all in the same order, a whole part of the world would look like
+    # another, view by view along any way.
+    number = view % scenes.scenes
+    for _ in range(view // scenes.scenes):
+        number = number * scenes.stride % scenes.scenes
+    return number

@@ -18,7 +18,17 @@ from albot_core.mappers.registry import mapper_names
 
 ROUNDS = 6
 """Rounds in which each environment is timed."""
-PARTS = ("laser", "mapper", "journey", "env", "processes", "learner", "generator", "startup")
+PARTS = (
+    "laser",
+    "mapper",
+    "journey",
+    "env",
+    "processes",
+    "learner",
+    "generator",
+    "startup",
+    "ratslam",
+)
 
 
 @click.command()
@@ -87,6 +97,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     from albot_benchmarks.learner import measure_learner
     from albot_benchmarks.long_run import measure_long_run
     from albot_benchmarks.mapper import measure_growth, measure_looping, measure_mappers
+    from albot_benchmarks.ratslam import measure_ratslam
     from albot_benchmarks.startup import measure_startup
 
     readings = read_log(log).readings if log else None
@@ -103,6 +114,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
         "learner": measure_learner,
         "generator": measure_generators,
         "startup": measure_startup,
+        "ratslam": measure_ratslam,
     }
 
 
@@ -130,6 +142,7 @@ def as_text(figures: Figures) -> str:
     lines += map(_processes, filter(None, [figures["processes"]]))
     lines += _learner(figures["learner"])
     lines += map(_generator, figures["generator"])
+    lines += map(_ratslam, figures.get("ratslam", ()))
     lines += map(_startup, filter(None, [figures.get("startup")]))
     return "\n".join(lines)
 
@@ -206,6 +219,16 @@ def _generator(row: Figures) -> str:
     return (
         f"generator   {row['walls']:7,.0f} walls     {row['worlds_per_second']:8,.0f} worlds/s    "
         f"{row['kind']}"
+    )
+
+
+def _ratslam(row: Figures) -> str:
+    size = f"{row['experiences']:,d} experiences, {row['transitions']:,d} transitions"
+    if "passes_per_second" in row:
+        return f"correction  {row['passes_per_second']:7,.0f} passes/s of {size}"
+    return (
+        f"floor       {row['readings_per_second']:7,.0f} readings/s  {row['name']}: {size}; "
+        f"{row['us_early']:.0f} µs a reading early, {row['us_late']:.0f} late"
     )
 
 

@@ -22,6 +22,7 @@ from albot_experiments.report import (
     Report,
     cell,
     index_path,
+    read_report,
     rows,
     write_index,
 )
@@ -78,6 +79,16 @@ def run_experiment(
         _run_all(chosen, seeds, out, as_json)
     else:
         _run_one(chosen[0], seeds, out, as_json)
+
+
+@command.command("page")
+@click.argument("folder", type=click.Path(path_type=Path))
+@FORCE
+def write_page(folder: Path, force: bool) -> None:
+    """Write the page over the reports in FOLDER, which stand there already, one of each."""
+    check_file(index_path(folder), force=force)
+    reports = [read_report(folder / name) for name in EXPERIMENTS]
+    click.echo(str(write_index(reports, folder)))
 
 
 def _run_one(experiment: Experiment, seeds: int | None, out: Path | None, as_json: bool) -> None:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from albot_core.mappers.ratslam.config import RatSlamConfig
 from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.scenes import SceneConfig
 from albot_experiments.mapping import median_and_worst
 from albot_experiments.ratslam_runs import (
+    CORRECTED,
     UNCORRECTED,
     Run,
     draw_experiences,
@@ -64,14 +64,15 @@ def loop(odometer: str, seed: int) -> tuple[Run, Run]:
     journey = driven_tour(
         world,
         waypoints,
-        np.random.default_rng(seed),
+        np.random.default_rng((BIASES.index(odometer), seed)),
         driving=DRIVING,
         odometer=ODOMETERS[odometer],
         scenes=SceneConfig(false_rate=FALSE_SCENES),
     )
     readings, truth = journey.readings[:count], journey.truth[:count]
-    configs = RatSlamConfig.scenes(), UNCORRECTED
-    with_correction, without = (follow(readings, truth, config) for config in configs)
+    with_correction, without = (
+        follow(readings, truth, config) for config in (CORRECTED, UNCORRECTED)
+    )
     return with_correction, without
 
 

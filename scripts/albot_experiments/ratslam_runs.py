@@ -23,12 +23,16 @@ from albot_maps.world import World
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-UNCORRECTED = replace(RatSlamConfig.scenes(), correction=CorrectionConfig(passes=0))
+CORRECTED = RatSlamConfig.scenes()
+"""The mapper that sees scenes."""
+UNCORRECTED = replace(CORRECTED, correction=CorrectionConfig(passes=0))
 """The same mapper without map correction."""
 SAME_PLACE = 2.0
 """An experience that was made farther away than this is another place (m)."""
 _NEAR, _ALIGNED = 0.5, np.radians(30.0)
 """Experiences made so near each other represent one place (m, rad)."""
+_SQUARE, _LEFT = 0.5, 100
+"""Side of a square of the floor (m), and for how many readings it is left before a revisit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,6 +86,29 @@ class Run:
         """Most readings in a row at which it was elsewhere."""
         edges = np.flatnonzero(np.diff(self.is_elsewhere, prepend=False, append=False))
         return int(np.diff(edges)[::2].max(initial=0))
+
+    @cached_property
+    def revisits(self) -> Float64[np.ndarray, "revisits"]:
+        """How far revisits lie from the first visits in the map, in excess of the truth (m).
+
+        A revisit is when the robot comes into a square of the floor that it had left for long.
+        """
+        off = transform_points(self.frame, self.mapper.corrected_poses()[:, :2]) - self.truth[:, :2]
+        squares = np.floor(self.truth[:, :2] / _SQUARE).astype(int).tolist()
+        first: dict[tuple[int, ...], int] = {}
+        last: dict[tuple[int, ...], int] = {}
+        apart = []
+        for k, square in enumerate(map(tuple, squares)):
+            if k - last.get(square, k) > _LEFT:
+                apart.append(np.hypot(*(off[k] - off[first[square]])))
+            first.setdefault(square, k)
+            last[square] = k
+        return np.array(apart)
+
+    @property
+    def revisits_within_a_metre(self) -> float:
+        """The share of them; 1 where there is none."""
+        return float(np.mean(self.revisits < 1.0)) if len(self.revisits) else 1.0
 
     @property
     def relocalisations(self) -> int:

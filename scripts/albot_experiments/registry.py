@@ -101,6 +101,24 @@ EXPERIMENTS = {
             seeds=20,
             module="albot_experiments.albot1_c3",
         ),
+        Experiment(
+            id="ratslam-loop",
+            title="RatSLAM closes loops under odometric error (Milford et al. 2005, section 5.2)",
+            seeds=20,
+            module="albot_experiments.ratslam_loop",
+        ),
+        Experiment(
+            id="ratslam-floor",
+            title="RatSLAM maps a whole office floor (Milford et al. 2005, section 5.3)",
+            seeds=20,
+            module="albot_experiments.ratslam_floor",
+        ),
+        Experiment(
+            id="ratslam-office",
+            title="RatSLAM maps an open plan office (Milford et al. 2005, section 6)",
+            seeds=20,
+            module="albot_experiments.ratslam_office",
+        ),
     )
 }
 

@@ -163,6 +163,26 @@ def _small_png(figure: Figure) -> bytes:
     return packed.getvalue()
 
 
+def read_report(folder: Path) -> Report:
+    """What `Report.write` wrote, to make the page of: without its text, the pictures empty.
+
+    Raises:
+        InputError: The folder holds no report.
+    """
+    from matplotlib.figure import Figure
+
+    result, report = (folder / name for name in REPORT_FILES)
+    if not (result.is_file() and report.is_file()):
+        raise InputError(str(folder), "a report: " + ", ".join(REPORT_FILES), "none")
+    lines = report.read_text(encoding="utf-8").splitlines()
+    pictures = [line[2:].partition("]")[0] for line in lines if line.startswith("![")]
+    return Report(
+        title=lines[0].partition(": ")[2],
+        pictures={name: Figure() for name in pictures},
+        **json.loads(result.read_text(encoding="utf-8")),
+    )
+
+
 def write_index(reports: Sequence[Report], folder: Path) -> Path:
     """Write the page over the reports that stand in `folder`, each in a folder of its name."""
     page = index_path(folder)
@@ -188,8 +208,9 @@ def index(reports: Sequence[Report], folder: str) -> str:
         COMMAND,
         "```",
         "",
-        "`albot experiment list` names the experiments, `albot experiment run ID` runs one. A",
-        "worst figure is that of the worst seed.",
+        "`albot experiment list` names the experiments, `albot experiment run ID` runs one, and",
+        "`albot experiment page FOLDER` writes this page anew. A worst figure is that of the worst",
+        "seed.",
         "",
         "| | experiment | reached |",
         "|---|---|---|",

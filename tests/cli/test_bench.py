@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from albot_benchmarks import environment, laser, learner
+from albot_benchmarks import environment, laser, learner, ratslam
 from albot_benchmarks import environment as processes
 from albot_benchmarks.environment import Case
 from albot_benchmarks.mapper import (
@@ -21,6 +21,7 @@ from albot_benchmarks.mapper import (
     tour_readings,
     with_surfaces,
 )
+from albot_benchmarks.ratslam import measure_ratslam
 from albot_cli.bench import as_text
 from albot_cli.group import albot
 from albot_core.errors import InputError
@@ -95,6 +96,18 @@ def test_environments_processes_and_learner_have_their_keys_and_lines() -> None:
     starts = [line.split()[0] for line in lines[1:]]
     assert starts == ["environment"] * len(rows) + ["processes"] + ["learner"] * 3
     assert lines[0].startswith(f"{figures['machine']['processor']}, Python")
+
+
+def test_ratslam_has_its_keys_and_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ratslam, "measure_ratslam", partial(measure_ratslam, minutes=1, rounds=1))
+    figures: Any = bench("--part", "ratslam")
+    floor, correction = figures["ratslam"]
+    assert floor["experiences"] > 10
+    assert 1e6 / floor["readings_per_second"] > min(floor["us_early"], floor["us_late"]) / 2 > 0
+    assert correction["passes_per_second"] > 0
+    lines = as_text(figures).splitlines()[1:]
+    assert "readings/s  ratslam-scenes" in lines[0]
+    assert "passes/s of 12,881 experiences, 14,485 transitions" in lines[1]
 
 
 def test_a_missing_learner_is_a_line() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import json
 from pathlib import Path
@@ -10,8 +11,9 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
+from albot_core.errors import InputError
 from albot_experiments.registry import EXPERIMENTS
-from albot_experiments.report import Report, index, rows, write_index
+from albot_experiments.report import Report, index, read_report, rows, write_index
 
 PAGE = Path(__file__).parents[2] / "docs" / "experiments.md"
 SPREAD = {"median": 0.25, "worst": 1.5}
@@ -53,6 +55,16 @@ def test_the_page_links_every_report(tmp_path: Path) -> None:
     assert "| [one-e1](runs/one-e1/report.md) | One | no |" in page
     assert "| error_m | 0.25 (worst 1.5) | 0.25 (worst 1.5) |" in page
     assert page == index([REPORT], "runs")
+
+
+def test_a_report_that_was_written_makes_the_same_page(tmp_path: Path) -> None:
+    figure = Figure(figsize=(1, 1))
+    report = dataclasses.replace(REPORT, text="How: so.", pictures={"maps": figure, "b": figure})
+    report.write(tmp_path)
+    assert index([read_report(tmp_path)], "runs") == index([report], "runs")
+    (tmp_path / "report.md").unlink()
+    with pytest.raises(InputError, match="expected a report"):
+        read_report(tmp_path)
 
 
 def test_pictures_are_small_and_keep_their_colours(tmp_path: Path) -> None:

@@ -63,6 +63,23 @@ def test_the_square_loop_is_seven_metres_and_eighteen_once_round():
     assert legs.sum() == pytest.approx(18.0)
 
 
+def test_the_floor_is_the_paper_s_size_and_its_tour_comes_everywhere():
+    world = load_world("office-floor")
+    assert world.bounds == (0, 0, 43, 13)
+    tour = world.tours["floor"]
+    assert set(visited(world, tour)) == {room.name for room in world.rooms}
+    assert np.array_equal(tour[-1], tour[0])
+    way = shapely.LineString(tour)
+    for x, y in ((11.8, 6.5), (19.0, 6.5), (0.9, 6.5), (30.0, 4.4), (30.0, 8.6)):
+        assert way.distance(shapely.Point(x, y)) < 0.5  # Links and corridors, all their length.
+
+
+def test_the_open_plan_is_eighty_square_metres():
+    world = load_world("open-plan")
+    assert world.bounds == (0, 0, 10, 8)
+    assert np.array_equal(world.tours["routes"][-1], world.starts[0, :2])
+
+
 @pytest.mark.parametrize("name", ["office-ring", "office-double"])
 def test_the_office_is_thirty_metres_and_its_ring_about_ninety(name, lattice):
     world = load_world(name)

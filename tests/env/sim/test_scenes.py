@@ -64,6 +64,23 @@ def test_each_number_is_shared_by_as_many_views_as_asked_for(sharing: int) -> No
         assert len(set(places)) == len(places)  # never two views of one place
 
 
+@pytest.mark.parametrize("sharing", [2, 5])
+def test_no_two_parts_of_the_world_look_alike(sharing: int) -> None:
+    """The views that share a number with those along a way do not lie along another."""
+    scenes = SceneConfig(sharing=sharing).constants((0.0, 0.0, 43.0, 13.0))
+    views = all_views(scenes)
+    others: dict[int, list[int]] = {}
+    for view, number in enumerate(views):
+        others.setdefault(number, []).append(view)
+    for step in (scenes.sectors, scenes.columns * scenes.sectors):
+        alike = 0
+        for view, number in enumerate(views[: len(views) - step]):
+            ahead = set(others[views[view + step]]) - {view + step}
+            near = {other + way for other in others[number] for way in (step, -step)}
+            alike += bool(ahead & (near - {view + step}))
+        assert alike < 0.02 * len(views)
+
+
 def test_the_numbers_are_the_world_s_not_the_run_s() -> None:
     scenes = SCENES["ideal"].constants(BOUNDS)
     for pose in ((0.3, 2.2, 0.5), (3.3, 4.9, -2.0)):

@@ -104,14 +104,20 @@ class ExperienceConfig:
     """θ_a: half the zone's width in θ' (rad)."""
     either_zone: bool = False
     """Whether being in the zone in (x', y') or in that in θ' is enough, as eq. (9) has it to the
-    letter. Then a false scene is at once an experience far away."""
+    letter. Then a view that is shared or false is at once an experience far away (docs/ratslam.md
+    has what that costs)."""
     apart: float = 3.0
     """An experience is recognised when the robot went so far since it was last there (m)."""
+    confirmations: int = 2
+    """A re-localisation is believed once so many known experiences were entered after it without
+    another one. Until then transitions to known experiences wait; those of a false one are never
+    learned."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "radius")
         check_fields(self, _ANGLE, "turn")
         check_fields(self, NOT_NEGATIVE, "apart")
+        check_fields(self, _FROM_ONE, "confirmations")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,4 +167,4 @@ class RatSlamConfig:
     @classmethod
     def scenes(cls) -> RatSlamConfig:
         """The default values for a camera, whose scenes are trusted more than laser templates."""
-        return cls(sees="scenes", views=LocalViewConfig(injection=0.08))
+        return cls(sees="scenes", views=LocalViewConfig(injection=0.06, learning_delay=3.0))

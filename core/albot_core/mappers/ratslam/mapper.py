@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float64
@@ -13,6 +13,7 @@ from albot_core.geometry.types import Points, Poses
 from albot_core.mappers.mapper import POINT, TRAVEL, Estimate, MapperSpec, WayHome
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.config import RatSlamConfig
+from albot_core.mappers.ratslam.doubt import Doubt, Transition
 from albot_core.mappers.ratslam.events import RELOCALISED, SEEDED, Event, EventLog
 from albot_core.mappers.ratslam.experiences import ExperienceMap
 from albot_core.mappers.ratslam.local_views import NO_VIEW, Links, Scenes, Templates
@@ -53,6 +54,7 @@ class RatSlam:
         self._bias, self._log = HeadingBias(), EventLog()
         self._history = Table(place=(np.int64, ()), pose=(np.float64, (3,)))
         self._visits = Table(place=(np.int64, ()))
+        self._doubt = Doubt()
         self.reset(np.random.default_rng(0))
 
     @property
@@ -62,7 +64,8 @@ class RatSlam:
 
     def reset(self, rng: np.random.Generator) -> None:
         """Forget everything; the next reading is the first. It draws no random number."""
-        for part in (self._cells, self._scenes, self._templates, self._links, self._bias):
+        parts = self._cells, self._scenes, self._templates, self._links, self._bias, self._doubt
+        for part in parts:
             part.reset()
         for table in (self._map, self._log, self._history, self._visits):
             table.clear()
@@ -104,6 +107,7 @@ class RatSlam:
         self._way += way
         self._since = _after(self._since, x, y, turn)
         self._here = _after(self._here, x, y, turn)
+        self._doubt.integrate(x, y, turn)
 
     def _has_moved_on(self) -> bool:
         """Whether the robot has moved far enough for another iteration."""
@@ -131,6 +135,8 @@ class RatSlam:
             self._links.forget_waiting()
         self._links.learn(self._way)
         before = self._place
+        if has_snapped and before >= 0:
+            self._begin_doubt()
         self._experience(view, turn)
         if has_snapped or not is_alive:
             self._log.add(
@@ -168,19 +174,27 @@ class RatSlam:
                 links.remember(view, seen_from, active * cells.activity[top], self._way)
         return links.injection(view, active, layers, plane, count)
 
+    def _begin_doubt(self) -> None:
+        """The robot was re-localised. If it was doubted where it is, it is back at the anchor."""
+        doubt = self._doubt
+        if doubt.anchor >= 0:
+            self._place, self._here = doubt.anchor, doubt.since
+            self._left_at, self._left_in = doubt.left_at, doubt.left_in
+        doubt.begin(self._place, self._here, self._left_at, self._left_in, self._map.count)
+
     def _experience(self, view: int, turn: float) -> None:
         """Find the active experience, or make one, and learn how it was reached."""
-        packet, before = self._cells.packet, self._place
+        packet, before, doubt = self._cells.packet, self._place, self._doubt
         found = self._map.active(view, packet)
         table = self._map.experiences
         if found == before and found >= 0:
             table["way"][found] = self._way
             return
         # Without a view nothing tells apart what shares pose cells.
-        if found < 0 or view == NO_VIEW:
-            pose = (
-                (0.0, 0.0, 0.0) if before < 0 else _after(tuple(table["pose"][before]), *self._here)
-            )
+        is_new = found < 0 or view == NO_VIEW
+        if is_new:
+            base, here = (doubt.anchor, doubt.since) if doubt.anchor >= 0 else (before, self._here)
+            pose = (0.0, 0.0, 0.0) if base < 0 else _after(tuple(table["pose"][base]), *here)
             found = self._map.add(pose, packet, view, turn, self._history.count)
             offset, self._matched = (0.0, 0.0, 0.0), -1
             self._updates += 1
@@ -191,13 +205,40 @@ class RatSlam:
         if before >= 0:
             motion = _before(self._here, offset)
             time, steps = self._stamp - self._left_at, self._iteration - self._left_in
-            if self._map.connect(before, found, motion, time, self._bias.rate, steps):
-                self._updates += 1
+            self._learn(Transition(before, found, motion, time, steps), is_new)
         table["way"][found] = self._way
         self._place, self._here = found, offset
         self._left_at, self._left_in = self._stamp, self._iteration
         self._visits.append(place=found)
         self._version += 1
+
+    def _learn(self, transition: Transition, is_new: bool) -> None:
+        """Learn a transition, or let it wait while a re-localisation is doubted.
+
+        Args:
+            transition: From the experience before to that which the robot is in now.
+            is_new: Whether that is new: then it hangs from the anchor, by the odometer.
+        """
+        doubt = self._doubt
+        if doubt.anchor < 0:
+            self._connect(transition)
+            return
+        if transition.source != doubt.anchor or not is_new:
+            doubt.wait(transition)
+        if is_new:
+            time, steps = self._stamp - doubt.left_at, self._iteration - doubt.left_in
+            here = transition.target
+            self._connect(Transition(doubt.anchor, here, doubt.since, time, steps))
+            doubt.anchor_at(here, self._stamp, self._iteration)
+        if doubt.confirmations >= self.config.experiences.confirmations:
+            for waiting in doubt.end():
+                self._connect(waiting)
+
+    def _connect(self, transition: Transition) -> None:
+        """Learn a transition."""
+        source, target, motion, time, steps = transition
+        if self._map.connect(source, target, _motion(motion), time, self._bias.rate, steps):
+            self._updates += 1
 
     def _offset(self, experience: int, turn: float) -> Motion:
         """The robot in the frame of an experience that it is in again.
@@ -326,7 +367,7 @@ class RatSlam:
             "activity": self._cells.activity.copy(),
         }
         kept |= self._history.state("history") | self._visits.state("visits")
-        for part in (self._scenes, self._templates, self._links, self._bias, self._map, self._log):
+        for part in self._parts:
             kept |= part.state()
         return kept
 
@@ -346,11 +387,19 @@ class RatSlam:
         self._cells.activity = state["activity"].copy()
         self._history.restore("history", state)
         self._visits.restore("visits", state)
-        for part in (self._scenes, self._templates, self._links, self._bias, self._map, self._log):
+        for part in self._parts:
             part.restore(state)
 
+    @property
+    def _parts(
+        self,
+    ) -> tuple[Scenes, Templates, Links, HeadingBias, Doubt, ExperienceMap, EventLog]:
+        """Those that keep their own state."""
+        views = self._scenes, self._templates, self._links
+        return *views, self._bias, self._doubt, self._map, self._log
 
-def _motion(numbers: list[float]) -> Motion:
+
+def _motion(numbers: Sequence[float]) -> Motion:
     x, y, heading = numbers
     return x, y, heading
 

@@ -19,11 +19,12 @@ _FINITE = (
     "numbers", "packet", "activity", "history.pose", "templates.profile", "links.strength",
     "views.freshness", "waiting_numbers", "bias.ways", "events.jump", "events.turn",
     "experiences.pose", "experiences.shown", "experiences.cell", "experiences.turn",
-    "experiences.way", "transitions.motion", "transitions.time", "transitions.stiffness",
+    "experiences.way", "doubt.numbers", "doubted.motion", "doubted.time", "transitions.motion",
+    "transitions.time", "transitions.stiffness",
 )  # fmt: skip
 _NOT_NEGATIVE = (
     "activity", "links.strength", "views.freshness", "bias.ways", "transitions.time",
-    "transitions.stiffness", "experiences.time", "experiences.length",
+    "transitions.stiffness", "experiences.time", "experiences.length", "doubted.time",
 )  # fmt: skip
 
 
@@ -74,11 +75,13 @@ def check_state(
     _check_within(state, "transitions.target", 0, experiences)
     _check_within(state, "transitions.ends", -1, 2 * np.arange(transitions)[:, None])
     _check_within(state, "transitions.passed", 1, np.iinfo(np.int64).max)
+    _check_doubt(state, experiences)
     _check_tree(state)
     if not _all_end(state["experiences.onward"]):
         raise InputError("experiences.onward", "ways that end", "one that runs in a circle")
 
 
+_DOUBT = "doubt.counts", "doubt.numbers"
 _COUNTED = (
     "experiences.view", "transitions.source", "links.cell", "views.first", "history.place",
     "templates.profile", "scenes.known",
@@ -87,7 +90,7 @@ _COUNTED = (
 
 def _shape(name: str, kept: np.ndarray) -> tuple[str | int, ...]:
     """The shape of an array: columns of one table are equally long, the rest is as it is kept."""
-    if name in ("counts", "numbers", "packet", "scenes.counts", "bias.ways"):
+    if name in ("counts", "numbers", "packet", "scenes.counts", "bias.ways", *_DOUBT):
         return kept.shape
     tables = {"active_cells": "active", "activity": "active", "waiting_numbers": "waiting"}
     return tables.get(name, name.split(".")[0]), *kept.shape[1:]
@@ -117,6 +120,16 @@ def _check_counts(
     ):
         expected = "a view, a place, a reading and counts of this map"
         raise InputError("counts", expected, str(state["counts"].tolist()))
+
+
+def _check_doubt(state: Mapping[str, np.ndarray], experiences: int) -> None:
+    anchor, left_in, known = state["doubt.counts"].tolist()
+    if not (-1 <= anchor < experiences and 0 <= known <= experiences and left_in >= 0):
+        expected = "an anchor, an iteration and a count of this map"
+        raise InputError("doubt.counts", expected, str(state["doubt.counts"].tolist()))
+    _check_within(state, "doubted.source", 0, experiences)
+    _check_within(state, "doubted.target", 0, experiences)
+    _check_within(state, "doubted.steps", 1, np.iinfo(np.int64).max)
 
 
 def _check_tree(state: Mapping[str, np.ndarray]) -> None:

@@ -1,0 +1,77 @@
+"""How fast RatSLAM is: on a floor of 43 × 13 m, and the correction of a large experience map."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from albot_core.mappers.ratslam.correction import correct_link_by_link
+from albot_core.mappers.registry import make_mapper
+from albot_experiments.ratslam_floor import FLOOR
+
+_EXPERIENCES, _TRANSITIONS = 12_881, 14_485
+"""A large map: five to ten times that of the floor."""
+_PASSES = 200
+_RATE = 0.5
+
+Row = dict[str, float | int | str]
+
+
+def measure_ratslam(minutes: int = 60, rounds: int = 3) -> list[Row]:
+    """Time the mapper `ratslam-scenes`, and the correction alone.
+
+    Returns:
+        Of the mapper, led over `office-floor` for so long, its `name`, the `experiences` and
+        `transitions` at the end, `readings_per_second`, and `us_early` and `us_late`, what a
+        reading takes in the second and in the last quarter of the time (µs). Of the correction of
+        a large random map `experiences`, `transitions` and `passes_per_second`. All are the best
+        of some rounds, by the time that a processor really worked.
+    """
+    return [_mapping(minutes, rounds), _correction(rounds)]
+
+
+def _mapping(minutes: int, rounds: int) -> Row:
+    journey = FLOOR.journey(seed=0, minutes=minutes)
+    mapper = make_mapper("ratslam-scenes")
+    quarters = np.array_split(np.arange(len(journey.readings)), 4)
+    best = np.full(4, np.inf)
+    for _ in range(rounds):
+        mapper.reset(np.random.default_rng(0))
+        for quarter, indices in enumerate(quarters):
+            began = time.process_time()
+            for index in indices:
+                mapper.update(journey.readings[index])
+            best[quarter] = min(best[quarter], (time.process_time() - began) / len(indices))
+    graph = mapper.snapshot().place_graph
+    return {
+        "name": "ratslam-scenes",
+        "experiences": len(graph.nodes) if graph else 0,
+        "transitions": len(graph.edges) if graph else 0,
+        "readings_per_second": float(1 / best.mean()),
+        "us_early": float(1e6 * best[1]),
+        "us_late": float(1e6 * best[3]),
+    }
+
+
+def _correction(rounds: int) -> Row:
+    """A way with as many loops as there are transitions more than experiences."""
+    rng = np.random.default_rng(0)
+    poses = np.cumsum(rng.normal(0, 0.3, (_EXPERIENCES, 3)), axis=0)
+    loops = rng.integers(_EXPERIENCES, size=(_TRANSITIONS - _EXPERIENCES + 1, 2))
+    along = np.arange(_EXPERIENCES - 1)
+    sources = np.concatenate((along, loops[:, 0]))
+    targets = np.concatenate((along + 1, loops[:, 1]))
+    motions = rng.normal(0, 0.3, (_TRANSITIONS, 3))
+    links, stiffness, best = (sources, targets, motions), np.ones(_TRANSITIONS), np.inf
+    correct_link_by_link(poses, links, _TRANSITIONS, _RATE, stiffness)
+    for _ in range(rounds):
+        began = time.process_time()
+        for _ in range(_PASSES):
+            correct_link_by_link(poses, links, _TRANSITIONS, _RATE, stiffness)
+        best = min(best, time.process_time() - began)
+    return {
+        "experiences": _EXPERIENCES,
+        "transitions": _TRANSITIONS,
+        "passes_per_second": _PASSES / best,
+    }

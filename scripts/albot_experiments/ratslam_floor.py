@@ -1,0 +1,61 @@
+"""RatSLAM maps a whole office floor (Milford et al. 2005, section 5.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from albot_experiments.ratslam_runs import Run
+from albot_experiments.ratslam_wandering import (
+    ASKED_REVISITS,
+    SPEED,
+    Wandering,
+    figures,
+    picture,
+    text,
+)
+from albot_experiments.report import Figures, Report, each_seed
+
+ID = "ratslam-floor"
+TITLE = "The full floor of an office (Milford et al. 2005, section 5.3, figures 4 and 11)"
+FLOOR = Wandering(world="office-floor", tour="floor", minutes=150)
+MOST_ERROR = 1.0
+"""Most rms error of the experiences (m)."""
+PAPER = {"matches_the_floor": True, "multiple_overlap": True}
+
+
+def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
+    """Let the robot wander over the floor for 2.5 hours, once a seed.
+
+    Raises:
+        InputError: No seeds.
+    """
+    return report(seeds, [FLOOR.run(seed) for seed in each_seed(seeds, progress)])
+
+
+def report(seeds: range, runs: Sequence[Run]) -> Report:
+    """The report of these runs."""
+    measured: dict[str, Figures] = figures(runs)
+    matches = all(run.error <= MOST_ERROR for run in runs)
+    overlap = all(run.revisits_within_a_metre >= ASKED_REVISITS for run in runs)
+    verdict: dict[str, Figures] = {"matches_the_floor": matches, "multiple_overlap": overlap}
+    return Report(
+        id=ID,
+        title=TITLE,
+        paper=PAPER,
+        measured=verdict | measured | {"seeds": len(seeds)},
+        holds=matches and overlap,
+        text=_TEXT + text(),
+        pictures={"maps": picture(runs[0], FLOOR.world, (14.0, 4.0))},
+    )
+
+
+_TEXT = f"""
+A robot wanders over the floor `{FLOOR.world}` of 43 × 13 m at {SPEED} m/s for
+{FLOOR.minutes} minutes, as in the paper: first along the floor's tour through all rooms and
+corridors, then from one of the tour's waypoints to another at random, by the shortest way. The
+paper gives no plan of its floor; ours has as many sorts of ways: long corridors, loops of several
+sizes, rooms with one door and with two, and an open office.
+
+The map matches the floor where with every seed the experiences lie within {MOST_ERROR:g} m rms of
+where they were made.
+"""

@@ -1,0 +1,53 @@
+"""RatSLAM maps an open plan office (Milford et al. 2005, section 6), in the simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from albot_experiments.ratslam_runs import Run
+from albot_experiments.ratslam_wandering import (
+    ASKED_REVISITS,
+    SPEED,
+    Wandering,
+    figures,
+    picture,
+    text,
+)
+from albot_experiments.report import Figures, Report, each_seed
+
+ID = "ratslam-office"
+TITLE = "An open plan office (Milford et al. 2005, section 6, figure 13), simulated"
+OFFICE = Wandering(world="open-plan", tour="routes", minutes=15)
+PAPER = {"multiple_overlap": True}
+
+
+def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
+    """Let the robot wander through the office for 15 minutes, once a seed.
+
+    Raises:
+        InputError: No seeds.
+    """
+    return report(seeds, [OFFICE.run(seed) for seed in each_seed(seeds, progress)])
+
+
+def report(seeds: range, runs: Sequence[Run]) -> Report:
+    """The report of these runs."""
+    measured: dict[str, Figures] = figures(runs)
+    overlap = all(run.revisits_within_a_metre >= ASKED_REVISITS for run in runs)
+    return Report(
+        id=ID,
+        title=TITLE,
+        paper=PAPER,
+        measured={"multiple_overlap": overlap} | measured | {"seeds": len(seeds)},
+        holds=overlap,
+        text=_TEXT + text(),
+        pictures={"maps": picture(runs[0], OFFICE.world, (11.0, 5.0))},
+    )
+
+
+_TEXT = f"""
+A robot wanders through the office `{OFFICE.world}` of 80 m² at {SPEED} m/s for {OFFICE.minutes}
+minutes: first along the tour round every cloister of desks, then from one of the tour's
+waypoints to another at random. The paper's robot was a real one with a camera; this is its
+simulator's, with scenes in place of pictures.
+"""
