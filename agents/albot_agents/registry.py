@@ -9,6 +9,7 @@ from typing import Any
 
 from albot_agents.agent import Agent
 from albot_agents.scripted.exploring import (
+    AssociationExplorer,
     GapExplorerAgent,
     NearestFrontier,
     RandomAgent,
@@ -90,6 +91,12 @@ AGENTS = {
         summary="Drives home through the exits of Albot1's network of places.",
         make=_driving(Albot1Homing),
         tasks=(HOMING,),
+    ),
+    AssociationExplorer.name: AgentEntry(
+        summary="Explores by short moves to near gaps, and remembers none of them.",
+        make=_driving(AssociationExplorer),
+        tasks=(EXPLORE,),
+        mapper="association",
     ),
     GapExplorerAgent.name: AgentEntry(
         summary="Explores from gap to gap, the nearest first; claims to know what its map knows.",

@@ -40,6 +40,7 @@ def _actions(agent: Agent, env: Any, seed: int, steps: int = 50) -> list[Any]:
 def test_the_agents_are_these() -> None:
     assert tuple(AGENTS) == (
         "albot1-homing",
+        "association-explorer",
         "gap-explorer",
         "nearest-frontier",
         "oracle",
