@@ -15,7 +15,13 @@ from albot_agents.scripted.exploring import (
     RandomAgent,
     RoundTripAgent,
 )
-from albot_agents.scripted.homing import Albot1Homing, Oracle, PathIntegration, RatSlamHoming
+from albot_agents.scripted.homing import (
+    Albot1Homing,
+    AssociationHoming,
+    Oracle,
+    PathIntegration,
+    RatSlamHoming,
+)
 from albot_agents.scripted.place_judge import PlaceJudge
 from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, read_agent
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
@@ -96,6 +102,12 @@ AGENTS = {
         summary="Explores by short moves to near gaps, and remembers none of them.",
         make=_driving(AssociationExplorer),
         tasks=(EXPLORE,),
+        mapper="association",
+    ),
+    AssociationHoming.name: AgentEntry(
+        summary="Drives home to where the global map of landmark association says it is.",
+        make=_driving(AssociationHoming),
+        tasks=(HOMING,),
         mapper="association",
     ),
     GapExplorerAgent.name: AgentEntry(

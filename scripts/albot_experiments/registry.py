@@ -101,6 +101,12 @@ EXPERIMENTS = {
             seeds=20,
             module="albot_experiments.albot1_c3",
         ),
+        Experiment(
+            id="association-1",
+            title="Landmark association keeps the shape of the floor (Yeap et al. 2015)",
+            seeds=20,
+            module="albot_experiments.association_1",
+        ),
     )
 }
 
