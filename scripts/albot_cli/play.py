@@ -71,7 +71,8 @@ RUN_ONLY = (
 )
 @click.option(
     "--laser",
-    help="ideal, lms-200, lms-200-fine, long or short.  [default: the agent's own, or lms-200]",
+    help="ideal, lms-200, lms-200-fine, long, short or none.  "
+    "[default: the agent's own, or lms-200]",
 )
 @click.option(
     "--odometer",
