@@ -9,12 +9,19 @@ from typing import Any
 
 from albot_agents.agent import Agent
 from albot_agents.scripted.exploring import (
+    AssociationExplorer,
     GapExplorerAgent,
     NearestFrontier,
     RandomAgent,
     RoundTripAgent,
 )
-from albot_agents.scripted.homing import Albot1Homing, Oracle, PathIntegration, RatSlamHoming
+from albot_agents.scripted.homing import (
+    Albot1Homing,
+    AssociationHoming,
+    Oracle,
+    PathIntegration,
+    RatSlamHoming,
+)
 from albot_agents.scripted.place_judge import PlaceJudge
 from albot_agents.trained.agent_file import KEPT_SETTINGS, SUFFIX, AgentFile, read_agent
 from albot_agents.trained.trained_agent import TrainedAgent, shipped_agents
@@ -90,6 +97,18 @@ AGENTS = {
         summary="Drives home through the exits of Albot1's network of places.",
         make=_driving(Albot1Homing),
         tasks=(HOMING,),
+    ),
+    AssociationExplorer.name: AgentEntry(
+        summary="Explores by short moves to near gaps, and remembers none of them.",
+        make=_driving(AssociationExplorer),
+        tasks=(EXPLORE,),
+        mapper="association",
+    ),
+    AssociationHoming.name: AgentEntry(
+        summary="Drives home to where the global map of landmark association says it is.",
+        make=_driving(AssociationHoming),
+        tasks=(HOMING,),
+        mapper="association",
     ),
     GapExplorerAgent.name: AgentEntry(
         summary="Explores from gap to gap, the nearest first; claims to know what its map knows.",

@@ -271,14 +271,15 @@ class StepChecker:
 
     def _check_ranges(self, observation: Any, pose: Pose) -> list[str]:
         """What is wrong with what laser and sonars measured."""
-        moment = self._recorder.last
-        seen = np.concatenate((self._opaque, moment.things))
-        observing, laser = self._observing, self._observing.laser
-        ranges = np.asarray(moment.reading.required_laser("albot stress").ranges)
-        if "laser" in observing.shapes and observing.laser_sectors is None:
-            ranges = observing.ranges(observing.split(observation)["laser"])
-        mount = compose(pose, np.array(laser.mount))
-        wrong = check_laser(seen, mount, laser.bearings, ranges, self._limits)
+        moment, observing = self._recorder.last, self._observing
+        wrong: list[str] = []
+        if moment.reading.laser is not None:
+            seen = np.concatenate((self._opaque, moment.things))
+            laser, ranges = moment.reading.laser.geometry, moment.reading.laser.ranges
+            if "laser" in observing.shapes and observing.laser_sectors is None:
+                ranges = observing.ranges(observing.split(observation)["laser"])
+            mount = compose(pose, np.array(laser.mount))
+            wrong += check_laser(seen, mount, laser.bearings, ranges, self._limits)
         if moment.reading.sonar is not None:
             surfaces = np.concatenate((self._walls, moment.things))
             wrong += check_sonar(surfaces, pose, moment.reading.sonar, self._limits)

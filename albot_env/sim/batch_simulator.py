@@ -99,7 +99,10 @@ class BatchSimulator:
 
     @property
     def ranges(self) -> Float64[np.ndarray, "robots beams"]:
-        """What the lasers saw at the last sensing (m); infinite where nothing came back."""
+        """What the lasers saw at the last sensing (m); infinite where nothing came back.
+
+        On robots without, what `Sensors.ground_laser` would have seen.
+        """
         return self._sensors.outputs.ranges
 
     @property

@@ -55,7 +55,7 @@ class SensorSuite:
     def __init__(self, sensors: Sensors, robot: RobotConfig, robots: RobotArrays) -> None:
         self._sensors = sensors
         self._robots = robots
-        laser, sonar, count = sensors.laser, sensors.sonar, len(robots.poses)
+        laser, sonar, count = sensors.ground_laser, sensors.sonar, len(robots.poses)
         self._constants = SensorConstants(
             odometer=sensors.odometer.constants(robot.wheel_base),
             beams=beam_geometry(laser.geometry),
@@ -100,8 +100,8 @@ class SensorSuite:
         return Readings(
             stamps=stamps,
             motions=outputs.motions,
-            laser=sensors.laser.geometry,
-            ranges=outputs.ranges,
+            laser=None if sensors.laser is None else sensors.laser.geometry,
+            ranges=None if sensors.laser is None else outputs.ranges,
             sonar=None if sensors.sonar is None else sensors.sonar.geometry,
             echoes=None if sensors.sonar is None else outputs.echoes,
             scenes=None if sensors.scenes is None else outputs.scenes,

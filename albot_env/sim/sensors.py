@@ -23,8 +23,8 @@ Config = TypeVar("Config")
 class Sensors:
     """The sensors of a robot."""
 
-    laser: LaserConfig = LMS_200
-    """Beams and errors of the laser."""
+    laser: LaserConfig | None = LMS_200
+    """Beams and errors of the laser; None without a laser."""
     odometer: OdometerConfig = ODOMETERS["pioneer"]
     """Errors of the odometer."""
     sonar: SonarConfig | None = None
@@ -33,9 +33,20 @@ class Sensors:
     """How scenes are numbered and seen; None without a camera."""
 
     @property
+    def ground_laser(self) -> LaserConfig:
+        """The laser that tells what ground came into sight; an LMS-200 on a robot without a laser.
+
+        By it the environments judge what is covered, and who drives the outward journeys finds the
+        way. A robot without a laser does not see by it.
+        """
+        return self.laser or LMS_200
+
+    @property
     def available(self) -> frozenset[Sensor]:
         """Which sensors the robot carries besides the odometer."""
-        sensors: set[Sensor] = {"laser"}
+        sensors: set[Sensor] = set()
+        if self.laser is not None:
+            sensors.add("laser")
         if self.sonar is not None:
             sensors.add("sonar")
         if self.scenes is not None:
@@ -54,7 +65,7 @@ def choose_sensors(
     """The sensors of these names.
 
     Args:
-        laser: One of `LASERS`.
+        laser: One of `LASERS`, or `none`.
         odometer: One of `ODOMETERS`.
         sonar: One of `SONARS`, or `none`.
         scenes: One of `SCENES`, or `none`.
@@ -64,7 +75,7 @@ def choose_sensors(
         InputError: A name is not known; it says which there are, and which may be meant.
     """
     return Sensors(
-        laser=_chosen(LASERS, laser, source, "laser"),
+        laser=None if laser == NONE else _chosen(LASERS, laser, source, "laser", NONE),
         odometer=_chosen(ODOMETERS, odometer, source, "odometer"),
         sonar=None if sonar == NONE else _chosen(SONARS, sonar, source, "sonar", NONE),
         scenes=None if scenes == NONE else _chosen(SCENES, scenes, source, "scenes", NONE),

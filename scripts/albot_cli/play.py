@@ -62,15 +62,17 @@ RUN_ONLY = (
 @mapper_config_option
 @click.option(
     "--agent",
-    help="albot1-homing, exploring, gap-explorer, homing, homing-blind, homing-mapless, "
-    "nearest-frontier, oracle, path-integration, place-judge, place-recognition, random, "
-    "ratslam-homing, round-trip, the file of a trained agent, or keyboard: you drive.  [default: "
+    help="albot1-homing, association-explorer, association-homing, exploring, gap-explorer, "
+    "homing, homing-blind, homing-mapless, nearest-frontier, oracle, path-integration, "
+    "place-judge, place-recognition, random, ratslam-homing, round-trip, the file of a trained "
+    "agent, or keyboard: you drive.  [default: "
     "gap-explorer in explore, albot1-homing in homing, round-trip in explore-and-home, "
     "place-judge in place-recognition]",
 )
 @click.option(
     "--laser",
-    help="ideal, lms-200, lms-200-fine, long or short.  [default: the agent's own, or lms-200]",
+    help="ideal, lms-200, lms-200-fine, long, short or none.  "
+    "[default: the agent's own, or lms-200]",
 )
 @click.option(
     "--odometer",

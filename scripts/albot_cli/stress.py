@@ -53,8 +53,8 @@ if TYPE_CHECKING:
     multiple=True,
     default=("gap-explorer", "random"),
     show_default=True,
-    help="exploring, gap-explorer, nearest-frontier, random, or the file of a trained agent; "
-    "repeatable.",
+    help="association-explorer, exploring, gap-explorer, nearest-frontier, random, or the file of "
+    "a trained agent; repeatable.",
 )
 @click.option("--mapper", default="none", show_default=True, help="See `albot mappers`; or none.")
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")

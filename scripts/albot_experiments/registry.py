@@ -119,6 +119,12 @@ EXPERIMENTS = {
             seeds=20,
             module="albot_experiments.ratslam_office",
         ),
+        Experiment(
+            id="association-1",
+            title="Landmark association keeps the shape of the floor (Yeap et al. 2015)",
+            seeds=20,
+            module="albot_experiments.association_1",
+        ),
     )
 }
 

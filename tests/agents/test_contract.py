@@ -40,6 +40,8 @@ def _actions(agent: Agent, env: Any, seed: int, steps: int = 50) -> list[Any]:
 def test_the_agents_are_these() -> None:
     assert tuple(AGENTS) == (
         "albot1-homing",
+        "association-explorer",
+        "association-homing",
         "gap-explorer",
         "nearest-frontier",
         "oracle",
@@ -89,11 +91,19 @@ def test_an_agent_that_cannot_do_a_task_is_refused() -> None:
     ("name", "task", "others"),
     [
         # They never declare.
-        ("gap-explorer", "Albot/Homing-v0", "albot1-homing, oracle, path-integration, random"),
+        (
+            "gap-explorer",
+            "Albot/Homing-v0",
+            "albot1-homing, association-homing, oracle, path-integration, random",
+        ),
         ("nearest-frontier", "Albot/ExploreAndHome-v0", "random, round-trip"),
         # At the start they are at home, and stay.
         ("albot1-homing", "Albot/ExploreAndHome-v0", "random, round-trip"),
-        ("oracle", "Albot/Explore-v0", "gap-explorer, nearest-frontier, random, exploring"),
+        (
+            "oracle",
+            "Albot/Explore-v0",
+            "association-explorer, gap-explorer, nearest-frontier, random, exploring",
+        ),
     ],
 )
 def test_who_never_does_what_a_task_asks_is_refused_with_those_who_may(

@@ -79,6 +79,7 @@ class DrivingAgent(Generic[DriverT]):
 
 def decode_observation(observation: Any, config: ObservationConfig) -> Percept:
     """Undo the scaling of an observation, flat or by part."""
+    assert config.laser is not None, "a robot without a laser shows no part of that name"
     parts = observation if isinstance(observation, dict) else config.split(observation)
     heading = math.atan2(parts["heading"][1], parts["heading"][0])
     cos, sin = np.cos(heading), np.sin(heading)

@@ -17,6 +17,7 @@ from albot_agents.scripted.driving import (
 from albot_agents.scripted.homing import Albot1Homing
 from albot_core.planning.frontier_explorer import FrontierExplorer
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
+from albot_core.planning.minimal_space_explorer import MinimalSpaceExplorer
 from albot_env.tasks.core.observation import ObservationConfig
 
 
@@ -36,6 +37,27 @@ class GapExplorerAgent(DrivingAgent[GapExplorer]):
     def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
         config = GapExplorerConfig(near=observing.coverage.radius, gain=self._GAIN)
         super().__init__(observing, GapExplorer(config), claims=claims)
+
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+        """The next action."""
+        return self._drive(self._driver.command(self._decode(observation)), observation)
+
+
+class AssociationExplorer(DrivingAgent[MinimalSpaceExplorer]):
+    """Goes to a near gap of the space about it, no farther than 3 m or 30° at a time.
+
+    The explorer of Yeap and others, Autonomous robot mapping by landmark association (2015), to the
+    letter. It keeps nothing in mind, and covers less ground than the others.
+
+    Args:
+        observing: How the environment makes observations.
+        claims: Whether it claims to know a place where its mapper recognises it.
+    """
+
+    name: ClassVar[str] = "association-explorer"
+
+    def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
+        super().__init__(observing, MinimalSpaceExplorer(), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """The next action."""

@@ -56,6 +56,16 @@ class Albot1Homing(MapHoming):
     name: ClassVar[str] = "albot1-homing"
 
 
+class AssociationHoming(MapHoming):
+    """Points home from the global map of landmark association, and plans round what it sees.
+
+    Yeap and others (2015) do not say how their robot would go home, but that it would recognise
+    landmarks in the global map: where it is in there tells where home is.
+    """
+
+    name: ClassVar[str] = "association-homing"
+
+
 class RatSlamHoming(MapHoming):
     """Drives over RatSLAM's experience map, by the quickest route of transitions.
 

@@ -84,8 +84,9 @@ class ObservationConfig:
             when it is up, in between logarithmic.
     """
 
-    laser: LaserGeometry = field(default_factory=LaserGeometry)
-    """Where the laser's beams point."""
+    laser: LaserGeometry | None = field(default_factory=LaserGeometry)
+    """Where the laser's beams point; None on a robot without, which sees no ground either: it has
+    none of the parts `laser`, `shortcut`, `coverage`, `frontier` and `onward`."""
     laser_range: float = 30.0
     """Range shown as -1, as nothing at all is (m)."""
     sonar: SonarGeometry | None = field(default_factory=SonarGeometry)
@@ -124,7 +125,7 @@ class ObservationConfig:
         check_fields(self, POSITIVE, "time_range")
         self._check_parts()
         sectors = self.laser_sectors
-        if sectors is not None and not 1 <= sectors <= self.laser.beams:
+        if sectors is not None and self.laser is not None and not 1 <= sectors <= self.laser.beams:
             expected = f"1 to the laser's {self.laser.beams} beams"
             raise InputError("ObservationConfig.laser_sectors", expected, str(sectors))
 
@@ -138,7 +139,7 @@ class ObservationConfig:
         if not self.parts or len(set(self.parts)) < len(self.parts):
             raise InputError(place, f"some of {known}, each once", str(list(self.parts)))
 
-    def fitted(self, laser: LaserGeometry, sonar: SonarGeometry | None) -> ObservationConfig:
+    def fitted(self, laser: LaserGeometry | None, sonar: SonarGeometry | None) -> ObservationConfig:
         """The same for a robot with these sensors."""
         return replace(self, laser=laser, sonar=sonar)
 
@@ -147,8 +148,10 @@ class ObservationConfig:
         """The shape of each part that is shown, in the order of the flat observation."""
         side = self.coverage.patch_cells
         sonars = 0 if self.sonar is None else len(self.sonar.bearings)
+        beams = 0 if self.laser is None else self.laser_sectors or self.laser.beams
+        nothing = {} if beams else dict.fromkeys(("shortcut", "coverage", "onward"), (0,))
         shapes: dict[str, tuple[int, ...]] = {
-            "laser": (self.laser_sectors or self.laser.beams,),
+            "laser": (beams,),
             "sonar": (sonars,),
             "motion": (3,),
             "heading": (2,),
@@ -159,9 +162,10 @@ class ObservationConfig:
             "way": (4,),
             "shortcut": (4,),
             "coverage": (1, side, side),
-            "frontier": (self.laser_sectors or self.laser.beams,),
+            "frontier": (beams,),
             "onward": (4,),
             "time_left": (1,),
+            **nothing,
         }
         return {part: shapes[part] for part in PARTS if part in self.parts and shapes[part] != (0,)}
 
@@ -182,12 +186,12 @@ class ObservationConfig:
     @property
     def shows_ground(self) -> bool:
         """Whether something is shown for which the robot must keep what it believes covered."""
-        return not {"coverage", "frontier", "onward"}.isdisjoint(self.parts)
+        return not {"coverage", "frontier", "onward"}.isdisjoint(self.shapes)
 
     @property
     def shows_ways_over_ground(self) -> bool:
         """Whether something is shown for which an occupancy grid must be kept."""
-        return not {"shortcut", "onward"}.isdisjoint(self.parts)
+        return not {"shortcut", "onward"}.isdisjoint(self.shapes)
 
     def require(self, parts: Collection[str], who: str) -> None:
         """Raise InputError if a part is not shown that somebody needs.

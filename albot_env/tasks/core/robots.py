@@ -80,11 +80,13 @@ class BatchedRobots:
         self._never = np.zeros(robots, np.bool_)
         self._mappers = equipment.mappers(robots)
         self._threads = ThreadPool(equipment.threads)
-        self.geometry = sensors.laser.geometry
-        """Where the lasers' beams point."""
+        self.ground_laser = sensors.ground_laser.geometry
+        """Where the beams point by which ground is found covered (see `Sensors.ground_laser`)."""
+        self.laser = None if sensors.laser is None else sensors.laser.geometry
+        """Where the lasers' beams point; None without."""
         self.sonar = None if sensors.sonar is None else sensors.sonar.geometry
         """Where the sonars point; None without."""
-        self.observing = observations = observations.fitted(self.geometry, self.sonar)
+        self.observing = observations = observations.fitted(self.laser, self.sonar)
         """How they observe with these sensors."""
         if not observations.shapes:
             expected = "a part that robots with these sensors have"
@@ -96,7 +98,7 @@ class BatchedRobots:
             threads=self._threads,
             movables=equipment.movables,
         )
-        self._builder = ObservationBuilder(robots, observations, self.geometry)
+        self._builder = ObservationBuilder(robots, observations, self.ground_laser)
         self._stats = new_stats(robots, len(self.terms_of_reward))
         self._cell_area = observations.coverage.cell**2
         self._everyone: Int64[np.ndarray, "robots"] = np.arange(robots)
@@ -324,6 +326,11 @@ class BatchedRobots:
     def coverages(self) -> Float64[np.ndarray, "robots"]:
         """Share of the ground that can be reached which each has covered."""
         return self._stats.coverages
+
+    @property
+    def ranges(self) -> Float64[np.ndarray, "robots beams"]:
+        """What the beams of `ground_laser` met last (m); infinite where nothing came back."""
+        return self._state.ranges
 
     @property
     def rooms_entered(self) -> Int64[np.ndarray, "robots"]:

@@ -39,7 +39,7 @@ class CommonSettings(TypedDict, total=False):
     odometer: str
     """Name of the odometer's preset (`pioneer`; `albot_env.sim.ODOMETERS`)."""
     laser: str
-    """Name of the laser's preset (`lms-200`; `LASERS`)."""
+    """Name of the laser's preset (`lms-200`; `LASERS`), or `none`."""
     sonar: str
     """Name of the sonars' preset (`pioneer`; `SONARS`), or `none`."""
     scenes: str

@@ -216,7 +216,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             mapper=self._interface.mapper,
             odometer=self._interface.odometer,
             seed=seed,
-            laser=self._robot.geometry,
+            laser=self._robot.laser,
             sonar=self._robot.sonar,
             agent=self.agent,
         )

@@ -129,12 +129,9 @@ class OutwardJourneys(Journeys[OutwardJourney]):
     def _percept(self) -> Percept:
         """What the explorer goes by now."""
         scout = self._scout
-        reading = scout.readings[0]
         return Percept(
-            ranges=np.minimum(
-                reading.required_laser("the scout").ranges, scout.observing.laser_range
-            ),
-            laser=scout.geometry,
+            ranges=np.minimum(scout.ranges[0], scout.observing.laser_range),
+            laser=scout.ground_laser,
             pose=scout.beliefs[0].copy(),
-            motion=reading.motion.copy(),
+            motion=scout.readings.motions[0].copy(),
         )

@@ -112,12 +112,15 @@ class Tours(Journeys[Tour]):
         count: How many different ones there are from a start; 0 for a new one each time.
 
     Raises:
-        InputError: The number of journeys is negative.
+        InputError: The number of journeys is negative, or the robot has no laser.
     """
 
     def __init__(
         self, environment: str, equipment: Equipment, config: TourConfig, count: int
     ) -> None:
+        if equipment.sensors.laser is None:
+            expected = "a laser, by whose panoramas earlier stops are compared"
+            raise InputError(environment, expected, "none", place="laser")
         super().__init__(environment, (replace(equipment, threads=1), config), count)
         self._equipment = equipment
         self._config = config

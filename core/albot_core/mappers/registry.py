@@ -15,6 +15,7 @@ from albot_core.plain_data import Location, read_config
 from albot_core.sensing.reading import Sensor
 
 _HOSSAIN = "Hossain, How Albot1 computes its perceptual map, PhD thesis, AUT 2014"
+_YEAP = "Yeap and others, Autonomous robot mapping by landmark association, 2015"
 _MILFORD = "Milford, Prasser and Wyeth, Experience mapping, ACRA 2005"
 _LASER: frozenset[Sensor] = frozenset({"laser"})
 
@@ -40,6 +41,15 @@ MAPPERS: dict[str, MapperSpec] = {
             factory="albot_core.mappers.albot1.mapper:Albot1",
             config="albot_core.mappers.albot1.config:Albot1Config.thesis",
             batch="albot_core.mappers.albot1.batch:Albot1Batch",
+        ),
+        MapperSpec(
+            name="association",
+            summary="A global map of surfaces, each added by where it is from a recognised one.",
+            paper=_YEAP,
+            sensors=_LASER,
+            layers=("segments",),
+            factory="albot_core.mappers.association.mapper:Association",
+            config="albot_core.mappers.association.mapper:AssociationConfig",
         ),
         MapperSpec(
             name="odometry",

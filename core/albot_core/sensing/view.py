@@ -15,8 +15,10 @@ from jaxtyping import Bool, Float64, Int8
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 from albot_core.kernels.compiled import ZERO, kernel
+from albot_core.ranges import Range, check_fields
 from albot_core.sensing.reading import LaserScan
 
+_FROM_TWO = Range("a whole number from 2", 2.0, whole=True)
 NO_EDGE, OCCLUDING, CORNER = 0, 1, 2
 """What an end of a surface is: nothing stable, an occluding point, or a corner point."""
 
@@ -35,6 +37,9 @@ class ViewConfig:
     """A cluster is broken at a point farther than this from its chord (m)."""
     surface_length: float = 0.10
     """Shorter surfaces are dropped (m)."""
+    surface_points: int = 2
+    """Surfaces of fewer points are dropped. Two points need not lie on one surface: where the one
+    occludes the other there is nothing between them."""
     fit_lines: bool = False
     """Lay each surface on the line fitted to all its points, not from the first to the last."""
 
@@ -43,13 +48,13 @@ class ViewConfig:
             value = getattr(self, name)
             if not 0 < value < np.inf:
                 raise InputError(f"ViewConfig.{name}", "a positive length (m)", str(value))
+        check_fields(self, _FROM_TWO, "surface_points")
 
     @property
-    def thresholds(self) -> Float64[np.ndarray, "4"]:
-        """The four lengths that the compiled extraction takes, in its order."""
-        return np.array(
-            (self.cluster_gap, self.cluster_size, self.break_height, self.surface_length)
-        )
+    def thresholds(self) -> Float64[np.ndarray, "5"]:
+        """The four lengths and the count that the compiled extraction takes, in its order."""
+        lengths = self.cluster_gap, self.cluster_size, self.break_height, self.surface_length
+        return np.array((*lengths, float(self.surface_points)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,10 +109,11 @@ def extract_surfaces(
 ) -> int:
     """All steps of view construction (thesis, section 3.1.3); return how many surfaces.
 
-    `thresholds` are the cluster gap, cluster size, break point height and surface length
-    (m). Surfaces come out in the robot's frame, in the order of the beams.
+    `thresholds` are the cluster gap, cluster size, break point height and surface length (m), and
+    how many points a surface has at least. Surfaces come out in the robot's frame, in the order of
+    the beams.
     """
-    gap, size, height, shortest = thresholds
+    gap, size, height, shortest, fewest = thresholds
     points, stack, spans, lines, raw, clusters = buffers
     seen = scan_points(ranges, directions, mount_x, mount_y, max_range, points)
     formed = segment_points(points, seen, gap, size, height, stack, spans)
@@ -117,6 +123,8 @@ def extract_surfaces(
         if count == surfaces.shape[0]:
             break
         dx, dy = raw[k, 2] - raw[k, 0], raw[k, 3] - raw[k, 1]
+        if spans[k, 1] - spans[k, 0] + 1 < fewest:
+            continue
         if dx * dx + dy * dy >= shortest * shortest:
             for i in range(4):
                 surfaces[count, i] = raw[k, i]

@@ -26,6 +26,7 @@ from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading, Readin
 NAMES = (
     "albot1",
     "albot1-thesis",
+    "association",
     "odometry",
     "ratslam",
     "ratslam-scenes",
@@ -195,6 +196,7 @@ def test_a_capability_is_had_or_clearly_refused(name):
     expected = {
         "albot1": (True, True, False),
         "albot1-thesis": (True, True, False),
+        "association": (False, False, False),
         "odometry": (False, False, False),
         "ratslam": (True, True, True),
         "ratslam-scenes": (True, True, True),

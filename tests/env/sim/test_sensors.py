@@ -35,7 +35,7 @@ def test_an_unknown_name_is_answered_with_those_there_are() -> None:
         "play.yaml, sonar: expected one of none, ideal, pioneer, poor, "
         "found 'pionere' (did you mean pioneer?)"
     )
-    with pytest.raises(InputError, match=r"sensors, laser: expected one of ideal.*found 'x'$"):
+    with pytest.raises(InputError, match=r"laser: expected one of none, ideal.*found 'x'$"):
         choose_sensors(laser="x")
 
 

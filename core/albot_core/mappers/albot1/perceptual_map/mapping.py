@@ -77,7 +77,7 @@ class ViewSettings(NamedTuple):
     max_range: float
     """Points at or beyond this distance are dropped (m)."""
     thresholds: np.ndarray
-    """(4,) float64: see `ViewConfig.thresholds`."""
+    """(5,) float64: see `ViewConfig.thresholds`."""
     fit_lines: bool
     """See `ViewConfig`."""
 
