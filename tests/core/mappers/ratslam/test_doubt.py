@@ -26,7 +26,7 @@ def mapper_that_asks_for(confirmations: int) -> RatSlam:
     config = RatSlamConfig.scenes()
     zones = dataclasses.replace(config.experiences, confirmations=confirmations)
     # A single view is enough to be re-localised.
-    views = dataclasses.replace(config.views, injection=0.1)
+    views = dataclasses.replace(config.views, injection=0.1, fatigue=0.9)
     config = dataclasses.replace(config, experiences=zones, views=views)
     return RatSlam(config, "ratslam-scenes")
 
