@@ -113,7 +113,7 @@ class PanoramaConfig:
     """…and only those that differ up to so many times as much as the best."""
     least: float = 0.4
     """A view is seen where the match score is at least this…"""
-    near: float = 1.2
+    near: float = 1.6
     """…and the robot is so near to the origin of its frame (m)."""
     sure: float = 0.6
     """A view tells where the robot is in it, in place of the odometer, from this score on…"""
@@ -123,11 +123,11 @@ class PanoramaConfig:
     """…plus this share of the motion since the last scan."""
     spread: float = 0.5
     """Standard deviation (m) of where the robot is believed to be, without any way…"""
-    drift: float = 0.1
+    drift: float = 0.05
     """…and what the way since a view was last seen adds to it, as a share."""
     turn_spread: float = 0.15
     """The same of the robot's heading (rad)…"""
-    turn_drift: float = 0.02
+    turn_drift: float = 0.01
     """…and what the way adds (rad/m)."""
 
     def __post_init__(self) -> None:
@@ -204,7 +204,7 @@ class RatSlamConfig:
     """Scenes, and the links of views."""
     panoramas: PanoramaConfig = field(default_factory=PanoramaConfig)
     """The views of a laser."""
-    experiences: ExperienceConfig = field(default_factory=ExperienceConfig)
+    experiences: ExperienceConfig = field(default_factory=lambda: ExperienceConfig(radius=1.5))
     """When an experience is active."""
     correction: CorrectionConfig = field(default_factory=lambda: CorrectionConfig(passes=10))
     """How the map is corrected."""
@@ -223,5 +223,6 @@ class RatSlamConfig:
             sees="scenes",
             pose_cells=PoseCellConfig(),
             views=LocalViewConfig(injection=0.08),
+            experiences=ExperienceConfig(),
             correction=CorrectionConfig(),
         )

@@ -36,7 +36,7 @@ def scan(walls: Segments, pose: Pose) -> LaserScan:
     direction = np.stack((np.cos(angles), np.sin(angles)), axis=1)[:, np.newaxis]
     start, along = walls[:, :2] - pose[:2], walls[:, 2:] - walls[:, :2]
     cross = direction[..., 0] * along[:, 1] - direction[..., 1] * along[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         far = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) / cross
         at = (start[:, 0] * direction[..., 1] - start[:, 1] * direction[..., 0]) / cross
     hits = np.where((far > 0) & (at >= 0) & (at <= 1), far, np.inf)
