@@ -101,6 +101,13 @@ EXPERIMENTS = {
             seeds=20,
             module="albot_experiments.albot1_c3",
         ),
+        Experiment(
+            id="ratslam-real",
+            title="RatSLAM with a laser on real logs (Milford et al. 2005, section 6)",
+            seeds=20,
+            module="albot_experiments.ratslam_real",
+            needs_data=True,
+        ),
     )
 }
 
