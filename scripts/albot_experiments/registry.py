@@ -125,6 +125,13 @@ EXPERIMENTS = {
             seeds=20,
             module="albot_experiments.association_1",
         ),
+        Experiment(
+            id="ratslam-real",
+            title="RatSLAM with a laser on real logs (Milford et al. 2005, section 6)",
+            seeds=20,
+            module="albot_experiments.ratslam_real",
+            needs_data=True,
+        ),
     )
 }
 

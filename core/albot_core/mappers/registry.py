@@ -62,7 +62,7 @@ MAPPERS: dict[str, MapperSpec] = {
         ),
         MapperSpec(
             name="ratslam",
-            summary="RatSLAM's pose cells and experience map, which sees by laser templates.",
+            summary="RatSLAM's pose cells and experience map, which sees by laser panoramas.",
             paper=_MILFORD,
             sensors=_LASER,
             layers=("place_graph", "trajectory"),

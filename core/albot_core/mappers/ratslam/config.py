@@ -11,9 +11,16 @@ from albot_core.ranges import COUNT, NOT_NEGATIVE, POSITIVE, SHARE, Range, check
 
 _SIDE = Range("a whole number from 16", 16.0, 4096.0, whole=True)
 _FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
+_FROM_TWO = Range("a whole number from 2", 2.0, whole=True)
+_BINS = Range("a whole number from 8 to 180", 8.0, 180.0, whole=True)
+_AT_LEAST_ONE = Range("a number from 1", 1.0)
 _DECAY = Range("a number within [0, 1)", 0.0, math.nextafter(1.0, 0.0))
 _RATE = Range("a number within (0, 1)", 0.0, math.nextafter(1.0, 0.0), beyond=True)
 _ANGLE = Range("an angle within (0, pi]", 0.0, math.pi, beyond=True)
+
+
+DIRECTIONS = 180
+"""Directions of a panorama."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,17 +64,8 @@ class PoseCellConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class LocalViewConfig:
-    """Local views, and their links to the pose cells (section 3.4). All values are ours."""
+    """Scenes, and the links of views to the pose cells (section 3.4). All values are ours."""
 
-    bins: int = 36
-    """Sectors of a laser template; each is the mean of its ranges."""
-    reach: float = 8.0
-    """Ranges count as no longer than this (m)."""
-    difference: float = 0.03
-    """A template is the view where the mean absolute difference is at most this, as a share of
-    `reach`."""
-    turn_search: float = math.radians(20.0)
-    """How far a template is turned to either side to find the least difference (rad)."""
     confirmations: int = 2
     """A scene is believed when so many readings in a row show it…"""
     forget: int = 30
@@ -86,12 +84,63 @@ class LocalViewConfig:
     """Pose cells are linked that have this share of the most active one's activity."""
 
     def __post_init__(self) -> None:
-        check_fields(self, _FROM_ONE, "bins", "confirmations", "forget")
-        check_fields(self, POSITIVE, "reach", "learning_rate")
-        check_fields(self, NOT_NEGATIVE, "difference", "turn_search", "injection")
-        check_fields(self, NOT_NEGATIVE, "learning_delay")
+        check_fields(self, _FROM_ONE, "confirmations", "forget")
+        check_fields(self, POSITIVE, "learning_rate")
+        check_fields(self, NOT_NEGATIVE, "injection", "learning_delay")
         check_fields(self, _DECAY, "fatigue")
         check_fields(self, SHARE, "recovery", "linked_share")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PanoramaConfig:
+    """Panoramas, the local views of a laser. All values are ours."""
+
+    reach: float = 8.0
+    """Ranges count as no longer than this (m)."""
+    trail: float = 5.0
+    """Scans are gathered of the last part of the way (m)…"""
+    between: float = 0.3
+    """…about so far apart (m)…"""
+    scans: int = 30
+    """…and no more than so many."""
+    bins: int = 36
+    """Sectors of the profiles that are compared over all turns."""
+    overlap: float = 0.4
+    """Profiles are compared where both know at least this share of the circle."""
+    candidates: int = 8
+    """The views whose profiles differ least are aligned, so many at most…"""
+    factor: float = 1.6
+    """…and only those that differ up to so many times as much as the best."""
+    least: float = 0.4
+    """A view is seen where the match score is at least this…"""
+    near: float = 1.6
+    """…and the robot is so near to the origin of its frame (m)."""
+    sure: float = 0.6
+    """A view tells where the robot is in it, in place of the odometer, from this score on…"""
+    slip: float = 0.1
+    """…if that is no farther than this (rad, and twice as many m) from where the odometer says…"""
+    slip_share: float = 0.25
+    """…plus this share of the motion since the last scan."""
+    spread: float = 0.5
+    """Standard deviation (m) of where the robot is believed to be, without any way…"""
+    drift: float = 0.05
+    """…and what the way since a view was last seen adds to it, as a share."""
+    turn_spread: float = 0.15
+    """The same of the robot's heading (rad)…"""
+    turn_drift: float = 0.01
+    """…and what the way adds (rad/m)."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, POSITIVE, "reach", "trail", "near", "spread", "turn_spread")
+        check_fields(self, NOT_NEGATIVE, "between", "slip", "slip_share", "drift", "turn_drift")
+        check_fields(self, _FROM_TWO, "scans")
+        check_fields(self, _FROM_ONE, "candidates")
+        check_fields(self, _AT_LEAST_ONE, "factor")
+        check_fields(self, SHARE, "overlap", "least", "sure")
+        check_fields(self, _BINS, "bins")
+        if DIRECTIONS % self.bins:
+            expected = f"a divisor of {DIRECTIONS}, the directions of a panorama"
+            raise InputError("PanoramaConfig.bins", expected, str(self.bins))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,13 +160,18 @@ class ExperienceConfig:
     confirmations: int = 2
     """A re-localisation is believed once so many known experiences were entered after it without
     another one. Until then transitions to known experiences wait; those of a false one are never
-    learned."""
+    learned. 0: all are believed at once."""
+    spacing: float = 0.6
+    """A robot with a laser makes no new experience so near to the last (m) while it sees that…"""
+    certain: float = 0.5
+    """…which it does, as it does any other, where the match score is at least this."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "radius")
         check_fields(self, _ANGLE, "turn")
-        check_fields(self, NOT_NEGATIVE, "apart")
-        check_fields(self, _FROM_ONE, "confirmations")
+        check_fields(self, NOT_NEGATIVE, "apart", "spacing")
+        check_fields(self, SHARE, "certain")
+        check_fields(self, COUNT, "confirmations")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,14 +201,20 @@ class RatSlamConfig:
     """Thresholds of RatSLAM. `RatSlamConfig.scenes()` sees with a camera, by default a laser."""
 
     sees: Literal["laser", "scenes"] = "laser"
-    """Where views come from: templates of laser scans, or numbers of visual scenes."""
-    pose_cells: PoseCellConfig = field(default_factory=PoseCellConfig)
+    """Where views come from: panoramas of laser scans, or numbers of visual scenes."""
+    pose_cells: PoseCellConfig = field(
+        default_factory=lambda: PoseCellConfig(step=0.25, turn=math.radians(20.0))
+    )
     """The network of pose cells."""
-    views: LocalViewConfig = field(default_factory=LocalViewConfig)
-    """Local views and their links."""
-    experiences: ExperienceConfig = field(default_factory=ExperienceConfig)
+    views: LocalViewConfig = field(default_factory=lambda: LocalViewConfig(injection=0.15))
+    """Scenes, and the links of views."""
+    panoramas: PanoramaConfig = field(default_factory=PanoramaConfig)
+    """The views of a laser."""
+    experiences: ExperienceConfig = field(
+        default_factory=lambda: ExperienceConfig(radius=1.5, confirmations=0)
+    )
     """When an experience is active."""
-    correction: CorrectionConfig = field(default_factory=CorrectionConfig)
+    correction: CorrectionConfig = field(default_factory=lambda: CorrectionConfig(passes=10))
     """How the map is corrected."""
     ahead: float = 2.0
     """How far ahead the point lies that is shown on the way home (m): ours."""
@@ -166,10 +226,15 @@ class RatSlamConfig:
 
     @classmethod
     def scenes(cls) -> RatSlamConfig:
-        """The default values for a camera.
+        """The default values for a camera, whose scenes are looked at more often.
 
         A scene is in sight for a metre, and links lead to where it came into sight. So it injects
         most at once: later it would pull the packet back.
         """
-        views = LocalViewConfig(injection=0.1, fatigue=0.7, learning_delay=3.0)
-        return cls(sees="scenes", views=views)
+        return cls(
+            sees="scenes",
+            pose_cells=PoseCellConfig(),
+            views=LocalViewConfig(injection=0.1, fatigue=0.7, learning_delay=3.0),
+            experiences=ExperienceConfig(),
+            correction=CorrectionConfig(),
+        )

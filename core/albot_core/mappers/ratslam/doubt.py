@@ -8,16 +8,13 @@ experiences followed one another, what waits is dropped. The paper does not spea
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from albot_core.mappers.ratslam.arrays import Table
-
-Motion = tuple[float, float, float]
-"""x, y (m) and unwrapped heading (rad)."""
+from albot_core.mappers.ratslam.motions import Motion, after, motion_of
 
 
 class Transition(NamedTuple):
@@ -59,17 +56,41 @@ class Doubt:
         self.anchor, self.since, self.known = anchor, here, known
         self.left_at, self.left_in = left_at, left_in
 
-    def integrate(self, x: float, y: float, turn: float) -> None:
+    def integrate(self, motion: Motion) -> None:
         """Path integration from the anchor."""
         if self.anchor >= 0:
-            cos, sin = math.cos(self.since[2]), math.sin(self.since[2])
-            east, north, heading = self.since
-            self.since = east + cos * x - sin * y, north + sin * x + cos * y, heading + turn
+            self.since = after(self.since, motion)
 
-    def anchor_at(self, experience: int, stamp: float, iteration: int) -> None:
+    def _anchor_at(self, experience: int, stamp: float, iteration: int) -> None:
         """The robot is where the odometer says in a new experience."""
         self.anchor, self.since = experience, (0.0, 0.0, 0.0)
         self.left_at, self.left_in = stamp, iteration
+
+    def take(
+        self, transition: Transition, stamp: float, iteration: int, needed: int, *, is_new: bool
+    ) -> list[Transition]:
+        """Take in a transition; which ones are to be learned now.
+
+        Args:
+            transition: From the experience before to that which the robot is in now.
+            stamp: The time now (s).
+            iteration: The iteration now.
+            needed: How many confirmations end the doubt.
+            is_new: Whether the robot's experience is new: then it hangs from the anchor, by the
+                odometer.
+        """
+        if self.anchor < 0:
+            return [transition]
+        learned: list[Transition] = []
+        if transition.source != self.anchor or not is_new:
+            self.wait(transition)
+        if is_new:
+            here, time, steps = transition.target, stamp - self.left_at, iteration - self.left_in
+            learned.append(Transition(self.anchor, here, self.since, time, steps))
+            self._anchor_at(here, stamp, iteration)
+        if self.confirmations >= needed:
+            learned += self.end()
+        return learned
 
     def wait(self, transition: Transition) -> None:
         """Let a transition wait."""
@@ -84,7 +105,10 @@ class Doubt:
     def end(self) -> list[Transition]:
         """Doubt no longer; what waited is returned."""
         columns = [self._waiting.rows(name).tolist() for name in Transition._fields]
-        waiting = [Transition(*row) for row in zip(*columns, strict=True)]
+        waiting = [
+            Transition(source, target, motion_of(motion), time, steps)
+            for source, target, motion, time, steps in zip(*columns, strict=True)
+        ]
         self.reset()
         return waiting
 

@@ -1,6 +1,6 @@
 """Local views: what is seen, by number, and its links to the pose cells (section 3.4).
 
-A view is a scene that the camera recognises, or a template of the laser's scan. While a view is
+A view is a scene that the camera recognises, or a panorama of the laser (`panoramas`). While it is
 seen it tires; rested it is fresh. Links grow between a fresh view and the pose cells that are
 active with it, so they lead to where the view came into sight, and inject activity there when it
 does so again.
@@ -11,12 +11,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Bool, Float64, Int64
 
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.config import LocalViewConfig
-from albot_core.sensing.reading import LaserScan
 
 NO_VIEW = -1
 """The view of a robot that recognises nothing."""
@@ -80,123 +79,6 @@ class Scenes:
         self._candidate, self._seen, self._unseen, self._scene = counts
 
 
-class Templates:
-    """Templates of laser scans, matched by sums of absolute differences.
-
-    Args:
-        config: How templates are made and compared.
-    """
-
-    def __init__(self, config: LocalViewConfig) -> None:
-        self._config = config
-        self._table = Table(profile=(np.float64, (config.bins,)))
-
-    def reset(self) -> None:
-        """Forget all templates."""
-        self._table.clear()
-
-    def look(self, laser: LaserScan, view: int) -> tuple[int, float]:
-        """The view that a scan shows, and the robot's heading as seen from it (rad).
-
-        The view before stays as long as it matches. A scan that no template matches becomes one.
-        """
-        config = self._config
-        width = laser.geometry.spacing * laser.geometry.beams / config.bins
-        profile = np.empty(config.bins)
-        fill_profile(laser.ranges, config.reach, profile)
-        turns = min(int(config.turn_search / width), config.bins // 2)
-        found, turn = match_profile(
-            profile, self._table["profile"], self._table.count, view, turns, config.difference
-        )
-        if found < 0:
-            return self._table.append(profile=profile), 0.0
-        return found, turn * width
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Everything remembered, as arrays by name."""
-        return self._table.state("templates")
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
-        self._table.restore("templates", state)
-
-
-@kernel()
-def fill_profile(ranges: np.ndarray, reach: float, profile: np.ndarray) -> None:
-    """Fill `profile` with the mean range in each of as many sectors, as a share of `reach`."""
-    beams, bins = ranges.shape[0], profile.shape[0]
-    for k in range(bins):
-        first = k * beams // bins
-        last = max((k + 1) * beams // bins, first + 1)
-        total = 0.0
-        for beam in range(first, last):
-            total += min(ranges[beam], reach)
-        profile[k] = total / ((last - first) * reach)
-
-
-@kernel()
-def match_profile(
-    profile: np.ndarray,
-    templates: np.ndarray,
-    count: int,
-    before: int,
-    turns: int,
-    difference: float,
-) -> tuple[int, float]:
-    """The template that a profile matches, -1 for none, and how many bins it is turned from it.
-
-    The template before, where it matches; else the one that differs least.
-    """
-    if before >= 0:
-        least, turn = compare(profile, templates[before], turns, difference)
-        if least <= difference:
-            return before, turn
-    best, found, found_turn = difference, -1, 0.0
-    for k in range(count):
-        least, turn = compare(profile, templates[k], turns, best)
-        if least < best or (found < 0 and least <= best):
-            best, found, found_turn = least, k, turn
-    return found, found_turn
-
-
-@kernel()
-def compare(
-    profile: np.ndarray, template: np.ndarray, turns: int, enough: float
-) -> tuple[float, float]:
-    """The least mean absolute difference over the turns tried, and the turn of it in bins.
-
-    Infinite where all differ by more than `enough`. A fraction of a bin is interpolated.
-    """
-    bins = profile.shape[0]
-    least, best = np.inf, 0
-    for turn in range(-turns, turns + 1):
-        apart = _difference(profile, template, turn, min(least, enough))
-        if apart < least:
-            least, best = apart, turn
-    if not least <= enough or abs(best) == turns:
-        return least, float(best)
-    # The differences near their minimum are straight lines of about equal slopes.
-    left = _difference(profile, template, best - 1, np.inf)
-    right = _difference(profile, template, best + 1, np.inf)
-    slope = max(left, right) - least
-    shift = 0.5 * (left - right) / slope if slope > 0.0 and bins > 2 else 0.0
-    return least, float(best + shift)
-
-
-@kernel()
-def _difference(profile: np.ndarray, template: np.ndarray, turn: int, enough: float) -> float:
-    """The mean absolute difference where both overlap; infinite where it is above `enough`."""
-    bins = profile.shape[0]
-    first, last = max(0, -turn), min(bins, bins - turn)
-    total, most = 0.0, enough * (last - first)
-    for k in range(first, last):
-        total += abs(profile[k] - template[k + turn])
-        if total > most:
-            return np.inf
-    share: float = total / (last - first)
-    return share
-
-
 class Links:
     """Links between views and pose cells, which Hebbian learning makes.
 
@@ -241,26 +123,30 @@ class Links:
         return fresh
 
     def injection(
-        self, view: int, active: float, turn: int, plane: int, cells: int
+        self, view: int, active: float
     ) -> tuple[Int64[np.ndarray, "links"], Float64[np.ndarray, "links"]]:
-        """The cells that a view injects activity into, and how much.
+        """The cells that a view is linked to, and how much activity it injects into each.
 
         Args:
             view: The view.
             active: How active it is.
-            turn: How far the robot is turned from it, in cells.
-            plane: How many cells there are of each heading.
-            cells: How many cells there are.
         """
         if active <= 0.0 or not self.has_links(view):
             return _NONE
         links = self._links
-        found, count = np.empty((2, links.count), np.int64), 0
-        count = list_links(int(self._views["first"][view]), links["next"], found[0])
-        chosen = found[0, :count]
+        found = np.empty(links.count, np.int64)
+        count = list_links(int(self._views["first"][view]), links["next"], found)
+        chosen = found[:count]
         strengths = links["strength"][chosen]
         amounts = self._config.injection * active * strengths / strengths.sum()
-        return (links["cell"][chosen] + turn * plane) % cells, amounts
+        return links["cell"][chosen], amounts
+
+    def linked(self, count: int) -> Bool[np.ndarray, "views"]:
+        """Which of the first views, so many, have links."""
+        known = self._views.rows("first")[:count]
+        linked = np.zeros(count, np.bool_)
+        linked[: len(known)] = known >= 0
+        return linked
 
     def leads_near(self, view: int, cell: int, shape: tuple[int, int, int]) -> bool:
         """Whether a view has a link to a cell, or to one near it."""
@@ -277,6 +163,7 @@ class Links:
         way: float,
     ) -> None:
         """Remember for `learn` which cells were active with a view as the robot had gone so far."""
+        self._know(view)
         added = np.column_stack((np.full(len(cells), view), cells))
         self._waiting = np.concatenate((self._waiting, added))
         numbers = np.column_stack((strengths, np.full(len(cells), way)))

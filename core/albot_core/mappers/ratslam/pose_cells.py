@@ -135,6 +135,20 @@ class PoseCells:
         """Where in `cells` those are that have this share of the most active one's activity."""
         return np.flatnonzero(self.activity >= share * self.activity.max())
 
+    def moved(
+        self, cells: Int64[np.ndarray, "some"], motion: tuple[float, float, float]
+    ) -> Int64[np.ndarray, "some"]:
+        """The cells where a robot is that moves so from each of these cells (m, m, rad)."""
+        columns, rows, headings = self.shape
+        config = self.config
+        angles = cells // (columns * rows) * config.cell_turn
+        cos, sin = np.cos(angles) / config.cell, np.sin(angles) / config.cell
+        x = np.rint(cells % columns + cos * motion[0] - sin * motion[1])
+        y = np.rint(cells // columns % rows + sin * motion[0] + cos * motion[1])
+        layer = np.rint(cells // (columns * rows) + motion[2] / config.cell_turn)
+        flat = ((layer % headings) * rows + y % rows) * columns + x % columns
+        return np.asarray(flat, np.int64)
+
     def offset(self, x: float, y: float, heading: float) -> Pose:
         """The packet's centre seen from a pose in cells, the shortest way round (m, m, rad)."""
         columns, rows, headings = self.shape

@@ -13,10 +13,12 @@ from jaxtyping import Int64
 
 from albot_core.errors import InputError
 from albot_core.mappers.ratslam.config import RatSlamConfig
+from albot_core.mappers.ratslam.panoramas import BEAMS
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 
 _FINITE = (
-    "numbers", "packet", "activity", "history.pose", "templates.profile", "links.strength",
+    "numbers", "packet", "activity", "history.pose", "scans.pose", "scans.way", "scans.points",
+    "templates.ranges", "templates.points", "templates.normals", "links.strength",
     "views.freshness", "waiting_numbers", "bias.ways", "events.jump", "events.turn",
     "experiences.pose", "experiences.shown", "experiences.cell", "experiences.turn",
     "experiences.way", "doubt.numbers", "doubted.motion", "doubted.time", "transitions.motion",
@@ -25,6 +27,7 @@ _FINITE = (
 _NOT_NEGATIVE = (
     "activity", "links.strength", "views.freshness", "bias.ways", "transitions.time",
     "transitions.stiffness", "experiences.time", "experiences.length", "doubted.time",
+    "templates.ranges", "templates.profile",
 )  # fmt: skip
 
 
@@ -50,6 +53,13 @@ def check_state(
     lengths = (len(state[name]) for name in _COUNTED)
     experiences, transitions, links, views, readings, templates, scenes = lengths
     _check_counts(state, experiences, readings, max(views, templates, scenes))
+    numbers = np.arange(experiences)
+    if config.sees == "laser" and (
+        templates != experiences or not np.array_equal(state["experiences.view"], numbers)
+    ):
+        raise InputError("templates", f"one an experience, {experiences}", str(templates))
+    _check_within(state, "templates.known", 0, 2)
+    _check_within(state, "scans.count", 0, BEAMS + 1)
     if experiences > readings:
         raise InputError("experiences", f"{readings} at most, one a reading", str(experiences))
     sides = (config.pose_cells.columns, config.pose_cells.rows, config.pose_cells.headings)
@@ -84,7 +94,7 @@ def check_state(
 _DOUBT = "doubt.counts", "doubt.numbers"
 _COUNTED = (
     "experiences.view", "transitions.source", "links.cell", "views.first", "history.place",
-    "templates.profile", "scenes.known",
+    "templates.ranges", "scenes.known",
 )  # fmt: skip
 
 

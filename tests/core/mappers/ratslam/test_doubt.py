@@ -82,15 +82,17 @@ def test_known_experiences_confirm_once_each():
     other = Doubt()
     other.restore(doubt.state())
     assert other.confirmations == 2
-    first = other.end()[0]
-    assert first._replace(motion=tuple(first.motion)) == waiting[0]
+    assert other.end()[0] == waiting[0]
     assert (other.anchor, other.confirmations) == (-1, 0)
 
 
 def test_path_integration_goes_on_from_the_anchor():
     doubt = Doubt()
     doubt.begin(0, (1.0, 0.0, np.pi / 2), 0.0, 1, known=1)
-    doubt.integrate(2.0, 1.0, 0.5)
+    doubt.integrate((2.0, 1.0, 0.5))
     assert doubt.since == pytest.approx((0.0, 2.0, np.pi / 2 + 0.5))
-    doubt.anchor_at(1, 2.0, 3)
+    here = Transition(0, 1, (9.0, 9.0, 9.0), 2.0, 3)
+    assert doubt.take(here, 2.0, 3, 2, is_new=True) == [
+        Transition(0, 1, pytest.approx((0.0, 2.0, np.pi / 2 + 0.5)), 2.0, 2)
+    ]
     assert (doubt.anchor, doubt.since) == (1, (0.0, 0.0, 0.0))

@@ -165,3 +165,14 @@ def test_a_network_that_cannot_be_is_refused(field, value):
         PoseCellConfig(**{field: value})
     with pytest.raises(InputError, match="more than excitation"):
         PoseCellConfig(excitation=2.0, inhibition=2.0)
+
+
+def test_cells_are_moved_in_their_own_direction():
+    cells = PoseCells(SMALL)
+    columns, rows, headings = cells.shape
+    east = (0 * rows + 5) * columns + 18
+    north = (headings // 2 // 2 * rows + 23) * columns + 3  # Of 18 headings the fourth is 80°.
+    moved = cells.moved(np.array((east, north)), (1.0, 0.0, np.pi))
+    assert moved[0] == (9 * rows + 5) * columns + 2  # Four cells on, across the edge.
+    layer, rest = divmod(int(moved[1]), rows * columns)
+    assert (layer, *divmod(rest, columns)) == (13, 3, 4)

@@ -1,0 +1,41 @@
+"""Motions: x, y (m) and a heading (rad) that is not wrapped."""
+
+from __future__ import annotations
+
+import math
+
+Motion = tuple[float, float, float]
+"""x, y (m) and unwrapped heading (rad)."""
+
+
+def after(first: Motion, second: Motion) -> Motion:
+    """A motion after another; headings are added up without wrapping."""
+    cos, sin = math.cos(first[2]), math.sin(first[2])
+    x, y, turn = second
+    return first[0] + cos * x - sin * y, first[1] + sin * x + cos * y, first[2] + turn
+
+
+def before(whole: Motion, last: Motion) -> Motion:
+    """What comes before the last part of a motion: composed with that it is the whole."""
+    heading = whole[2] - last[2]
+    cos, sin = math.cos(heading), math.sin(heading)
+    x, y = cos * last[0] - sin * last[1], sin * last[0] + cos * last[1]
+    return whole[0] - x, whole[1] - y, heading
+
+
+def beyond(first: Motion, whole: Motion) -> Motion:
+    """What comes after the first part of a motion: that part composed with it is the whole."""
+    cos, sin = math.cos(first[2]), math.sin(first[2])
+    x, y = whole[0] - first[0], whole[1] - first[1]
+    return cos * x + sin * y, cos * y - sin * x, whole[2] - first[2]
+
+
+def nearest_turn(turn: float) -> float:
+    """An angle within [-pi, pi)."""
+    return (turn + math.pi) % (2 * math.pi) - math.pi
+
+
+def motion_of(numbers: list[float]) -> Motion:
+    """Three numbers as a motion."""
+    x, y, heading = numbers
+    return x, y, heading

@@ -1,0 +1,276 @@
+"""The local view of a robot with a laser: panoramas of what it saw along the last of its way.
+
+A laser of 180° sees another half of a corridor on the way back. So the view is the full circle:
+the scans of the last metres, laid together by the odometer, as ranges around the robot. Two
+panoramas are compared over all turns by the sum of absolute differences, as RatSLAM compares
+panoramic images; the best are then aligned, which says where the robot is in the frame of the view
+that it sees again, and how well both agree.
+
+A template is a panorama that was learned as a view. Its frame is the robot's at that moment.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool
+
+from albot_core.mappers.ratslam.arrays import Table
+from albot_core.mappers.ratslam.config import DIRECTIONS, PanoramaConfig
+from albot_core.mappers.ratslam.motions import Motion, after, beyond, nearest_turn
+from albot_core.mappers.ratslam.panorama_kernels import (
+    Surface,
+    align,
+    compare_turned,
+    fill_normals,
+    fill_profile,
+    gather,
+    score_match,
+)
+from albot_core.sensing.reading import LaserScan
+
+BEAMS = 181
+"""Of a scan with more beams only every second, third… is kept."""
+_FINEST = 0.01
+"""Profiles are compared in steps of this (m)."""
+_TURNED = 0.5
+"""A scan is kept for good, too, where the robot has turned so far since the last one (rad)."""
+
+
+class Sighting(NamedTuple):
+    """A view that is seen."""
+
+    view: int
+    """Its number."""
+    offset: Motion
+    """The robot in the view's frame."""
+    score: float
+    """How well the view agrees with what is seen, at most 1."""
+
+
+class Panoramas:
+    """Gathers scans to panoramas, learns them as templates, and finds those that are seen again.
+
+    Args:
+        config: How they are gathered and compared.
+    """
+
+    def __init__(self, config: PanoramaConfig) -> None:
+        self._config = config
+        self._scans = Table(
+            pose=(np.float64, (3,)),  # The robot, in a frame of its own (m, m, unwrapped rad).
+            way=(np.float64, ()),  # How far it had gone (m).
+            count=(np.int64, ()),
+            points=(np.float64, (BEAMS, 2)),  # In the robot's frame (m).
+        )
+        self._templates = Table(
+            ranges=(np.float64, (DIRECTIONS,)),
+            points=(np.float64, (DIRECTIONS, 2)),
+            normals=(np.float64, (DIRECTIONS, 2)),
+            profile=(np.int32, (2 * config.bins,)),
+            known=(np.int32, (2 * config.bins,)),
+        )
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all scans and templates."""
+        self._scans.clear()
+        self._templates.clear()
+        self._seen = np.zeros(DIRECTIONS)
+        self._surface, self._previous = _empty_surface(), _empty_surface()
+        self._profile, self._known = np.zeros((2, 2 * self._config.bins), np.int32)
+
+    @property
+    def count(self) -> int:
+        """How many templates there are."""
+        return self._templates.count
+
+    @property
+    def panorama(self) -> Surface:
+        """The present panorama: ranges within the reach, points and normals."""
+        return self._surface
+
+    def look(
+        self, laser: LaserScan, motion: Motion, view: int, offset: Motion
+    ) -> tuple[Motion, Motion]:
+        """Take in a scan and make the present panorama.
+
+        The scan is aligned with the panorama before, and then with the view that the robot is in.
+        So its motion is known better than by the odometer, whose word is taken where the
+        alignments do not agree with it or are poor.
+
+        Args:
+            laser: The scan.
+            motion: How the robot moved since the last one, by the odometer.
+            view: The view that it is in, -1 for none.
+            offset: Where it was in that view's frame before this motion.
+
+        Returns:
+            How it moved, and where it is in the view's frame.
+        """
+        self._previous, self._surface = self._surface, self._previous
+        self._take(laser, motion)
+        if view >= 0 and self._scans.count > 1:
+            self._fill(self._scans.count - 1)
+            moved = self._align_scan(motion, view, offset)
+            self._amend(motion, moved)
+            motion = moved
+        self._complete()
+        return motion, after(offset, motion)
+
+    def _take(self, laser: LaserScan, motion: Motion) -> None:
+        """Keep a scan; forget those that are too far back, and the last if it was too near."""
+        config, scans = self._config, self._scans
+        pose, way = (0.0, 0.0, 0.0), 0.0
+        if scans.count:
+            pose = after(tuple(scans["pose"][scans.count - 1]), motion)
+            way = float(scans["way"][scans.count - 1]) + math.hypot(motion[0], motion[1])
+        if scans.count > 1:
+            x, y, turn = scans["pose"][scans.count - 1] - scans["pose"][scans.count - 2]
+            if math.hypot(x, y) < config.between and abs(turn) < _TURNED:
+                scans.count -= 1
+        past = int((scans.rows("way") < way - config.trail).sum())
+        past = max(past, scans.count + 1 - config.scans)
+        if past > 0:
+            for name in ("pose", "way", "count", "points"):
+                scans[name][: scans.count - past] = scans[name][past : scans.count].copy()
+            scans.count -= past
+        ranges = np.minimum(laser.ranges, 2 * config.reach)[:, np.newaxis]
+        points = np.asarray(laser.geometry.mount[:2]) + ranges * laser.geometry.directions
+        points = points[:: -(-len(points) // BEAMS)]
+        padded = np.zeros((BEAMS, 2))
+        padded[: len(points)] = points
+        scans.append(pose=pose, way=way, count=len(points), points=padded)
+
+    def _fill(self, first: int) -> None:
+        """Make the panorama of the scans from one on, without its normals."""
+        scans, config = self._scans, self._config
+        ranges, points, _ = self._surface
+        gather(
+            (scans.rows("points"), scans.rows("count"), scans.rows("pose")),
+            first,
+            scans["pose"][scans.count - 1],
+            config.reach,
+            self._seen,
+            points,
+            (np.empty(DIRECTIONS), np.empty((DIRECTIONS, 2))),
+        )
+        ranges[:] = np.where(self._seen < config.reach, self._seen, 0.0)
+
+    def _complete(self) -> None:
+        """Make the present panorama of all scans that are kept."""
+        self._fill(0)
+        fill_normals(*self._surface)
+        fill_profile(self._seen, self._config.reach, _FINEST, self._profile, self._known)
+
+    def _align_scan(self, motion: Motion, view: int, offset: Motion) -> Motion:
+        """The motion by the panorama before, then by the view; the odometer's word is a guess."""
+        config = self._config
+        step = math.hypot(motion[0], motion[1]) + abs(motion[2])
+        guess = motion
+        pose, score = _match(self._surface, self._previous, motion)
+        near = _near(guess, pose, config.slip + config.slip_share * step)
+        if near is not None and score >= config.least:
+            guess, slip = near, config.slip / 2
+        else:
+            slip = config.slip + config.slip_share * step
+        pose, score = _match(self._surface, self._template(view), after(offset, guess))
+        near = _near(guess, beyond(offset, pose), slip)
+        return near if near is not None and score >= config.sure else guess
+
+    def _amend(self, motion: Motion, moved: Motion) -> None:
+        """The robot moved otherwise than by `motion`."""
+        poses, last = self._scans["pose"], self._scans.count - 1
+        heading = poses[last, 2] - motion[2]
+        cos, sin = math.cos(heading), math.sin(heading)
+        x, y = moved[0] - motion[0], moved[1] - motion[1]
+        poses[last] += (cos * x - sin * y, sin * x + cos * y, moved[2] - motion[2])
+
+    def learn(self) -> int:
+        """Make the present panorama a template; returns its view."""
+        ranges, points, normals = self._surface
+        return self._templates.append(
+            ranges=ranges, points=points, normals=normals, profile=self._profile, known=self._known
+        )
+
+    def sightings(
+        self, expected: Collection[tuple[int, Motion]], usable: Bool[np.ndarray, "views"]
+    ) -> list[Sighting]:
+        """The views that are seen, each once.
+
+        Args:
+            expected: Views that should be in sight, and where the robot is in their frames.
+            usable: Which of all views are looked for, wherever the robot may be.
+        """
+        best: dict[int, Sighting] = {}
+        for view, guess in (*expected, *self._propose(usable)):
+            offset, score = _match(self._surface, self._template(view), guess)
+            if score < self._config.least or math.hypot(*offset[:2]) > self._config.near:
+                continue
+            if view not in best or score > best[view].score:
+                best[view] = Sighting(view, offset, score)
+        return list(best.values())
+
+    def _propose(self, usable: Bool[np.ndarray, "views"]) -> list[tuple[int, Motion]]:
+        """The views whose profiles differ least from the present one, and the turns at which."""
+        config, templates, count = self._config, self._templates, len(usable)
+        if not usable.any():
+            return []
+        differences, turns = np.empty((count, 2)), np.empty((count, 2), np.int64)
+        compare_turned(
+            (self._profile, self._known),
+            (templates["profile"], templates["known"]),
+            count,
+            math.ceil(config.overlap * config.bins),
+            differences,
+            turns,
+        )
+        differences[~usable] = np.inf
+        order = np.argsort(differences[:, 0])[: config.candidates]
+        most = config.factor * differences[order[0], 0]
+        return [
+            (int(view), (0.0, 0.0, 2 * math.pi / config.bins * float(turns[view, k])))
+            for view in order
+            for k in range(2)
+            if differences[view, k] <= most and math.isfinite(differences[view, k])
+        ]
+
+    def _template(self, view: int) -> Surface:
+        table = self._templates
+        return table["ranges"][view], table["points"][view], table["normals"][view]
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything remembered, as arrays by name."""
+        return self._scans.state("scans") | self._templates.state("templates")
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become what gave `state`."""
+        self.reset()
+        self._scans.restore("scans", state)
+        self._templates.restore("templates", state)
+        if self._scans.count:
+            self._complete()
+
+
+def _empty_surface() -> Surface:
+    return np.zeros(DIRECTIONS), np.zeros((DIRECTIONS, 2)), np.zeros((DIRECTIONS, 2))
+
+
+def _match(mine: Surface, theirs: Surface, guess: Motion) -> tuple[Motion, float]:
+    """Where one panorama's frame lies in another's, near to a guess, and the match score."""
+    pose = np.array(guess)
+    align(mine[1], theirs, pose)
+    score = score_match(mine, theirs, pose, np.empty(3))
+    return (float(pose[0]), float(pose[1]), float(pose[2])), score
+
+
+def _near(guess: Motion, motion: Motion, slip: float) -> Motion | None:
+    """A motion, unwrapped as a guess is, if it is near that (rad, and twice as many m)."""
+    turn = nearest_turn(motion[2] - guess[2])
+    far = math.hypot(motion[0] - guess[0], motion[1] - guess[1])
+    return (
+        (motion[0], motion[1], guess[2] + turn) if far <= 2 * slip and abs(turn) <= slip else None
+    )
