@@ -141,6 +141,18 @@ def test_threads_may_compile_the_same_at_once() -> None:
     assert sorted(found) == [4.0] * 3 + [5.0] * 3
 
 
+def test_without_compiling_kernels_are_functions() -> None:
+    code = (
+        "from albot_core.kernels.simd import padded_length; print(padded_length, padded_length(9))"
+    )
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    environment["PYTHONPATH"] = os.pathsep.join(sys.path)
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, env=environment, check=True, capture_output=True, text=True)
+    assert done.stdout.startswith("<function padded_length")
+    assert done.stdout.endswith("16\n")
+
+
 CODE = """
 import sys
 from albot_core.kernels.compiled import kernel
