@@ -16,6 +16,7 @@ from albot_agents.task import short_name, task_names
 from albot_cli import warm_up
 from albot_cli.group import albot
 from albot_core.kernels.compiled import kernel
+from albot_core.kernels.linking import Kernel
 from albot_core.mappers.registry import mapper_names
 
 
@@ -96,7 +97,7 @@ def _half(x: float) -> float:
 
 
 def test_warm_up_compiles_what_is_not_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    fresh = kernel()(lambda x: 2.0 * _half(x))
+    fresh = Kernel(lambda x: 2.0 * _half(x), targetoptions={"nopython": True})  # Never kept.
     logger = logging.getLogger("albot_core.kernels")
     silenced: list[bool] = []
     parts = [("fresh", lambda: silenced.append(logger.disabled)), ("again", lambda: fresh(1.0))]

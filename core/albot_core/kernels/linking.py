@@ -10,16 +10,19 @@ Only what Python has called is kept on disk: its machine code holds all that it 
 
 from __future__ import annotations
 
+from copy import copy
 from typing import Any
 
 from llvmlite import binding as llvm
 from numba.core import compiler, dispatcher, registry
 from numba.core.codegen import JITCodeLibrary, RuntimeLinker
+from numba.core.environment import Environment
 
 from albot_core.kernels.notice import Notice
 
 _compiler: Any = compiler
 _dispatcher: Any = dispatcher
+_Environment: Any = Environment
 _FunctionCompiler: Any = _dispatcher._FunctionCompiler
 _notice = Notice()
 
@@ -116,19 +119,28 @@ class _KernelCompiler(_FunctionCompiler):  # type: ignore[misc]
             return self._link(self._kernel.linked.overloads[tuple(args)])
 
     def _link(self, linked: Any) -> Any:
-        context, environment = linked.target_context, linked.environment
-        library = context.codegen().create_library(linked.fndesc.qualname)
+        # Constants of its own: where this is loaded beside the linked function, which another
+        # process may have named alike, that one's are not what the wrapper looks for.
+        descriptor, context = copy(linked.fndesc), linked.target_context
+        descriptor.env_name += ".python"
+        environment = _Environment.from_fndesc(descriptor)
+        library = context.codegen().create_library(descriptor.qualname)
         library.enable_object_caching()
         library.add_linking_library(linked.library)
         context.create_cpython_wrapper(
             library,
-            linked.fndesc,
+            descriptor,
             environment,
             linked.call_helper,
             release_gil=bool(self.targetoptions.get("nogil")),
         )
-        entry_point = context.get_executable(library, linked.fndesc, environment)
-        compiled = linked._replace(library=library, entry_point=entry_point, metadata={})
+        compiled = linked._replace(
+            library=library,
+            entry_point=context.get_executable(library, descriptor, environment),
+            fndesc=descriptor,
+            environment=environment,
+            metadata={},
+        )
         for referenced in compiled._find_referenced_environments():
             library.codegen.set_env(referenced.env_name, referenced)
         return compiled

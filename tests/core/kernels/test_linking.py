@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import threading
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -155,39 +156,59 @@ def test_without_compiling_kernels_are_functions() -> None:
 
 CODE = """
 import sys
+import numpy as np
 from albot_core.kernels.compiled import kernel
-@kernel()
+@kernel(arrays=True)
 def inner(x):
-    return x / 3.0
-@kernel()
+    return np.full(2, x / 3.0)
+@kernel(arrays=True)
 def outer(x):
-    return inner(x) + 1.0
+    return inner(x).sum()
+@kernel()
+def other(x):
+    return x
 if __name__ == "__main__":
     import called
-    print(called.outer(9.0), *called.outer.stats.cache_hits.values(), called.inner.linked.overloads)
+    for name in sys.argv[1:]:
+        kernel = getattr(called, name)
+        print(name, kernel(9.0), *kernel.stats.cache_hits.values(), *kernel.linked.overloads)
 """
 
 
-def test_kept_code_needs_nothing_of_what_it_calls(tmp_path: Path) -> None:
+@pytest.fixture
+def run(tmp_path: Path) -> Callable[..., str]:
+    """Calls kernels in a process of its own: what they return, whether kept, how linked."""
     (tmp_path / "called.py").write_text(CODE, encoding="utf-8")
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "kept")}
     environment["PYTHONPATH"] = os.pathsep.join((str(tmp_path), *sys.path))
 
-    def run(**more: str) -> str:
+    def call(*names: str) -> str:
         done = subprocess.run(
-            [sys.executable, "called.py"],
+            [sys.executable, "called.py", *names],
             cwd=tmp_path,
-            env=environment | more,
+            env=environment,
             capture_output=True,
             text=True,
             check=False,
         )
-        return done.stdout.strip() or done.stderr
+        return done.stdout or done.stderr
 
-    assert run().startswith("4.0 OrderedDict([((float64,)")
-    assert run() == "4.0 1 OrderedDict()"
-    assert [path.name.split("-")[0] for path in (tmp_path / "kept").rglob("*.nbc")] == [
-        "called.outer"
+    return call
+
+
+def test_kept_code_needs_nothing_of_what_it_calls(run: Callable[..., str], tmp_path: Path) -> None:
+    assert run("outer") == "outer 6.0 (float64,)\n"
+    assert run("outer") == "outer 6.0 1\n"
+    kept = [path.name.split("-")[0] for path in (tmp_path / "kept").rglob("*.nbc")]
+    assert kept == ["called.outer"]
+
+
+def test_what_is_kept_goes_with_what_is_linked_anew(run: Callable[..., str]) -> None:
+    """In both processes `inner` is the second that is compiled, and so of the same name."""
+    assert run("other", "inner").splitlines()[1] == "inner [3. 3.] (float64,)"
+    assert run("outer", "inner").splitlines() == [
+        "outer 6.0 (float64,)",
+        "inner [3. 3.] 1 (float64,)",
     ]
 
 
