@@ -94,7 +94,7 @@ def _run_agent(agent: str, task: str) -> None:
     episode = RunningEpisode(env, driver, 0, steps=STEPS)
     while not episode.over:
         episode.advance()
-    assert episode.frame  # With a snapshot of the map, as it is watched and recorded.
+    env.render()
     env.close()
 
 
