@@ -84,7 +84,9 @@ a wall (pseudo-angles), which are none where float32 is too coarse for it, or it
 def make_scan_buffers(beams: BeamGeometry, room: int) -> ScanBuffers:
     """Buffers for so many walls."""
     rays = np.empty((4, beams.padded.shape[1]), np.float32)
-    rays[:NEAREST] = beams.padded
+    for row in range(NEAREST):  # An assignment of the whole takes seconds to compile.
+        for k in range(rays.shape[1]):
+            rays[row, k] = beams.padded[row, k]
     columns = 2 * padded_length(room) + _STRIP  # Some are taken twice, and a strip is asked whole.
     walls, lines = np.empty((4, columns)), np.empty((4, columns), np.float32)
     return ScanBuffers(rays, walls, lines, np.empty(beams.number, np.uint64))

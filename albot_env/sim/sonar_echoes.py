@@ -86,7 +86,7 @@ def find_echoes(buffers: SonarBuffers, sonars: SonarConstants) -> None:
         _find_nearest_points(buffers.table, first, beam)
     for s in range(sonars.mounts.shape[0]):
         cone = buffers.bounds[s], buffers.bounds[s + 1]
-        buffers.echoes[s] = _find_echo(buffers.table, cone, sonars)
+        buffers.echoes[s, 0], buffers.echoes[s, 1] = _find_echo(buffers.table, cone, sonars)
 
 
 @kernel()

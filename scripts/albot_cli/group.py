@@ -27,6 +27,7 @@ SUBCOMMANDS = {
     "results": "Measure all agents in all tasks, for one page.",
     "stress": "Drive agents through many worlds and check every step.",
     "train": "Let an agent learn a task.",
+    "warm-up": "Compile beforehand all that the others need.",
     "worlds": "List, show, check, convert and make worlds.",
 }
 
@@ -49,11 +50,11 @@ class LazyGroup(click.Group):
         return sorted(SUBCOMMANDS)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        """Import `albot_cli.NAME` and return its `command`."""
+        """Import `albot_cli.NAME`, with _ for -, and return its `command`."""
         if name not in SUBCOMMANDS:
             return None
         with _dying_quietly():
-            module = importlib.import_module(f"albot_cli.{name}")
+            module = importlib.import_module(f"albot_cli.{name.replace('-', '_')}")
         command: click.Command = module.command
         return command
 

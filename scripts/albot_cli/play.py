@@ -380,7 +380,6 @@ def warm_up(mapper: str) -> None:
 
     if _is_compiled(sense.compiled):
         return
-    click.echo("albot: compiling, for the first time only", err=True)
     command = [sys.executable, "-m", "albot_core.mappers.precompile", mapper]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
         try:

@@ -108,7 +108,8 @@ def update_occupancy(
     """
     if occupancy.ages[i] and _has_jumped(occupancy.beliefs[i], motion, belief, params.jump):
         clear_occupancy(occupancy, i)
-    occupancy.beliefs[i] = belief
+    for k in range(belief.shape[0]):
+        occupancy.beliefs[i, k] = belief[k]
     if accumulate_motion(motion, params.spacing, params.turn, occupancy.moved[i]):
         _draw(occupancy_of(occupancy, i), params, sensor, belief, ranges)
     is_time = occupancy.ages[i] % params.every == 0
@@ -175,7 +176,7 @@ def find_shortcut(
     rest = STEP * length_of(last[0] - goal[0], last[1] - goal[1])
     way[LENGTH] = (ways[last] + rest) / STEP * search.cell
     if is_whole:
-        way[POINT] = home[:2]
+        way[0], way[1] = home[0], home[1]
 
 
 @kernel(arrays=True)

@@ -18,12 +18,14 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
-from numba.core import cgutils, serialize
-from numba.core.dispatcher import Dispatcher
+from numba import types
+from numba.core import cgutils, config, serialize
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 
+from albot_core.kernels.linking import Kernel
+
+_config: Any = config
 ZERO: Any = np.int64(0)
 """A plain 0 is a type of its own to numba: what it is passed to would be compiled twice."""
 _WORD = ir.IntType(64)
@@ -52,12 +54,21 @@ def kernel(*, arrays: bool = False, nogil: bool = False) -> Callable[[Function],
         arrays: Whether it makes, copies or returns arrays (numba's option `_nrt`).
         nogil: Whether Python's other threads may run meanwhile.
     """
-    options: dict[str, Any] = {"_nrt": arrays, "forceinline": not arrays}
+    options: dict[str, Any] = {
+        "nopython": True,
+        "boundscheck": None,
+        "error_model": "numpy",
+        "nogil": nogil,
+        "_nrt": arrays,
+        "forceinline": not arrays,
+    }
 
     def compiling(function: Function) -> Function:
-        compiled: Any = njit(cache=True, error_model="numpy", nogil=nogil, **options)(function)
-        if isinstance(compiled, Dispatcher):  # Not where numba is told to compile nothing.
-            _tie_to_all_kernels(compiled)
+        if _config.DISABLE_JIT:
+            return function
+        compiled = Kernel(function, targetoptions=options)
+        compiled.enable_caching()
+        _tie_to_all_kernels(compiled)
         return cast(Function, compiled)
 
     return compiling

@@ -1,0 +1,131 @@
+"""`albot warm-up`: compile everything beforehand, as when a container's image is built."""
+
+from __future__ import annotations
+
+import json
+import logging
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import click
+
+from albot_cli.progress import progress
+
+STEPS = 30
+"""Steps of each environment: the mapper looks, and is asked, in the first few."""
+ROBOTS = 2
+"""Robots in a batch."""
+WORLD = "square-loop"
+MOVABLE = "random:office:0?rooms=4&people=1&boxes=1&doors=1"
+"""A world with all that moves."""
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+def command(as_json: bool) -> None:
+    """Compile beforehand what environments, mappers, agents and other commands need.
+
+    It is kept beside the source, or in the folder that NUMBA_CACHE_DIR names, until the package
+    changes. What is kept is not compiled again: an interrupted call goes on where it stopped.
+    """
+    began, parts = time.monotonic(), dict(_parts())
+    with _silence(), _counting() as compiled:
+        with progress("warm-up", len(parts), "parts", every=10.0) as tell:
+            for done, (name, run) in enumerate(parts.items()):
+                tell(done, name)
+                run()
+            tell(len(parts))
+        seconds = time.monotonic() - began
+    if as_json:
+        click.echo(json.dumps({"compiled": len(compiled), "seconds": seconds}))
+    else:
+        click.echo(f"{len(compiled)} functions compiled in {seconds:.0f} s")
+
+
+def _parts() -> Iterator[tuple[str, Callable[[], None]]]:
+    """What is run, by its name. Imported here: it needs all of the simulator."""
+    from albot_agents.registry import agent_names
+    from albot_agents.task import short_name, task_names
+    from albot_core.mappers.precompile import precompile
+    from albot_core.mappers.registry import MAPPERS
+    from albot_env.tasks.core.settings import NO_MAPPER
+
+    # By what most begin with, so that an interrupted call has done most for most.
+    for task in task_names():
+        yield f"a batch for {short_name(task)}", partial(_run_batch, task)
+    for task in task_names():
+        for agent in agent_names(task):
+            yield f"{agent} at {short_name(task)}", partial(_run_agent, agent, task)
+    yield "doors, boxes and people", partial(_run_batch, "Albot/Explore-v0", world=MOVABLE)
+    for mapper in (NO_MAPPER, *MAPPERS):
+        seen = {"scenes": "ambiguous"} if mapper == "ratslam-scenes" else {}
+        yield f"{mapper} in a batch", partial(_run_batch, mapper=mapper, **seen)
+        if mapper != NO_MAPPER and "laser" in MAPPERS[mapper].sensors:
+            yield mapper, partial(precompile, mapper)
+
+
+def _run_batch(task: str = "Albot/Explore-v0", **settings: Any) -> None:
+    """Let a batch act at random."""
+    import gymnasium
+
+    settings = {"world": WORLD, "threads": 1, **settings}
+    envs: Any = gymnasium.make_vec(task, num_envs=ROBOTS, **settings)
+    envs.reset(seed=0)
+    envs.action_space.seed(0)
+    for _ in range(STEPS):
+        envs.step(envs.action_space.sample())
+    envs.close()
+
+
+def _run_agent(agent: str, task: str) -> None:
+    """Let an agent act in a single environment."""
+    import gymnasium
+
+    from albot_agents.registry import find_agent
+    from albot_cli.episodes import RunningEpisode
+
+    entry = find_agent(agent)
+    settings = entry.environment(task, {"world": WORLD, "render_mode": "rgb_array"})
+    env = gymnasium.make(task, max_episode_steps=STEPS, disable_env_checker=True, **settings)
+    driver = entry.make(env.get_wrapper_attr("observing"), task)
+    episode = RunningEpisode(env, driver, 0, steps=STEPS)
+    while not episode.over:
+        episode.advance()
+    env.render()
+    env.close()
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Without the line that says that compiling takes long: the progress says more."""
+    logger = logging.getLogger("albot_core.kernels")
+    before = logger.disabled
+    logger.disabled = True
+    try:
+        yield
+    finally:
+        logger.disabled = before
+
+
+@contextmanager
+def _counting() -> Iterator[list[str]]:
+    """The names of the kernels that are compiled within the block."""
+    from numba.core import event
+
+    from albot_core.kernels.linking import Kernel
+
+    names: list[str] = []
+
+    class _Compiled(event.Listener):
+        def on_start(self, event: Any) -> None:
+            if isinstance(event.data["dispatcher"], Kernel):
+                names.append(event.data["dispatcher"].py_func.__qualname__)
+
+        def on_end(self, event: Any) -> None:
+            """Nothing more is asked."""
+
+    with event.install_listener("numba:compile", _Compiled()):
+        yield names
