@@ -276,9 +276,22 @@ def _unpacked(records: Iterator[McapRecord]) -> Iterator[McapRecord]:
         if isinstance(record, Chunk):
             if _unpacked_size(record) > RECORD_LIMIT:
                 raise ValueError(f"a chunk that unpacks to more than {RECORD_LIMIT:,} bytes")
-            yield from breakup_chunk(record, validate_crc=True)
+            yield from _broken_up(record)
         else:
             yield record
+
+
+def _broken_up(chunk: Chunk) -> list[McapRecord]:
+    """The records of a chunk.
+
+    Raises:
+        ValueError: Damaged, it claims to unpack to more than there is, or holds a record that does.
+    """
+    try:
+        return breakup_chunk(chunk, validate_crc=True)
+    except (MemoryError, OverflowError) as error:
+        name = type(error).__name__
+        raise ValueError(f"a chunk with a length that cannot be true ({name})") from None
 
 
 def _unpacked_size(chunk: Chunk) -> int:

@@ -11,6 +11,7 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from albot_core.errors import InputError
+from albot_env.recording import reader
 from albot_env.recording.episode import Moment
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.schemas import EPISODE_HEADER, STEP
@@ -138,6 +139,20 @@ def _header(**changes: object) -> bytes:
     }
     assert set(header) == set(EPISODE_HEADER["required"])
     return json.dumps({**header, **changes}).encode()
+
+
+@pytest.mark.parametrize("error", [MemoryError, OverflowError])
+def test_a_chunk_with_a_length_that_cannot_be_true_is_damaged(
+    episode: Path, monkeypatch: pytest.MonkeyPatch, error: type[Exception]
+) -> None:
+    """The library takes the lengths in a chunk at their word."""
+
+    def broken_up(chunk: object, validate_crc: bool) -> None:
+        raise error
+
+    monkeypatch.setattr(reader, "breakup_chunk", broken_up)
+    with pytest.raises(InputError, match="a chunk with a length that cannot be true"):
+        EpisodeReader(episode)
 
 
 def test_another_mcap_file_is_refused(tmp_path: Path) -> None:
