@@ -120,7 +120,7 @@ REFUSED = (
     "config: expected ExploreConfig or None, found HomingConfig(",
     "config: expected ExploreConfig or None, found {}",
     "movables: expected True or False, found 'yes'",
-    "laser: expected one of ideal, lms-200, lms-200-fine, long, short, found ['lms-200']",
+    "laser: expected one of none, ideal, lms-200, lms-200-fine, long, short, found ['lms-200']",
     "environment 0, world: expected a world, a set of worlds, or a spec of them, found {}",
     "make_vec, num_envs: expected a whole number from 1, found 2",
     "make_vec, num_envs: expected a whole number from 1, found True",
