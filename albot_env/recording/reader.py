@@ -236,13 +236,17 @@ class EpisodeReader:
                     zstandard.ZstdError,
                     struct.error,
                     ValueError,
+                    *_LENGTHS,
                 ) as error:
+                    reason = str(error) or "its end"
+                    if isinstance(error, _LENGTHS):
+                        reason = "a length that cannot be true"
                     place = f"byte {stream.tell()}"
                     if not kinds or _was_closed(stream):
                         raise InputError(
                             self._path,
                             "an episode in MCAP format",
-                            str(error) or "its end",
+                            reason,
                             place=place,
                         ) from None
                     self.torn = True
@@ -276,22 +280,9 @@ def _unpacked(records: Iterator[McapRecord]) -> Iterator[McapRecord]:
         if isinstance(record, Chunk):
             if _unpacked_size(record) > RECORD_LIMIT:
                 raise ValueError(f"a chunk that unpacks to more than {RECORD_LIMIT:,} bytes")
-            yield from _broken_up(record)
+            yield from breakup_chunk(record, validate_crc=True)
         else:
             yield record
-
-
-def _broken_up(chunk: Chunk) -> list[McapRecord]:
-    """The records of a chunk.
-
-    Raises:
-        ValueError: Damaged, it claims to unpack to more than there is, or holds a record that does.
-    """
-    try:
-        return breakup_chunk(chunk, validate_crc=True)
-    except (MemoryError, OverflowError) as error:
-        name = type(error).__name__
-        raise ValueError(f"a chunk with a length that cannot be true ({name})") from None
 
 
 def _unpacked_size(chunk: Chunk) -> int:
@@ -304,6 +295,8 @@ def _unpacked_size(chunk: Chunk) -> int:
     return chunk.uncompressed_size
 
 
+_LENGTHS = (MemoryError, OverflowError)
+"""What comes of lengths in a damaged file that the library takes at their word."""
 _LZ4_RATIO = 255
 """A byte packed by lz4 unpacks to so many at most."""
 

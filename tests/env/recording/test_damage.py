@@ -142,16 +142,16 @@ def _header(**changes: object) -> bytes:
 
 
 @pytest.mark.parametrize("error", [MemoryError, OverflowError])
-def test_a_chunk_with_a_length_that_cannot_be_true_is_damaged(
+def test_a_length_that_cannot_be_true_is_damage(
     episode: Path, monkeypatch: pytest.MonkeyPatch, error: type[Exception]
 ) -> None:
-    """The library takes the lengths in a chunk at their word."""
+    """The library takes lengths at their word."""
 
     def broken_up(chunk: object, validate_crc: bool) -> None:
         raise error
 
     monkeypatch.setattr(reader, "breakup_chunk", broken_up)
-    with pytest.raises(InputError, match="a chunk with a length that cannot be true"):
+    with pytest.raises(InputError, match="found a length that cannot be true"):
         EpisodeReader(episode)
 
 
