@@ -15,6 +15,7 @@ from albot_core.mappers.mapper import Mapper, MapperBatch
 from albot_core.mappers.registry import make_mapper, make_mappers, mapper_spec
 from albot_core.sensing.reading import Reading, Readings
 from albot_core.sensing.view import CORNER
+from albot_env.sim.sonar import SONARS, SonarConfig
 from albot_experiments.tours import Journey, guided_tour
 from albot_maps import load_world
 
@@ -33,19 +34,22 @@ def measure_mappers(
     """Time mappers on a run of readings, by default on a simulated tour of `office-ring`.
 
     Returns:
-        For each mapper its `name`, the `surfaces` of its map at the end, and
-        `readings_per_second` of its updates alone (the best of `rounds` runs, compiled).
+        For each mapper whose sensors the readings have its `name`, the `surfaces` of its map at
+        the end, and `readings_per_second` of its updates alone (the best of `rounds` runs,
+        compiled).
         Then what a `batch` of robots does, all taking in the same first few readings:
         `batch_readings_per_second` of all robots, and `row_readings_per_second` where the
         batch is asked for one robot at a time.
     """
-    readings = readings or tour_readings()
     rows: list[dict[str, float | int | str]] = []
     for name in names:
+        sensed = _readings_for(name, readings)
+        if not sensed:
+            continue
         mapper = make_mapper(name)
-        rate = _rate(mapper, readings, rounds)
+        rate = _rate(mapper, sensed, rounds)
         alone = {"surfaces": len(mapper.snapshot().segments), "readings_per_second": rate}
-        rows.append({"name": name} | alone | _batch_rates(name, readings, rounds))
+        rows.append({"name": name} | alone | _batch_rates(name, sensed, rounds))
     return rows
 
 
@@ -81,15 +85,15 @@ def measure_looping(
         `own_us`, the time that a processor works for the `update` of a single mapper (µs);
         `above_us`, what a robot and reading take more in the batch; and the `ratio` of both.
     """
-    readings = readings or tour_readings()
     rows: list[dict[str, float | int | str]] = []
     for name in names:
-        if mapper_spec(name).batch is not None:
+        sensed = _readings_for(name, readings)
+        if mapper_spec(name).batch is not None or not sensed:
             continue
         rates = best_rates(
             {
-                "own": _single_turn(name, [shared[0] for shared in _shared(readings, 1)]),
-                "looped": _batch_turn(name, _shared(readings, _BATCH)),
+                "own": _single_turn(name, [shared[0] for shared in _shared(sensed, 1)]),
+                "looped": _batch_turn(name, _shared(sensed, _BATCH)),
             },
             rounds,
         )
@@ -128,14 +132,23 @@ def _batch_turn(name: str, readings: Sequence[Readings]) -> Callable[[], int]:
     return turn
 
 
-def tour_readings() -> list[Reading]:
+def _readings_for(name: str, readings: Sequence[Reading] | None) -> Sequence[Reading]:
+    """The readings given, or those of the tour; none where they lack sonars that a mapper needs."""
+    needs_sonars = "sonar" in mapper_spec(name).sensors
+    if readings is None:
+        return tour_readings(has_sonars=needs_sonars)
+    return [] if needs_sonars and readings[0].sonar is None else readings
+
+
+def tour_readings(*, has_sonars: bool = False) -> list[Reading]:
     """What a robot senses when guided round `office-ring`, about 140 readings."""
-    return list(_tour().readings)
+    return list(_tour(SONARS["ideal"] if has_sonars else None).readings)
 
 
-def _tour() -> Journey:
+def _tour(sonar: SonarConfig | None = None) -> Journey:
     world = load_world("office-ring")
-    return guided_tour(world, world.tours["single-loop"], np.random.default_rng(0))
+    tour, rng = world.tours["single-loop"], np.random.default_rng(0)
+    return guided_tour(world, tour, rng, sonar=sonar)
 
 
 def copies_of(floor: Segments, count: int) -> Float64[np.ndarray, "copies 4"]:
@@ -199,6 +212,8 @@ def _shared(readings: Sequence[Reading], count: int) -> list[Readings]:
             motions=np.tile(reading.motion, (count, 1)),
             laser=laser,
             ranges=np.tile(scan.ranges, (count, 1)),
+            sonar=None if reading.sonar is None else reading.sonar.geometry,
+            echoes=None if reading.sonar is None else np.tile(reading.sonar.ranges, (count, 1)),
         )
         for reading, scan in zip(readings[:_BATCH_STEPS], lasers, strict=False)
         if scan.geometry == laser

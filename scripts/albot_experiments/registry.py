@@ -47,6 +47,12 @@ EXPERIMENTS = {
     experiment.id: experiment
     for experiment in (
         Experiment(
+            id="albot0-1",
+            title="Albot0's way home by ASR lengths and turns (Schmidt et al.)",
+            seeds=20,
+            module="albot_experiments.albot0_return",
+        ),
+        Experiment(
             id="albot1-e1",
             title="Albot1's map keeps the shape of the floor (Hossain 2014, section 3.2.1)",
             seeds=20,

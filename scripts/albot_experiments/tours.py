@@ -20,6 +20,7 @@ from albot_env.sim.odometer import ODOMETERS, OdometerConfig
 from albot_env.sim.scenes import SceneConfig
 from albot_env.sim.sensors import Sensors
 from albot_env.sim.simulator import THESIS_STEPS, Simulator, StartStop, follow_leg
+from albot_env.sim.sonar import SonarConfig
 from albot_maps.world import World
 
 _ARRIVED = 0.15
@@ -56,8 +57,9 @@ def guided_tour(
     *,
     steps: StartStop = THESIS_STEPS,
     odometer: OdometerConfig = ODOMETERS["pioneer"],
+    sonar: SonarConfig | None = None,
 ) -> Journey:
-    """Guide a robot through the waypoints and return what it saw.
+    """Guide a robot, with sonars if any are given, through the waypoints; return what it saw.
 
     The guide sees where the robot truly is, so that the odometer's errors do not change the
     way. Every leg begins with a turn towards its end, and both are cut into equal steps.
@@ -65,7 +67,7 @@ def guided_tour(
     Raises:
         InputError: The robot bumped into something: the tour is not clear of walls.
     """
-    simulator = Simulator(world, sensors=Sensors(odometer=odometer))
+    simulator = Simulator(world, sensors=Sensors(odometer=odometer, sonar=sonar))
     go_to = partial(follow_leg, simulator, steps=steps)
     return lead(simulator, world, waypoints, rng, go_to)
 
@@ -134,9 +136,12 @@ def driven_tour(
     *,
     driving: Driving = Driving(),
     odometer: OdometerConfig = ODOMETERS["pioneer"],
+    sonar: SonarConfig | None = None,
     scenes: SceneConfig | None = None,
 ) -> Journey:
-    """Drive a robot through the waypoints; a reading every 0.1 s, with scenes if any are given.
+    """Drive a robot through the waypoints; a reading every 0.1 s.
+
+    It has sonars and scenes if any are given.
 
     The guide sees where the robot truly is, so that the odometer's errors do not change the
     way.
@@ -144,7 +149,7 @@ def driven_tour(
     Raises:
         InputError: The robot bumped into something: the tour is not clear of walls.
     """
-    simulator = Simulator(world, sensors=Sensors(odometer=odometer, scenes=scenes))
+    simulator = Simulator(world, sensors=Sensors(odometer=odometer, sonar=sonar, scenes=scenes))
     return lead(simulator, world, waypoints, rng, partial(_drive_to, simulator, driving=driving))
 
 

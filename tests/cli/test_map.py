@@ -47,7 +47,7 @@ RELATION_KEYS = {
 }
 
 
-SEE_BY_LASER = [name for name in mapper_names() if "scene" not in mapper_spec(name).sensors]
+SEE_BY_LASER = [name for name in mapper_names() if mapper_spec(name).sensors <= {"laser"}]
 
 
 @pytest.mark.parametrize("mapper", SEE_BY_LASER)

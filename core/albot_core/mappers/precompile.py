@@ -10,7 +10,7 @@ import sys
 import numpy as np
 
 from albot_core.mappers.registry import make_mappers
-from albot_core.sensing.reading import LaserGeometry, Readings
+from albot_core.sensing.reading import LaserGeometry, Readings, SonarGeometry
 
 
 def precompile(mapper: str) -> None:
@@ -19,12 +19,14 @@ def precompile(mapper: str) -> None:
     Raises:
         InputError: There is no such mapper.
     """
-    mappers, laser = make_mappers(mapper, 1), LaserGeometry()
+    mappers, laser, sonar = make_mappers(mapper, 1), LaserGeometry(), SonarGeometry()
     readings = Readings(
         stamps=np.zeros(1),
         motions=np.zeros((1, 3)),
         laser=laser,
         ranges=np.full((1, laser.beams), 5.0),
+        sonar=sonar,
+        echoes=np.full((1, len(sonar.bearings)), 2.0),
     )
     for _ in range(2):
         mappers.update(np.zeros(1, np.int64), readings)

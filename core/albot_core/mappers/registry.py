@@ -17,11 +17,21 @@ from albot_core.sensing.reading import Sensor
 _HOSSAIN = "Hossain, How Albot1 computes its perceptual map, PhD thesis, AUT 2014"
 _YEAP = "Yeap and others, Autonomous robot mapping by landmark association, 2015"
 _MILFORD = "Milford, Prasser and Wyeth, Experience mapping, ACRA 2005"
+_SCHMIDT = "Schmidt, Wong and Yeap, Mapping and localisation with sonar ASRs (Albot0)"
 _LASER: frozenset[Sensor] = frozenset({"laser"})
 
 MAPPERS: dict[str, MapperSpec] = {
     spec.name: spec
     for spec in (
+        MapperSpec(
+            name="albot0",
+            summary="Albot0's local spaces (ASRs) by eight sonars, and the way home by them.",
+            paper=_SCHMIDT,
+            sensors=frozenset({"sonar"}),
+            layers=("segments", "place_graph"),
+            factory="albot_core.mappers.albot0.mapper:Albot0",
+            config="albot_core.mappers.albot0.config:Albot0Config",
+        ),
         MapperSpec(
             name="albot1",
             summary="Albot1's perceptual map, with our recognition and localisation.",

@@ -180,6 +180,19 @@ class Reading:
             raise InputError("Reading.laser", f"a laser scan, which {by} needs", "none")
         return self.laser
 
+    def required_sonar(self, by: str) -> SonarScan:
+        """The sonars' echoes.
+
+        Args:
+            by: Who needs them, for the error.
+
+        Raises:
+            InputError: The robot has no sonars.
+        """
+        if self.sonar is None:
+            raise InputError("Reading.sonar", f"sonar ranges, which {by} needs", "none")
+        return self.sonar
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:

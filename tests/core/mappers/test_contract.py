@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from multiprocessing.reduction import ForkingPickler
 
 import numpy as np
@@ -21,9 +22,17 @@ from albot_core.mappers.mapper import (
     require,
 )
 from albot_core.mappers.registry import make_mapper, make_mappers
-from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading, Readings
+from albot_core.sensing.reading import (
+    LaserGeometry,
+    LaserScan,
+    Reading,
+    Readings,
+    SonarGeometry,
+    SonarScan,
+)
 
 NAMES = (
+    "albot0",
     "albot1",
     "albot1-thesis",
     "association",
@@ -33,7 +42,15 @@ NAMES = (
     "tests.core.mappers.topological:topological",
     "tests.core.mappers.grid:grid",
 )
-LASER = LaserGeometry()
+LASER, SONAR = LaserGeometry(), SonarGeometry()
+
+
+def echoes() -> np.ndarray:
+    """What the sonars hear of the corridor's walls, a metre to either side (m)."""
+    bearings, places = np.array(SONAR.bearings), np.array(SONAR.places)
+    aside = 1.0 - np.sign(bearings) * places[:, 1]
+    distances = aside / np.maximum(np.abs(np.sin(bearings)), 1e-6)
+    return np.where(distances < SONAR.max_range, distances, np.inf)
 
 
 def readings(count: int = 12) -> list[Reading]:
@@ -47,7 +64,8 @@ def readings(count: int = 12) -> list[Reading]:
         ranges = np.minimum(ranges, end)
         motion = np.array((0.4 if k else 0.0, 0.0, 0.0))
         scan = LaserScan(ranges=ranges, geometry=LASER)
-        scans.append(Reading(stamp=float(k), motion=motion, laser=scan, scene=k // 2))
+        sonar = SonarScan(ranges=echoes(), geometry=SONAR)
+        scans.append(Reading(stamp=float(k), motion=motion, laser=scan, sonar=sonar, scene=k // 2))
     return scans
 
 
@@ -85,7 +103,7 @@ def test_the_motion_of_the_first_reading_is_ignored(name):
     still, moved = make_mapper(name), make_mapper(name)
     first = readings(1)[0]
     still.update(first)
-    moved.update(Reading(stamp=0.0, motion=np.array((3.0, 2.0, 1.0)), laser=first.laser, scene=0))
+    moved.update(replace(first, motion=np.array((3.0, 2.0, 1.0))))
     same_state(still, moved)
 
 
@@ -168,8 +186,10 @@ def test_the_readings_are_left_as_they_were(name):
     mapper = make_mapper(name)
     for reading in readings():
         ranges, motion = reading.laser.ranges.copy(), reading.motion.copy()
+        heard = reading.sonar.ranges.copy()
         mapper.update(reading)
         np.testing.assert_array_equal(reading.laser.ranges, ranges)
+        np.testing.assert_array_equal(reading.sonar.ranges, heard)
         np.testing.assert_array_equal(reading.motion, motion)
 
 
@@ -186,6 +206,9 @@ def test_a_reading_without_a_sensor_that_it_needs_is_refused(name):
     if "laser" in mapper.spec.sensors:
         with pytest.raises(InputError, match=f"a laser scan, which {mapper.spec.name} needs"):
             mapper.update(blind)
+    elif "sonar" in mapper.spec.sensors:
+        with pytest.raises(InputError, match=f"sonar ranges, which {mapper.spec.name} needs"):
+            mapper.update(blind)
     else:
         mapper.update(blind)
 
@@ -194,6 +217,7 @@ def test_a_capability_is_had_or_clearly_refused(name):
     mapper = led(name)
     kinds = RouteHome, PlaceMemory, CorrectedTrajectory
     expected = {
+        "albot0": (False, True, False),
         "albot1": (True, True, False),
         "albot1-thesis": (True, True, False),
         "association": (False, False, False),
@@ -234,6 +258,8 @@ def test_what_a_batch_does_single_ones_do(name):
             motions=np.tile(reading.motion, (count, 1)),
             laser=LASER,
             ranges=np.tile(reading.laser.ranges, (count, 1)),
+            sonar=SONAR,
+            echoes=np.tile(reading.sonar.ranges, (count, 1)),
             scenes=np.full(count, reading.scene),
         )
         batch.update(rows, many)

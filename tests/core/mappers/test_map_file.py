@@ -14,9 +14,9 @@ from albot_core.errors import InputError
 from albot_core.mappers.map_file import FORMAT, VERSION, load_map, save_map
 from albot_core.mappers.mapper import Mapper
 from albot_core.mappers.registry import make_mapper, mapper_names
-from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
+from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading, SonarGeometry, SonarScan
 
-LASER = LaserGeometry()
+LASER, SONAR = LaserGeometry(), SonarGeometry()
 
 
 def readings(count: int, seed: int = 0) -> list[Reading]:
@@ -27,6 +27,7 @@ def readings(count: int, seed: int = 0) -> list[Reading]:
             stamp=float(k),
             motion=rng.normal((0.3, 0, 0), (0.1, 0.02, 0.2)),
             laser=LaserScan(ranges=walls[k], geometry=LASER),
+            sonar=SonarScan(ranges=walls[k, : len(SONAR.bearings)], geometry=SONAR),
         )
         for k in range(count)
     ]

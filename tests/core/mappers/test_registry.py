@@ -22,7 +22,15 @@ from albot_core.mappers.registry import (
 from albot_core.maps.layers import LAYERS
 from tests.core.mappers import grid, topological
 
-OURS = ("albot1", "albot1-thesis", "association", "odometry", "ratslam", "ratslam-scenes")
+OURS = (
+    "albot0",
+    "albot1",
+    "albot1-thesis",
+    "association",
+    "odometry",
+    "ratslam",
+    "ratslam-scenes",
+)
 
 
 def test_the_names():
@@ -42,7 +50,8 @@ def test_a_mistyped_name_is_guessed(typed, meant):
 
 def test_a_name_like_none():
     with pytest.raises(
-        InputError, match=r"one of albot1, albot1-thesis, association, odometry.*, found 'xyz'$"
+        InputError,
+        match=r"one of albot0, albot1, albot1-thesis, association, odometry.*, found 'xyz'$",
     ):
         make_mapper("xyz")
 

@@ -1,0 +1,171 @@
+"""Where the robot is on its way home, by the map of its way out.
+
+Schmidt, Wong and Yeap, section 3. The map of the way out and that of the way home lie in different
+frames, and hold different ASRs. Each cue compares what both have in common, and gives every ASR of
+the way out a confidence. The cues are fused by Democratic Integration (Triesch and von der
+Malsburg, Democratic Integration: self-organized integration of adaptive cues, Neural Computation
+13, 2001): those that agree with the common result gain weight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.errors import InputError, did_you_mean
+from albot_core.mappers.albot0.regions import Regions
+from albot_core.ranges import POSITIVE, SHARE, check_fields
+
+Confidences = Float64[np.ndarray, "regions"]
+"""A confidence within [0, 1] for every ASR of the way out, the robot's home first."""
+_STANDING = 1e-6
+"""Where σ is smaller (m) the robot has not left the place where it turned round."""
+Cue = Callable[[Regions, Regions, "LocalisationConfig"], Confidences]
+"""What makes a confidence map from the regions of the way out and those of the way home."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocalisationConfig:
+    """How the robot localises itself on its way home."""
+
+    cues: tuple[str, ...] = ("distance", "orientation")
+    """The cues that are fused, by their names in `CUES`; the paper's two."""
+    spread: float = 0.05
+    """σ of the distance cue as a share of the distance travelled."""
+    reduction: float = 0.5
+    """What the confidences of the orientation cue are multiplied by. The paper reduces them "by a
+    constant factor" and gives no value."""
+    border: float = 0.9
+    """The robot is not sure of its ASR where another one has this share of its confidence. Where
+    the two are neighbours it is at the border between them."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, POSITIVE, "spread")
+        check_fields(self, SHARE, "reduction", "border")
+        for name in self.cues:
+            if name not in CUES:
+                found = f"{name!r}{did_you_mean(name, CUES)}"
+                raise InputError("LocalisationConfig.cues", f"some of {', '.join(CUES)}", found)
+        if not self.cues or len(set(self.cues)) < len(self.cues):
+            raise InputError("LocalisationConfig.cues", "each cue once", str(self.cues))
+
+
+def distance_map(out: Regions, home: Regions, config: LocalisationConfig) -> Confidences:
+    """How well the distance travelled on the way home fits each ASR (section 3.1).
+
+    Both distances are sums of ASR lengths. The Gaussian is sampled where an ASR ends on the way
+    home, as in the paper: so an ASR is believed in from its middle to the middle of the next.
+    """
+    ends = _ends(out)
+    travelled = float(home.lengths.sum())
+    return _fit(np.abs(ends - travelled), travelled, config)
+
+
+def extent_map(out: Regions, home: Regions, config: LocalisationConfig) -> Confidences:
+    """As `distance_map`, with the Gaussian sampled at the point of each ASR that fits best.
+
+    So the ASR that the distance lies in has the greatest confidence. This cue is ours.
+    """
+    travelled = float(home.lengths.sum())
+    ends = _ends(out)
+    beyond = np.maximum(ends - out.lengths - travelled, travelled - ends)
+    return _fit(np.maximum(beyond, 0.0), travelled, config)
+
+
+def _ends(out: Regions) -> Float64[np.ndarray, "regions"]:
+    """How far from where the robot turned round each ASR ends on the way home (m)."""
+    return np.asarray(np.cumsum(out.lengths[::-1])[::-1])
+
+
+def _fit(off: Confidences, travelled: float, config: LocalisationConfig) -> Confidences:
+    """A Gaussian with σ = `spread` · travelled, scaled so that the best ASR has 1."""
+    spread = config.spread * travelled
+    if spread < _STANDING:  # The robot is where it turned round.
+        return np.where(off == off.min(), 1.0, 0.0)
+    # The best one is taken off in the exponent: far from all ASRs all would be 0.
+    fit = off / spread
+    fitted: Confidences = np.exp(-0.5 * (fit - fit.min()) * (fit + fit.min()))
+    return fitted
+
+
+def orientation_map(out: Regions, home: Regions, config: LocalisationConfig) -> Confidences:
+    """How well the turn into the present ASR fits the turns of the way out (section 3.2).
+
+    On the way home the robot comes from ASR i + 1 into ASR i, so the turn is that from i to i + 1
+    with the opposite sign. The ASR in which it turned round is entered by no turn, and neither is
+    any before the robot is in its second ASR: they get what an angle at random has on average.
+    """
+    confidences = np.full(out.count, 0.5)
+    if home.count >= 2:
+        turn = home.directions[-1] - home.directions[-2]
+        turns = -np.diff(out.directions)
+        off = np.abs((turn - turns + np.pi) % (2 * np.pi) - np.pi)
+        confidences[:-1] = 1.0 - off / np.pi  # Eq. (3)
+    return config.reduction * confidences
+
+
+CUES: dict[str, Cue] = {
+    "distance": distance_map,
+    "extent": extent_map,
+    "orientation": orientation_map,
+}
+"""All cues by name."""
+
+
+def register_cue(name: str, cue: Cue) -> None:
+    """Make a cue known by its name, so that a `LocalisationConfig` can name it.
+
+    Raises:
+        InputError: Another one has this name.
+    """
+    if CUES.setdefault(name, cue) is not cue:
+        raise InputError("register_cue", "a name that no other cue has", repr(name))
+
+
+@dataclass(kw_only=True, eq=False)
+class DemocraticIntegration:
+    """The weights of the cues, which change with every localisation (section 3.3)."""
+
+    weights: Float64[np.ndarray, "cues"]
+    """w_i(t). They sum to 1. The paper does not say how they begin: all equal here."""
+    time: int = 0
+    """t: how often the cues were fused."""
+
+    @classmethod
+    def of(cls, cues: int) -> DemocraticIntegration:
+        """Weights of so many cues at the beginning."""
+        return cls(weights=np.full(cues, 1.0 / cues))
+
+    def fuse(self, maps: Float64[np.ndarray, "cues regions"]) -> Confidences:
+        """The fused confidences of the maps of all cues, each of one ASR at least.
+
+        A map of zeros favours no ASR; where all do, the weights move towards being equal.
+        """
+        fused: Confidences = self.weights @ maps  # Eq. (4)
+        believed = most_confident(fused)
+        sums = maps.sum(axis=1, keepdims=True)
+        uniform = np.full_like(maps, 1.0 / maps.shape[1])
+        shares = np.divide(maps, sums, out=uniform, where=sums > 0)  # Eq. (5)
+        qualities = shares[:, believed]
+        total = qualities.sum()
+        even = np.full(len(maps), 1.0 / len(maps))
+        qualities = qualities / total if total > 0 else even  # Eq. (6)
+        self.time += 1
+        self.weights = self.weights + (qualities - self.weights) / self.time  # Eq. (7)
+        return fused
+
+
+def most_confident(confidences: Confidences) -> int:
+    """The ASR with the greatest confidence: of equal ones, the one that comes first on the way."""
+    return len(confidences) - 1 - int(confidences[::-1].argmax())
+
+
+def is_sure(confidences: Confidences, config: LocalisationConfig) -> bool:
+    """Whether one ASR is clearly the most confident; else the robot is at a border, or lost."""
+    if len(confidences) < 2:
+        return True
+    second, first = np.sort(confidences)[-2:].tolist()
+    return bool(second < config.border * first)

@@ -1,0 +1,376 @@
+"""Albot0: a robot with eight sonars and an odometer that it does not correct.
+
+Schmidt, Wong and Yeap. On its way out the robot makes a geometric map, which is split into absolute
+space representations (ASRs). Then it turns round, maps the way home anew, and localises itself in
+the ASRs of the way out: by how far it has come in ASR lengths, and by how it turned from one ASR
+into the next. Both maps are inexact and neither is ever corrected or laid over the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose, inverse, relative, transform_segments
+from albot_core.mappers.albot0.config import Albot0Config
+from albot_core.mappers.albot0.geometric_map import GeometricMap
+from albot_core.mappers.albot0.localisation import (
+    CUES,
+    Confidences,
+    DemocraticIntegration,
+    is_sure,
+    most_confident,
+)
+from albot_core.mappers.albot0.paths import SAMPLE, PathInProgress, Steps, side_sonars
+from albot_core.mappers.mapper import Estimate, MapperSpec
+from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
+from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode, SegmentsLayer
+from albot_core.sensing.reading import Reading
+
+
+@dataclass(frozen=True, kw_only=True)
+class Belief:
+    """In which ASR of the way out the robot believed to be, at a stop on its way home."""
+
+    reading: int
+    """At which reading."""
+    place: int
+    """The ASR with the greatest confidence."""
+    confidence: float
+    """Its confidence."""
+    rival: int
+    """The ASR with the greatest confidence of all others; -1 where there is only one."""
+    rival_confidence: float
+    """Its confidence."""
+    is_sure: bool
+    """Whether the first is clearly the greater one."""
+
+    def __str__(self) -> str:
+        """The belief as one line."""
+        here = f"reading {self.reading}: in A{self.place} ({self.confidence:.2f})"
+        if self.is_sure:
+            return here
+        between = "at the border of" if abs(self.place - self.rival) == 1 else "or in"
+        return f"{here}, {between} A{self.rival} ({self.rival_confidence:.2f})"
+
+
+class Albot0:
+    """Albot0's cognitive map, and its localisation on the way home.
+
+    The number of an ASR is its place on the way out: home is 0. As the journey is split anew at
+    every stop, numbers may change until the robot turns round for home. It remembers places
+    (`PlaceMemory`), which are ASRs.
+
+    Args:
+        config: All thresholds.
+        name: The name under which the mapper is known.
+    """
+
+    def __init__(self, config: Albot0Config | None = None, name: str = "albot0") -> None:
+        self._name = name
+        self.config = config or Albot0Config()
+        self.reset(np.random.default_rng(0))
+
+    @property
+    def spec(self) -> MapperSpec:
+        """What is known of it by its name."""
+        return mapper_spec(self._name)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget everything; the next reading is the first. It draws no random number."""
+        self._pose = np.zeros(3)
+        self._readings = 0
+        self._updates = 0
+        self._path = PathInProgress(samples=[])
+        self._out = GeometricMap(self.config.regions)
+        self._home: GeometricMap | None = None
+        self._fusion = DemocraticIntegration.of(len(self.config.localisation.cues))
+        self._confidences: Confidences = np.empty(0)
+        self._beliefs: list[Belief] = []
+
+    def update(self, reading: Reading) -> bool:
+        """Take in a reading; true where a robot path came to its end, which the map then holds.
+
+        Raises:
+            InputError: The reading lacks sonars, or none of them looks to one of the sides.
+        """
+        sonar = reading.required_sonar(self._name)
+        side_sonars(sonar.geometry)
+        if self._readings:
+            self._pose = compose(self._pose, reading.motion)
+        number, self._readings = self._readings, self._readings + 1
+        x, y, heading = self._pose.tolist()
+        paths = self.config.paths
+        steps = self._path.follow((x, y, heading), sonar, number, paths)
+        if steps is not None:
+            self._stop(steps)
+        if paths.detects_return and self._path.has_turned_round(paths):
+            self._turn_round()
+        return steps is not None
+
+    def begin_return(self) -> None:
+        """Take what was driven so far for the way out, and all that follows for the way home.
+
+        The mapper finds out by itself where the robot turns round on the spot (see
+        `PathConfig.detects_return`); the latest time counts.
+
+        Raises:
+            InputError: The robot has gone nowhere, so that there is no way out.
+        """
+        steps = self._path.stop(self.config.paths)
+        if steps is not None:
+            self._stop(steps)
+        if not self._out.regions.count:
+            raise InputError("begin_return", "a way out of one robot path at least", "none")
+        self._turn_round()
+
+    def _turn_round(self) -> None:
+        """Begin the map of the way home. The robot is still in the last ASR of the way out."""
+        if self._home is not None:
+            self._out.extend(self._home.steps)
+        self._home = GeometricMap(self.config.regions)
+        self._fusion = DemocraticIntegration.of(len(self.config.localisation.cues))
+        self._path.direction_before = None
+        self._updates += 1
+        self._beliefs = []
+        self._believe(np.eye(self._out.regions.count)[-1])
+
+    def _stop(self, steps: Steps) -> None:
+        """Map the path that came to its end; on the way home, localise the robot."""
+        self._updates += 1
+        if self._home is None:
+            self._out.extend(steps)
+            return
+        self._home.extend(steps)
+        out, home, config = self._out.regions, self._home.regions, self.config.localisation
+        maps = np.stack([CUES[name](out, home, config) for name in config.cues])
+        self._believe(self._fusion.fuse(maps))
+
+    def _believe(self, confidences: Confidences) -> None:
+        self._confidences = confidences
+        place = most_confident(confidences)
+        others = np.where(np.arange(len(confidences)) == place, -1.0, confidences)
+        rival = most_confident(others) if len(others) > 1 else -1
+        self._beliefs.append(
+            Belief(
+                reading=max(self._readings - 1, 0),
+                place=place,
+                confidence=float(confidences[place]),
+                rival=rival,
+                rival_confidence=float(confidences[rival]) if rival >= 0 else 0.0,
+                is_sure=is_sure(confidences, self.config.localisation),
+            )
+        )
+
+    @property
+    def is_returning(self) -> bool:
+        """Whether the robot has turned round for home."""
+        return self._home is not None
+
+    @property
+    def confidences(self) -> Confidences:
+        """The confidence of every ASR of the way out; empty until the robot turns round."""
+        return self._confidences.copy()
+
+    @property
+    def estimate(self) -> Estimate:
+        """The ASR that the robot believes to be in, and where the odometer says that it is.
+
+        On the way home it is not localised at borders, and matches the present reading with one
+        from the middle of the ASR that it is sure of.
+        """
+        is_sure, place, matched = True, None, None
+        if self._home is not None:
+            belief = self._beliefs[-1]
+            is_sure, place = belief.is_sure, belief.place
+            if is_sure:
+                first, last = self._out.regions.splits[place : place + 2].tolist()
+                matched = int(self._out.steps.readings[(first + last) // 2])
+        elif self._readings:
+            place = max(self._out.regions.count - 1, 0)
+        return Estimate(
+            pose=self._pose.copy(),
+            home=np.zeros(3),
+            localised=is_sure,
+            place=place,
+            matched_reading=matched,
+            updates=self._updates,
+            map_version=self._updates,
+        )
+
+    @property
+    def events(self) -> Sequence[Belief]:
+        """What it believed at every stop on its way home."""
+        return tuple(self._beliefs)
+
+    def place_at(self, reading: int) -> int:
+        """The ASR where a reading was taken; on the way home, in which it was believed to be."""
+        for belief in reversed(self._beliefs):
+            if belief.reading <= reading:
+                return belief.place
+        return self._out.region_at(reading)
+
+    def snapshot(self) -> MapSnapshot:
+        """The surfaces beside all paths, and the ASRs of the way out."""
+        maps = [self._out] if self._home is None else [self._out, self._home]
+        surfaces = np.concatenate([each.steps.surfaces for each in maps])
+        return MapSnapshot(layers=(SegmentsLayer(segments=surfaces), self._place_graph()))
+
+    def _place_graph(self) -> PlaceGraph:
+        regions, steps = self._out.regions, self._out.steps
+        nodes = []
+        for k in range(regions.count):
+            own = slice(*regions.splits[k : k + 2].tolist())
+            pose = np.array((*regions.lines[k, :2], regions.directions[k]))
+            inside = Steps(
+                lines=steps.lines[own],
+                widths=steps.widths[own],
+                walled=steps.walled[own],
+                begins=steps.begins[own],
+                readings=steps.readings[own],
+            )
+            nodes.append(
+                PlaceNode(
+                    id=k,
+                    label=f"A{k}",
+                    pose=pose,
+                    middle=inside.lines.reshape(-1, 2).mean(axis=0),
+                    segments=transform_segments(inverse(pose), inside.surfaces),
+                )
+            )
+        edges: list[PlaceEdge] = []
+        for before, after in pairwise(nodes):
+            for one, other, reverse in ((before, after, 1), (after, before, -1)):
+                motion = relative(one.pose, other.pose)
+                back = len(edges) + reverse
+                edges.append(PlaceEdge(source=one.id, target=other.id, motion=motion, reverse=back))
+        current = self.estimate.place if nodes else None
+        return PlaceGraph(
+            nodes=tuple(nodes),
+            edges=tuple(edges),
+            current=current,
+            home=0 if nodes else None,
+        )
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything the mapper remembers, as arrays by name."""
+        path, before = self._path, self._path.direction_before
+        home = self._home or GeometricMap(self.config.regions)
+        counts = (self._readings, self._updates, self.is_returning, self._fusion.time)
+        beliefs = [(b.reading, b.place, b.rival, b.is_sure) for b in self._beliefs]
+        believed = [(b.confidence, b.rival_confidence) for b in self._beliefs]
+        return {
+            "pose": self._pose.copy(),
+            "counts": np.array(counts, np.int64),
+            "path.samples": np.array(path.samples).reshape(-1, SAMPLE).astype(np.float64),
+            "path.numbers": np.array((path.heading, path.travelled)),
+            "path.before": np.array([] if before is None else [before], np.float64),
+            **self._out.state("out"),
+            **home.state("home"),
+            "weights": self._fusion.weights.copy(),
+            "confidences": self._confidences.copy(),
+            "beliefs": np.array(beliefs, np.int64).reshape(-1, 4),
+            "believed": np.array(believed, np.float64).reshape(-1, 2),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become the mapper that returned `state`.
+
+        Raises:
+            InputError: The arrays are none that a state holds.
+        """
+        shapes: dict[str, Shape] = {**_SHAPES, "weights": (len(self.config.localisation.cues),)}
+        check_shapes(state, shapes)
+        check_finite(state, *(name for name in shapes if name != "counts"))
+        readings, updates, is_returning, time = state["counts"].tolist()
+        if min(readings, updates, time) < 0 or is_returning not in (0, 1):
+            found = str(state["counts"].tolist())
+            raise InputError("counts", "three counts, and 0 or 1", found)
+        _check_path(state, readings)
+        out, home = GeometricMap(self.config.regions), GeometricMap(self.config.regions)
+        out.restore("out", state, readings)
+        home.restore("home", state, readings)
+        if not is_returning and len(home.steps.lines):
+            raise InputError("home.lines", "none before the robot turned round", "some")
+        if is_returning and not out.regions.count:
+            raise InputError("out.lines", "a way out before the way home", "none")
+        _check_beliefs(state, out.regions.count if is_returning else 0, readings)
+        self._pose = state["pose"].copy()
+        self._readings, self._updates = readings, updates
+        heading, travelled = state["path.numbers"].tolist()
+        before = state["path.before"].tolist()
+        self._path = PathInProgress(
+            samples=[tuple(row) for row in state["path.samples"].tolist()],
+            heading=heading,
+            travelled=travelled,
+            direction_before=before[0] if before else None,
+        )
+        self._out, self._home = out, home if is_returning else None
+        self._fusion = DemocraticIntegration(weights=state["weights"].copy(), time=time)
+        self._confidences = state["confidences"].copy()
+        rows = zip(state["beliefs"].tolist(), state["believed"].tolist(), strict=True)
+        self._beliefs = [
+            Belief(
+                reading=reading,
+                place=place,
+                confidence=confidence,
+                rival=rival,
+                rival_confidence=rival_confidence,
+                is_sure=bool(sure),
+            )
+            for (reading, place, rival, sure), (confidence, rival_confidence) in rows
+        ]
+
+
+_SHAPES: dict[str, Shape] = {
+    "pose": (3,),
+    "counts": (4,),
+    "path.samples": ("samples", SAMPLE),
+    "path.numbers": (2,),
+    "path.before": ("paths",),
+    "confidences": ("regions",),
+    "beliefs": ("beliefs", 4),
+    "believed": ("beliefs", 2),
+}
+"""The arrays of a state, but those of the maps and the weights."""
+
+
+def _check_path(state: Mapping[str, np.ndarray], readings: int) -> None:
+    """Raise InputError unless a robot path in progress is one."""
+    samples = state["path.samples"]
+    if len(state["path.before"]) > 1:
+        raise InputError("path.before", "one heading at most", str(len(state["path.before"])))
+    if len(samples) and (
+        not np.isin(samples[:, 6:8], (0.0, 1.0)).all()
+        or samples[:, 8].min() <= 0
+        or samples[:, 9].min() < 0
+        or samples[:, 9].max() >= readings
+        or (np.diff(samples[:, 9]) < 0).any()
+    ):
+        raise InputError("path.samples", f"samples of {readings} readings", "others")
+
+
+def _check_beliefs(state: Mapping[str, np.ndarray], regions: int, readings: int) -> None:
+    """Raise InputError unless the beliefs are about the ASRs of the way out."""
+    weights, beliefs = state["weights"], state["beliefs"]
+    if (weights < 0).any() or abs(weights.sum() - 1.0) > 1e-6:
+        raise InputError("weights", "shares that sum to 1", str(weights.tolist()))
+    if len(state["confidences"]) != regions:
+        found = str(len(state["confidences"]))
+        raise InputError("confidences", f"one for each of {regions} ASRs", found)
+    if (len(beliefs) > 0) != (regions > 0):
+        raise InputError("beliefs", "some on the way home only", str(len(beliefs)))
+    if len(beliefs) and (
+        beliefs[:, :2].min() < 0
+        or beliefs[:, 2].min() < -1
+        or beliefs[:, 1:3].max() >= regions
+        or beliefs[:, 0].max() >= max(readings, 1)
+        or (np.diff(beliefs[:, 0]) < 0).any()
+        or not np.isin(beliefs[:, 3], (0, 1)).all()
+    ):
+        raise InputError("beliefs", f"beliefs about {regions} ASRs", "others")

@@ -1,0 +1,306 @@
+"""Robot paths, and the surfaces beside them by sonar.
+
+Schmidt, Wong and Yeap, section 2: a *robot path* is a straight movement of the robot. The sonars
+that look sideways measure how far the ground reaches to its left and right. Where they hear nothing
+there is a gap: small gaps are closed, large ones are treated as distant surfaces.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Segments
+from albot_core.mappers.stored_arrays import LONGEST
+from albot_core.ranges import NOT_NEGATIVE, Range, check_fields
+from albot_core.sensing.reading import SonarGeometry, SonarScan
+
+_TURN = Range("an angle within (0, pi]", 0.0, np.pi, beyond=True)
+_LENGTH = Range(f"a number within (0, {LONGEST:g}]", 0.0, LONGEST, beyond=True)
+_STEP = Range("a number from 0.1", 0.1)
+_SIDEWAYS = math.radians(45.0)
+"""A sonar looks sideways if its bearing is no farther from 90° (rad)."""
+_SPACING = 0.02
+"""The robot has moved since the last sample if it has gone so far (m)."""
+_CELL = 0.1
+"""Widths along a path are compared at places about this far apart (m)."""
+_NARROWEST = 0.05
+"""No surface is taken to be nearer to the robot's middle than this (m)."""
+FARTHEST = 1e7
+"""Nothing is mapped that is farther from where the robot set out (m): there numbers are coarse."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathConfig:
+    """How the journey becomes robot paths, and sonar readings become surfaces.
+
+    All of it is ours: the paper's robot paths end at obstacles, and any approximation of surfaces
+    serves it.
+    """
+
+    turn: float = math.radians(20.0)
+    """A robot path ends where the heading is so far from that at its start (rad)…"""
+    longest: float = 3.0
+    """…or when it is so long (m), that the robot may localise itself in long corridors too."""
+    shortest: float = 0.3
+    """Shorter paths (m) are passed over: the robot turned on the spot."""
+    step: float = 1.0
+    """A path is cut into steps of about this length (m). Regions are split between steps."""
+    gap: float = 2.0
+    """Gaps in the surfaces beside a path that are narrower than this (m) are closed: missed echoes
+    and doorways. Wider ones are distant surfaces, as far as the sonar reaches."""
+    turned_round: float = math.radians(135.0)
+    """The robot has turned round for home where the directions of a path and of the one before
+    differ by so much (rad)…"""
+    detects_return: bool = True
+    """…if it is to find that out by itself; else it must be told (`Albot0.begin_return`)."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, _TURN, "turn", "turned_round")
+        check_fields(self, _LENGTH, "longest", "shortest")
+        check_fields(self, _STEP, "step")
+        check_fields(self, NOT_NEGATIVE, "gap")
+        if self.shortest > self.longest:
+            found = f"{self.shortest:g} and {self.longest:g}"
+            raise InputError("PathConfig.shortest", "no more than longest", found)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Steps:
+    """Pieces of robot paths, between which a journey can be split."""
+
+    lines: Segments
+    """Where the robot came from and went to (m)."""
+    widths: Float64[np.ndarray, "segments 2"]
+    """How far the ground reaches to the left and to the right (m)."""
+    walled: Bool[np.ndarray, "segments 2"]
+    """Whether there is a surface; else it is a gap, and the sonar's reach stands for the width."""
+    begins: Bool[np.ndarray, "segments"]
+    """Whether a robot path begins with it."""
+    readings: Int64[np.ndarray, "segments"]
+    """The number of the first reading of each."""
+
+    @property
+    def swaths(self) -> Float64[np.ndarray, "segments 4 2"]:
+        """The corners of the ground beside each step (m)."""
+        start, end = self.lines[:, :2], self.lines[:, 2:]
+        along = (end - start) / np.hypot(*(end - start).T)[:, None]
+        aside = np.stack((-along[:, 1], along[:, 0]), axis=-1)
+        left, right = self.widths[:, :1] * aside, -self.widths[:, 1:] * aside
+        return np.stack((start + left, start + right, end + right, end + left), axis=1)
+
+    @property
+    def surfaces(self) -> Segments:
+        """The surfaces beside the steps, those to the left first (m)."""
+        swaths = self.swaths
+        left = swaths[:, (0, 3)].reshape(-1, 4)[self.walled[:, 0]]
+        right = swaths[:, (1, 2)].reshape(-1, 4)[self.walled[:, 1]]
+        return np.concatenate((left, right))
+
+
+NO_STEPS = Steps(
+    lines=np.empty((0, 4)),
+    widths=np.empty((0, 2)),
+    walled=np.empty((0, 2), np.bool_),
+    begins=np.empty(0, np.bool_),
+    readings=np.empty(0, np.int64),
+)
+"""The steps of a robot that has gone nowhere."""
+
+
+def join_steps(one: Steps, other: Steps) -> Steps:
+    """The steps of one journey and of another that follows it."""
+    return Steps(
+        lines=np.concatenate((one.lines, other.lines)),
+        widths=np.concatenate((one.widths, other.widths)),
+        walled=np.concatenate((one.walled, other.walled)),
+        begins=np.concatenate((one.begins, other.begins)),
+        readings=np.concatenate((one.readings, other.readings)),
+    )
+
+
+Sample = tuple[float, ...]
+"""x, y of the robot; x, y of the echo to its left, of that to its right; whether each was heard (0
+or 1); how far the sonars reach (m); the reading's number."""
+SAMPLE = 10
+"""The length of a sample."""
+
+
+@dataclass(kw_only=True, eq=False)
+class PathInProgress:
+    """The robot path that the robot is on."""
+
+    samples: list[Sample]
+    """What was sensed on it, where the robot had moved."""
+    heading: float = 0.0
+    """The robot's heading at its start (rad)."""
+    travelled: float = 0.0
+    """How far the robot has gone on it (m)."""
+    direction_before: float | None = None
+    """The direction of the path before (rad); None where there is none."""
+
+    def follow(
+        self,
+        pose: tuple[float, float, float],
+        sonar: SonarScan,
+        reading: int,
+        config: PathConfig,
+    ) -> Steps | None:
+        """Take in the robot's next pose and what it hears there.
+
+        Returns:
+            The steps of the path that came to its end, None where none did or it was too short.
+        """
+        x, y, heading = pose
+        finished = None
+        if self.samples:
+            turned = _wrap(heading - self.heading)
+            gone = math.hypot(x - self.samples[-1][0], y - self.samples[-1][1])
+            if abs(turned) > config.turn:
+                finished = self._finish(config)
+                self.samples.clear()
+            elif gone < _SPACING:
+                return None
+            else:
+                self.travelled += gone
+        sample = _sample(pose, sonar, reading)
+        if not self.samples:
+            self.heading, self.travelled = heading, 0.0
+        self.samples.append(sample)
+        if self.travelled >= config.longest:
+            finished = self._finish(config)
+            self.samples[:] = [sample]
+            self.heading, self.travelled = heading, 0.0
+        return finished
+
+    def stop(self, config: PathConfig) -> Steps | None:
+        """End the path where the robot is; returns its steps, None where it was too short."""
+        finished = self._finish(config)
+        self.samples.clear()
+        return finished
+
+    def has_turned_round(self, config: PathConfig) -> bool:
+        """Whether the robot drives about against the direction of the path before."""
+        if self.direction_before is None or math.hypot(*self.chord) < config.shortest:
+            return False
+        turned = _wrap(self.direction - self.direction_before)
+        return abs(turned) >= config.turned_round
+
+    @property
+    def direction(self) -> float:
+        """Where the robot's front points along the path (rad), though it may drive backwards."""
+        x, y = self.chord
+        direction = math.atan2(y, x)
+        is_forward = abs(_wrap(direction - self.heading)) <= math.pi / 2
+        return direction if is_forward else _wrap(direction + math.pi)
+
+    @property
+    def chord(self) -> tuple[float, float]:
+        """The straight line from the path's start to where the robot is now (m)."""
+        if not self.samples:
+            return 0.0, 0.0
+        first, last = self.samples[0], self.samples[-1]
+        return last[0] - first[0], last[1] - first[1]
+
+    def _finish(self, config: PathConfig) -> Steps | None:
+        if not config.shortest <= math.hypot(*self.chord) <= LONGEST:
+            return None  # It turned on the spot; or was carried away.
+        if max(map(abs, (*self.samples[0][:2], *self.samples[-1][:2]))) > FARTHEST:
+            return None
+        self.direction_before = self.direction
+        return make_steps(np.array(self.samples), config)
+
+
+def make_steps(samples: Float64[np.ndarray, "samples 10"], config: PathConfig) -> Steps:
+    """The steps of a robot path from its samples, whose first and last lie apart."""
+    chord = samples[-1, :2] - samples[0, :2]
+    length = float(np.hypot(*chord))
+    along = chord / length
+    steps = max(1, round(length / config.step))
+    cells = steps * max(1, math.ceil(length / steps / _CELL))
+    middles = (np.arange(cells) + 0.5) * length / cells
+    window = 2 * int(min(config.gap / 2 / (length / cells), cells)) + 1
+
+    aside = np.array((-along[1], along[0]))
+    lefts = (samples[:, 2:4] - samples[:, :2]) @ aside
+    # A robot that drives backwards has its left sonars to the right of its way.
+    columns = (0, 1) if lefts.sum() >= 0 else (1, 0)
+    reach = float(samples[:, 8].max())
+    widths, walled = np.empty((steps, 2)), np.empty((steps, 2), np.bool_)
+    for side, column in enumerate(columns):
+        echoes = samples[:, 2 + 2 * column : 4 + 2 * column] - samples[0, :2]
+        heard = samples[:, 6 + column] > 0
+        profile = np.where(heard, np.clip(np.abs(echoes @ aside), _NARROWEST, reach), reach)
+        nearest = np.abs(middles[:, None] - echoes @ along).argmin(axis=1)
+        closed = _close_gaps(profile[nearest], window)
+        widths[:, side] = np.median(closed.reshape(steps, -1), axis=1)
+        walled[:, side] = widths[:, side] < reach
+
+    ends = samples[0, :2] + np.linspace(0.0, length, steps + 1)[:, None] * along
+    # Of each step the first reading that was taken on it; of short ones it may be the one before.
+    gone = (samples[:, :2] - samples[0, :2]) @ along
+    first = np.minimum(
+        np.searchsorted(np.maximum.accumulate(gone), np.linspace(0.0, length, steps + 1)[:-1]),
+        len(samples) - 1,
+    )
+    return Steps(
+        lines=np.concatenate((ends[:-1], ends[1:]), axis=1),
+        widths=widths,
+        walled=walled,
+        begins=np.arange(steps) == 0,
+        readings=samples[first, 9].astype(np.int64),
+    )
+
+
+def _wrap(angle: float) -> float:
+    return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
+def _close_gaps(profile: Float64[np.ndarray, "cells"], window: int) -> Float64[np.ndarray, "cells"]:
+    """The profile of a side without openings that are narrower than a window of cells.
+
+    This is a grey-scale opening of the profile: whatever stands out farther than all that is beside
+    it is cut off, unless it is as wide as the window. Near surfaces stay as they are.
+    """
+    nearest = minimum_filter1d(profile, window, mode="constant", cval=np.inf)
+    return np.asarray(maximum_filter1d(nearest, window, mode="constant", cval=-np.inf))
+
+
+def _sample(pose: tuple[float, float, float], sonar: SonarScan, reading: int) -> Sample:
+    x, y, heading = pose
+    cos, sin = math.cos(heading), math.sin(heading)
+    geometry, points, flags = sonar.geometry, [x, y], []
+    for index in side_sonars(geometry):
+        distance, heard = float(sonar.ranges[index]), 1.0
+        if distance >= geometry.max_range:
+            distance, heard = geometry.max_range, 0.0
+        bearing, (east, north) = geometry.bearings[index], geometry.places[index]
+        east += distance * math.cos(bearing)
+        north += distance * math.sin(bearing)
+        points += (x + cos * east - sin * north, y + sin * east + cos * north)
+        flags.append(heard)
+    return (*points, *flags, geometry.max_range, float(reading))
+
+
+@lru_cache(maxsize=8)
+def side_sonars(geometry: SonarGeometry) -> tuple[int, int]:
+    """The sonars that look most nearly to the left and to the right.
+
+    Raises:
+        InputError: None looks to one of the sides.
+    """
+    bearings = np.array(geometry.bearings)
+    chosen = []
+    for side, name in ((np.pi / 2, "left"), (-np.pi / 2, "right")):
+        aside = np.abs((bearings - side + np.pi) % (2 * np.pi) - np.pi)
+        chosen.append(int(aside.argmin()))
+        if aside.min() > _SIDEWAYS:
+            found = f"bearings {np.degrees(bearings).round().tolist()}°"
+            raise InputError("Reading.sonar", f"a sonar that looks to the {name}", found)
+    return chosen[0], chosen[1]

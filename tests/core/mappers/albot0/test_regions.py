@@ -1,0 +1,169 @@
+"""Regions by split and merge: closed forms, oracles and laws."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import transform_segments
+from albot_core.mappers.albot0.ground import Ground
+from albot_core.mappers.albot0.paths import Steps
+from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journey
+from albot_core.mappers.albot0.split_and_merge import homogeneity, regularisation
+
+CONFIG = RegionConfig()
+LEAST = CONFIG.constants
+
+
+def split(lines: np.ndarray, widths: np.ndarray, path: int = 3) -> Regions:
+    """The regions of steps with the ground to either side; a robot path begins every few steps."""
+    steps = Steps(
+        lines=lines,
+        widths=widths,
+        walled=np.ones((len(lines), 2), np.bool_),
+        begins=np.arange(len(lines)) % path == 0,
+        readings=np.arange(len(lines)),
+    )
+    ground = Ground()
+    for swath in steps.swaths:
+        ground.add(swath)
+    return split_journey(steps.lines, steps.begins, ground, CONFIG)
+
+
+def straight(widths: list[float]) -> Regions:
+    """Steps of 1 m along the x axis, with so much ground across."""
+    x = np.arange(len(widths), dtype=np.float64)
+    zero = np.zeros_like(x)
+    halves = 0.5 * np.array(widths)
+    return split(np.stack((x, zero, x + 1, zero), axis=1), np.stack((halves, halves), axis=1))
+
+
+def wandering(seed: int, count: int = 40) -> tuple[np.ndarray, np.ndarray]:
+    """Steps that turn this way and that, and widths beside them."""
+    rng = np.random.default_rng(seed)
+    turns = np.cumsum(np.where(np.arange(count) % 4 == 0, rng.uniform(-2, 2, count), 0.0))
+    ways = rng.uniform(0.5, 1.0, (count, 1)) * np.stack((np.cos(turns), np.sin(turns)), axis=1)
+    ends = np.concatenate((np.zeros((1, 2)), np.cumsum(ways, axis=0)))
+    widths = np.repeat(rng.uniform(0.4, 4.0, (count // 8, 2)), 8, axis=0)
+    return np.concatenate((ends[:-1], ends[1:]), axis=1), widths + rng.uniform(0, 0.2, (count, 2))
+
+
+@pytest.mark.parametrize("room", [4, 5, 6, 8])
+def test_a_room_between_two_corridors_is_a_region_of_its_own(room):
+    regions = straight([2.0] * 10 + [float(room)] * room + [2.0] * 10)
+    assert regions.splits.tolist() == [0, 10, 10 + room, 20 + room]
+    np.testing.assert_allclose(regions.lengths, (10, room, 10))
+    np.testing.assert_allclose(regions.directions, 0.0)
+
+
+def test_a_room_that_is_hardly_wider_is_none():
+    assert straight([2.0] * 10 + [3.0] * 5 + [2.0] * 10).splits.tolist() == [0, 25]
+
+
+def test_a_split_point_is_shifted_to_the_door():
+    """The robot paths that make the first split end before and after the door."""
+    assert straight([2.0] * 11 + [6.0] * 7 + [2.0] * 11).splits.tolist() == [0, 11, 18, 29]
+
+
+def test_equation_1_by_hand():
+    """Widths 12/6 = 2 m and 30/5 = 6 m. The smaller area is 12 m², so r = 1/(1+e^(-12/2+3)) - 1."""
+    r = 1 / (1 + math.exp(-3)) - 1
+    expected = 3.0 + 0.2 * 1.7 * r
+    assert homogeneity(12.0, 6.0, 30.0, 5.0, LEAST) == pytest.approx(expected)
+    assert homogeneity(30.0, 5.0, 12.0, 6.0, LEAST) == pytest.approx(expected)
+
+
+def test_equation_2_by_hand():
+    assert regularisation(6.0, LEAST) == pytest.approx(-0.5)  # A = n · A_max
+    assert regularisation(0.0, LEAST) == pytest.approx(1 / (1 + math.exp(3)) - 1)
+    assert regularisation(1e9, LEAST) == 0.0
+
+
+def test_small_regions_are_held_together():
+    """1.9 times as wide, and small: above θ_r by its width, below it with r."""
+    wide, small = straight([2.0] * 10 + [3.8] * 10), straight([2.0] * 10 + [3.8])
+    assert wide.splits.tolist() == [0, 10, 20]
+    assert small.splits.tolist() == [0, 11]
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_a_journey_of_one_step_or_none(count):
+    regions = straight([2.0] * count)
+    assert regions.splits.tolist() == list(range(count + 1))
+    assert regions.count == len(regions.lengths) == len(regions.directions) == count
+
+
+def test_a_region_that_ends_where_it_began_has_a_width_and_a_direction():
+    there = np.array([(0.0, k, 0.0, k + 1) for k in range(5)])
+    lines = np.concatenate((there, there[::-1][:, (2, 3, 0, 1)]))
+    regions = split(lines, np.full((10, 2), 2.0))
+    assert regions.splits[0] == 0
+    assert regions.splits[-1] == 10
+    assert np.isfinite(regions.lengths).all()
+    whole = Regions(splits=np.array((0, 10)), lines=lines[:1] * 0.0, first_steps=lines[:1])
+    np.testing.assert_allclose(whole.lengths, 0.0)
+    np.testing.assert_allclose(whole.directions, np.pi / 2)
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 10**6), st.floats(-100, 100), st.floats(-100, 100), st.floats(-3.1, 3.1))
+def test_the_split_does_not_depend_on_where_the_world_lies(seed, x, y, heading):
+    lines, widths = wandering(seed)
+    here = split(lines, widths)
+    there = split(transform_segments(np.array((x, y, heading)), lines), widths)
+    np.testing.assert_array_equal(here.splits, there.splits)
+    np.testing.assert_allclose(here.lengths, there.lengths, atol=1e-6)
+    turned = there.directions - here.directions - heading
+    np.testing.assert_allclose(np.cos(turned), 1.0, atol=1e-6)
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 10**6))
+def test_regions_cover_the_journey_one_after_the_other(seed):
+    lines, widths = wandering(seed)
+    regions = split(lines, widths)
+    assert regions.splits[0] == 0
+    assert regions.splits[-1] == len(lines)
+    assert (np.diff(regions.splits) > 0).all()
+    owners = [regions.of_step(step) for step in range(len(lines))]
+    expected = np.repeat(np.arange(regions.count), np.diff(regions.splits))
+    np.testing.assert_array_equal(owners, expected)
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 10**6))
+def test_the_ground_is_the_union_of_the_swaths(seed):
+    rng = np.random.default_rng(seed)
+    ground, swaths = Ground(), []
+    for _ in range(12):
+        corners = np.array(((0, -1), (3, -1), (3, 2), (0, 2))) * rng.uniform(0.5, 2)
+        angle = rng.uniform(0, 6.3)
+        turn = np.array(((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))))
+        swaths.append(corners @ turn.T + rng.uniform(-4, 4, 2))
+        ground.add(swaths[-1])
+    starts, faces, areas = ground.index
+    for first, last in ((0, 12), (0, 5), (4, 12), (7, 8)):
+        within = np.unique(faces[starts[first] : starts[last]])
+        union = shapely.union_all(shapely.polygons(np.array(swaths[first:last])))
+        assert areas[within].sum() == pytest.approx(union.area, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("threshold", 0.9),
+        ("regularisation", 1.1),
+        ("centre", -1.0),
+        ("smallest_area", 0.0),
+        ("shortest", 0.0),
+    ],
+)
+def test_thresholds_are_checked(name, value):
+    with pytest.raises(InputError, match=rf"RegionConfig\.{name}"):
+        RegionConfig(**{name: value})
