@@ -94,7 +94,7 @@ def test_evaluations_are_as_the_curriculum_ends(tmp_path: Path) -> None:
         ({"env": {"world": "nope"}}, r"line \d+, env.world: expected a file, random"),
         ({"env": {"world": ["square-loop", "nope"]}}, r"line \d+, env.world: .*found nope"),
         ({"env": {"world": "random:office:1?rooms=1"}}, "env.world: expected random:office, rooms"),
-        ({"env": {"mapper": "nope"}}, r"line \d+, env.mapper: expected none or one of albot1"),
+        ({"env": {"mapper": "nope"}}, r"line \d+, env.mapper: expected none or one of albot0"),
         ({"env": {"threads": 0}}, r"line \d+, env.threads: expected a whole number from 1"),
         (
             {"env": {"max_episode_steps": 0}},
