@@ -71,6 +71,7 @@ class ExploreTask(BatchedRobots):
         self._matches = mappers is not None and mappers.recognises_places
         matched = mappers.matched_readings if mappers is not None and self._matches else None
         self._claims = no_claims(robots, matched)
+        self._room_left = 0
         self._worlds_barriers = WorldCache(robots, self._add_barriers, self._forget_barriers)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
@@ -97,7 +98,12 @@ class ExploreTask(BatchedRobots):
             self._claims.claims[:] = self.actions.declares(numbers)
         super().act(numbers)
         if self._matches:
-            self._claims = with_room(self._claims, int(self._stats.steps.max()) + 1, 0)
+            # No robot has more readings behind it than there were steps since there was room.
+            self._room_left -= 1
+            if self._room_left < 0:
+                readings = int(self._stats.steps.max()) + 1
+                self._claims = with_room(self._claims, readings, 0)
+                self._room_left = self._claims.points.shape[1] - readings
 
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
         claims = self._claims
