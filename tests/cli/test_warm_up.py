@@ -18,6 +18,7 @@ from albot_cli.group import albot
 from albot_core.kernels.compiled import kernel
 from albot_core.kernels.linking import Kernel
 from albot_core.mappers.registry import mapper_names
+from albot_env.sim.sensing import sense
 
 
 class FakeProcess:
@@ -147,3 +148,4 @@ def test_a_part_of_warm_up_runs() -> None:
     """One of each kind, with code that other tests have compiled."""
     warm_up._run_batch()
     warm_up._run_agent("random", "Albot/Explore-v0")
+    assert sense.compiled.overloads

@@ -82,11 +82,9 @@ class BatchedRobots:
         self._threads = ThreadPool(equipment.threads)
         self.ground_laser = sensors.ground_laser.geometry
         """Where the beams point by which ground is found covered (see `Sensors.ground_laser`)."""
-        self.laser = None if sensors.laser is None else sensors.laser.geometry
-        """Where the lasers' beams point; None without."""
-        self.sonar = None if sensors.sonar is None else sensors.sonar.geometry
-        """Where the sonars point; None without."""
-        self.observing = observations = observations.fitted(self.laser, self.sonar)
+        laser = None if sensors.laser is None else sensors.laser.geometry
+        sonar = None if sensors.sonar is None else sensors.sonar.geometry
+        self.observing = observations = observations.fitted(laser, sonar)
         """How they observe with these sensors."""
         if not observations.shapes:
             expected = "a part that robots with these sensors have"

@@ -216,8 +216,8 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             mapper=self._interface.mapper,
             odometer=self._interface.odometer,
             seed=seed,
-            laser=self._robot.laser,
-            sonar=self._robot.sonar,
+            laser=self._robot.observing.laser,
+            sonar=self._robot.observing.sonar,
             agent=self.agent,
         )
 

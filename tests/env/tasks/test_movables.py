@@ -85,7 +85,7 @@ def test_no_beam_passes_through_a_thing():
         if step % 6:
             continue
         frame = env.frame
-        laser = env._robot.laser
+        laser = env._robot.ground_laser
         cos, sin = np.cos(frame.pose[2]), np.sin(frame.pose[2])
         x = frame.pose[0] + cos * laser.mount[0] - sin * laser.mount[1]
         y = frame.pose[1] + sin * laser.mount[0] + cos * laser.mount[1]

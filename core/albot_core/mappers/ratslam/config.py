@@ -153,8 +153,7 @@ class ExperienceConfig:
     """θ_a: half the zone's width in θ' (rad)."""
     either_zone: bool = False
     """Whether being in the zone in (x', y') or in that in θ' is enough, as eq. (9) has it to the
-    letter. Then a view that is shared or false is at once an experience far away (docs/ratslam.md
-    has what that costs)."""
+    letter. Then a view that is shared or false is at once an experience far away."""
     apart: float = 3.0
     """An experience is recognised when the robot went so far since it was last there (m)."""
     confirmations: int = 2
