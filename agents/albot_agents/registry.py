@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,10 @@ from albot_agents.scripted.exploring import (
     RoundTripAgent,
 )
 from albot_agents.scripted.homing import (
+    Albot0Homing,
     Albot1Homing,
     AssociationHoming,
+    MapHoming,
     Oracle,
     PathIntegration,
     RatSlamHoming,
@@ -48,6 +50,9 @@ class AgentEntry:
     """The tasks that it can do, well or badly."""
     mapper: str = "albot1"
     """The mapper that it is evaluated with where no other is asked for."""
+    sensors: Mapping[str, str] = field(default_factory=dict)
+    """The sensors that it is evaluated with where no others are asked for, by the settings' names.
+    """
     file: AgentFile | None = None
     """What it was trained to, of a trained agent."""
 
@@ -68,7 +73,7 @@ class AgentEntry:
             InputError: The task has no such settings.
         """
         if self.file is None:
-            return {"mapper": self.mapper} | dict(settings)
+            return {"mapper": self.mapper, **self.sensors} | dict(settings)
         return self.file.environment(task, settings)
 
     def untrained(self, settings: Mapping[str, Any]) -> tuple[str, ...]:
@@ -93,6 +98,13 @@ def _driving(kind: Callable[..., Agent]) -> Callable[[ObservationConfig, str | N
 
 
 AGENTS = {
+    Albot0Homing.name: AgentEntry(
+        summary="Drives home by sonars alone, until it believes to be in the home ASR of Albot0.",
+        make=lambda observing, _: Albot0Homing(observing),
+        tasks=(HOMING,),
+        mapper="albot0",
+        sensors={"laser": "none"},
+    ),
     Albot1Homing.name: AgentEntry(
         summary="Drives home through the exits of Albot1's network of places.",
         make=_driving(Albot1Homing),
@@ -114,6 +126,12 @@ AGENTS = {
         summary="Explores from gap to gap, the nearest first; claims to know what its map knows.",
         make=_driving(GapExplorerAgent),
         tasks=(EXPLORE,),
+    ),
+    MapHoming.name: AgentEntry(
+        summary="Drives home by the way that its mapper knows, whichever mapper that is.",
+        make=_driving(MapHoming),
+        tasks=(HOMING,),
+        mapper="scan-matching",
     ),
     NearestFrontier.name: AgentEntry(
         summary="Explores by going to the nearest border of the ground that it has covered.",

@@ -41,7 +41,7 @@ class TaskRunner(ABC, Generic[Task, Result]):
 
 
 def run_parallel(
-    runner: TaskRunner[Task, Result], tasks: Iterable[Task], jobs: int
+    runner: TaskRunner[Task, Result], tasks: Iterable[Task], jobs: int, *, fresh: bool = False
 ) -> Generator[Result, None, None]:
     """The results of tasks, in the order in which they are done.
 
@@ -51,6 +51,8 @@ def run_parallel(
         runner: What is done with each task.
         tasks: The tasks.
         jobs: How many are done at once.
+        fresh: Whether each task gets a process of its own, so that the memory that it takes can be
+            measured.
     """
     waiting = iter(tasks)
     workers: list[_Worker[Task, Result]] = []
@@ -65,9 +67,11 @@ def run_parallel(
                     result = worker.receive()
                     workers.remove(worker)
                     following = next(waiting, None)
-                    if following is None:
+                    if following is None or fresh:
                         worker.end()
-                    else:
+                    if following is not None and fresh:
+                        workers.append(_Worker(runner, following))
+                    elif following is not None:
                         workers.append(worker.start(following))
                 yield result
     finally:

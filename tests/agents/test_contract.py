@@ -19,9 +19,12 @@ WHO_ACTS_WHERE = [(name, task) for task in IDS for name in agent_names(task)]
 
 
 def _begun(name: str, environment: str, form: str = "flat") -> tuple[Agent, Any]:
+    entry = find_agent(name)
     settings = {"world": LOOP, "mapper": "odometry", "observation": form}
+    if entry.environment(environment, {}).get("laser") == "none":
+        settings["mapper"] = entry.mapper
     wanted = {**settings, **SETTINGS.get(environment, {})}
-    env = gymnasium.make(environment, **find_agent(name).environment(environment, wanted))
+    env = gymnasium.make(environment, **entry.environment(environment, wanted))
     return make_agent(name, env.get_wrapper_attr("observing")), env
 
 
@@ -39,10 +42,12 @@ def _actions(agent: Agent, env: Any, seed: int, steps: int = 50) -> list[Any]:
 
 def test_the_agents_are_these() -> None:
     assert tuple(AGENTS) == (
+        "albot0-homing",
         "albot1-homing",
         "association-explorer",
         "association-homing",
         "gap-explorer",
+        "map-homing",
         "nearest-frontier",
         "oracle",
         "path-integration",
@@ -83,7 +88,9 @@ def test_who_does_not_know_the_truth_is_not_shown_it(
 
 def test_an_agent_that_cannot_do_a_task_is_refused() -> None:
     check_agent("random", "Albot/PlaceRecognition-v0")
-    with pytest.raises(InputError, match=r"one for Albot/Homing-v0: albot1-homing, .*place-judge"):
+    with pytest.raises(
+        InputError, match=r"one for Albot/Homing-v0: albot0-homing, albot1-homing, .*place-judge"
+    ):
         check_agent("place-judge", "Albot/Homing-v0")
 
 
@@ -94,7 +101,7 @@ def test_an_agent_that_cannot_do_a_task_is_refused() -> None:
         (
             "gap-explorer",
             "Albot/Homing-v0",
-            "albot1-homing, association-homing, oracle, path-integration, random",
+            "albot0-homing, albot1-homing, association-homing, map-homing, oracle, ",
         ),
         ("nearest-frontier", "Albot/ExploreAndHome-v0", "random, round-trip"),
         # At the start they are at home, and stay.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Callable
@@ -42,3 +43,19 @@ def test_signals_reach_us_again_once_workers_are_started() -> None:
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
     list(run_parallel(BlockedSignals(), range(2), 2))
     assert signal.pthread_sigmask(signal.SIG_BLOCK, ()) == before
+
+
+class ProcessIds(TaskRunner[int, int]):
+    """Tells in which process a task was done."""
+
+    def run(self, task: int, on_step: Callable[[int], None]) -> int:
+        return os.getpid()
+
+    def on_crash(self, task: int, step: int, cause: str) -> int:
+        raise AssertionError(cause)
+
+
+@pytest.mark.parametrize(("fresh", "processes"), [(False, 1), (True, 3)])
+def test_a_task_gets_a_process_of_its_own_where_that_is_asked(fresh: bool, processes: int) -> None:
+    found = list(run_parallel(ProcessIds(), range(3), 1, fresh=fresh))
+    assert (len(found), len(set(found))) == (3, processes)

@@ -13,6 +13,7 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from albot_agents.agent import Action, fill_action
+from albot_core.geometry.types import Points, Pose, Ranges
 from albot_core.planning.navigator import KnownWay
 from albot_core.planning.percept import Percept
 from albot_core.planning.steering import Command
@@ -83,16 +84,40 @@ def decode_observation(observation: Any, config: ObservationConfig) -> Percept:
     parts = observation if isinstance(observation, dict) else config.split(observation)
     heading = math.atan2(parts["heading"][1], parts["heading"][0])
     cos, sin = np.cos(heading), np.sin(heading)
-    distance = config.home_distance(parts["home"][2])
-    home_x, home_y = distance * parts["home"][0], distance * parts["home"][1]
-    step = np.array((config.step_length, config.step_length, config.step_turn))
+    home_x, home_y = decode_home(observation, config)
     return Percept(
         ranges=config.ranges(parts["laser"]),
         laser=config.laser,
         # Home is the map's origin, so the robot is at minus the turned home vector.
         pose=np.array((sin * home_y - cos * home_x, -sin * home_x - cos * home_y, heading)),
-        motion=parts["motion"] * step,
+        motion=decode_motion(observation, config),
     )
+
+
+def decode_motion(observation: Any, config: ObservationConfig) -> Pose:
+    """How the robot moved in the last step, by its odometer."""
+    parts = observation if isinstance(observation, dict) else config.split(observation)
+    step = np.array((config.step_length, config.step_length, config.step_turn))
+    return np.asarray(parts["motion"] * step)
+
+
+def decode_home(observation: Any, config: ObservationConfig) -> Points:
+    """Where home is believed to be (m, robot's frame)."""
+    parts = observation if isinstance(observation, dict) else config.split(observation)
+    distance = config.home_distance(parts["home"][2])
+    return np.asarray(distance * np.asarray(parts["home"][:2], np.float64))
+
+
+def decode_sonar(observation: Any, config: ObservationConfig) -> Ranges:
+    """What the sonars hear (m), their reach where they hear nothing."""
+    parts = observation if isinstance(observation, dict) else config.split(observation)
+    return config.echoes(parts["sonar"])
+
+
+def decode_has_exit(observation: Any, config: ObservationConfig) -> bool:
+    """Whether the mapper knows an exit between the present place and home."""
+    parts = observation if isinstance(observation, dict) else config.split(observation)
+    return bool(parts["exit"][5] > 0)
 
 
 def decode_recognition(observation: Any, config: ObservationConfig) -> bool:

@@ -8,11 +8,20 @@ from typing import Any, ClassVar
 import numpy as np
 from gymnasium.spaces import Box
 
-from albot_agents.agent import Action
-from albot_agents.scripted.driving import DrivingAgent, decode_known_way
+from albot_agents.agent import Action, fill_action
+from albot_agents.scripted.driving import (
+    DrivingAgent,
+    decode_has_exit,
+    decode_home,
+    decode_known_way,
+    decode_motion,
+    decode_sonar,
+)
 from albot_core.geometry.poses import compose, inverse, transform_points
 from albot_core.geometry.types import Pose
 from albot_core.planning.navigator import GoalSeeker, Navigator
+from albot_core.planning.sonar_driver import SonarDriver
+from albot_env.tasks.core.actions import ActionConfig
 from albot_env.tasks.core.observation import ObservationConfig
 
 
@@ -28,6 +37,8 @@ class MapHoming(DrivingAgent[Navigator]):
             (the part `way`), it makes straight for home.
         claims: Whether it claims to know a place where its mapper recognises it.
     """
+
+    name: ClassVar[str] = "map-homing"
 
     ARRIVED = 0.3
     """How near to where it believes home to be it declares (m)."""
@@ -73,6 +84,63 @@ class RatSlamHoming(MapHoming):
     """
 
     name: ClassVar[str] = "ratslam-homing"
+
+
+class Albot0Homing:
+    """Drives back along Albot0's way out, by sonars alone, until it believes to be in the home ASR.
+
+    Schmidt, Wong and Yeap: straight on until an obstacle, then round it; "the return journey
+    stopped when the robot believed that it reached home, or, more precisely, the ASR that contains
+    the start location". Before it declares that it is home it goes on to where that ASR began,
+    which is ours: home is a place, and an ASR may be long.
+
+    Args:
+        observing: How the environment makes observations. Where they do not show whether there is
+            an exit before home (the part `exit`), the place where home is believed to be is all
+            that it goes by; where not the way home (`way`), it makes straight for that.
+
+    Raises:
+        InputError: Observations lack one of the parts that it needs.
+    """
+
+    name: ClassVar[str] = "albot0-homing"
+    knows_truth: ClassVar[bool] = False
+
+    ARRIVED = 0.3
+    """How near to where it believes home to be it declares (m)…"""
+    PATIENCE = 600
+    """…or after so many steps in the home ASR."""
+
+    def __init__(self, observing: ObservationConfig) -> None:
+        observing.require(("sonar", "motion", "home"), self.name)
+        assert observing.sonar is not None, "shown by the part of that name"
+        self._observing = observing
+        self._sonar = observing.sonar
+        self._driver = SonarDriver()
+
+    def reset(self, rng: np.random.Generator, actions: Box) -> None:
+        """Begin anew."""
+        self._driver.reset(rng)
+        self._actions = actions
+        self._steps_at_home = 0
+
+    def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
+        """The action that leads on towards home, or declares it."""
+        observing = self._observing
+        home = decode_home(observation, observing)
+        knows_asr = "exit" in observing.shapes
+        believes_home = knows_asr and not decode_has_exit(observation, observing)
+        self._steps_at_home += believes_home
+        is_there = (believes_home or not knows_asr) and np.hypot(*home) < self.ARRIVED
+        if is_there or self._steps_at_home > self.PATIENCE:
+            return fill_action(np.zeros(2, np.float32), self._actions, says=True)
+        known = decode_known_way(observation, observing)
+        ahead = home if known is None else known.ahead
+        # Where the way is at its end, and the home ASR is not, on it goes.
+        target = ahead if np.hypot(*ahead) >= self.ARRIVED else None
+        ranges, motion = decode_sonar(observation, observing), decode_motion(observation, observing)
+        command = self._driver.command(ranges, self._sonar, motion, target)
+        return fill_action(ActionConfig().shares(command), self._actions)
 
 
 class PathIntegration(DrivingAgent[GoalSeeker]):

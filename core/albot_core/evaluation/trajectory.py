@@ -7,6 +7,7 @@ that of Kümmerle et al. (2009), against known relations between poses.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from jaxtyping import Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.files import read_bytes
-from albot_core.geometry.poses import relative, transform_points
+from albot_core.geometry.poses import compose, inverse, relative, transform_points
 from albot_core.geometry.types import Pose, Poses
 
 STAMP_TOLERANCE = 0.01
@@ -80,6 +81,10 @@ def associate(
     return nearest[close].astype(np.int64), np.flatnonzero(close).astype(np.int64)
 
 
+Align = Callable[["Trajectory", "Trajectory", float], Pose | None]
+"""What lays a trajectory on another one: as `alignment`."""
+
+
 def align(
     points: Float64[np.ndarray, "points 2"], targets: Float64[np.ndarray, "points 2"]
 ) -> Pose:
@@ -109,19 +114,43 @@ def alignment(
     return align(estimate.poses[mine, :2], reference.poses[theirs, :2])
 
 
-def trajectory_error(
+def alignment_at_start(
     estimate: Trajectory, reference: Trajectory, tolerance: float = STAMP_TOLERANCE
+) -> Pose | None:
+    """The frame of `estimate` in that of `reference`, by which their first common poses agree.
+
+    So a robot sees its map that knows where it set out. None where no moment is common to both.
+    """
+    mine, theirs = associate(estimate.stamps, reference.stamps, tolerance)
+    if not len(mine):
+        return None
+    return compose(reference.poses[theirs[0]], inverse(estimate.poses[mine[0]]))
+
+
+def trajectory_error(
+    estimate: Trajectory,
+    reference: Trajectory,
+    tolerance: float = STAMP_TOLERANCE,
+    *,
+    align: Align = alignment,
 ) -> TrajectoryError | None:
     """The error of the positions of `estimate` after rigid alignment on `reference`.
 
     Moments are paired by stamp, to within `tolerance` (s). None where fewer than two are
     common to both. Sturm et al., *A benchmark for the evaluation of RGB-D SLAM systems*,
     IROS 2012.
+
+    Args:
+        estimate: The trajectory.
+        reference: What it is compared with.
+        tolerance: Stamps no farther apart than this (s) name the same moment.
+        align: What lays the one on the other: `alignment`, as best it goes, or
+            `alignment_at_start`.
     """
-    frame = alignment(estimate, reference, tolerance)
-    if frame is None:
-        return None
     mine, theirs = associate(estimate.stamps, reference.stamps, tolerance)
+    frame = align(estimate, reference, tolerance)
+    if frame is None or len(mine) < 2:
+        return None
     aligned = transform_points(frame, estimate.poses[mine, :2])
     offsets = aligned - reference.poses[theirs, :2]
     distances = np.hypot(offsets[:, 0], offsets[:, 1])

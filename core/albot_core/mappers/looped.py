@@ -8,7 +8,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Int64
 
-from albot_core.mappers.mapper import TRAVEL, Mapper, MapperSpec, PlaceMemory, RouteHome
+from albot_core.mappers.mapper import (
+    TRAVEL,
+    AttractorNetwork,
+    Mapper,
+    MapperSpec,
+    PlaceMemory,
+    ReturnAware,
+    RouteHome,
+)
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.sensing.reading import Readings
 
@@ -62,6 +71,13 @@ class LoopedMappers:
             self._begun[row] = True
             self._take_estimate(row)
 
+    def begin_return(self, row: int) -> None:
+        """Tell one that the robot turns round for home, where its mapper asks."""
+        mapper = self._mappers[row]
+        if isinstance(mapper, ReturnAware):
+            mapper.begin_return()
+            self._take_estimate(row)
+
     def match_readings(self, rows: Int64[np.ndarray, "some"]) -> None:
         """Do nothing: `matched_readings` are up to date."""
 
@@ -76,6 +92,11 @@ class LoopedMappers:
     def snapshot(self, row: int) -> MapSnapshot:
         """The map of one."""
         return self._mappers[row].snapshot()
+
+    def activity(self, row: int) -> Activity | None:
+        """The activity of one's attractor network; None where the mappers have none."""
+        mapper = self._mappers[row]
+        return mapper.activity if isinstance(mapper, AttractorNetwork) else None
 
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Everything that one remembers, as arrays by name (copies)."""

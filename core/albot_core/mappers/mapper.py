@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Pose, Poses
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import Reading, Readings, Sensor
 
@@ -37,6 +38,10 @@ class MapperSpec:
     batch: str | None = None
     """What makes a batch from a count of robots and a config, `module:name`; None where nothing
     does, and the mappers of many robots are looped over."""
+    extra: str | None = None
+    """The extra of `albot-env` that brings what it needs besides; None where it needs nothing…"""
+    modules: tuple[str, ...] = ()
+    """…and the modules that it then imports."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -150,11 +155,28 @@ class PlaceMemory(Protocol):
 
 
 @runtime_checkable
+class ReturnAware(Protocol):
+    """A mapper that maps the way home apart from the way out."""
+
+    def begin_return(self) -> None:
+        """Take what was driven so far for the way out, and what follows for the way home."""
+
+
+@runtime_checkable
 class CorrectedTrajectory(Protocol):
     """A mapper that corrects its earlier poses."""
 
     def corrected_poses(self) -> Poses:
         """The robot's pose at every reading since the reset, as believed now, (readings, 3)."""
+
+
+@runtime_checkable
+class AttractorNetwork(Protocol):
+    """A mapper that believes where the robot is by the activity of an attractor network."""
+
+    @property
+    def activity(self) -> Activity:
+        """The activity as it is now: the same object until it changes."""
 
 
 Capability = TypeVar("Capability")
@@ -163,11 +185,12 @@ _CAPABILITIES: dict[type, str] = {
     RouteHome: "a way home",
     PlaceMemory: "a memory of places",
     CorrectedTrajectory: "a corrected trajectory",
+    AttractorNetwork: "an attractor network",
 }
 
 
 def require(mapper: Mapper, capability: type[Capability]) -> Capability:
-    """The mapper as one that has a capability: `RouteHome`, `PlaceMemory`, `CorrectedTrajectory`.
+    """The mapper as one that has a capability, such as `RouteHome` or `PlaceMemory`.
 
     Raises:
         InputError: The mapper lacks it.
@@ -248,8 +271,14 @@ class MapperBatch(Protocol):
     def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
         """Let some take in their readings, which stand in the same rows."""
 
+    def begin_return(self, row: int) -> None:
+        """Tell one that the robot turns round for home (see `ReturnAware`)."""
+
     def snapshot(self, row: int) -> MapSnapshot:
         """The map of one."""
+
+    def activity(self, row: int) -> Activity | None:
+        """`AttractorNetwork.activity` of one; None of mappers that have no such network."""
 
     def state(self, row: int) -> dict[str, np.ndarray]:
         """Everything that one remembers, as arrays by name (copies)."""

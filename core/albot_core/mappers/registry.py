@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Collection, Mapping
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,12 @@ _HOSSAIN = "Hossain, How Albot1 computes its perceptual map, PhD thesis, AUT 201
 _YEAP = "Yeap and others, Autonomous robot mapping by landmark association, 2015"
 _MILFORD = "Milford, Prasser and Wyeth, Experience mapping, ACRA 2005"
 _SCHMIDT = "Schmidt, Wong and Yeap, Mapping and localisation with sonar ASRs (Albot0)"
+_THRUN = "Thrun, Burgard and Fox, A real-time algorithm for mobile robot mapping, ICRA 2000"
+_HAEHNEL = "Hähnel, Burgard, Fox and Thrun, An efficient FastSLAM algorithm, IROS 2003"
+_GRISETTI = "Grisetti, Stachniss and Burgard, Improved techniques for grid mapping, T-RO 2007"
+_KUEMMERLE = "Grisetti, Kümmerle and others, A tutorial on graph-based SLAM, IEEE ITS 2010"
+_KONOLIGE = "Konolige and others, Efficient sparse pose adjustment for 2D mapping, IROS 2010"
+_ELIAZAR = "Eliazar and Parr, DP-SLAM, IJCAI 2003, and DP-SLAM 2.0, ICRA 2004"
 _LASER: frozenset[Sensor] = frozenset({"laser"})
 
 MAPPERS: dict[str, MapperSpec] = {
@@ -62,6 +69,55 @@ MAPPERS: dict[str, MapperSpec] = {
             config="albot_core.mappers.association.mapper:AssociationConfig",
         ),
         MapperSpec(
+            name="dp-slam",
+            summary="Particles that share one grid, whose squares know the ancestor that saw them.",
+            paper=_ELIAZAR,
+            sensors=_LASER,
+            layers=("occupancy_grid", "trajectory", "particles"),
+            factory="albot_core.mappers.slam.dp_slam:DpSlam",
+            config="albot_core.mappers.slam.dp_slam_config:DpSlamConfig",
+        ),
+        MapperSpec(
+            name="gmapping",
+            summary="GMapping: grids by particles, drawn where motion and scan agree.",
+            paper=_GRISETTI,
+            sensors=_LASER,
+            layers=("occupancy_grid", "trajectory", "particles"),
+            factory="albot_core.mappers.slam.gmapping:GMapping",
+            config="albot_core.mappers.slam.gmapping:GMappingConfig",
+        ),
+        MapperSpec(
+            name="graph-slam",
+            summary="Keyframes and loop closures, verified, and their optimum by GTSAM.",
+            paper=_KUEMMERLE,
+            sensors=_LASER,
+            layers=("occupancy_grid", "place_graph", "trajectory"),
+            factory="albot_core.mappers.slam.graph_slam:GraphSlam",
+            config="albot_core.mappers.slam.graph_slam:GraphSlamConfig",
+            extra="slam",
+            modules=("gtsam",),
+        ),
+        MapperSpec(
+            name="grid-slam",
+            summary="Grid-based FastSLAM: particles move by matched scans, each with a grid.",
+            paper=_HAEHNEL,
+            sensors=_LASER,
+            layers=("occupancy_grid", "trajectory", "particles"),
+            factory="albot_core.mappers.slam.grid_slam:GridSlam",
+            config="albot_core.mappers.slam.grid_slam:GridSlamConfig",
+        ),
+        MapperSpec(
+            name="karto",
+            summary="OpenKarto as packaged for Python: a yardstick that none of us wrote.",
+            paper=_KONOLIGE,
+            sensors=_LASER,
+            layers=("occupancy_grid", "trajectory"),
+            factory="albot_core.mappers.slam.karto:Karto",
+            config="albot_core.mappers.slam.karto:KartoConfig",
+            extra="peers",
+            modules=("yag_slam", "karto_scanmatcher", "cv2"),
+        ),
+        MapperSpec(
             name="odometry",
             summary="Every view laid down where the odometer says: what the others must better.",
             paper=f"{_HOSSAIN}, chapter 3",
@@ -87,6 +143,15 @@ MAPPERS: dict[str, MapperSpec] = {
             layers=("place_graph", "trajectory"),
             factory="albot_core.mappers.ratslam.mapper:RatSlam",
             config="albot_core.mappers.ratslam.config:RatSlamConfig.scenes",
+        ),
+        MapperSpec(
+            name="scan-matching",
+            summary="Incremental scan matching: each scan where it fits the latest ones best.",
+            paper=_THRUN,
+            sensors=_LASER,
+            layers=("occupancy_grid", "trajectory"),
+            factory="albot_core.mappers.slam.scan_matching:ScanMatching",
+            config="albot_core.mappers.slam.scan_matching:ScanMatchingConfig",
         ),
     )
 }
@@ -133,6 +198,28 @@ def mapper_spec(name: str) -> MapperSpec:
     return spec
 
 
+def installed_mappers() -> tuple[str, ...]:
+    """The names of the mapping systems that can be made here: no extra is missing."""
+    return tuple(name for name, spec in MAPPERS.items() if not _missing(spec))
+
+
+def check_installed(spec: MapperSpec) -> None:
+    """Refuse a mapper whose extra is not installed.
+
+    Raises:
+        InputError: A module is missing; the message names the extra.
+    """
+    missing = _missing(spec)
+    if missing:
+        where = f"in a clone of the project: pip install -c constraints.txt '.[{spec.extra}]'"
+        expected = f"what the extra `{spec.extra}` brings ({where})"
+        raise InputError(f"mapper {spec.name}", expected, f"no {', '.join(missing)}")
+
+
+def _missing(spec: MapperSpec) -> list[str]:
+    return [module for module in spec.modules if find_spec(module) is None]
+
+
 def check_sensors(spec: MapperSpec, available: Collection[Sensor], source: object) -> None:
     """Refuse a mapper that needs a sensor which is not there.
 
@@ -161,9 +248,11 @@ def make_mapper(name: str, *, config: Any = None, rng: np.random.Generator | Non
         rng: Where it draws its random numbers; a generator of seed 0 where none is given.
 
     Raises:
-        InputError: There is no such mapper, or the config is not of its kind.
+        InputError: There is no such mapper, the config is not of its kind, or an extra that the
+            mapper needs is not installed.
     """
     spec = mapper_spec(name)
+    check_installed(spec)
     mapper: Mapper = _load(spec.factory)(config=mapper_config(spec, config), name=spec.name)
     if rng is not None:
         mapper.reset(rng)

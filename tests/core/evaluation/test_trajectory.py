@@ -13,6 +13,7 @@ from albot_core.evaluation.trajectory import (
     Relations,
     Trajectory,
     align,
+    alignment_at_start,
     associate,
     path_length,
     read_relations,
@@ -106,6 +107,20 @@ def test_scale_is_not_taken_out(poses):
 def test_a_mirror_image_does_not_fit():
     triangle = np.array([[0.0, 0, 0], [4, 0, 0], [0, 2, 0]])
     assert error(trajectory(triangle * (1, -1, 1)), trajectory(triangle)) > 0.5
+
+
+def test_the_frames_joined_where_both_begin():
+    """An odometer that is 10 % short on a straight way errs by all that it lost on the way."""
+    stamps = np.arange(5.0)
+    truth = np.stack((np.full(5, 2.0), stamps, np.full(5, np.pi / 2)), axis=-1)
+    believed = np.stack((0.9 * stamps, np.zeros(5), np.zeros(5)), axis=-1)
+    mine = Trajectory(stamps=stamps + 1.0, poses=believed)
+    theirs = Trajectory(stamps=stamps + 1.0, poses=truth)
+    joined = trajectory_error(mine, theirs, align=alignment_at_start)
+    assert joined.rmse == pytest.approx(0.1 * np.sqrt(np.mean(stamps**2)))
+    assert trajectory_error(mine, theirs).rmse == pytest.approx(0.1 * np.std(stamps))
+    later = Trajectory(stamps=stamps + 100.0, poses=truth)
+    assert trajectory_error(mine, later, align=alignment_at_start) is None
 
 
 def test_moments_are_paired_by_stamp():

@@ -14,6 +14,7 @@ from albot_core.export.picture import write_picture
 from albot_core.mappers.looped import LoopedMappers
 from albot_core.mappers.map_file import load_map, save_map
 from albot_core.mappers.mapper import (
+    AttractorNetwork,
     CorrectedTrajectory,
     Mapper,
     MapperBatch,
@@ -21,7 +22,12 @@ from albot_core.mappers.mapper import (
     RouteHome,
     require,
 )
-from albot_core.mappers.registry import make_mapper, make_mappers
+from albot_core.mappers.registry import (
+    installed_mappers,
+    make_mapper,
+    make_mappers,
+    mapper_spec,
+)
 from albot_core.sensing.reading import (
     LaserGeometry,
     LaserScan,
@@ -36,9 +42,15 @@ NAMES = (
     "albot1",
     "albot1-thesis",
     "association",
+    "dp-slam",
+    "gmapping",
+    "graph-slam",
+    "grid-slam",
+    "karto",
     "odometry",
     "ratslam",
     "ratslam-scenes",
+    "scan-matching",
     "tests.core.mappers.topological:topological",
     "tests.core.mappers.grid:grid",
 )
@@ -71,6 +83,9 @@ def readings(count: int = 12) -> list[Reading]:
 
 @pytest.fixture(params=NAMES)
 def name(request):
+    spec = mapper_spec(request.param)
+    if spec.name not in installed_mappers():
+        pytest.skip(f"{spec.name} needs the extra {spec.extra}, which is not installed")
     return request.param
 
 
@@ -215,17 +230,23 @@ def test_a_reading_without_a_sensor_that_it_needs_is_refused(name):
 
 def test_a_capability_is_had_or_clearly_refused(name):
     mapper = led(name)
-    kinds = RouteHome, PlaceMemory, CorrectedTrajectory
+    kinds = RouteHome, PlaceMemory, CorrectedTrajectory, AttractorNetwork
     expected = {
-        "albot0": (False, True, False),
-        "albot1": (True, True, False),
-        "albot1-thesis": (True, True, False),
-        "association": (False, False, False),
-        "odometry": (False, False, False),
-        "ratslam": (True, True, True),
-        "ratslam-scenes": (True, True, True),
-        "topological": (False, True, False),
-        "grid": (False, False, True),
+        "albot0": (True, True, False, False),
+        "albot1": (True, True, False, False),
+        "albot1-thesis": (True, True, False, False),
+        "association": (False, False, False, False),
+        "dp-slam": (False, False, True, False),
+        "gmapping": (True, False, True, False),
+        "graph-slam": (True, False, True, False),
+        "grid-slam": (True, False, True, False),
+        "karto": (True, False, True, False),
+        "odometry": (False, False, False, False),
+        "ratslam": (True, True, True, True),
+        "ratslam-scenes": (True, True, True, True),
+        "scan-matching": (True, False, False, False),
+        "topological": (False, True, False, False),
+        "grid": (False, False, True, False),
     }[mapper.spec.name]
     for kind, has in zip(kinds, expected, strict=True):
         if has:
@@ -240,6 +261,11 @@ def test_a_capability_is_had_or_clearly_refused(name):
         assert mapper.place_at(len(readings()) - 1) == mapper.estimate.place
     if isinstance(mapper, CorrectedTrajectory):
         assert mapper.corrected_poses().shape == (len(readings()), 3)
+    if isinstance(mapper, AttractorNetwork):
+        activity = mapper.activity
+        assert mapper.activity is activity  # Until it changes.
+        assert activity.values.max() > 0
+        assert ((activity.packet[:2] >= 0) & (activity.packet[:2] <= activity.size)).all()
 
 
 def test_what_a_batch_does_single_ones_do(name):
@@ -247,6 +273,7 @@ def test_what_a_batch_does_single_ones_do(name):
     batch, singles = make_mappers(name, count), [make_mapper(name) for _ in range(count)]
     assert isinstance(batch, MapperBatch)
     assert batch.recognises_places == isinstance(singles[0], PlaceMemory)
+    assert (batch.activity(0) is not None) == isinstance(singles[0], AttractorNetwork)
     added = np.zeros(count, np.int64)
     for row, single in enumerate(singles):
         batch.reset(row, np.random.default_rng(row))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_core.mappers.map_file import FORMAT, VERSION, load_map, save_map
 from albot_core.mappers.mapper import Mapper
-from albot_core.mappers.registry import make_mapper, mapper_names
+from albot_core.mappers.registry import installed_mappers, make_mapper
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading, SonarGeometry, SonarScan
 
 LASER, SONAR = LaserGeometry(), SonarGeometry()
@@ -40,7 +40,7 @@ def led(name: str, count: int = 20) -> Mapper:
     return mapper
 
 
-@pytest.fixture(params=mapper_names())
+@pytest.fixture(params=installed_mappers())
 def name(request):
     return request.param
 

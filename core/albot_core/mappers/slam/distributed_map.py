@@ -1,0 +1,326 @@
+"""The map of DP-SLAM: one grid for all particles, and the ancestry tree that says who sees what.
+
+A. Eliazar and R. Parr, DP-SLAM: fast, robust simultaneous localization and mapping without
+predetermined landmarks, IJCAI 2003, section 4; DP-SLAM 2.0, ICRA 2004, section III.
+
+A square of the grid holds observations. Each belongs to the node of the ancestry tree that made it,
+and says how many beams have stopped in the square and how far beams have gone through it, as far
+as this node's line knows. What a particle knows of a square is the observation of its nearest
+ancestor that has any. So no particle's map is ever copied: a particle that is resampled twice
+becomes a node with two children, which add what each of them sees.
+
+The tree is kept minimal. A node without descendants among the particles is taken out with its
+observations. A node with a single child becomes one with it. So a tree of P leaves has at most
+2P - 1 nodes, and a square has no more observations than that, however long the robot drives.
+
+All of it is arrays. Squares lie in tiles, which are made as the ground is seen. The observations of
+a square lie side by side, in a block that has room for 2, 4, 8… of them, oldest first: those of a
+node come after those of its ancestors. A node lists the squares that it observed in chunks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float64, Int16, Int64
+
+from albot_core.errors import InputError
+from albot_core.kernels.compiled import kernel
+from albot_core.mappers.slam.ancestry import (
+    CHUNK,
+    SIZES,
+    TILE_SQUARES,
+    MapArrays,
+    TreeArrays,
+    add_observation,
+    count_known,
+    known_beams,
+    made_square_at,
+    order_nodes,
+)
+from albot_core.mappers.slam.tiles import NONE, TILE, extend_index
+from albot_core.mappers.stored_arrays import check_finite, check_shapes
+
+_SPARE_CHUNKS = 2
+"""While two lists of squares become one, so many more chunks are needed at most."""
+
+
+class DistributedMap:
+    """The one map of all particles, with their ancestry.
+
+    Args:
+        particles: How many there are at most.
+        cell: Side of a grid square (m).
+    """
+
+    def __init__(self, particles: int, cell: float) -> None:
+        self.cell = cell
+        squares = np.full(0, NONE, np.int32)
+        self.arrays = MapArrays(
+            tiles=np.full((0, 0), NONE, np.int32),
+            corner=np.zeros(2, np.int64),
+            tile_uses=np.zeros(0, np.int32),
+            free_tiles=np.zeros(0, np.int32),
+            first=squares,
+            counts=np.zeros(0, np.int16),
+            size=np.zeros(0, np.int8),
+            slot=np.zeros(0, np.int32),
+            owner=np.zeros(0, np.int16),
+            beams=np.zeros((0, 2), np.float32),
+            chain=np.zeros(0, np.int32),
+            free_blocks=np.full(SIZES, NONE, np.int32),
+            free_counts=np.zeros(SIZES + 2, np.int64),
+            used=np.zeros(2, np.int64),
+        )
+        nodes = 2 * particles
+        self.tree = TreeArrays(
+            parent=np.full(nodes, NONE, np.int16),
+            children=np.full(nodes, NONE, np.int16),
+            order=np.full(nodes, NONE, np.int16),
+            chunk=np.full(nodes, NONE, np.int32),
+            chunks=np.zeros((0, CHUNK + 2), np.int32),
+            free_chunk=np.full(1, NONE, np.int64),
+        )
+        # The root, from which all particles come.
+        self.tree.children[0] = 0
+
+    @property
+    def observations(self) -> int:
+        """How many observations the map holds."""
+        return int(self.arrays.used[1])
+
+    @property
+    def squares(self) -> int:
+        """How many squares have observations: the ground seen."""
+        return int(self.arrays.tile_uses.sum())
+
+    @property
+    def bytes(self) -> int:
+        """Size of the map's arrays, tree and tiles and all."""
+        return sum(array.nbytes for arrays in (self.arrays, self.tree) for array in arrays)
+
+    def check_ground(self, low: Int64[np.ndarray, "2"], high: Int64[np.ndarray, "2"]) -> None:
+        """Check that the map can reach from one tile (row, column) to before another.
+
+        Raises:
+            InputError: The index would have more than `MOST_TILES` entries.
+        """
+        extend_index(self.arrays.tiles, self.arrays.corner, low, high, TILE * self.cell)
+
+    def reserve_tiles(self, low: Int64[np.ndarray, "2"], high: Int64[np.ndarray, "2"]) -> None:
+        """Have room for all tiles from one (row, column) to before another.
+
+        Raises:
+            InputError: The index would have more than `MOST_TILES` entries.
+        """
+        arrays = self.arrays
+        side = TILE * self.cell
+        index, corner = extend_index(arrays.tiles, arrays.corner, low, high, side)
+        rows, columns = (slice(a, b) for a, b in zip(low - corner, high - corner, strict=True))
+        free = int(arrays.free_counts[SIZES])
+        missing = int(np.count_nonzero(index[rows, columns] == NONE)) - free
+        if missing > 0:
+            before, more = len(arrays.tile_uses), max(missing, len(arrays.tile_uses) // 2)
+            free_tiles = _grown(arrays.free_tiles, more)
+            # The lowest numbers are taken first.
+            free_tiles[free : free + more] = np.arange(before + more - 1, before - 1, -1)
+            arrays.free_counts[SIZES] += more
+            squares = more * TILE_SQUARES
+            arrays = arrays._replace(
+                tile_uses=_grown(arrays.tile_uses, more),
+                free_tiles=free_tiles,
+                first=_grown(arrays.first, squares, NONE),
+                counts=_grown(arrays.counts, squares),
+                size=_grown(arrays.size, squares),
+                slot=_grown(arrays.slot, squares),
+            )
+        self.arrays = arrays._replace(tiles=index, corner=corner)
+
+    def reserve_observations(self, places: int, chunks: int) -> None:
+        """Have room for more: so many places after all blocks, and so many free chunks."""
+        arrays, tree = self.arrays, self.tree
+        missing = int(arrays.used[0]) + places - len(arrays.owner)
+        if missing > 0:
+            more = max(missing + missing % 2, len(arrays.owner) // 4 * 2)
+            self.arrays = arrays._replace(
+                owner=_grown(arrays.owner, more),
+                beams=_grown(arrays.beams, more),
+                chain=_grown(arrays.chain, more // 2),
+            )
+        missing = chunks + _SPARE_CHUNKS - int(arrays.free_counts[SIZES + 1])
+        if missing > 0:
+            before, more = len(tree.chunks), max(missing, len(tree.chunks) // 2)
+            grown = _grown(tree.chunks, more)
+            grown[before:, 0] = np.arange(before + 1, before + more + 1)
+            grown[-1, 0] = tree.free_chunk[0]
+            tree.free_chunk[0] = before
+            arrays.free_counts[SIZES + 1] += more
+            self.tree = tree._replace(chunks=grown)
+
+    def known_by(
+        self, node: int
+    ) -> tuple[Float64[np.ndarray, "rows columns 2"], Int64[np.ndarray, "2"]]:
+        """All that the particle of a node knows, as one array as large as the ground seen.
+
+        Returns:
+            See `known_beams`; and row and column of the first square, from the map's origin.
+        """
+        index = self.arrays.tiles
+        rows, columns = np.nonzero(index != NONE)
+        if not len(rows):
+            return np.zeros((0, 0, 2)), np.zeros(2, np.int64)
+        low = np.array((rows.min(), columns.min()))
+        high = np.array((rows.max(), columns.max())) + 1
+        is_ancestor = np.zeros(len(self.tree.parent), np.uint8)
+        while node != NONE:
+            is_ancestor[node] = 1
+            node = int(self.tree.parent[node])
+        beams = np.empty((*((high - low) * TILE), 2))
+        known_beams(self.arrays, is_ancestor, beams, low)
+        return beams, (self.arrays.corner + low) * TILE
+
+    def count_known(self, nodes: Int16[np.ndarray, "particles"]) -> int:
+        """How many squares the particles of some nodes know, in sum."""
+        count = len(self.tree.parent)
+        is_above, below = np.zeros((count, count), np.bool_), np.zeros(count, np.int64)
+        for node in np.flatnonzero(self.tree.children != NONE).tolist():
+            above = int(self.tree.parent[node])
+            while above != NONE:
+                is_above[above, node] = True
+                above = int(self.tree.parent[above])
+        for node in nodes.tolist():
+            below[node] += 1
+            below[is_above[:, node]] += 1
+        return int(count_known(self.arrays, below, is_above))
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The tree, and all observations by the tile, as arrays by name."""
+        arrays, tree = self.arrays, self.tree
+        known = np.argwhere(arrays.tiles != NONE)
+        tiles = arrays.tiles[known[:, 0], known[:, 1]]
+        counts = arrays.counts.reshape(-1, TILE_SQUARES)[tiles]
+        owners = np.empty(self.observations, np.int16)
+        beams = np.empty((self.observations, 2), np.float32)
+        gather(arrays, tiles, owners, beams)
+        # A root, and what is no node, both have no parent.
+        parents = np.where(tree.children == NONE, NONE - 1, tree.parent).astype(np.int16)
+        return {
+            "tree.parents": parents,
+            "map.places": known + arrays.corner,
+            "map.counts": counts,
+            "map.owners": owners,
+            "map.beams": beams,
+        }
+
+    def restore(
+        self, state: Mapping[str, np.ndarray], nodes: Int16[np.ndarray, "particles"]
+    ) -> None:
+        """Become, when fresh, the map that returned `state`.
+
+        Args:
+            state: The arrays.
+            nodes: The nodes of the particles.
+
+        Raises:
+            InputError: The arrays are none that a state holds.
+        """
+        check_shapes(
+            state,
+            {
+                "tree.parents": (len(self.tree.parent),),
+                "map.places": ("tiles", 2),
+                "map.counts": ("tiles", TILE_SQUARES),
+                "map.owners": ("observations",),
+                "map.beams": ("observations", 2),
+            },
+        )
+        check_finite(state, "map.beams")
+        places, counts = state["map.places"], state["map.counts"].astype(np.int64)
+        owners, beams = state["map.owners"], state["map.beams"]
+        self._restore_tree(state["tree.parents"], nodes)
+        if counts.min(initial=0) < 0 or (counts.size and counts.sum() != len(owners)):
+            raise InputError("map.counts", f"{len(owners)} in sum", str(counts.sum()))
+        if not counts.any(axis=1).all():
+            raise InputError("map.counts", "an observation in every tile", "none in one")
+        is_node = self.tree.children != NONE
+        if not np.isin(owners, np.flatnonzero(is_node)).all():
+            raise InputError("map.owners", "nodes of the tree", "others")
+        squares = np.repeat(np.arange(counts.size), counts.ravel())
+        if len(np.unique(squares * len(self.tree.parent) + owners)) != len(owners):
+            raise InputError("map.owners", "each node once in a square", "one twice")
+        if beams.min(initial=0) < 0 or (beams[:, 1] == 0).any():
+            raise InputError("map.beams", "counts, and positive distances", "others")
+        if len(np.unique(places, axis=0)) != len(places):
+            raise InputError("map.places", "each tile once", "one twice")
+        if not len(places):
+            return
+        low, high = places.min(axis=0), places.max(axis=0) + 1
+        self.reserve_tiles(low, high)
+        needed = np.ceil(np.log2(np.maximum(counts, 2))).astype(np.int64)
+        # A block is doubled until it is large enough, and those before it are left free.
+        chunks = len(owners) // CHUNK + len(self.tree.parent)
+        self.reserve_observations(int((2 << needed).sum()), chunks)
+        scatter(self.arrays, self.tree, places - low, state["map.counts"], owners, beams)
+
+    def _restore_tree(
+        self, parents: Int16[np.ndarray, "nodes"], nodes: Int16[np.ndarray, "particles"]
+    ) -> None:
+        """Take in a tree, which must be one that `prune` and `add_node` make."""
+        tree, count = self.tree, len(parents)
+        is_node = parents >= NONE
+        expected = "a tree, of whose nodes each has two children or is a particle's"
+        if parents.min() < NONE - 1 or parents.max() >= count or (parents == NONE).sum() != 1:
+            raise InputError("tree.parents", expected, "other parents")
+        children = np.bincount(parents[parents >= 0], minlength=count)
+        is_leaf = np.zeros(count, np.bool_)
+        if nodes.min() < 0 or nodes.max() >= count or len(np.unique(nodes)) != len(nodes):
+            raise InputError("particles.nodes", "nodes of the tree, each once", "others")
+        is_leaf[nodes] = True
+        if (children[~is_node] > 0).any() or not is_node[nodes].all():
+            raise InputError("tree.parents", expected, "parents that are no nodes")
+        if (children[is_leaf] > 0).any() or (children[is_node & ~is_leaf] < 2).any():
+            raise InputError("tree.parents", expected, "another number of children")
+        tree.parent[:] = np.where(is_node, np.maximum(parents, NONE), NONE)
+        tree.children[:] = np.where(is_node, children, NONE)
+        if order_nodes(tree) != is_node.sum():
+            raise InputError("tree.parents", expected, "nodes that the root does not lead to")
+
+
+def _grown(array: np.ndarray, more: int, value: int = 0) -> np.ndarray:
+    """A copy of an array that is longer, filled with a value."""
+    tail = np.full((more, *array.shape[1:]), value, array.dtype)
+    return np.concatenate((array, tail))
+
+
+@kernel()
+def gather(arrays: MapArrays, tiles: np.ndarray, owners: np.ndarray, beams: np.ndarray) -> None:
+    """Lay out the observations of some tiles, square by square (observations,)."""
+    n = 0
+    for tile in tiles:
+        for square in range(tile * TILE_SQUARES, (tile + 1) * TILE_SQUARES):
+            first = arrays.first[square]
+            for at in range(first, first + arrays.counts[square]):
+                owners[n] = arrays.owner[at]
+                beams[n, 0], beams[n, 1] = arrays.beams[at, 0], arrays.beams[at, 1]
+                n += 1
+
+
+@kernel()
+def scatter(
+    arrays: MapArrays,
+    tree: TreeArrays,
+    places: np.ndarray,
+    counts: np.ndarray,
+    owners: np.ndarray,
+    beams: np.ndarray,
+) -> None:
+    """Enter what `gather` has laid out into an empty map that has room for it."""
+    n = 0
+    for tile in range(len(places)):
+        row, column = places[tile, 0] + arrays.corner[0], places[tile, 1] + arrays.corner[1]
+        first = made_square_at(arrays, row * TILE, column * TILE)
+        for k in range(TILE_SQUARES):
+            for _ in range(counts[tile, k]):
+                add_observation(arrays, tree, first + k, owners[n], beams[n, 0], beams[n, 1])
+                n += 1

@@ -1,0 +1,407 @@
+"""DP-SLAM: a particle filter over maps, of which it keeps one.
+
+A. Eliazar and R. Parr, DP-SLAM, IJCAI 2003, and DP-SLAM 2.0, ICRA 2004. The hierarchy of two maps
+that the program of its authors has since (Hierarchical linear/constant time SLAM, NIPS 2005) is
+another system, and is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float64, Int16, Int64
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose
+from albot_core.geometry.types import Pose, Poses
+from albot_core.kernels.compiled import kernel
+from albot_core.mappers.mapper import Estimate, MapperSpec
+from albot_core.mappers.random_state import generator_of, generator_state
+from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.slam.ancestral_paths import AncestralPaths
+from albot_core.mappers.slam.ancestry import (
+    LocalMap,
+    add_node,
+    clear_local_map,
+    make_local_map,
+    order_nodes,
+    prune,
+    release_empty_tiles,
+)
+from albot_core.mappers.slam.distributed_map import DistributedMap
+from albot_core.mappers.slam.dp_slam_config import MOST_DEVIATIONS, UNIFORMS, DpSlamConfig
+from albot_core.mappers.slam.opacity import (
+    Beams,
+    enter_scan,
+    slots_needed,
+    weigh_samples,
+)
+from albot_core.mappers.slam.tiles import NONE, TILE
+from albot_core.mappers.stored_arrays import check_finite, check_shapes
+from albot_core.maps.layers import (
+    MapSnapshot,
+    OccupancyGridLayer,
+    ParticlesLayer,
+    TrajectoryLayer,
+)
+from albot_core.sensing.reading import LaserScan, Reading
+
+_SCANS = 4
+"""The local map has room for the squares of so many scans."""
+_FAR = 1e12
+"""No coordinate counts as farther (m), so that tiles can be counted."""
+
+
+class DpSlam:
+    """DP-SLAM's particles, and the one map that they share.
+
+    It corrects its earlier poses (`CorrectedTrajectory`): they are those of the best particle's
+    ancestors.
+
+    Args:
+        config: All thresholds.
+        name: The name under which the mapper is known.
+    """
+
+    def __init__(self, config: DpSlamConfig | None = None, name: str = "dp-slam") -> None:
+        self._name = name
+        self.config = config or DpSlamConfig()
+        self._model = self.config.laser_model
+        self._local: LocalMap | None = None
+        self.reset(np.random.default_rng(0))
+
+    @property
+    def spec(self) -> MapperSpec:
+        """What is known of it by its name."""
+        return mapper_spec(self._name)
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget everything; the next reading is the first. It draws no random number."""
+        self._rng = rng
+        self._map = DistributedMap(self.config.particles, self.config.cell)
+        self._paths = AncestralPaths()
+        self._poses: Poses = np.zeros((1, 3))
+        self._nodes: Int16[np.ndarray, "particles"] = np.zeros(1, np.int16)
+        self._draws: Int64[np.ndarray, "particles"] = np.array((self.config.sample_count,))
+        self._best = 0
+        self._moved = np.zeros(3)
+
+    def update(self, reading: Reading) -> bool:
+        """Take in a reading; true where its scan was used.
+
+        Raises:
+            InputError: The reading lacks a laser scan, or the odometer says that the robot has
+                gone farther than a map can reach; nothing is changed then.
+        """
+        scan = reading.required_laser(self._name)
+        is_first = self._paths.readings == 0
+        moved = np.zeros(3) if is_first else compose(self._moved, reading.motion)
+        if not is_first and not self._has_moved_on(moved):
+            self._moved = moved
+            self._paths.add_reading(moved)
+            return False
+        beams = self._beams(scan)
+        self._check_ground(moved, beams)
+        parents = np.zeros(1, np.int64)
+        if not is_first:
+            # Draw samples of where the robot may have gone, weigh them by the scan, and keep some.
+            samples, origins = self._move_particles(moved)
+            weights = self._weigh(samples, origins, beams)
+            chosen, self._draws = self._resample(weights)
+            self._poses, parents = samples[chosen], origins[chosen]
+            self._best = int(np.argmax(weights[chosen]))
+        self._nodes = self._update_ancestry(parents)
+        self._reserve_ground(beams)
+        self._enter(parents, beams)
+        self._paths.add_poses(self._poses, parents)
+        self._paths.add_reading(np.zeros(3))
+        self._moved = np.zeros(3)
+        return True
+
+    def _has_moved_on(self, moved: Pose) -> bool:
+        """Whether the robot has gone or turned far enough to look again."""
+        far = math.hypot(moved[0], moved[1]) >= self.config.step
+        return far or abs(moved[2]) >= self.config.turn
+
+    def _move_particles(
+        self, moved: Pose
+    ) -> tuple[Float64[np.ndarray, "samples 3"], Int64[np.ndarray, "samples"]]:
+        """Draw samples of the poses after a motion; and the particle that each comes from."""
+        origins = np.repeat(np.arange(len(self._poses)), self._draws)
+        along, across, turn = _along_and_across(moved)
+        deviations = self.config.motion.deviations(math.hypot(along, across), turn)
+        uniforms = self._rng.random((len(origins), 3, UNIFORMS))
+        normals = (uniforms.sum(axis=-1) - 0.5 * UNIFORMS) / math.sqrt(UNIFORMS / 12)
+        along, across, turn = (np.array((along, across, turn)) + normals * deviations).T
+        samples = self._poses[origins]
+        middle = samples[:, 2] + 0.5 * turn
+        samples[:, 0] += along * np.cos(middle) - across * np.sin(middle)
+        samples[:, 1] += along * np.sin(middle) + across * np.cos(middle)
+        samples[:, 2] = np.arctan2(np.sin(samples[:, 2] + turn), np.cos(samples[:, 2] + turn))
+        return samples, origins
+
+    def _weigh(
+        self,
+        samples: Float64[np.ndarray, "samples 3"],
+        origins: Int64[np.ndarray, "samples"],
+        beams: Beams,
+    ) -> Float64[np.ndarray, "samples"]:
+        """The samples' weights by a scan; they sum to 1."""
+        logs = np.empty(len(samples))
+        arrays, tree, local = self._map.arrays, self._map.tree, self._room(beams)
+        local.nodes[:] = NONE
+        local.nodes[: len(self._nodes)] = self._nodes
+        count = order_nodes(tree)
+        weigh_samples(arrays, tree, local, count, samples, origins, beams, self._model, logs)
+        weights = np.exp(logs - logs.max())
+        return np.asarray(weights / weights.sum())
+
+    def _resample(
+        self, weights: Float64[np.ndarray, "samples"]
+    ) -> tuple[Int64[np.ndarray, "chosen"], Int64[np.ndarray, "chosen"]]:
+        """The samples that become particles, and how many samples each draws the next time."""
+        draws = np.zeros(len(weights), np.int64)
+        uniforms, sums = self._rng.random(self.config.sample_count), np.empty(len(weights))
+        resample(weights, uniforms, self.config.particles, sums, draws)
+        chosen = np.flatnonzero(draws)
+        return chosen, draws[chosen]
+
+    def _update_ancestry(self, parents: Int64[np.ndarray, "chosen"]) -> Int16[np.ndarray, "chosen"]:
+        """Prune the tree; the nodes of the particles whose parents are given."""
+        tree = self._map.tree
+        if self._paths.readings == 0:
+            return self._nodes
+        local = self._local
+        assert local is not None  # It was made to weigh the samples.
+        nodes, count = local.nodes, len(self._nodes)
+        descendants = np.bincount(parents, minlength=count)
+        prune(
+            self._map.arrays, tree, nodes[:count], descendants, np.empty(len(tree.parent), np.uint8)
+        )
+        return np.array([add_node(tree, nodes[parent]) for parent in parents], np.int16)
+
+    def _enter(self, parents: Int64[np.ndarray, "chosen"], beams: Beams) -> None:
+        """Enter what each particle saw by its own pose."""
+        local, lacking = self._room(beams), np.zeros(2, np.int64)
+        if self._paths.readings == 0:
+            local.nodes[:] = NONE
+            local.nodes[0] = self._nodes[0]
+        count = order_nodes(self._map.tree)
+        for k, (pose, node) in enumerate(zip(self._poses, self._nodes, strict=True)):
+            while not enter_scan(
+                self._map.arrays,
+                self._map.tree,
+                local,
+                count,
+                int(parents[k]),
+                int(node),
+                pose,
+                beams,
+                self._model,
+                self._seen,
+                self._touched,
+                lacking,
+            ):
+                self._map.reserve_observations(int(lacking[0]), int(lacking[1]))
+        clear_local_map(self._map.arrays, local)
+        release_empty_tiles(self._map.arrays)
+
+    def _beams(self, scan: LaserScan) -> Beams:
+        """The beams of a scan that are used.
+
+        A laser that says 0 has seen nothing, and says nothing of what it did not see.
+        """
+        config, geometry = self.config, scan.geometry
+        every = -(-geometry.beams // config.beams)
+        ranges, directions = scan.ranges[::every], geometry.directions[::every]
+        is_used = ranges > 0
+        ranges = ranges[is_used]
+        return Beams(
+            directions=np.ascontiguousarray(directions[is_used]),
+            lengths=np.minimum(ranges, config.reach),
+            stopped=ranges < min(config.reach, geometry.max_range),
+            eye=np.array(geometry.mount[:2]),
+        )
+
+    def _room(self, beams: Beams) -> LocalMap:
+        """The local map, with room for scans of so many beams."""
+        slots = _SCANS * int(slots_needed(len(beams.lengths), self._model))
+        if self._local is None or len(self._local.squares) < slots:
+            self._local = make_local_map(slots, self.config.particles)
+            self._seen = np.zeros((slots, 2))
+            self._touched = np.empty(slots, np.int32)
+        return self._local
+
+    def _check_ground(self, moved: Pose, beams: Beams) -> None:
+        """Raise InputError where a motion leads farther than a map can reach."""
+        distance = math.hypot(moved[0], moved[1])
+        deviations = self.config.motion.deviations(distance, moved[2])
+        radius = distance + MOST_DEVIATIONS * float(deviations[:2].sum())
+        self._map.check_ground(*self._tiles(self._poses, radius + self._sight(beams)))
+
+    def _reserve_ground(self, beams: Beams) -> None:
+        """Have tiles for all that the particles see."""
+        low, high = self._tiles(self._poses, self._sight(beams))
+        self._map.reserve_tiles(low, high)
+
+    def _sight(self, beams: Beams) -> float:
+        """How far from the robot a beam may end (m)."""
+        return self.config.reach + math.hypot(*beams.eye)
+
+    def _tiles(
+        self, poses: Float64[np.ndarray, "poses 3"], radius: float
+    ) -> tuple[Int64[np.ndarray, "2"], Int64[np.ndarray, "2"]]:
+        """Row and column of the first tile within a distance (m) of poses, and after the last."""
+        side = TILE * self.config.cell
+        places = poses[:, 1::-1]
+        low, high = places.min(axis=0) - radius, places.max(axis=0) + radius
+        first, last = np.floor(np.clip((low, high), -_FAR, _FAR) / side).astype(np.int64)
+        return first, last + 1
+
+    @property
+    def estimate(self) -> Estimate:
+        """The best particle's pose, and what the odometer said since."""
+        return Estimate(
+            pose=compose(self._poses[self._best], self._moved),
+            home=np.zeros(3),
+            updates=self._paths.updates,
+            map_version=self._paths.updates,
+        )
+
+    @property
+    def memory(self) -> dict[str, int]:
+        """What the one map takes, and what a map for each particle would.
+
+        `observations` of squares in the map of all; `squares` that have any; `copied`, how many
+        squares all particles know in sum, each of which would be in a map of its own; `bytes` of
+        the arrays of the one map.
+        """
+        return {
+            "observations": self._map.observations,
+            "squares": self._map.squares,
+            "copied": self._map.count_known(self._nodes),
+            "bytes": self._map.bytes,
+        }
+
+    def snapshot(self) -> MapSnapshot:
+        """The best particle's map and path, and all particles.
+
+        A square is occupied with the probability that it stops a beam that crosses it from corner
+        to corner.
+        """
+        beams, origin = self._known(self._best)
+        stopped, distance = beams[:, :, 0], beams[:, :, 1]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            crossed = 1.0 - np.exp(-math.sqrt(2) * self.config.cell * stopped / distance)
+        grid = OccupancyGridLayer(
+            origin=np.array((*origin, 0.0)),
+            resolution=self.config.cell,
+            occupancy=np.where(distance > 0, crossed, np.nan).astype(np.float32),
+        )
+        weights = self._draws / self._draws.sum()
+        return MapSnapshot(
+            layers=(
+                grid,
+                TrajectoryLayer(poses=self._paths.poses_of(self._best)),
+                ParticlesLayer(poses=self._poses.copy(), weights=weights),
+            )
+        )
+
+    def _known(
+        self, particle: int
+    ) -> tuple[Float64[np.ndarray, "rows columns 2"], Float64[np.ndarray, "2"]]:
+        """All that a particle knows (see `known_beams`), and the corner of the first square (m)."""
+        beams, corner = self._map.known_by(int(self._nodes[particle]))
+        return beams, corner[::-1] * self.config.cell
+
+    def corrected_poses(self) -> Poses:
+        """The poses at all readings, as the best particle's ancestors had them."""
+        return self._paths.poses_at_readings(self._best)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything the mapper remembers, as arrays by name."""
+        return {
+            "rng": generator_state(self._rng),
+            "moved": self._moved.copy(),
+            "best": np.array(self._best, np.int64),
+            "particles.poses": self._poses.copy(),
+            "particles.nodes": self._nodes.copy(),
+            "particles.draws": self._draws.copy(),
+            **self._paths.state(),
+            **self._map.state(),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become the mapper that returned `state`.
+
+        Raises:
+            InputError: The arrays are none that a state holds.
+        """
+        shapes = {"particles.poses": ("particles", 3), "best": (), "moved": (3,), "rng": (6,)}
+        shapes |= dict.fromkeys(("particles.nodes", "particles.draws"), ("particles",))
+        check_shapes(state, shapes)
+        check_finite(state, "particles.poses", "moved")
+        poses, draws = state["particles.poses"], state["particles.draws"]
+        if not 1 <= len(poses) <= self.config.particles:
+            expected = f"1 to {self.config.particles} particles"
+            raise InputError("particles.poses", expected, str(len(poses)))
+        if draws.min() < 1 or draws.sum() != self.config.sample_count:
+            raise InputError(
+                "particles.draws", f"{self.config.sample_count} samples", str(draws.sum())
+            )
+        if not 0 <= state["best"] < len(poses):
+            raise InputError("best", "one of the particles", str(state["best"]))
+        paths, distributed = (
+            AncestralPaths(),
+            DistributedMap(self.config.particles, self.config.cell),
+        )
+        paths.restore(state, len(poses))
+        distributed.restore(state, state["particles.nodes"])
+        self._rng = generator_of(state["rng"])
+        self._map, self._paths = distributed, paths
+        self._poses, self._draws = poses.copy(), draws.copy()
+        self._nodes, self._best = state["particles.nodes"].copy(), int(state["best"])
+        self._moved = state["moved"].copy()
+
+
+def _along_and_across(moved: Pose) -> tuple[float, float, float]:
+    """A motion along and to the left of the heading midway; and its turn."""
+    x, y, turn = moved.tolist()
+    cos, sin = math.cos(0.5 * turn), math.sin(0.5 * turn)
+    return cos * x + sin * y, cos * y - sin * x, turn
+
+
+@kernel()
+def resample(
+    weights: np.ndarray, uniforms: np.ndarray, most: int, sums: np.ndarray, draws: np.ndarray
+) -> None:
+    """Draw as many samples as there are, with replacement, of so many different ones at most.
+
+    Once there are as many different ones, the rest is drawn among them.
+
+    Args:
+        weights: The samples' weights (samples,).
+        uniforms: Numbers within [0, 1), one for each draw.
+        most: How many different samples may be drawn.
+        sums: Room for as many numbers as there are weights.
+        draws: How often each is drawn (samples,); zeros at first.
+    """
+    kinds, total = 0, 0.0
+    for i in range(len(weights)):
+        total += weights[i]
+        sums[i] = total
+    for uniform in uniforms:
+        # The first sample of all whose sum of weights is beyond the number drawn.
+        i = np.searchsorted(sums, uniform * total, side="right")
+        if draws[i] == 0:
+            kinds += 1
+            draws[i] = 1
+            if kinds == most:
+                total = 0.0
+                for j in range(len(weights)):
+                    total += weights[j] if draws[j] > 0 else 0.0
+                    sums[j] = total
+        else:
+            draws[i] += 1

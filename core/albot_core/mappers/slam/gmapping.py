@@ -1,0 +1,304 @@
+"""GMapping: grid maps by particles that are drawn where the scan says, not the odometer alone.
+
+G. Grisetti, C. Stachniss and W. Burgard, Improved techniques for grid mapping with
+Rao-Blackwellized particle filters, IEEE Transactions on Robotics 23 (2007): its algorithm 1, in
+`GMapping.update`.
+The parameters and the beams' model are those of the authors' program (openslam.org/gmapping.html).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Pose
+from albot_core.kernels.compiled import kernel
+from albot_core.mappers.slam.beam_model import BeamConfig, beam_tables, cut_patch, weigh_points
+from albot_core.mappers.slam.particle_slam import FROM_ONE, ParticleSlam, ParticleSlamConfig
+from albot_core.mappers.slam.points import matched_points
+from albot_core.mappers.slam.tiles import PoolArrays
+from albot_core.ranges import COUNT, NOT_NEGATIVE, POSITIVE, check_fields
+from albot_core.sensing.reading import LaserScan
+
+_MOST_SAMPLES = 15
+
+
+@dataclass(frozen=True, kw_only=True)
+class GMappingConfig(ParticleSlamConfig):
+    """Thresholds of GMapping: the defaults are the authors' program's, unless said."""
+
+    beams: BeamConfig = field(default_factory=BeamConfig)
+    """How scans are compared with maps."""
+    length_step: float = 0.05
+    """First step of the search for the best pose (m) (lstep)…"""
+    angle_step: float = 0.05
+    """…and in heading (rad) (astep)."""
+    iterations: int = 5
+    """How often the steps are halved."""
+    least_score: float = 0.0
+    """A match with a mean score of the beams up to this is none."""
+    samples: int = 3
+    """The proposal is measured at so many poses along each axis around the best one. The paper's K
+    is the cube of it. The program draws from no proposal, but takes the best pose: 1 does so."""
+    sample_step: float = 0.02
+    """Between two such poses (m), ours…"""
+    sample_turn: float = math.radians(0.5)
+    """…and between their headings (rad), ours."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_fields(self, FROM_ONE, "samples")
+        check_fields(self, COUNT, "iterations")
+        check_fields(self, NOT_NEGATIVE, "least_score")
+        check_fields(self, POSITIVE, "length_step", "angle_step", "sample_step", "sample_turn")
+        if self.samples > _MOST_SAMPLES:
+            raise InputError(
+                "GMappingConfig.samples", f"at most {_MOST_SAMPLES}", str(self.samples)
+            )
+
+
+class Search(NamedTuple):
+    """How the best pose is looked for, for compiled code."""
+
+    length_step: float
+    angle_step: float
+    iterations: int
+    samples: int
+    sample_step: float
+    sample_turn: float
+    least_score: float
+
+
+class GMapping(ParticleSlam):
+    """GMapping.
+
+    Args:
+        config: All thresholds.
+        name: The name under which the mapper is known.
+    """
+
+    config: GMappingConfig
+
+    def __init__(self, config: GMappingConfig | None = None, name: str = "gmapping") -> None:
+        config = config or GMappingConfig()
+        self._scores, self._log_likelihoods = beam_tables(config.beams, config.grid.cell)
+        super().__init__(config, name)
+
+    @property
+    def _weight_gain(self) -> float:
+        """As the program: the more particles, the more equal."""
+        return 1.0 / self.config.particles
+
+    def _move_and_weigh(
+        self, scan: LaserScan, motion: Pose, deviations: Float64[np.ndarray, "3"]
+    ) -> None:
+        """Draw a pose of each particle by motion and scan, and weigh them (lines 3 to 21)."""
+        config, particles = self.config, self._particles
+        points, _ = matched_points(scan, config.grid.reach, config.beams.spacing)
+        search = Search(
+            config.length_step,
+            config.angle_step,
+            config.iterations,
+            config.samples,
+            config.sample_step,
+            config.sample_turn,
+            config.least_score,
+        )
+        draw_poses(
+            particles.pool.arrays,
+            particles.index,
+            particles.corner,
+            config.grid.cell,
+            points,
+            motion,
+            deviations,
+            self._rng.standard_normal((particles.count, 3)),
+            self._scores,
+            self._log_likelihoods,
+            search,
+            particles.poses,
+            particles.log_weights,
+        )
+
+
+@kernel(arrays=True, nogil=True)
+def draw_poses(
+    pool: PoolArrays,
+    index: np.ndarray,
+    corner: np.ndarray,
+    cell: float,
+    points: np.ndarray,
+    motion: np.ndarray,
+    deviations: np.ndarray,
+    noise: np.ndarray,
+    scores: np.ndarray,
+    log_likelihoods: np.ndarray,
+    search: Search,
+    poses: np.ndarray,
+    log_weights: np.ndarray,
+) -> None:
+    """Draw a pose of each particle, and add the logarithm of how likely the scan is to its weight.
+
+    Args:
+        pool: The tiles of the maps.
+        index: The tiles of each map (particles, rows, columns).
+        corner: Where they begin (see `Particles`).
+        cell: Side of a cell (m).
+        points: Where beams ended (robot's frame, m).
+        motion: The odometer's motion since the last update.
+        deviations: Its standard deviations along its own axes (m, m, rad).
+        noise: Normal random numbers (particles, 3).
+        scores: See `beam_tables`.
+        log_likelihoods: The same.
+        search: Where the best pose is looked for.
+        poses: The poses, changed in place.
+        log_weights: The weights, changed in place.
+    """
+    guess, best, trial, mean = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    covariance = np.empty((3, 3))
+    samples = np.empty((search.samples**3, 4))
+    for k in range(len(poses)):
+        cos, sin = math.cos(poses[k, 2]), math.sin(poses[k, 2])
+        guess[0] = poses[k, 0] + cos * motion[0] - sin * motion[1]
+        guess[1] = poses[k, 1] + sin * motion[0] + cos * motion[1]
+        guess[2] = poses[k, 2] + motion[2]
+        patch, low = cut_patch(pool, index[k], corner, cell, points, guess)
+        score = _climb(patch, low, cell, points, guess, scores, search, best, trial)
+        if score > search.least_score * len(points):
+            log_weights[k] += _propose(
+                patch, low, cell, points, guess, best, deviations, log_likelihoods, search,
+                samples, mean, covariance,
+            )  # fmt: skip
+            # Drawn by the root of the covariance (Cholesky): lines 20 and 21.
+            a = math.sqrt(covariance[0, 0])
+            b, d = covariance[1, 0] / a, covariance[2, 0] / a
+            c = math.sqrt(covariance[1, 1] - b * b)
+            e = (covariance[2, 1] - b * d) / c
+            f = math.sqrt(max(covariance[2, 2] - d * d - e * e, 0.0))
+            u, v, w = noise[k, 0], noise[k, 1], noise[k, 2]
+            poses[k, 0] = mean[0] + a * u
+            poses[k, 1] = mean[1] + b * u + c * v
+            poses[k, 2] = mean[2] + d * u + e * v + f * w
+        else:
+            # By the motion alone (lines 7 to 9).
+            cos, sin = math.cos(guess[2]), math.sin(guess[2])
+            along, across = deviations[0] * noise[k, 0], deviations[1] * noise[k, 1]
+            poses[k, 0] = guess[0] + cos * along - sin * across
+            poses[k, 1] = guess[1] + sin * along + cos * across
+            poses[k, 2] = guess[2] + deviations[2] * noise[k, 2]
+            log_weights[k] += weigh_points(
+                patch, low, cell, points, poses[k, 0], poses[k, 1], poses[k, 2], log_likelihoods
+            )
+        poses[k, 2] = (poses[k, 2] + math.pi) % (2.0 * math.pi) - math.pi
+
+
+@kernel()
+def _climb(
+    patch: np.ndarray,
+    low: tuple[int, int],
+    cell: float,
+    points: np.ndarray,
+    guess: np.ndarray,
+    scores: np.ndarray,
+    search: Search,
+    best: np.ndarray,
+    trial: np.ndarray,
+) -> float:
+    """Find the pose at which the scan fits best, uphill from the guess (line 6); its score."""
+    for axis in range(3):
+        best[axis] = guess[axis]
+    score = weigh_points(patch, low, cell, points, best[0], best[1], best[2], scores)
+    length, angle, halved = search.length_step, search.angle_step, 0
+    while halved < search.iterations:
+        cos, sin = length * math.cos(best[2]), length * math.sin(best[2])
+        found, found_score = -1, score
+        for move in range(6):
+            _step(best, move, cos, sin, angle, trial)
+            moved = weigh_points(patch, low, cell, points, trial[0], trial[1], trial[2], scores)
+            if moved > found_score:
+                found, found_score = move, moved
+        if found < 0:
+            length, angle, halved = 0.5 * length, 0.5 * angle, halved + 1
+            continue
+        _step(best, found, cos, sin, angle, trial)
+        for axis in range(3):
+            best[axis] = trial[axis]
+        score = found_score
+    return score
+
+
+@kernel()
+def _step(
+    origin: np.ndarray, move: int, cos: float, sin: float, angle: float, trial: np.ndarray
+) -> None:
+    """One step from a pose: ahead, back, left, right, or a turn to either side."""
+    sign = 1.0 - 2.0 * (move % 2)
+    for axis in range(3):
+        trial[axis] = origin[axis]
+    if move < 2:
+        trial[0] += sign * cos
+        trial[1] += sign * sin
+    elif move < 4:
+        trial[0] -= sign * sin
+        trial[1] += sign * cos
+    else:
+        trial[2] += sign * angle
+
+
+@kernel()
+def _propose(
+    patch: np.ndarray,
+    low: tuple[int, int],
+    cell: float,
+    points: np.ndarray,
+    guess: np.ndarray,
+    best: np.ndarray,
+    deviations: np.ndarray,
+    log_likelihoods: np.ndarray,
+    search: Search,
+    samples: np.ndarray,
+    mean: np.ndarray,
+    covariance: np.ndarray,
+) -> float:
+    """Mean and covariance of motion and scan together, by samples around the best pose.
+
+    Lines 11 to 19; returns the logarithm of the likelihood of the scan, line 21.
+    """
+    count = search.samples
+    cos, sin = math.cos(guess[2]), math.sin(guess[2])
+    most = -math.inf
+    for n in range(count**3):
+        x = best[0] + (n % count - 0.5 * (count - 1)) * search.sample_step
+        y = best[1] + (n // count % count - 0.5 * (count - 1)) * search.sample_step
+        heading = best[2] + (n // count**2 - 0.5 * (count - 1)) * search.sample_turn
+        log = weigh_points(patch, low, cell, points, x, y, heading, log_likelihoods)
+        along = (cos * (x - guess[0]) + sin * (y - guess[1])) / deviations[0]
+        across = (cos * (y - guess[1]) - sin * (x - guess[0])) / deviations[1]
+        turn = (heading - guess[2]) / deviations[2]
+        log -= 0.5 * (along * along + across * across + turn * turn)
+        samples[n, 0], samples[n, 1], samples[n, 2], samples[n, 3] = x, y, heading, log
+        most = max(most, log)
+    total = 0.0
+    for axis in range(3):
+        mean[axis] = 0.0
+    for n in range(count**3):
+        weight = math.exp(samples[n, 3] - most)
+        samples[n, 3] = weight
+        total += weight
+        for axis in range(3):
+            mean[axis] += weight * samples[n, axis]
+    for axis in range(3):
+        mean[axis] /= total
+    for i in range(3):
+        for j in range(3):
+            summed = 0.0
+            for n in range(count**3):
+                summed += samples[n, 3] * (samples[n, i] - mean[i]) * (samples[n, j] - mean[j])
+            covariance[i, j] = summed / total
+        covariance[i, i] += 1e-12
+    return most + math.log(total / count**3)

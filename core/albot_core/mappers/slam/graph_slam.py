@@ -1,0 +1,490 @@
+"""Graph SLAM: keyframes, what was measured between them, loops that are closed, and the optimum.
+
+G. Grisetti, R. Kümmerle, C. Stachniss and W. Burgard, A tutorial on graph-based SLAM, IEEE
+Intelligent Transportation Systems Magazine 2(4), 2010; the thesis reviews it in section 2.2.3, in
+the four steps that `update` follows. The search for loop closures in a window around an earlier
+part of the way is that of W. Hess et al., Real-time loop closure in 2D LIDAR SLAM, ICRA 2016; how
+wide the window is follows from how unsure the graph is (E. Olson, RAS 57, 2009).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose, relative, transform_points
+from albot_core.geometry.types import Pose, Poses
+from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
+from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.slam.correlation import Window, correlate
+from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid
+from albot_core.mappers.slam.likelihood_field import FieldConfig, LikelihoodField
+from albot_core.mappers.slam.local_map import (
+    LocalMap,
+    Match,
+    MatchingConfig,
+    ScanPoints,
+    scan_points,
+)
+from albot_core.mappers.slam.pose_graph import PoseGraph, invert_symmetric
+from albot_core.mappers.slam.refinement import refine
+from albot_core.mappers.slam.scan_matching import believed_motion
+from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
+from albot_core.mappers.stored_arrays import check_finite, check_shapes
+from albot_core.maps.layers import (
+    MapSnapshot,
+    PlaceEdge,
+    PlaceGraph,
+    PlaceNode,
+    TrajectoryLayer,
+)
+from albot_core.ranges import POSITIVE, SHARE, Range, check_fields
+from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
+
+_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClosureConfig:
+    """When and how loops are closed. The values are ours, tuned on Intel and Wean alone."""
+
+    field: FieldConfig = field(default_factory=lambda: FieldConfig(half=12.0))
+    """The likelihood field of the earlier part of the way."""
+    near: float = 4.0
+    """Keyframes are compared that may be as near as this (m)."""
+    behind: int = 40
+    """The latest keyframes, which the local map holds, are not compared."""
+    chain: int = 3
+    """So many keyframes before and after an earlier one are matched with as one."""
+    together: int = 3
+    """So many of the latest keyframes are matched as one."""
+    tries: int = 1
+    """How many earlier parts of the way are tried at each keyframe."""
+    deviations: float = 3.0
+    """The window reaches so many standard deviations of the relative pose to each side…"""
+    least_reach: float = 0.2
+    """…at least so far (m)…"""
+    most_reach: float = 6.0
+    """…and at most so far (m)."""
+    least_turn: float = math.radians(4.0)
+    """The same of the heading (rad)."""
+    most_turn: float = math.radians(40.0)
+    """The same (rad)."""
+    response: float = 0.6
+    """A closure is believed whose points have at least this mean likelihood…"""
+    wide_response: float = 0.7
+    """…or this, where the window is as wide as it may be."""
+
+    def __post_init__(self) -> None:
+        check_fields(
+            self, POSITIVE, "near", "deviations", "least_reach", "most_reach", "least_turn",
+            "most_turn",
+        )  # fmt: skip
+        check_fields(self, _FROM_ONE, "behind", "chain", "together", "tries")
+        check_fields(self, SHARE, "response", "wide_response")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraphSlamConfig:
+    """Thresholds of graph SLAM."""
+
+    matching: MatchingConfig = field(default_factory=MatchingConfig)
+    """How scans are matched with the latest ones, and which become keyframes."""
+    closures: ClosureConfig = field(default_factory=ClosureConfig)
+    """How loops are closed."""
+    grid: GridConfig = field(default_factory=GridConfig)
+    """The occupancy grid."""
+    way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
+    """How the way home is found."""
+    cauchy: float = 1.0
+    """Width of the robust function by which closures count at first, in standard deviations…"""
+    dcs: float = 5.0
+    """…and of that by which they count at last, in squared standard deviations."""
+    floor: float = 0.005
+    """Standard deviation of what no match tells (m): the roughness of surfaces…"""
+    turn_floor: float = math.radians(0.15)
+    """…and of the heading (rad)."""
+    surprise: float = 3.0
+    """The graph is optimised at once where a closure is so many standard deviations off…"""
+    most_waiting: int = 40
+    """…and else after so many closures."""
+    longest_step: float = 10.0
+    """No robot goes farther between two readings (m): a longer motion is not believed."""
+
+    def __post_init__(self) -> None:
+        check_fields(
+            self, POSITIVE, "cauchy", "dcs", "floor", "turn_floor", "surprise", "longest_step"
+        )
+        check_fields(self, _FROM_ONE, "most_waiting")
+
+
+class Keyframe(NamedTuple):
+    """A scan that the graph has a node for."""
+
+    scan: LaserScan
+    """The scan."""
+    points: ScanPoints
+    """What is matched of it."""
+    reading: int
+    """The number of its reading."""
+
+
+class GraphSlam:
+    """Graph SLAM, which corrects its earlier poses and knows a way home.
+
+    Args:
+        config: All thresholds.
+        name: The name under which the mapper is known.
+    """
+
+    def __init__(self, config: GraphSlamConfig | None = None, name: str = "graph-slam") -> None:
+        self.config = config or GraphSlamConfig()
+        self._name = name
+        self._local = LocalMap(self.config.matching)
+        self._route = RouteKeeper(self.config.way_home)
+        self._chain = LikelihoodField(self.config.closures.field)
+        self.reset(np.random.default_rng(0))
+
+    @property
+    def spec(self) -> MapperSpec:
+        """What is known of it by its name."""
+        return mapper_spec(self._name)
+
+    @property
+    def estimate(self) -> Estimate:
+        """Where the robot is; the earlier reading is that with which a loop was closed just now."""
+        return Estimate(
+            pose=self._pose.copy(),
+            home=np.zeros(3),
+            localised=self._is_localised,
+            matched_reading=None if self._matched < 0 else self._matched,
+            updates=len(self._keyframes),
+            map_version=self._version,
+        )
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget everything; the next reading is the first. It draws no random number."""
+        self._local.reset()
+        self._route.forget()
+        self.graph = PoseGraph(self.config.cauchy, self.config.dcs)
+        self._keyframes: list[Keyframe] = []
+        self._pose = np.zeros(3)
+        self._offsets: list[Pose] = []  # Of each reading, from the keyframe that it follows…
+        self._followed: list[int] = []  # …which is this.
+        self._matched, self._version, self._waiting = -1, 0, 0
+        self._is_localised = True
+        self._drawn: tuple[int, int, LogOddsGrid] | None = None
+
+    def update(self, reading: Reading) -> bool:
+        """Take in a reading; true where its scan became a keyframe.
+
+        Raises:
+            InputError: The reading lacks a laser scan, or its laser is another one than before.
+        """
+        laser = reading.required_laser(self._name)
+        if self._keyframes and laser.geometry != self._keyframes[0].scan.geometry:
+            raise InputError("Reading.laser", "the same laser at each reading", "another one")
+        points = scan_points(laser, self.config.matching)
+        match: Match | None = None
+        is_kept = True
+        if self._keyframes:
+            motion, is_believed = believed_motion(reading, self.config.longest_step, self._name)
+            match = self._local.match(points, compose(self._pose, motion))
+            self._pose, self._is_localised = match.pose, match.is_good
+            is_kept = self._local.is_due(match.pose) and (is_believed or match.is_good)
+        if is_kept:
+            keyframe = Keyframe(laser, points, len(self._offsets))
+            self._add_node(keyframe, match)  # Steps 1 and 2.
+            self._local.keep(self._pose, points.surface)
+            self._matched = self._close_loops()  # Step 3.
+            if self._must_optimise():
+                self._optimise()  # Step 4.
+        self._followed.append(len(self._keyframes) - 1)
+        self._offsets.append(relative(self.graph.poses[-1], self._pose))
+        return is_kept
+
+    def _add_node(self, keyframe: Keyframe, match: Match | None) -> None:
+        """Add a keyframe, and the edge from the one before: the match, or else the odometer."""
+        graph, number = self.graph, len(self._keyframes)
+        self._keyframes.append(keyframe)
+        graph.poses.append(self._pose.copy())
+        self._version += 1
+        if match is None:
+            return
+        slip, turn = self._local.errors.deviations
+        information = np.diag((1.0 / slip**2, 1.0 / slip**2, 1.0 / turn**2))
+        if match.is_good:
+            information = self._edge_information(match.information + information, self._pose)
+        motion = relative(graph.poses[-2], self._pose)
+        graph.add(number - 1, number, motion, information, closes=False)
+
+    def _edge_information(
+        self, information: Float64[np.ndarray, "3 3"], pose: Pose
+    ) -> Float64[np.ndarray, "3 3"]:
+        """Information along the map's axes, along the robot's own; no surer than the floors."""
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        turned = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
+        config = self.config
+        floors = np.diag((config.floor, config.floor, config.turn_floor)) ** 2
+        own = turned.T @ information @ turned + 1e-6 * np.eye(3)
+        return invert_symmetric(invert_symmetric(own) + floors)
+
+    def _close_loops(self) -> int:
+        """Compare the latest keyframe with earlier ones nearby, and add edges where they match.
+
+        Returns:
+            The reading of the keyframe with which a loop was closed, -1 where none was.
+        """
+        config, graph = self.config.closures, self.graph
+        latest = len(self._keyframes) - 1
+        last = latest - config.behind
+        if last < 0:
+            return -1
+        far, before = graph.spreads(latest)
+        old = np.array(graph.poses[: last + 1])
+        away = np.hypot(*(old - graph.poses[latest])[:, :2].T)
+        spread = np.minimum(np.sqrt(far[: last + 1]), config.most_reach / config.deviations)
+        distance = away - config.deviations * spread
+        open_ones = distance < config.near
+        matched = -1
+        scan: ScanPoints | None = None
+        for _ in range(config.tries):
+            if not open_ones.any():
+                break
+            # Of those that may be near the one that is nearest by what is believed.
+            other = int(np.argmin(np.where(open_ones, away, np.inf)))
+            low, high = max(0, other - config.chain), min(last, other + config.chain)
+            open_ones[max(0, low - config.chain) : high + config.chain + 1] = False
+            scan = self._latest_together() if scan is None else scan
+            if self._compare(latest, other, range(low, high + 1), scan, before):
+                matched = self._keyframes[other].reading if matched < 0 else matched
+        return matched
+
+    def _latest_together(self) -> ScanPoints:
+        """The points of the latest keyframes as one scan, in the frame of the last."""
+        together = range(
+            max(0, len(self._keyframes) - self.config.closures.together), len(self._keyframes)
+        )
+        points, normals = [], []
+        for number in together:
+            frame = relative(self.graph.poses[-1], self.graph.poses[number])
+            points.append(transform_points(frame, self._keyframes[number].points.points))
+            turn = np.array((0.0, 0.0, frame[2]))
+            normals.append(transform_points(turn, self._keyframes[number].points.normals))
+        return ScanPoints(np.concatenate(points), np.concatenate(normals), np.empty((0, 2)))
+
+    def _compare(
+        self, latest: int, other: int, chain: range, scan: ScanPoints, before: np.ndarray
+    ) -> bool:
+        """Match the latest keyframes with an earlier part of the way; whether an edge was added."""
+        config, graph = self.config.closures, self.graph
+        guess = graph.poses[latest]
+        self._chain.clear(guess[:2])
+        for number in chain:
+            self._chain.add(graph.poses[number], self._keyframes[number].points.surface)
+        spread, turn = graph.deviations(latest, other, before)
+        window = Window(
+            min(max(config.deviations * spread, config.least_reach), config.most_reach),
+            min(max(config.deviations * turn, config.least_turn), config.most_turn),
+            self.config.matching.heading_step,
+        )
+        prior = 0.5 / np.array((max(spread, 0.05), max(spread, 0.05), max(turn, 0.02))) ** 2
+        best = correlate(self._chain, scan.points, guess, window, prior)
+        if best.response < 0.5 * config.response:
+            return False
+        found = refine(self._chain, scan.points, scan.normals, best.pose, guess, 0.0 * prior)
+        share = min(window.reach / config.most_reach, 1.0)
+        needed = config.response + share * (config.wide_response - config.response)
+        if found.response < needed:
+            return False
+        correlated = self.config.matching.correlated * self.config.closures.together
+        information = self._edge_information(found.information / correlated, found.pose)
+        motion = relative(graph.poses[other], found.pose)
+        graph.add(other, latest, motion, information, closes=True)
+        self._waiting += 1
+        off = relative(found.pose, guess)
+        if off @ information @ off > self.config.surprise**2:
+            self._waiting += self.config.most_waiting
+        return True
+
+    def _must_optimise(self) -> bool:
+        return self._waiting >= self.config.most_waiting
+
+    def _optimise(self) -> None:
+        """Move all keyframes to where the edges fit best, and the robot with the last of them."""
+        self.graph.poses = list(self.graph.optimum())
+        self._pose = self.graph.poses[-1].copy()
+        self._waiting = 0
+        self._version += 1
+        kept = min(len(self.graph.poses), self.config.matching.scans)
+        self._local.move(self.graph.poses[-kept:])
+
+    def _settled(self) -> Poses:
+        """The keyframes' poses with all closures, also those that wait."""
+        if self._waiting:
+            return self.graph.optimum()
+        return np.array(self.graph.poses).reshape(-1, 3)
+
+    def corrected_poses(self) -> Poses:
+        """The robot's pose at every reading since the reset, as believed now."""
+        if not self._followed:
+            return np.empty((0, 3))
+        followed: Poses = self._settled()[self._followed]
+        return compose(followed, np.array(self._offsets))
+
+    @property
+    def way_home(self) -> WayHome:
+        """The shortest way home over cells that are believed to be free."""
+
+        def ground() -> Ground:
+            return Ground(self._grid(), np.array(self.graph.poses).reshape(-1, 3)[:, :2])
+
+        version = self._version, len(self.graph.poses), sum(self.graph.closes)
+        return self._route.way_home(version, self._pose, ground)
+
+    def snapshot(self) -> MapSnapshot:
+        """The grid of all keyframes, the graph with a node for each, and the corrected way."""
+        poses = self._settled()
+        nodes = tuple(
+            PlaceNode(id=k, label=f"K{k + 1}", pose=pose, middle=pose[:2])
+            for k, pose in enumerate(poses.copy())
+        )
+        edges = tuple(
+            PlaceEdge(source=source, target=target, motion=motion.copy())
+            for (source, target), motion in zip(self.graph.ends, self.graph.motions, strict=True)
+        )
+        home, current = (0, len(nodes) - 1) if nodes else (None, None)
+        graph = PlaceGraph(nodes=nodes, edges=edges, home=home, current=current)
+        way = TrajectoryLayer(poses=self.corrected_poses())
+        return MapSnapshot(layers=(self._grid().layer(), graph, way))
+
+    def _grid(self) -> LogOddsGrid:
+        """The grid, drawn of all keyframes; only what is new, where no earlier pose has moved."""
+        closures, done, grid = self._drawn or (-1, 0, LogOddsGrid(self.config.grid))
+        if closures != sum(self.graph.closes):
+            done, grid = 0, LogOddsGrid(self.config.grid)
+        if done < len(self._keyframes):
+            settled = self._settled()
+            for keyframe, pose in zip(self._keyframes[done:], settled[done:], strict=True):
+                grid.integrate(pose, keyframe.scan)
+        self._drawn = sum(self.graph.closes), len(self._keyframes), grid
+        return grid
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything the mapper remembers, as arrays by name."""
+        graph, keyframes = self.graph, self._keyframes
+        laser = keyframes[0].scan.geometry if keyframes else LaserGeometry(beams=2)
+        numbers = (laser.first_bearing, laser.spacing, laser.max_range, *laser.mount)
+        counts = (self._matched, self._version, self._waiting, self._is_localised, laser.beams)
+        scans = [keyframe.scan.ranges for keyframe in keyframes]
+        return {
+            "pose": self._pose.copy(),
+            "counts": np.array(counts, np.int64),
+            "laser": np.array(numbers),
+            "readings.offset": np.array(self._offsets).reshape(-1, 3),
+            "readings.followed": np.array(self._followed, np.int64),
+            "keyframes.pose": np.array(graph.poses).reshape(-1, 3),
+            "keyframes.ranges": np.array(scans).reshape(-1, laser.beams),
+            "keyframes.reading": np.array([key.reading for key in keyframes], np.int64),
+            "edges.ends": np.array(graph.ends, np.int64).reshape(-1, 2),
+            "edges.motion": np.array(graph.motions).reshape(-1, 3),
+            "edges.information": np.array(graph.information).reshape(-1, 3, 3),
+            "edges.closes": np.array(graph.closes, np.bool_),
+            **self._local.state(),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become the mapper that returned `state`.
+
+        Raises:
+            InputError: The arrays are none that a state holds.
+        """
+        laser = _check_state(state)
+        self._local.restore(state)
+        self.graph = PoseGraph(self.config.cauchy, self.config.dcs)
+        self.graph.poses = list(state["keyframes.pose"].copy())
+        for (source, target), motion, information, closes in zip(
+            state["edges.ends"].tolist(),
+            state["edges.motion"].copy(),
+            state["edges.information"].copy(),
+            state["edges.closes"].tolist(),
+            strict=True,
+        ):
+            self.graph.add(source, target, motion, information, closes=closes)
+        scans = [LaserScan(ranges=row, geometry=laser) for row in state["keyframes.ranges"].copy()]
+        self._keyframes = [
+            Keyframe(scan, scan_points(scan, self.config.matching), reading)
+            for scan, reading in zip(scans, state["keyframes.reading"].tolist(), strict=True)
+        ]
+        self._pose = state["pose"].copy()
+        self._offsets = list(state["readings.offset"].copy())
+        self._followed = state["readings.followed"].tolist()
+        self._matched, self._version, self._waiting, localised, _ = state["counts"].tolist()
+        self._is_localised = bool(localised)
+        self._drawn = None
+        self._route.forget()
+
+
+def _check_state(state: Mapping[str, np.ndarray]) -> LaserGeometry:
+    """The laser whose scans a state holds.
+
+    Raises:
+        InputError: The arrays are none that a state holds.
+    """
+    shapes: dict[str, tuple[str | int, ...]] = {
+        "pose": (3,),
+        "counts": (5,),
+        "laser": (6,),
+        "readings.offset": ("readings", 3),
+        "readings.followed": ("readings",),
+        "keyframes.pose": ("keyframes", 3),
+        "keyframes.ranges": ("keyframes", "beams"),
+        "keyframes.reading": ("keyframes",),
+        "edges.ends": ("edges", 2),
+        "edges.motion": ("edges", 3),
+        "edges.information": ("edges", 3, 3),
+        "edges.closes": ("edges",),
+    }
+    check_shapes(state, shapes)
+    finite = ("pose", "laser", "readings.offset", "keyframes.pose", "edges.motion")
+    check_finite(state, *finite, "edges.information")
+    keyframes, readings = len(state["keyframes.pose"]), len(state["readings.offset"])
+    matched, version, waiting, localised, beams = state["counts"].tolist()
+    if not (
+        -1 <= matched < max(readings, 1) and min(version, waiting) >= 0 and localised in (0, 1)
+    ):
+        raise InputError("counts", "a reading, two counts, 0 or 1", str(state["counts"].tolist()))
+    if beams != state["keyframes.ranges"].shape[1]:
+        raise InputError("keyframes.ranges", f"{beams} beams", str(state["keyframes.ranges"].shape))
+    for name, end in (("readings.followed", keyframes), ("keyframes.reading", readings)):
+        numbers = state[name]
+        if len(numbers) and (numbers[0] != 0 or (np.diff(numbers) < 0).any() or numbers[-1] >= end):
+            raise InputError(name, f"numbers that grow from 0 to less than {end}", "others")
+    ends = state["edges.ends"]
+    if len(ends) and (
+        ends.min() < 0 or ends.max() >= keyframes or (ends[:, 0] >= ends[:, 1]).any()
+    ):
+        raise InputError("edges.ends", f"growing pairs of {keyframes} keyframes", "others")
+    chain = ends[~state["edges.closes"]]
+    if not np.array_equal(chain[:, 1], np.arange(1, keyframes)) or (np.diff(chain) != 1).any():
+        raise InputError("edges.ends", "an edge from each keyframe to the next", "others")
+    information = state["edges.information"]
+    if len(information) and np.linalg.eigvalsh(information).min() <= 0:
+        raise InputError("edges.information", "positive definite matrices", "others")
+    first_bearing, spacing, most, *mount = state["laser"].tolist()
+    try:
+        return LaserGeometry(
+            beams=beams,
+            first_bearing=first_bearing,
+            spacing=spacing,
+            max_range=most,
+            mount=(mount[0], mount[1], mount[2]),
+        )
+    except InputError as error:
+        raise InputError("laser", error.expected, error.found) from None

@@ -1,0 +1,299 @@
+"""The log-odds occupancy grid: tiles of cells, made as the ground is seen.
+
+H. Moravec and A. Elfes, High resolution maps from wide angle sonar, ICRA 1985; the values of the
+sensor's model and the bounds are those of A. Hornung et al., OctoMap, Autonomous Robots 2013. A
+cell holds the logarithm of the odds that it is occupied; exactly 0 is unknown.
+
+Its cells lie in tiles that grids may share (`tiles`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int32, Int64
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Pose
+from albot_core.kernels.compiled import kernel
+from albot_core.mappers.slam.tiles import (
+    MOST_TILES,
+    NONE,
+    TILE,
+    PoolArrays,
+    TilePool,
+    extend_index,
+    release_tiles,
+    take_tile,
+    tiles_around,
+    writable_tile,
+)
+from albot_core.mappers.stored_arrays import check_finite, check_shapes
+from albot_core.maps.layers import OccupancyGridLayer
+from albot_core.ranges import POSITIVE, Range, check_fields
+from albot_core.sensing.reading import LaserScan
+
+_SHARE = Range("a number within (0, 1)", 0.0, 1.0, beyond=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridConfig:
+    """How fine a grid is, and what a beam says of its cells."""
+
+    cell: float = 0.05
+    """Side of a cell (m)."""
+    reach: float = 12.0
+    """Beams count no farther than this (m)."""
+    hit: float = 0.7
+    """Probability that a cell is occupied in which one beam ended (Hornung et al. 2013)."""
+    miss: float = 0.4
+    """Probability that a cell is occupied through which one beam went (the same)."""
+    least: float = 0.12
+    """No cell is less probably occupied (the same)…"""
+    most: float = 0.97
+    """…or more probably (the same)."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, POSITIVE, "cell", "reach")
+        check_fields(self, _SHARE, "hit", "miss", "least", "most")
+        if not self.least < self.miss < 0.5 < self.hit < self.most < 1:
+            found = f"{self.least:g}, {self.miss:g}, {self.hit:g}, {self.most:g}"
+            expected = "least < miss < 0.5 < hit < most < 1"
+            raise InputError("GridConfig.least, miss, hit, most", expected, found)
+        if self.reach / self.cell > 4096:
+            expected = f"at most 4096 cells of {self.cell:g} m"
+            raise InputError("GridConfig.reach", expected, f"{self.reach:g}")
+
+    @property
+    def log_odds(self) -> Float32[np.ndarray, "4"]:
+        """What a beam adds where it ends and where it goes through; least and most of a cell."""
+        shares = np.array((self.hit, self.miss, self.least, self.most))
+        return np.log(shares / (1.0 - shares)).astype(np.float32)
+
+
+class LogOddsGrid:
+    """An occupancy grid in the map's frame.
+
+    Args:
+        config: How fine it is.
+        pool: Where its tiles are; one of its own where none is given.
+    """
+
+    def __init__(self, config: GridConfig, pool: TilePool | None = None) -> None:
+        self.config = config
+        self.pool = TilePool() if pool is None else pool
+        self.index: Int32[np.ndarray, "rows columns"] = np.full((0, 0), NONE, np.int32)
+        """The tile of each square of `TILE` cells; `NONE` where nothing is known."""
+        self.corner: Int64[np.ndarray, "2"] = np.zeros(2, np.int64)
+        """Row and column of `index[0, 0]`, counted in tiles from the map's origin."""
+
+    def integrate(self, pose: Pose, scan: LaserScan) -> None:
+        """Enter what a scan saw: free ground along its beams, and where they ended.
+
+        A beam that came back from beyond the config's reach frees the ground up to there. Where
+        nothing came back, nothing is entered: the surface may be black or a mirror.
+
+        Args:
+            pose: The robot's pose in the map's frame.
+            scan: Its scan.
+
+        Raises:
+            InputError: The grid would become larger than `MOST_TILES` tiles.
+        """
+        config = self.config
+        mount = scan.geometry.mount
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        eye = pose[0] + cos * mount[0] - sin * mount[1], pose[1] + sin * mount[0] + cos * mount[1]
+        self.reserve(*eye, config.reach)
+        integrate_scan(
+            self.pool.arrays,
+            self.index,
+            self.corner,
+            config.cell,
+            config.log_odds,
+            (eye[0], eye[1], float(pose[2])),
+            scan.ranges,
+            scan.geometry.directions,
+            (config.reach, scan.geometry.max_range),
+            *self.pool.marks(self._half),
+        )
+
+    def reserve(self, x: float, y: float, reach: float) -> None:
+        """Have room for the ground around a point (m), in the index and in the pool.
+
+        Raises:
+            InputError: The index would have more than `MOST_TILES` entries.
+        """
+        low, high = tiles_around(x, y, reach, self.config.cell)
+        side = TILE * self.config.cell
+        self.index, self.corner = extend_index(self.index, self.corner, low, high, side)
+        self.pool.reserve(int(np.prod(high - low)))
+
+    def fork(self) -> LogOddsGrid:
+        """A grid of the same ground, which shares all tiles until either writes to them."""
+        twin = LogOddsGrid(self.config, self.pool)
+        twin.index, twin.corner = self.index.copy(), self.corner.copy()
+        self.pool.arrays.uses[self.index[self.index != NONE]] += 1
+        return twin
+
+    def clear(self) -> None:
+        """Forget all ground, and give the tiles that no other grid has back to the pool."""
+        release_tiles(self.pool.arrays, self.index)
+        self.index, self.corner = np.full((0, 0), NONE, np.int32), np.zeros(2, np.int64)
+
+    def log_odds(self) -> tuple[Float32[np.ndarray, "rows columns"], Float64[np.ndarray, "2"]]:
+        """All cells as one array, and x, y of the outer corner of its first cell (m).
+
+        It is as large as the ground that is known, to whole tiles.
+        """
+        rows, columns = np.nonzero(self.index != NONE)
+        if not len(rows):
+            return np.zeros((0, 0), np.float32), np.zeros(2)
+        low = np.array((rows.min(), columns.min()))
+        high = np.array((rows.max(), columns.max())) + 1
+        part = self.index[low[0] : high[0], low[1] : high[1]]
+        tiles = np.where(
+            (part != NONE)[..., None, None], self.pool.arrays.cells[part], np.float32(0)
+        )
+        cells = tiles.transpose(0, 2, 1, 3).reshape(part.shape[0] * TILE, part.shape[1] * TILE)
+        corner = ((self.corner + low)[::-1] * TILE * self.config.cell).astype(np.float64)
+        return np.ascontiguousarray(cells), corner
+
+    def layer(self) -> OccupancyGridLayer:
+        """The grid as a layer of a map: probabilities, NaN where nothing is known."""
+        cells, corner = self.log_odds()
+        shares = 1.0 - 1.0 / (1.0 + np.exp(cells))
+        return OccupancyGridLayer(
+            origin=np.array((*corner, 0.0)),
+            resolution=self.config.cell,
+            occupancy=np.where(cells == 0, np.float32(np.nan), shares).astype(np.float32),
+        )
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The ground that is known, as arrays by name."""
+        known = np.argwhere(self.index != NONE)
+        tiles = self.index[known[:, 0], known[:, 1]]
+        return {
+            "grid.places": known + self.corner,
+            "grid.cells": self.pool.arrays.cells[tiles].copy(),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become the grid that returned `state`, with tiles of its own.
+
+        Raises:
+            InputError: The arrays are none that a state holds.
+        """
+        check_shapes(state, {"grid.places": ("tiles", 2), "grid.cells": ("tiles", TILE, TILE)})
+        check_finite(state, "grid.cells")
+        places, cells = state["grid.places"], state["grid.cells"]
+        least, most = self.config.log_odds[2:]
+        if cells.size and (cells.min() < least or cells.max() > most):
+            raise InputError("grid.cells", f"log odds within {least:g} and {most:g}", "others")
+        if len(np.unique(places, axis=0)) != len(places):
+            raise InputError("grid.places", "each tile once", "one twice")
+        self.clear()
+        if not len(places):
+            return
+        low, high = places.min(axis=0), places.max(axis=0) + 1
+        # As Python's own numbers, which do not overflow.
+        rows, columns = (int(b) - int(a) for a, b in zip(low, high, strict=True))
+        if rows * columns > MOST_TILES:
+            raise InputError("grid.places", f"{MOST_TILES} tiles at most", f"{rows} by {columns}")
+        self.index, self.corner = np.full((rows, columns), NONE, np.int32), low.copy()
+        self.pool.reserve(len(places))
+        for (row, column), tile in zip((places - low).tolist(), cells, strict=True):
+            number = take_tile(self.pool.arrays)
+            self.pool.arrays.cells[number] = tile
+            self.index[row, column] = number
+
+    @property
+    def _half(self) -> int:
+        """How many cells from the laser a beam can reach."""
+        return math.ceil(self.config.reach / self.config.cell) + 1
+
+
+_FREE, _HIT = np.uint8(1), np.uint8(2)
+
+
+@kernel()
+def integrate_scan(
+    pool: PoolArrays,
+    index: np.ndarray,
+    corner: np.ndarray,
+    cell: float,
+    log_odds: np.ndarray,
+    eye: tuple[float, float, float],
+    ranges: np.ndarray,
+    directions: np.ndarray,
+    reaches: tuple[float, float],
+    marks: np.ndarray,
+    touched: np.ndarray,
+) -> None:
+    """Enter a scan into a grid. Each cell is entered once: where any beam ended, as occupied.
+
+    Args:
+        pool: The tiles, with one free for every square around the laser.
+        index: The grid's tiles, with room for all ground within reach (rows, columns).
+        corner: Row and column of its first entry, in tiles.
+        cell: Side of a cell (m).
+        log_odds: What is added where a beam ends and goes through; least and most of a cell (4,).
+        eye: x, y of the laser in the map (m), and the robot's heading (rad).
+        ranges: Distance along every beam (m), (beams,).
+        directions: Unit vectors of the beams in the robot's frame (beams, 2).
+        reaches: How far beams count (m); where the laser says that nothing came back (m).
+        marks: Zeros; for all cells within reach, a square around the laser's. Zeros again at the
+            end.
+        touched: Room for as many numbers.
+    """
+    reach, nothing = reaches
+    half = (round(math.sqrt(len(marks))) - 1) // 2
+    width = 2 * half + 1
+    cos, sin = math.cos(eye[2]), math.sin(eye[2])
+    first_row, first_column = math.floor(eye[1] / cell) - half, math.floor(eye[0] / cell) - half
+    # The laser's place, in cells from the square's corner.
+    x0, y0 = eye[0] / cell - first_column, eye[1] / cell - first_row
+    count = 0
+    for k in range(len(ranges)):
+        if not 0.0 < ranges[k] < nothing:
+            continue
+        length = min(ranges[k], reach) / cell
+        ux = cos * directions[k, 0] - sin * directions[k, 1]
+        uy = sin * directions[k, 0] + cos * directions[k, 1]
+        column, row = int(x0), int(y0)
+        end_column, end_row = int(x0 + length * ux), int(y0 + length * uy)
+        # From cell to cell along the beam (J. Amanatides and A. Woo, Eurographics 1987).
+        across, up = (1 if ux > 0.0 else -1), (1 if uy > 0.0 else -1)
+        delta_x = abs(1.0 / ux) if ux != 0.0 else math.inf
+        delta_y = abs(1.0 / uy) if uy != 0.0 else math.inf
+        next_x = (column + (ux > 0.0) - x0) / ux if ux != 0.0 else math.inf
+        next_y = (row + (uy > 0.0) - y0) / uy if uy != 0.0 else math.inf
+        for _ in range(abs(end_column - column) + abs(end_row - row)):
+            mark = row * width + column
+            if marks[mark] == 0:
+                marks[mark] = _FREE
+                touched[count] = mark
+                count += 1
+            if next_x < next_y:
+                column, next_x = column + across, next_x + delta_x
+            else:
+                row, next_y = row + up, next_y + delta_y
+        if ranges[k] > reach:
+            continue
+        mark = end_row * width + end_column
+        if marks[mark] == 0:
+            touched[count] = mark
+            count += 1
+        marks[mark] = _HIT
+    for k in range(count):
+        mark = touched[k]
+        row, column = first_row + mark // width, first_column + mark % width
+        tile_row, tile_column = row // TILE - corner[0], column // TILE - corner[1]
+        tile = writable_tile(pool, index, tile_row, tile_column)
+        added = log_odds[0] if marks[mark] == _HIT else log_odds[1]
+        held = pool.cells[tile, row % TILE, column % TILE] + added
+        pool.cells[tile, row % TILE, column % TILE] = min(max(held, log_odds[2]), log_odds[3])
+        marks[mark] = 0

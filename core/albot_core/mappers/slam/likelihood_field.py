@@ -1,0 +1,216 @@
+"""The likelihood field: how likely a beam is to end at each place, over several resolutions.
+
+It is a square of cells around the robot. The likelihood of a cell is that of its distance from the
+nearest point of the scans that were added, by a Gaussian (S. Thrun, W. Burgard and D. Fox,
+Probabilistic Robotics, 2005, section 6.4; E. Olson, Real-time correlative scan matching, ICRA 2009,
+section III). Level h holds at each cell the greatest likelihood of the 2^h by 2^h cells from it on:
+a bound for all of them at once (W. Hess et al., Real-time loop closure in 2D LIDAR SLAM, ICRA 2016,
+eq. 15), here kept up to date point by point.
+
+All of it is arrays, which the kernels of `correlation` and `refinement` take as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, UInt8, UInt16
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Points, Pose
+from albot_core.kernels.compiled import kernel
+from albot_core.ranges import POSITIVE, Range, check_fields
+
+CERTAIN = 255
+"""The likelihood of a cell with a point at its middle."""
+_PARTS = 4
+"""A point is placed within its cell to one of so many by so many parts."""
+_LEVELS = Range("a whole number from 1 to 8", 1.0, 8.0, whole=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldConfig:
+    """How fine a likelihood field is."""
+
+    cell: float = 0.05
+    """Side of a cell (m)."""
+    sigma: float = 0.05
+    """Standard deviation of the distance between a beam's end and the surface (m)."""
+    half: float = 12.0
+    """Half the side of the field (m)."""
+    levels: int = 4
+    """Number of resolutions: the coarsest cell is 2^(levels - 1) of the finest."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, POSITIVE, "cell", "sigma", "half")
+        check_fields(self, _LEVELS, "levels")
+        if not 2 * self.half / self.cell <= 8192:
+            expected = f"at most 4096 cells of {self.cell:g} m"
+            raise InputError("FieldConfig.half", expected, f"{self.half:g}")
+
+    @property
+    def side(self) -> int:
+        """Cells along each side of the field."""
+        return 2 * int(np.ceil(self.half / self.cell))
+
+
+class LikelihoodField:
+    """A square likelihood field, which scans are added to and which can be laid out anew.
+
+    Args:
+        config: How fine it is.
+    """
+
+    def __init__(self, config: FieldConfig) -> None:
+        self.config = config
+        self.corner: Float64[np.ndarray, "2"] = np.zeros(2)
+        """x, y of the outer corner of cell [0, 0] (m); a multiple of the cell's side."""
+        self._levels = np.zeros((config.levels, config.side, config.side), np.uint8)
+        self._seen: UInt16[np.ndarray, "side side"] = np.zeros(self._levels.shape[1:], np.uint16)
+        self._beside = np.empty_like(self._levels[0])
+        self._stamps = _make_stamps(config)
+        # Rows and columns from the first to before the last that may hold anything: low, high.
+        self._used = np.array((config.side, 0, config.side, 0))
+        self._built = 0
+
+    @property
+    def levels(self) -> UInt8[np.ndarray, "levels side side"]:
+        """Likelihoods by level, row (y) and column (x), of at most `CERTAIN`.
+
+        Level 0 is the finest. One and the same array, brought up to date when it is asked for.
+        """
+        return self.levels_for(self.config.side)
+
+    def levels_for(self, across: int) -> UInt8[np.ndarray, "few side side"]:
+        """The levels whose cells are no wider than half a window, of so many cells across."""
+        wanted = 1
+        while wanted < self.config.levels and 1 << (wanted + 1) <= across:
+            wanted += 1
+        if self._built < wanted:
+            _build_coarse(self._levels[:wanted], self._beside, self._used.tolist(), self._built)
+            self._built = wanted
+        return self._levels[:wanted]
+
+    @property
+    def finest(self) -> UInt8[np.ndarray, "side side"]:
+        """Level 0, without the cost of the others."""
+        finest: UInt8[np.ndarray, "side side"] = self._levels[0]
+        return finest
+
+    def clear(self, centre: Points) -> None:
+        """Forget all points, and lay the field out around a point (m)."""
+        cell = self.config.cell
+        top, bottom, left, right = self._used.tolist()
+        self._levels[:, top:bottom, left:right] = 0
+        self._seen[top:bottom, left:right] = 0
+        self._used[:] = self.config.side, 0, self.config.side, 0
+        self.corner[:] = (np.round(centre / cell) - self.config.side // 2) * cell
+        self._built = 0
+
+    def add(self, pose: Pose, points: Float64[np.ndarray, "points 2"]) -> None:
+        """Add the points of a scan, given in the frame of a pose; those outside are left out."""
+        cell = self.config.cell
+        ahead = (1 << (self.config.levels - 1)) - 1
+        add_points(
+            self.finest,
+            self._seen,
+            self._stamps,
+            self.corner,
+            cell,
+            pose,
+            points,
+            self._used,
+            ahead,
+        )
+        self._built = 0
+
+
+def _make_stamps(config: FieldConfig) -> UInt8[np.ndarray, "parts side side"]:
+    """What one point adds to the cells around it, by the part of the cell that it lies in."""
+    reach = int(np.ceil(3.0 * config.sigma / config.cell))
+    along = (np.arange(2 * reach + 1) - reach) * config.cell
+    stamps = np.empty((_PARTS * _PARTS, len(along), len(along)), np.uint8)
+    for part in range(_PARTS * _PARTS):
+        off = ((np.array(divmod(part, _PARTS)) + 0.5) / _PARTS - 0.5) * config.cell
+        squared = (along - off[0])[:, None] ** 2 + (along - off[1]) ** 2
+        stamps[part] = np.round(CERTAIN * np.exp(-0.5 * squared / config.sigma**2))
+    return stamps
+
+
+@kernel()
+def add_points(
+    finest: np.ndarray,
+    seen: np.ndarray,
+    stamps: np.ndarray,
+    corner: np.ndarray,
+    cell: float,
+    pose: np.ndarray,
+    points: np.ndarray,
+    used: np.ndarray,
+    ahead: int,
+) -> None:
+    """Add points to level 0.
+
+    Args:
+        finest: Level 0 of a field (side, side), changed in place.
+        seen: Which parts of each cell have a point, as bits (side, side), changed in place.
+        stamps: What a point adds, by its part of the cell (parts, width, width).
+        corner: x, y of the outer corner of the first cell (m).
+        cell: Side of a cell (m).
+        pose: x, y, heading of the frame that the points are given in.
+        points: x, y of the points (points, 2).
+        used: First and last row and column (excluded) that hold anything, (4,), changed in place…
+        ahead: …with so many more before them.
+    """
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    side, width = len(finest), stamps.shape[1]
+    reach = width // 2
+    for k in range(len(points)):
+        x = (pose[0] + cos * points[k, 0] - sin * points[k, 1] - corner[0]) / cell
+        y = (pose[1] + sin * points[k, 0] + cos * points[k, 1] - corner[1]) / cell
+        border = reach + ahead
+        if not (border <= x < side - reach and border <= y < side - reach):
+            continue
+        column, row = int(x), int(y)
+        part = int((y - row) * _PARTS) * _PARTS + int((x - column) * _PARTS)
+        bit = np.uint16(1 << part)
+        if seen[row, column] & bit:
+            continue  # The same has been added before.
+        seen[row, column] |= bit
+        used[0], used[1] = min(used[0], row - reach - ahead), max(used[1], row + reach + 1)
+        used[2], used[3] = min(used[2], column - reach - ahead), max(used[3], column + reach + 1)
+        for i in range(width):
+            for j in range(width):
+                value = stamps[part, i, j]
+                if value > finest[row - reach + i, column - reach + j]:
+                    finest[row - reach + i, column - reach + j] = value
+
+
+def _build_coarse(
+    levels: UInt8[np.ndarray, "levels side side"],
+    beside: UInt8[np.ndarray, "side side"],
+    used: list[int],
+    built: int,
+) -> None:
+    """Fill in all levels from the finest: of each cell the greatest of four of the level below.
+
+    Along the last rows and columns, where there are not four, it is the greatest of those there
+    are. By numpy, whose loops over bytes are vectors.
+
+    Args:
+        levels: The levels.
+        beside: Written over.
+        used: First and last row and column (excluded) that any level may differ in from 0.
+        built: So many of the levels are there already.
+    """
+    top, bottom, left, right = used
+    if top >= bottom:
+        return
+    levels, beside = levels[:, top:bottom, left:right], beside[top:bottom, left:right]
+    for level in range(max(built, 1), len(levels)):
+        below, here, step = levels[level - 1], levels[level], 1 << (level - 1)
+        np.maximum(below[:, :-step], below[:, step:], out=beside[:, :-step])
+        beside[:, -step:] = below[:, -step:]
+        np.maximum(beside[:-step], beside[step:], out=here[:-step])
+        here[-step:] = beside[-step:]

@@ -1,0 +1,271 @@
+"""SLAM by particles, each with a grid map: what `grid-slam` and `gmapping` have in common.
+
+The filter of D. Hähnel, W. Burgard, D. Fox and S. Thrun, An efficient FastSLAM algorithm for
+generating maps of large-scale cyclic environments from raw laser range measurements, IROS 2003:
+from scan to scan the robot's motion is found by matching each scan with the latest ones; now and
+then the particles move by what came together, each is weighed by how its own map explains the
+scan, and from time to time they are drawn anew. How they move and are weighed is each system's own.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float64
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose, relative
+from albot_core.geometry.types import Pose, Poses
+from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
+from albot_core.mappers.random_state import generator_of, generator_state
+from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.slam.grid import GridConfig
+from albot_core.mappers.slam.local_map import LocalMap, MatchingConfig, scan_points
+from albot_core.mappers.slam.particles import Particles
+from albot_core.mappers.slam.scan_matching import believed_motion
+from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
+from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
+from albot_core.maps.layers import MapSnapshot, ParticlesLayer, TrajectoryLayer
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
+from albot_core.sensing.reading import LaserScan, Reading
+
+FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParticleSlamConfig:
+    """Thresholds of SLAM by particles."""
+
+    grid: GridConfig = field(default_factory=lambda: GridConfig(reach=15.0))
+    """The maps: log odds in cells of 5 cm, as GMapping's program has them."""
+    matching: MatchingConfig = field(default_factory=MatchingConfig)
+    """How scans are matched with the latest ones, from which the motion follows."""
+    way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
+    """How the way home is found."""
+    particles: int = 30
+    """How many particles."""
+    step: float = 1.0
+    """A scan is taken in once the robot has gone so far since the last (m)…"""
+    turn: float = 0.5
+    """…or has turned so far (rad)."""
+    drift: float = 0.1
+    """Standard deviation of the position for each metre gone…"""
+    drift_by_turn: float = 0.1
+    """…and for each radian turned (m/rad)."""
+    twist: float = 0.2
+    """Standard deviation of the heading for each radian turned…"""
+    twist_by_way: float = 0.2
+    """…and for each metre gone (rad/m)."""
+    resample_below: float = 0.5
+    """Particles are drawn anew when the effective number falls below this share of them."""
+    longest_step: float = 10.0
+    """No robot goes farther between two readings (m): a longer motion is not believed."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, FROM_ONE, "particles")
+        check_fields(self, NOT_NEGATIVE, "step", "turn")
+        check_fields(
+            self, POSITIVE, "drift", "drift_by_turn", "twist", "twist_by_way", "longest_step"
+        )
+        check_fields(self, SHARE, "resample_below")
+
+
+_SHAPES: dict[str, Shape] = {
+    "pose": (3,),
+    "motion": (3,),
+    "way": (2,),
+    "updates_of": ("readings",),
+    "offsets": ("readings", 3),
+    "localised": (),
+    "random": (6,),
+}
+"""The arrays of a state, besides those of its parts."""
+
+
+class ParticleSlam(ABC):
+    """SLAM by particles with a grid each; it knows a way home and corrects earlier poses.
+
+    Args:
+        config: All thresholds.
+        name: The name under which the mapper is known.
+    """
+
+    def __init__(self, config: ParticleSlamConfig, name: str) -> None:
+        self._name = name
+        self.config = config
+        self._particles = Particles(config.particles, config.grid)
+        self._local = LocalMap(config.matching)
+        self._route = RouteKeeper(config.way_home)
+        self.reset(np.random.default_rng(0))
+
+    @property
+    def spec(self) -> MapperSpec:
+        """What is known of it by its name."""
+        return mapper_spec(self._name)
+
+    @property
+    def estimate(self) -> Estimate:
+        """Where the likeliest particle is, moved on since the last update."""
+        particles = self._particles
+        return Estimate(
+            pose=compose(particles.poses[particles.best], self._motion),
+            home=np.zeros(3),
+            localised=self._is_localised,
+            updates=particles.updates,
+            map_version=particles.updates,
+        )
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget everything; the next reading is the first."""
+        self._rng = rng
+        self._particles.clear()
+        self._local.reset()
+        self._route.forget()
+        self._pose = np.zeros(3)  # By the latest scans alone, in a frame of its own.
+        self._motion = np.zeros(3)
+        self._way = np.zeros(2)
+        self._is_localised = True
+        self._updates_of: list[int] = []
+        self._offsets: list[Pose] = []
+
+    def update(self, reading: Reading) -> bool:
+        """Take in a reading; true where its scan went into the maps.
+
+        Raises:
+            InputError: The reading lacks a laser scan, or the map would become larger than any
+                building.
+        """
+        scan = reading.required_laser(self._name)
+        particles, config = self._particles, self.config
+        self._match(reading, scan)
+        is_due = not particles.updates or self._has_moved_on()
+        if is_due:
+            if particles.updates:
+                self._move_and_weigh(scan, self._motion, self._deviations())
+            particles.integrate(scan)
+            particles.remember()
+            self._motion, self._way = np.zeros(3), np.zeros(2)
+            weights = particles.weights(self._weight_gain)
+            if 1.0 / np.sum(weights**2) < config.resample_below * config.particles:
+                particles.resample(weights, self._rng)
+        self._updates_of.append(particles.updates - 1)
+        self._offsets.append(self._motion.copy())
+        return is_due
+
+    @property
+    @abstractmethod
+    def _weight_gain(self) -> float:
+        """By this the logarithms of the weights are multiplied before particles are drawn."""
+
+    @abstractmethod
+    def _move_and_weigh(
+        self, scan: LaserScan, motion: Pose, deviations: Float64[np.ndarray, "3"]
+    ) -> None:
+        """Move each particle, and add the logarithm of how likely the scan is to its weight.
+
+        Args:
+            scan: What the robot sees now.
+            motion: How it has moved since the last update, in its frame at that time.
+            deviations: The standard deviations of that, along the robot's axes now (m, m, rad).
+        """
+
+    def _match(self, reading: Reading, scan: LaserScan) -> None:
+        """Find how the robot has moved: by the scan where that can be matched, or the odometer."""
+        points = scan_points(scan, self.config.matching)
+        if not self._particles.updates:
+            self._local.keep(self._pose, points.surface)
+            return
+        motion, is_believed = believed_motion(reading, self.config.longest_step, self._name)
+        match = self._local.match(points, compose(self._pose, motion))
+        motion = relative(self._pose, match.pose)
+        self._pose, self._is_localised = match.pose, match.is_good
+        self._motion = compose(self._motion, motion)
+        self._way += (math.hypot(motion[0], motion[1]), abs(float(motion[2])))
+        if self._local.is_due(match.pose) and (is_believed or match.is_good):
+            self._local.keep(match.pose, points.surface)
+
+    def _has_moved_on(self) -> bool:
+        """Whether the robot has gone or turned far enough since the last update."""
+        return bool(self._way[0] >= self.config.step or self._way[1] >= self.config.turn)
+
+    def _deviations(self) -> Float64[np.ndarray, "3"]:
+        """Standard deviations of the motion since the last update, as GMapping's program has them.
+
+        Across the way the robot slips no less than along it; the program says a third.
+        """
+        config, (way, turned) = self.config, self._way.tolist()
+        slip = config.drift * way + config.drift_by_turn * turned
+        twist = config.twist * turned + config.twist_by_way * way
+        return np.maximum((slip, slip, twist), 1e-6)
+
+    @property
+    def way_home(self) -> WayHome:
+        """The shortest way home over cells that the likeliest particle believes to be free."""
+        particles = self._particles
+
+        def ground() -> Ground:
+            best = particles.best
+            return Ground(particles.grid(best), particles.trajectory(best)[:, :2])
+
+        pose = compose(particles.poses[particles.best], self._motion)
+        return self._route.way_home(particles.updates, pose, ground)
+
+    def corrected_poses(self) -> Poses:
+        """The way of the likeliest particle, at every reading, (readings, 3)."""
+        particles = self._particles
+        if not self._offsets:
+            return np.empty((0, 3))
+        way = particles.trajectory(particles.best)
+        poses: Poses = compose(way[self._updates_of], np.array(self._offsets))
+        return poses
+
+    def snapshot(self) -> MapSnapshot:
+        """The map and the way of the likeliest particle, and where all of them are."""
+        particles = self._particles
+        spread = ParticlesLayer(
+            poses=compose(particles.poses, self._motion[None]),
+            weights=particles.weights(self._weight_gain),
+        )
+        way = TrajectoryLayer(poses=particles.trajectory(particles.best))
+        return MapSnapshot(layers=(particles.grid(particles.best).layer(), way, spread))
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything the mapper remembers, as arrays by name."""
+        return {
+            **self._particles.state(),
+            **self._local.state(),
+            "pose": self._pose.copy(),
+            "motion": self._motion.copy(),
+            "way": self._way.copy(),
+            "updates_of": np.array(self._updates_of, np.int64),
+            "offsets": np.reshape(self._offsets, (-1, 3)).astype(np.float64),
+            "localised": np.array(self._is_localised, np.int64),
+            "random": generator_state(self._rng),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become the mapper that returned `state`.
+
+        Raises:
+            InputError: The arrays are none that a state holds.
+        """
+        check_shapes(state, _SHAPES)
+        check_finite(state, "pose", "motion", "way", "offsets")
+        if state["localised"] not in (0, 1):
+            raise InputError("localised", "0 or 1", str(state["localised"]))
+        self._particles.restore(state)
+        self._local.restore(state)
+        self._route.forget()
+        updates_of, updates = state["updates_of"], self._particles.updates
+        if ((updates_of < 0) | (updates_of >= updates)).any():
+            raise InputError("updates_of", f"numbers of {updates} updates", "others")
+        self._pose, self._motion = state["pose"].copy(), state["motion"].copy()
+        self._way = state["way"].copy()
+        self._updates_of = updates_of.tolist()
+        self._offsets = list(state["offsets"].copy())
+        self._is_localised = bool(state["localised"])
+        self._rng = generator_of(state["random"])

@@ -1,0 +1,250 @@
+"""Particles: where the robot may be, each with the map that it would then have drawn.
+
+A Rao-Blackwellised particle filter (A. Doucet et al., UAI 2000; K. Murphy, NIPS 1999): each
+particle holds a whole way of the robot, and the grid that follows from it. Grids share the tiles
+in which they do not differ, and ways the beginning that they have in common.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float64, Int32, Int64
+
+from albot_core.errors import InputError
+from albot_core.geometry.types import Poses
+from albot_core.kernels.compiled import kernel
+from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid, integrate_scan
+from albot_core.mappers.slam.tiles import (
+    MOST_TILES,
+    NONE,
+    TILE,
+    PoolArrays,
+    TilePool,
+    extend_index,
+    release_tiles,
+    tiles_around,
+)
+from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
+from albot_core.sensing.reading import LaserScan
+
+_SHAPES: dict[str, Shape] = {
+    "particles.poses": ("updates", "particles", 3),
+    "particles.parents": ("updates", "particles"),
+    "particles.log_weights": ("particles",),
+    "particles.tiles": ("tiles", TILE, TILE),
+    "particles.index": ("particles", "rows", "columns"),
+    "particles.corner": (2,),
+}
+
+
+class Particles:
+    """Particles with a grid each, which begin at the origin of the map.
+
+    Args:
+        count: How many.
+        config: How fine the grids are.
+    """
+
+    def __init__(self, count: int, config: GridConfig) -> None:
+        self.count, self._config = count, config
+        self.clear()
+
+    def clear(self) -> None:
+        """Begin anew."""
+        self.pool = TilePool()
+        """The tiles of all grids."""
+        self.index: Int32[np.ndarray, "particles rows columns"]
+        self.index = np.full((self.count, 0, 0), NONE, np.int32)
+        """The tiles of each grid; `NONE` where nothing is known."""
+        self.corner: Int64[np.ndarray, "2"] = np.zeros(2, np.int64)
+        """Row and column of the first entries, counted in tiles from the map's origin."""
+        self.poses: Poses = np.zeros((self.count, 3))
+        """Where the robot is by each (map frame), (particles, 3)."""
+        self.log_weights: Float64[np.ndarray, "particles"] = np.zeros(self.count)
+        """Logarithm of how likely each is, to a common constant."""
+        self._parents: Int64[np.ndarray, "particles"] = np.arange(self.count)
+        self._way: list[Poses] = []
+        self._lineage: list[np.ndarray] = []
+
+    @property
+    def best(self) -> int:
+        """The likeliest particle; of equals, the first."""
+        return int(np.argmax(self.log_weights))
+
+    @property
+    def updates(self) -> int:
+        """How often `remember` was called."""
+        return len(self._way)
+
+    def weights(self, gain: float = 1.0) -> Float64[np.ndarray, "particles"]:
+        """How likely each is; they sum to 1.
+
+        Args:
+            gain: By this the logarithms are multiplied first; below 1 it makes them more equal.
+        """
+        raised = np.exp(gain * (self.log_weights - self.log_weights.max()))
+        normalised: Float64[np.ndarray, "particles"] = raised / raised.sum()
+        return normalised
+
+    def grid(self, particle: int) -> LogOddsGrid:
+        """The map of a particle, as long as nothing is entered."""
+        grid = LogOddsGrid(self._config, self.pool)
+        grid.index, grid.corner = self.index[particle], self.corner
+        return grid
+
+    def integrate(self, scan: LaserScan) -> None:
+        """Enter a scan into each map, at the pose of its particle. The first map is that of all.
+
+        Raises:
+            InputError: The grids would become larger than `MOST_TILES` tiles.
+        """
+        config, geometry = self._config, scan.geometry
+        poses = self.poses if self.updates else self.poses[:1]
+        hits = scan.ranges[(scan.ranges > 0.0) & (scan.ranges < geometry.max_range)]
+        far = min(config.reach, float(hits.max(initial=0.0))) + config.cell
+        far += float(np.hypot(*geometry.mount[:2]))
+        tiles, side = 0, TILE * config.cell
+        for x, y, _ in poses.tolist():
+            low, high = tiles_around(x, y, far, config.cell)
+            self.index, self.corner = extend_index(self.index, self.corner, low, high, side)
+            tiles += int(np.prod(high - low))
+        self.pool.reserve(tiles)
+        half = int(np.ceil(far / config.cell)) + 1
+        _integrate_all(
+            self.pool.arrays,
+            self.index,
+            self.corner,
+            poses,
+            (config.cell, config.reach, geometry.max_range, *geometry.mount[:2]),
+            config.log_odds,
+            scan.ranges,
+            geometry.directions,
+            *self.pool.marks(half),
+        )
+        if len(poses) < self.count:
+            self.index[1:] = self.index[0]
+            self.pool.arrays.uses[self.index[0][self.index[0] != NONE]] += self.count - 1
+
+    def remember(self) -> None:
+        """Take the present poses into the ways of the particles."""
+        self._way.append(self.poses.copy())
+        self._lineage.append(self._parents.copy())
+        self._parents = np.arange(self.count)
+
+    def trajectory(self, particle: int) -> Float64[np.ndarray, "updates 3"]:
+        """The way of a particle: its poses at each `remember`, in order."""
+        way = np.empty((self.updates, 3))
+        particle = int(self._parents[particle])
+        for update in range(self.updates - 1, -1, -1):
+            way[update] = self._way[update][particle]
+            particle = int(self._lineage[update][particle])
+        return way
+
+    def resample(self, weights: Float64[np.ndarray, "particles"], rng: np.random.Generator) -> None:
+        """Draw as many particles as there are, each as often as its weight says.
+
+        One random number places a comb of even teeth (systematic resampling; J. Carpenter et al.,
+        IEE Proceedings 1999). All are equally likely afterwards.
+        """
+        teeth = (rng.random() + np.arange(self.count)) / self.count
+        chosen = np.minimum(np.searchsorted(np.cumsum(weights), teeth), self.count - 1)
+        drawn = self.index[chosen]
+        np.add.at(self.pool.arrays.uses, drawn[drawn != NONE], 1)
+        for index in self.index:
+            release_tiles(self.pool.arrays, index)
+        self.index = drawn
+        self.poses = self.poses[chosen]
+        self.log_weights = np.zeros(self.count)
+        self._parents = self._parents[chosen]
+
+    def state(self) -> dict[str, np.ndarray]:
+        """All of it as arrays by name; each tile once, in the order in which the maps name them."""
+        tiles, first = np.unique(self.index[self.index != NONE], return_index=True)
+        tiles = tiles[np.argsort(first)]
+        number = np.full(len(self.pool.arrays.uses) + 1, NONE, np.int32)
+        number[tiles] = np.arange(len(tiles))
+        ways = np.reshape(self._way, (-1, self.count, 3)).astype(np.float64)
+        lineage = np.reshape(self._lineage, (-1, self.count)).astype(np.int64)
+        return {
+            "particles.poses": np.concatenate((ways, self.poses[None])),
+            "particles.parents": np.concatenate((lineage, self._parents[None])),
+            "particles.log_weights": self.log_weights.copy(),
+            "particles.tiles": self.pool.arrays.cells[tiles].copy(),
+            "particles.index": number[self.index],  # The last of `number` is that of `NONE`.
+            "particles.corner": self.corner.copy(),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become the particles that returned `state`, whose maps share the same tiles.
+
+        Raises:
+            InputError: The arrays are none that a state holds.
+        """
+        self._check(state)
+        self.clear()
+        *self._way, self.poses = state["particles.poses"].copy()
+        *self._lineage, self._parents = state["particles.parents"].copy()
+        self.log_weights = state["particles.log_weights"].copy()
+        self.index = state["particles.index"].astype(np.int32)
+        self.corner = state["particles.corner"].copy()
+        tiles = state["particles.tiles"]
+        self.pool.reserve(len(tiles))
+        cells, uses, _, free_count = self.pool.arrays
+        cells[: len(tiles)] = tiles  # The lowest numbers are the ones taken first.
+        uses[: len(tiles)] = np.bincount(self.index[self.index != NONE], minlength=len(tiles))
+        free_count[0] -= len(tiles)
+
+    def _check(self, state: Mapping[str, np.ndarray]) -> None:
+        check_shapes(state, _SHAPES)
+        check_finite(state, "particles.poses", "particles.log_weights", "particles.tiles")
+        count, held = len(state["particles.log_weights"]), state["particles.tiles"]
+        if count != self.count or not len(state["particles.poses"]):
+            raise InputError("particles.poses", f"{self.count} particles", str(count))
+        parents, index = state["particles.parents"], state["particles.index"]
+        if ((parents < 0) | (parents >= count)).any():
+            raise InputError("particles.parents", f"numbers below {count}", "others")
+        if not np.array_equal(np.unique(index[index != NONE]), np.arange(len(held))):
+            raise InputError("particles.index", f"each of {len(held)} tiles, no other", "others")
+        if index[0].size > MOST_TILES:
+            raise InputError("particles.index", f"at most {MOST_TILES} each", str(index[0].size))
+        if np.abs(state["particles.corner"]).max() > 1 << 30:
+            raise InputError("particles.corner", "a tile within 2^30 of the origin", "another")
+        least, most = self._config.log_odds[2:]
+        if held.size and (held.min() < least or held.max() > most):
+            raise InputError("particles.tiles", f"log odds in {least:g}..{most:g}", "others")
+
+
+@kernel(nogil=True)
+def _integrate_all(
+    pool: PoolArrays,
+    index: np.ndarray,
+    corner: np.ndarray,
+    poses: np.ndarray,
+    lengths: tuple[float, float, float, float, float],
+    log_odds: np.ndarray,
+    ranges: np.ndarray,
+    directions: np.ndarray,
+    marks: np.ndarray,
+    touched: np.ndarray,
+) -> None:
+    """Enter a scan into each map (see `integrate_scan`)."""
+    cell, reach, nothing, mount_x, mount_y = lengths
+    for k in range(len(poses)):
+        cos, sin = np.cos(poses[k, 2]), np.sin(poses[k, 2])
+        x = poses[k, 0] + cos * mount_x - sin * mount_y
+        y = poses[k, 1] + sin * mount_x + cos * mount_y
+        integrate_scan(
+            pool,
+            index[k],
+            corner,
+            cell,
+            log_odds,
+            (x, y, poses[k, 2]),
+            ranges,
+            directions,
+            (reach, nothing),
+            marks,
+            touched,
+        )

@@ -1,0 +1,189 @@
+"""Incremental scan matching: each scan is laid where it fits the latest ones best.
+
+The method of CARMEN's `vasco` (Thrun, Burgard and Fox, A real-time algorithm for mobile robot
+mapping with applications to multi-robot and 3D mapping, ICRA 2000, section 2; Montemerlo, Roy and
+Thrun, CARMEN, IROS 2003): the likeliest pose given the odometer and the map of the latest scans. No
+loop is ever closed: an error once made stays. Where vasco climbs from the odometer's pose, the pose
+here is the best of a window (Olson, ICRA 2009).
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose
+from albot_core.geometry.types import Pose, Poses
+from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
+from albot_core.mappers.registry import mapper_spec
+from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid
+from albot_core.mappers.slam.local_map import LocalMap, MatchingConfig, scan_points
+from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
+from albot_core.mappers.stored_arrays import check_finite, check_shapes
+from albot_core.maps.layers import MapSnapshot, TrajectoryLayer
+from albot_core.ranges import POSITIVE, check_fields
+from albot_core.sensing.reading import Reading
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanMatchingConfig:
+    """Thresholds of incremental scan matching."""
+
+    matching: MatchingConfig = field(default_factory=MatchingConfig)
+    """How scans are matched."""
+    grid: GridConfig = field(default_factory=GridConfig)
+    """The occupancy grid."""
+    way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
+    """How the way home is found."""
+    longest_step: float = 10.0
+    """No robot goes farther between two readings (m): a longer motion is not believed."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, POSITIVE, "longest_step")
+
+
+def believed_motion(reading: Reading, longest: float, by: str) -> tuple[Pose, bool]:
+    """The odometer's motion, and whether it is believed; no motion where it is not.
+
+    An odometer that jumps by kilometres would lead the map there. The robot is taken to be where it
+    was, and a warning is logged.
+
+    Args:
+        reading: The reading.
+        longest: No robot goes farther between two readings (m).
+        by: The mapper's name, for the warning.
+    """
+    gone = math.hypot(reading.motion[0], reading.motion[1])
+    if gone <= longest:
+        return reading.motion, True
+    _log.warning(
+        "%s: the odometer's motion of %.1f m at %.3f s is not believed; the robot is taken to be "
+        "where it was",
+        by,
+        gone,
+        reading.stamp,
+    )
+    return np.zeros(3), False
+
+
+class ScanMatching:
+    """Incremental scan matching, which knows a way home (`RouteHome`).
+
+    Args:
+        config: All thresholds.
+        name: The name under which the mapper is known.
+    """
+
+    def __init__(
+        self, config: ScanMatchingConfig | None = None, name: str = "scan-matching"
+    ) -> None:
+        self.config = config or ScanMatchingConfig()
+        self._name = name
+        self._local = LocalMap(self.config.matching)
+        self._route = RouteKeeper(self.config.way_home)
+        self.reset(np.random.default_rng(0))
+
+    @property
+    def spec(self) -> MapperSpec:
+        """What is known of it by its name."""
+        return mapper_spec(self._name)
+
+    @property
+    def estimate(self) -> Estimate:
+        """Where the latest match says that the robot is; it is lost where there was none."""
+        return Estimate(
+            pose=self._pose.copy(),
+            home=np.zeros(3),
+            localised=self._is_localised,
+            updates=self._updates,
+            map_version=self._updates,
+        )
+
+    def reset(self, rng: np.random.Generator) -> None:
+        """Forget everything; the next reading is the first. It draws no random number."""
+        self._local.reset()
+        self._grid = LogOddsGrid(self.config.grid)
+        self._pose = np.zeros(3)
+        self._poses: list[Pose] = []
+        self._updates = 0
+        self._kept_at = -1  # The latest reading whose scan was added to the map.
+        self._is_localised = True
+        self._route.forget()
+
+    def update(self, reading: Reading) -> bool:
+        """Take in a reading; true where its scan was added to the map.
+
+        Raises:
+            InputError: The reading lacks a laser scan, or the map would become larger than any
+                building.
+        """
+        laser = reading.required_laser(self._name)
+        scan = scan_points(laser, self.config.matching)
+        if self._poses:
+            motion, is_believed = believed_motion(reading, self.config.longest_step, self._name)
+            match = self._local.match(scan, compose(self._pose, motion))
+            self._pose, self._is_localised = match.pose, match.is_good
+            is_kept = self._local.is_due(match.pose) and (is_believed or match.is_good)
+        else:
+            is_kept = True
+        if is_kept:
+            self._grid.integrate(self._pose, laser)
+            self._local.keep(self._pose, scan.surface)
+            self._updates += 1
+            self._kept_at = len(self._poses)
+        self._poses.append(self._pose)
+        return is_kept
+
+    @property
+    def way_home(self) -> WayHome:
+        """The shortest way home over cells that are believed to be free."""
+
+        def ground() -> Ground:
+            return Ground(self._grid, self._trajectory()[: self._kept_at + 1, :2])
+
+        return self._route.way_home(self._updates, self._pose, ground)
+
+    def snapshot(self) -> MapSnapshot:
+        """The grid, and where the robot went."""
+        return MapSnapshot(layers=(self._grid.layer(), TrajectoryLayer(poses=self._trajectory())))
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything the mapper remembers, as arrays by name."""
+        return {
+            "pose": self._pose.copy(),
+            "poses": self._trajectory(),
+            "counts": np.array((self._updates, self._kept_at, self._is_localised), np.int64),
+            **self._local.state(),
+            **self._grid.state(),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become the mapper that returned `state`.
+
+        Raises:
+            InputError: The arrays are none that a state holds.
+        """
+        check_shapes(state, {"pose": (3,), "poses": ("readings", 3), "counts": (3,)})
+        check_finite(state, "pose", "poses")
+        updates, kept_at, localised = state["counts"].tolist()
+        readings = len(state["poses"])
+        is_possible = 0 <= updates <= readings and -1 <= kept_at < readings
+        if not is_possible or localised not in (0, 1):
+            raise InputError("counts", "a count, a reading, 0 or 1", str(state["counts"].tolist()))
+        grid = LogOddsGrid(self.config.grid)
+        grid.restore(state)
+        self._local.restore(state)
+        self._grid = grid
+        self._pose, self._poses = state["pose"].copy(), list(state["poses"].copy())
+        self._updates, self._kept_at, self._is_localised = updates, kept_at, bool(localised)
+        self._route.forget()
+
+    def _trajectory(self) -> Poses:
+        return np.array(self._poses).reshape(-1, 3)

@@ -1,0 +1,191 @@
+"""Tiles of cells, which grids may share until one of them writes (copy on write).
+
+The tiles of all grids that share a pool lie in one array. A grid is an index of them. A grid that
+is forked shares its tiles with the fork until one of the two writes to them, so that particles pay
+only for the ground in which their maps differ. Pool and index are plain arrays, which the kernels
+take as they are.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float32, Int32, Int64, UInt8
+
+from albot_core.errors import InputError
+from albot_core.kernels.compiled import kernel
+
+TILE = 32
+"""Cells along each side of a tile."""
+NONE = -1
+"""In an index: no tile, the ground is unknown."""
+MOST_TILES = 1 << 17
+"""An index has no more entries, which is ground of 580 m by 580 m in cells of 5 cm. More than that
+is no building, but a robot that does not know where it is."""
+
+
+class PoolArrays(NamedTuple):
+    """The tiles of all grids that share them: kernels write to these."""
+
+    cells: Float32[np.ndarray, "tiles 32 32"]
+    """Log odds of the cells, by row (y) and column (x)."""
+    uses: Int32[np.ndarray, "tiles"]
+    """How many grids have each tile; 0 where it is free."""
+    free: Int32[np.ndarray, "tiles"]
+    """The free tiles: the first so many of this stack…"""
+    free_count: Int64[np.ndarray, "1"]
+    """…as stand here."""
+
+
+class TilePool:
+    """The tiles of grids that may share them."""
+
+    def __init__(self) -> None:
+        self.arrays = PoolArrays(
+            np.zeros((0, TILE, TILE), np.float32),
+            np.zeros(0, np.int32),
+            np.zeros(0, np.int32),
+            np.zeros(1, np.int64),
+        )
+        self._marks = np.zeros(0, np.uint8)
+        self._touched = np.empty(0, np.int32)
+
+    def marks(self, half: int) -> tuple[UInt8[np.ndarray, "cells"], Int32[np.ndarray, "cells"]]:
+        """What `integrate_scan` needs to work in, for cells within `half` of the laser's.
+
+        The grids use it in turn: a map of every particle's own would cost more than the map.
+        """
+        cells = (2 * half + 1) ** 2
+        if len(self._marks) != cells:
+            self._marks, self._touched = np.zeros(cells, np.uint8), np.empty(cells, np.int32)
+        return self._marks, self._touched
+
+    @property
+    def used(self) -> int:
+        """How many tiles are in use, each counted once: what the maps take in memory."""
+        return len(self.arrays.uses) - int(self.arrays.free_count[0])
+
+    def reserve(self, tiles: int) -> None:
+        """Have so many free tiles at hand."""
+        cells, uses, free, count = self.arrays
+        missing = tiles - int(count[0])
+        if missing <= 0:
+            return
+        before, more = len(uses), max(missing, len(uses) // 2)
+        free = np.concatenate((free, np.zeros(more, np.int32)))
+        # The lowest numbers are taken first.
+        free[count[0] : count[0] + more] = np.arange(before + more - 1, before - 1, -1)
+        self.arrays = PoolArrays(
+            np.concatenate((cells, np.zeros((more, TILE, TILE), np.float32))),
+            np.concatenate((uses, np.zeros(more, np.int32))),
+            free,
+            count + more,
+        )
+
+
+def tiles_around(
+    x: float, y: float, reach: float, cell: float
+) -> tuple[Int64[np.ndarray, "2"], Int64[np.ndarray, "2"]]:
+    """Row and column of the first tile of the ground around a point (m), and beyond the last."""
+    side = TILE * cell
+    low = np.floor(np.array((y - reach, x - reach)) / side).astype(np.int64)
+    high = np.floor(np.array((y + reach, x + reach)) / side).astype(np.int64) + 1
+    return low, high
+
+
+def extend_index(
+    index: Int32[np.ndarray, "*grids rows columns"],
+    corner: Int64[np.ndarray, "2"],
+    low: Int64[np.ndarray, "2"],
+    high: Int64[np.ndarray, "2"],
+    side: float,
+) -> tuple[Int32[np.ndarray, "*grids more_rows more_columns"], Int64[np.ndarray, "2"]]:
+    """An index, or some of the same shape, with room for the tiles from `low` to before `high`.
+
+    Args:
+        index: The tiles; as many grids' as there are axes before the last two.
+        corner: Row and column of the first entry, in tiles from the map's origin.
+        low: Row and column of the first tile that must have room.
+        high: Those after the last.
+        side: Side of a tile (m), for the error.
+
+    Returns:
+        The index, the same one where it has the room, and its corner.
+
+    Raises:
+        InputError: It would have more than `MOST_TILES` entries.
+    """
+    if index.size:
+        low = np.minimum(low, corner)
+        high = np.maximum(high, corner + index.shape[-2:])
+    # As Python's own numbers, which do not overflow.
+    rows, columns = (int(end) - int(begin) for begin, end in zip(low, high, strict=True))
+    if rows * columns > MOST_TILES:
+        raise InputError(
+            "occupancy grid",
+            f"ground that fits into {MOST_TILES * side * side / 1e6:.2f} km²",
+            f"{rows * side:.0f} m by {columns * side:.0f} m",
+        )
+    if (rows, columns) == index.shape[-2:]:
+        return index, corner
+    larger = np.full((*index.shape[:-2], rows, columns), NONE, np.int32)
+    if index.size:
+        (row, column), (height, width) = corner - low, index.shape[-2:]
+        larger[..., row : row + height, column : column + width] = index
+    return larger, low
+
+
+@kernel()
+def take_tile(pool: PoolArrays) -> int:
+    """The number of a free tile, which then has one user; what its cells hold is anything."""
+    pool.free_count[0] -= 1
+    tile = pool.free[pool.free_count[0]]
+    pool.uses[tile] = 1
+    return int(tile)
+
+
+@kernel()
+def writable_tile(pool: PoolArrays, index: np.ndarray, row: int, column: int) -> int:
+    """The tile at a place of an index, made or copied if need be so that the grid has it alone.
+
+    There must be a free one.
+    """
+    tile = index[row, column]
+    if tile != NONE and pool.uses[tile] == 1:
+        return int(tile)
+    own = take_tile(pool)
+    for i in range(TILE):
+        for j in range(TILE):
+            pool.cells[own, i, j] = 0.0 if tile == NONE else pool.cells[tile, i, j]
+    if tile != NONE:
+        pool.uses[tile] -= 1
+    index[row, column] = own
+    return own
+
+
+@kernel()
+def release_tiles(pool: PoolArrays, index: np.ndarray) -> None:
+    """Give up all tiles of an index, which holds none afterwards."""
+    for row in range(index.shape[0]):
+        for column in range(index.shape[1]):
+            tile = index[row, column]
+            if tile == NONE:
+                continue
+            index[row, column] = NONE
+            pool.uses[tile] -= 1
+            if pool.uses[tile] == 0:
+                pool.free[pool.free_count[0]] = tile
+                pool.free_count[0] += 1
+
+
+@kernel()
+def log_odds_at(
+    pool: PoolArrays, index: np.ndarray, corner: np.ndarray, row: int, column: int
+) -> float:
+    """The log odds of a cell, counted from the map's origin; 0 where nothing is known."""
+    tile_row, tile_column = row // TILE - corner[0], column // TILE - corner[1]
+    if not (0 <= tile_row < index.shape[0] and 0 <= tile_column < index.shape[1]):
+        return 0.0
+    tile = index[tile_row, tile_column]
+    return 0.0 if tile == NONE else pool.cells[tile, row % TILE, column % TILE]

@@ -1,0 +1,271 @@
+"""Graph SLAM around a loop of corridors whose truth is known, and its graph against false edges."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gtsam", reason="gtsam is not installed: the extra slam brings it")
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose, relative
+from albot_core.mappers import registry
+from albot_core.mappers.mapper import POINT, TRAVEL
+from albot_core.mappers.registry import make_mapper
+from albot_core.mappers.slam.graph_slam import ClosureConfig, GraphSlam, GraphSlamConfig
+from albot_core.mappers.slam.pose_graph import PoseGraph, invert_symmetric
+from albot_core.maps.layers import OccupancyGridLayer
+from tests.core.mappers.slam.rooms import reading_from
+
+
+def _box(x: float, y: float, width: float, height: float) -> list[tuple[float, ...]]:
+    return [
+        (x, y, x + width, y),
+        (x + width, y, x + width, y + height),
+        (x + width, y + height, x, y + height),
+        (x, y + height, x, y),
+    ]
+
+
+RING = np.array(
+    [
+        *_box(0, 0, 16, 12),
+        *_box(2.5, 2.5, 11, 7),
+        # Cupboards along the walls, so that no two stretches of corridor look the same.
+        *_box(3.0, 0.0, 0.8, 0.4),
+        *_box(9.0, 0.0, 1.5, 0.3),
+        *_box(15.6, 3.0, 0.4, 1.2),
+        *_box(11.0, 11.5, 1.0, 0.5),
+        *_box(4.0, 11.6, 0.5, 0.4),
+        *_box(0.0, 7.0, 0.3, 0.9),
+    ],
+    float,
+)
+"""A ring of corridors 2.5 m wide."""
+
+
+def laps(count: float, step: float = 0.4) -> np.ndarray:
+    """Poses of a robot that drives around the ring."""
+    corners = np.array(((1.25, 1.25), (14.75, 1.25), (14.75, 10.75), (1.25, 10.75)))
+    poses = [np.array((1.25, 1.25, 0.0))]
+    for k in range(int(4 * count)):
+        bearing = k * np.pi / 2
+        way = corners[(k + 1) % 4] - corners[k % 4]
+        length = np.hypot(*way)
+        if k:
+            poses += [np.array((*corners[k % 4], bearing - np.pi / 2 + t)) for t in (0.5, 1.1)]
+        for along in np.arange(0.0 if k else step, length - 0.2, step):
+            poses.append(np.array((*(corners[k % 4] + along * way / length), bearing)))
+    return np.array(poses)
+
+
+POSES = laps(1.5)
+
+
+def drive(mapper: GraphSlam, poses: np.ndarray, seed: int, turn: float, scale: float) -> None:
+    """Lead a mapper along poses by an odometer that errs."""
+    rng = np.random.default_rng(seed)
+    for k, pose in enumerate(poses):
+        motion = np.zeros(3) if k == 0 else relative(poses[k - 1], pose)
+        motion[:2] *= rng.uniform(1 - scale, 1 + scale)
+        motion[2] += rng.uniform(-turn, turn)
+        mapper.update(reading_from(pose, motion, RING))
+
+
+@pytest.fixture(scope="module")
+def driven() -> GraphSlam:
+    mapper = GraphSlam()
+    drive(mapper, POSES, 0, np.radians(15), 0.1)
+    return mapper
+
+
+def off(poses: np.ndarray) -> np.ndarray:
+    """Distances of poses from the truth (m)."""
+    return np.hypot(*(poses - relative(POSES[0], POSES))[:, :2].T)
+
+
+def test_the_loop_is_closed_and_all_poses_are_corrected(driven):
+    assert sum(driven.graph.closes) > 5
+    assert off(driven.corrected_poses()).max() < 0.1
+    estimate = driven.estimate
+    assert off(estimate.pose[None].repeat(len(POSES), 0))[-1] < 0.1
+    # It knows that it is where it was a lap ago.
+    there = POSES[estimate.matched_reading]
+    assert np.hypot(*(there - POSES[-1])[:2]) < 2.0
+
+
+def test_the_grid_is_drawn_of_the_corrected_poses(driven):
+    layer = driven.snapshot().layer(OccupancyGridLayer)
+    centres = layer.centres(0.65)
+    walls = compose(POSES[0], np.c_[centres, np.zeros(len(centres))])
+    ends = RING[:, 2:] - RING[:, :2]
+    share = ((walls[:, None, :2] - RING[:, :2]) * ends).sum(-1) / (ends**2).sum(-1)
+    nearest = RING[:, :2] + np.clip(share, 0, 1)[..., None] * ends
+    away = np.hypot(*np.moveaxis(walls[:, None, :2] - nearest, -1, 0)).min(axis=1)
+    assert len(away) > 500
+    assert np.quantile(away, 0.95) < 0.1
+
+
+def test_the_graph_has_a_node_for_each_keyframe_and_the_way_home_follows_the_corridors(driven):
+    graph = driven.snapshot().place_graph
+    assert len(graph.nodes) == driven.estimate.updates
+    assert len(graph.edges) == len(driven.graph.ends)
+    away = np.hypot(*(POSES[-1] - POSES[0])[:2])
+    way = driven.way_home
+    assert away < way[TRAVEL] < 30.0
+    assert away > 15.0
+    assert np.isfinite(way[POINT]).all()
+
+
+def test_it_is_the_same_each_time_and_goes_on_after_a_restart():
+    config = GraphSlamConfig(closures=ClosureConfig(behind=20), most_waiting=3)
+    whole, stopped = GraphSlam(config), GraphSlam(config)
+    drive(whole, POSES[:110], 1, 0.1, 0.0)
+    drive(stopped, POSES[:110], 1, 0.1, 0.0)
+    resumed = make_mapper("graph-slam", config=config)
+    resumed.restore(stopped.state())
+    for mapper in (whole, resumed):
+        drive(mapper, POSES[110:], 2, 0.1, 0.0)
+    assert sum(whole.graph.closes) > 3
+    for name, array in whole.state().items():
+        np.testing.assert_array_equal(array, resumed.state()[name], err_msg=name)
+
+
+def test_a_jump_of_the_odometer_is_told_and_not_followed(caplog):
+    mapper = GraphSlam()
+    drive(mapper, POSES[:8], 0, 0.0, 0.0)
+    with caplog.at_level(logging.WARNING):
+        mapper.update(reading_from(POSES[8], np.array((1e4, 0.0, 0.0)), RING))
+    assert "graph-slam: the odometer's motion of 10000.0 m" in caplog.text
+    assert np.abs(mapper.estimate.pose).max() < 5
+    assert mapper.snapshot().layer(OccupancyGridLayer).occupancy.size < 10**6
+
+
+def loop_graph(
+    rng: np.random.Generator, cauchy: float = 1.0, dcs: float = 5.0
+) -> tuple[PoseGraph, np.ndarray]:
+    """Three laps of a circle by a drifting odometer, and true closures between the laps."""
+    turn = 2 * np.pi / 60
+    true = [np.zeros(3)]
+    graph = PoseGraph(cauchy, dcs)
+    graph.poses.append(np.zeros(3))
+    slip = np.diag((0.03, 0.03, 0.02))
+    for k in range(1, 180):
+        true.append(compose(true[-1], np.array((0.5, 0.0, turn))))
+        motion = compose(np.array((0.5, 0.0, turn)), slip @ rng.normal(size=3))
+        graph.poses.append(compose(graph.poses[-1], motion))
+        graph.add(k - 1, k, motion, np.linalg.inv(slip @ slip), closes=False)
+    seen = np.diag((0.02, 0.02, 0.01))
+    for k in range(60, 180, 2):
+        motion = compose(relative(true[k - 60], true[k]), seen @ rng.normal(size=3))
+        graph.add(k - 60, k, motion, np.linalg.inv(seen @ seen), closes=True)
+    return graph, np.array(true)
+
+
+def add_false(graph: PoseGraph, share: float, rng: np.random.Generator) -> None:
+    """Add closures between any poses that say anything, as surely as the true ones."""
+    for _ in range(round(share * sum(graph.closes))):
+        source, target = sorted(rng.choice(len(graph.poses), 2, replace=False).tolist())
+        motion = rng.uniform(-1, 1, 3) * (5, 5, np.pi)
+        graph.add(source, target, motion, np.diag((2500.0, 2500.0, 10000.0)), closes=True)
+
+
+def rmse(poses: np.ndarray, true: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum((poses - true)[:, :2] ** 2, axis=1))))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_tenth_of_false_closures_is_survived(seed):
+    graph, true = loop_graph(np.random.default_rng(seed))
+    before, undisturbed = rmse(np.array(graph.poses), true), rmse(graph.optimum(), true)
+    assert undisturbed < 0.7 * before
+    add_false(graph, 0.1, np.random.default_rng(100 + seed))
+    assert rmse(graph.optimum(), true) < 1.05 * undisturbed + 1e-3
+
+
+def test_with_kernels_so_wide_that_they_are_none_it_is_not():
+    graph, true = loop_graph(np.random.default_rng(0), 1e9, 1e9)
+    undisturbed = rmse(graph.optimum(), true)
+    add_false(graph, 0.1, np.random.default_rng(100))
+    assert rmse(graph.optimum(), true) > 3 * undisturbed
+
+
+def test_spreads_grow_along_the_way_and_fall_where_a_loop_is_closed():
+    graph = PoseGraph(1.0, 5.0)
+    graph.poses = [np.array((float(k), 0.0, 0.0)) for k in range(6)]
+    step = np.diag((100.0, 100.0, 400.0))
+    for k in range(5):
+        graph.add(k, k + 1, np.array((1.0, 0.0, 0.0)), step, closes=False)
+    far, before = graph.spreads(5)
+    np.testing.assert_allclose(far, np.arange(5, -1, -1) * (0.02 + 25 / 400))
+    position, heading = graph.deviations(5, 0, before)
+    # Five steps' slips, and their turns at the levers to pose 0.
+    assert position**2 == pytest.approx(5 * 0.02 + sum(k * k for k in range(1, 5)) / 400)
+    assert heading**2 == pytest.approx(5 / 400)
+    graph.add(0, 5, np.array((5.0, 0.0, 0.0)), 100 * step, closes=True)
+    far, before = graph.spreads(5)
+    assert far[0] == pytest.approx(0.01 * (0.02 + 25 / 400))
+    assert graph.deviations(5, 0, before)[1] ** 2 == pytest.approx(1 / 40000)
+
+
+def test_without_gtsam_the_extra_is_named(monkeypatch):
+    monkeypatch.setattr(registry, "find_spec", lambda name: None)
+    with pytest.raises(InputError, match=r"graph-slam: .*the extra `slam` brings.*found no gtsam"):
+        make_mapper("graph-slam")
+    with pytest.raises(InputError, match=r"mapper karto: .*the extra `peers` brings .*yag_slam"):
+        make_mapper("karto")
+    assert not {"graph-slam", "karto"} & set(registry.installed_mappers())
+    assert "scan-matching" in registry.installed_mappers()
+
+
+def test_another_laser_is_refused():
+    mapper = GraphSlam()
+    reading = reading_from(POSES[0], np.zeros(3), RING)
+    mapper.update(reading)
+    geometry = replace(reading.laser.geometry, max_range=20.0)
+    other = replace(reading, laser=replace(reading.laser, geometry=geometry))
+    with pytest.raises(InputError, match="the same laser at each reading"):
+        mapper.update(other)
+
+
+@pytest.mark.parametrize(
+    ("name", "damage", "message"),
+    [
+        ("counts", lambda a: a * 0 - 2, "counts"),
+        ("counts", lambda a: a + np.array((0, 0, 0, 0, 1)), "beams"),
+        ("edges.ends", lambda a: a + 1000, "growing pairs"),
+        ("edges.ends", lambda a: a[:, ::-1], "growing pairs"),
+        ("edges.information", lambda a: -a, "positive definite"),
+        ("edges.closes", lambda a: ~a, "an edge from each keyframe"),
+        ("readings.followed", lambda a: a[::-1], "numbers that grow"),
+        ("keyframes.reading", lambda a: a + 10**6, "numbers that grow"),
+        ("laser", lambda a: -a, "laser"),
+    ],
+)
+def test_a_damaged_state_is_refused(driven, name, damage, message):
+    state = driven.state()
+    state[name] = damage(state[name])
+    with pytest.raises(InputError, match=message):
+        GraphSlam().restore(state)
+
+
+def test_wrong_thresholds_are_refused():
+    with pytest.raises(InputError, match=r"GraphSlamConfig\.dcs"):
+        GraphSlamConfig(dcs=-1.0)
+    with pytest.raises(InputError, match=r"ClosureConfig\.near"):
+        ClosureConfig(near=0.0)
+    assert "gtsam" in sys.modules
+
+
+def test_symmetric_matrices_are_inverted():
+    rng = np.random.default_rng(8)
+    for _ in range(20):
+        root = rng.normal(size=(3, 3))
+        matrix = root @ root.T + 1e-3 * np.eye(3)
+        inverse = invert_symmetric(matrix)
+        np.testing.assert_allclose(inverse @ matrix, np.eye(3), atol=1e-8)
+        np.testing.assert_array_equal(inverse, inverse.T)
