@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.geometry.types import Pose, Segments
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import LaserGeometry, Reading, SonarGeometry
 
@@ -74,6 +75,9 @@ class Moment:
     0; None where it recognises nothing."""
     snapshot: MapSnapshot | None
     """The map, map frame; None where it is that of the moment before."""
+    activity: Activity | None = None
+    """The activity of the mapper's attractor network; None where it is that of the moment before,
+    and where the mapper has none."""
     things: Float64[np.ndarray, "things 4"] = field(default_factory=lambda: np.empty((0, 4)))
     """The outlines of what moves around the robot, where it is now, world frame."""
 

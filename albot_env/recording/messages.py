@@ -10,6 +10,7 @@ import numpy as np
 
 from albot_core.geometry.types import Pose
 from albot_core.sensing.reading import LaserGeometry, LaserScan, SonarGeometry, SonarScan
+from albot_env.recording.activity import activity_messages
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.foxglove import Message, lines, pose_of, scene, time_of, transform
 from albot_env.recording.layers import map_messages
@@ -69,6 +70,8 @@ def moment_messages(moment: Moment, start: Pose) -> Iterator[Message]:
         yield "/albot/things", {"segments": moment.things.tolist()}
     if moment.snapshot is not None:
         yield from map_messages(moment.snapshot, stamp)
+    if moment.activity is not None:
+        yield from activity_messages(moment.activity, stamp)
     yield "/albot/step", _step(moment)
 
 

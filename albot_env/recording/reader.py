@@ -7,13 +7,13 @@ import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import jsonschema
 import numpy as np
 import zstandard
-from jaxtyping import Float64
 from mcap.exceptions import McapError
 from mcap.records import Channel, Chunk, McapRecord, Message
 from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
@@ -22,6 +22,7 @@ from mcap.writer import MCAP0_MAGIC
 from albot_core.errors import InputError, MissingFileError
 from albot_core.geometry.types import Segments
 from albot_core.json_document import parse_json
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.plain_data import Location, read_array, read_record
 from albot_core.sensing.reading import (
@@ -32,6 +33,7 @@ from albot_core.sensing.reading import (
     SonarScan,
 )
 from albot_core.yaml_document import shown
+from albot_env.recording.activity import activity_from_message
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.layers import map_from_message
 from albot_env.recording.schemas import EPISODE_HEADER
@@ -80,19 +82,23 @@ class EpisodeReader:
         """
         scan: LaserScan | None = None
         snapshot: MapSnapshot | None = None
+        activity: Activity | None = None
         things: Segments = np.empty((0, 4))
         for topic, content, where in self._messages():
             if topic == "/scan":
                 scan = self._scan(content, where)
             elif topic == "/albot/map":
                 snapshot = map_from_message(content, where)
+            elif topic == "/albot/activity":
+                activity = activity_from_message(content, where)
             elif topic == "/albot/things":
                 told = read_record({"segments": Any}, content, where)
                 things = read_array((None, 4), told["segments"], where.at("segments"))
             elif topic == "/albot/step":
                 step = read_record(_STEP, content, where, others=True)
-                yield self._moment(step, scan, snapshot, things, where)
-                scan, snapshot, things = None, None, np.empty((0, 4))
+                moment = self._moment(step, scan, where)
+                yield replace(moment, snapshot=snapshot, activity=activity, things=things)
+                scan, snapshot, activity, things = None, None, None, np.empty((0, 4))
 
     def measure(self) -> tuple[int, float]:
         """How many steps the file holds, or its good beginning, and the time of the last (s).
@@ -109,14 +115,8 @@ class EpisodeReader:
                 stamps.append(record.log_time)
         return max(0, len(stamps) - 1), max(stamps, default=0) / 1e9
 
-    def _moment(
-        self,
-        step: dict[str, Any],
-        scan: LaserScan | None,
-        snapshot: MapSnapshot | None,
-        things: Float64[np.ndarray, "things 4"],
-        where: Location,
-    ) -> Moment:
+    def _moment(self, step: dict[str, Any], scan: LaserScan | None, where: Location) -> Moment:
+        """A moment as far as its step and its scan tell."""
         poses = {name: read_array((3,), step[name], where.at(name)) for name in _POSES}
         action = step["action"]
         if action is not None:
@@ -146,8 +146,7 @@ class EpisodeReader:
             home=poses["home"],
             updates=step["updates"],
             matched_reading=step["matched_reading"],
-            snapshot=snapshot,
-            things=things,
+            snapshot=None,
         )
 
     def _scan(self, content: Any, where: Location) -> LaserScan:

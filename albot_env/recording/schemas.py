@@ -270,6 +270,16 @@ THINGS = _strict(
     segments=_list(_numbers(4)) | {"description": "Outlines of what moves, world frame."},
 )
 
+ACTIVITY = _strict(
+    "albot.Activity",
+    cell=NUMBER | {"description": "Side of a cell (m)."},
+    rows=COUNT,
+    columns=COUNT,
+    active=_list(COUNT) | {"description": "Numbers of the active places, row by row."},
+    values=_list(NUMBER) | {"description": "How active each of them is."},
+    packet=_numbers(3) | {"description": "Centre of the largest packet, network frame."},
+) | {"description": "Activity of an attractor network over its plane (x', y')."}
+
 TOPICS: dict[str, Schema] = {
     "/albot/header": EPISODE_HEADER,
     "/tf": FRAME_TRANSFORMS,
@@ -284,6 +294,8 @@ TOPICS: dict[str, Schema] = {
     "/map/particles": POSES_IN_FRAME,
     "/map/trajectory": POSES_IN_FRAME,
     "/albot/things": THINGS,
+    "/activity": GRID,
+    "/albot/activity": ACTIVITY,
     "/albot/map": MAP,
     "/albot/step": STEP,
 }

@@ -34,6 +34,7 @@ PALETTE: dict[str, Colour] = {
     "doorway": (247, 131, 172),
     "place": (177, 151, 252),
     "particle": (255, 192, 80),
+    "activity": (255, 120, 90),
     "grid": (128, 136, 150),
     "home": (226, 120, 190),
     "robot": (246, 248, 250),
@@ -88,11 +89,12 @@ def paint(scene: Scene, canvas: pygame.Surface, footer: Footer | None = None) ->
         pygame.draw.rect(canvas, ACCENT, (*bar.topleft, bar.width * footer.share, BAR_HEIGHT))
     _write(canvas, scene.heading, (MARGIN + 4, MARGIN // 2), TEXT, width - 2 * MARGIN)
     top = MARGIN // 2 + LINE_HEIGHT
-    panel_width = (width - 3 * MARGIN) // 2
-    for k, panel in enumerate(scene.panels):
-        left = MARGIN + k * (panel_width + MARGIN)
+    left, shares = MARGIN, sum(panel.share for panel in scene.panels)
+    for panel in scene.panels:
+        panel_width = int((width - MARGIN * (len(scene.panels) + 1)) * panel.share / shares)
         area = pygame.Rect(left, top, panel_width, bottom - MARGIN // 2 - top)
-        _paint_panel(panel, scene, canvas, area)
+        _paint_panel(panel, canvas, area)
+        left += panel_width + MARGIN
 
 
 def _write(
@@ -103,7 +105,7 @@ def _write(
     canvas.blit(_font(size).render(text, True, colour), at)
 
 
-def _paint_panel(panel: Panel, scene: Scene, canvas: pygame.Surface, area: pygame.Rect) -> None:
+def _paint_panel(panel: Panel, canvas: pygame.Surface, area: pygame.Rect) -> None:
     pygame.draw.rect(canvas, PANEL, area, border_radius=6)
     canvas.blit(_font(22).render(panel.title, True, TEXT), (area.x + 12, area.y + 8))
     entries = legend_places(panel, area)
@@ -112,7 +114,7 @@ def _paint_panel(panel: Panel, scene: Scene, canvas: pygame.Surface, area: pygam
     if entries:
         drawn.height = entries[0][1].top - 4 - drawn.top
     drawn.width, drawn.height = max(1, drawn.width), max(1, drawn.height)
-    view = _View(scene.bounds, drawn)
+    view = _View(panel.bounds, drawn)
     canvas.set_clip(area)
     for shape in panel.shapes:
         PAINTERS[shape.kind](canvas, shape, view)
@@ -121,14 +123,14 @@ def _paint_panel(panel: Panel, scene: Scene, canvas: pygame.Surface, area: pygam
         swatch = pygame.Rect(place.left, place.top + 3, SWATCH, place.height - 8)
         if shape.kind in ("segments", "line"):
             swatch = swatch.inflate(0, 3 - swatch.height)
-        elif shape.kind != "grid":
+        elif shape.kind not in ("grid", "cells"):
             swatch = swatch.inflate(swatch.height - swatch.width, 0)
-        ring, corner = 2 if shape.kind == "home" else 0, 0 if shape.kind == "grid" else 5
+        ring, corner = 2 if shape.kind == "home" else 0, 0 if shape.kind in ("grid", "cells") else 5
         pygame.draw.rect(canvas, colour, swatch, ring, corner)
         label = _font(18).render(shape.label, True, TEXT)
         canvas.blit(label, (place.left + SWATCH + 5, place.top + 1))
     canvas.set_clip(None)
-    _paint_scale(canvas, scene, view, area)
+    _paint_scale(canvas, panel, view, area)
 
 
 def legend_places(panel: Panel, area: pygame.Rect) -> list[tuple[Shape, pygame.Rect]]:
@@ -151,8 +153,8 @@ def legend_places(panel: Panel, area: pygame.Rect) -> list[tuple[Shape, pygame.R
     return places
 
 
-def _paint_scale(canvas: pygame.Surface, scene: Scene, view: _View, area: pygame.Rect) -> None:
-    length = scale_bar(scene.bounds[2] - scene.bounds[0])
+def _paint_scale(canvas: pygame.Surface, panel: Panel, view: _View, area: pygame.Rect) -> None:
+    length = scale_bar(panel.bounds[2] - panel.bounds[0])
     pixels = round(length * view.scale)
     right, y = area.right - 14, area.y + 20
     pygame.draw.line(canvas, FAINT, (right - pixels, y), (right, y), 2)
@@ -211,6 +213,18 @@ def _grid(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
     area[known.T] = drawn.astype(np.uint8).swapaxes(0, 1)[known.T]
 
 
+def _cells(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
+    """The stronger a square the farther its colour is from the panel's."""
+    corners = view(shape.data[:, :2] + shape.data[:, 2:3] * (-0.5, 0.5))
+    panel, colour = np.array(PANEL, float), np.array(PALETTE[shape.style], float)
+    colours = (panel + shape.data[:, 3:] * (colour - panel)).astype(int).tolist()
+    for (x, y), side, shade in zip(
+        corners.tolist(), (view.scale * shape.data[:, 2]).tolist(), colours, strict=True
+    ):
+        square = round(x), round(y), round(x + side) - round(x), round(y + side) - round(y)
+        pygame.draw.rect(canvas, shade, square)
+
+
 def _home(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
     x, y = view(shape.data[:2]).tolist()
     pygame.draw.circle(canvas, PALETTE[shape.style], (x, y), 8, 2)
@@ -232,6 +246,7 @@ PAINTERS: dict[str, Callable[[pygame.Surface, Shape, _View], None]] = {
     "dots": _dots,
     "marks": _marks,
     "grid": _grid,
+    "cells": _cells,
     "home": _home,
     "robot": _robot,
 }

@@ -11,6 +11,7 @@ from jaxtyping import Float64
 
 from albot_core.geometry.pose_kernels import length_of, transform_point
 from albot_core.geometry.types import Pose
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_env.rendering.layers import layer_summary
 
@@ -64,6 +65,10 @@ class Frame:
     """Where the robot believed to be at each moment, map frame."""
     home: Pose
     """Where home is believed to be, in the robot's present frame."""
+    activity: Activity | None = None
+    """The activity of the mapper's attractor network; None where it has none."""
+    packets: Float64[np.ndarray, "packets 2"] = field(default_factory=lambda: np.empty((0, 2)))
+    """Where the network's largest packet has been, in its own plane (m)."""
     terms: Mapping[str, float] = field(default_factory=dict)
     """What each term of the reward has come to so far."""
     answer: int | None = None

@@ -1,4 +1,4 @@
-"""The picture: truth and map side by side in one PNG, for papers, pages and reports."""
+"""The picture: all panels side by side in one PNG, for papers, pages and reports."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Affine2D
 
 from albot_core.files import replacing
 from albot_env.rendering.frame import Frame
-from albot_env.rendering.scene import Panel, Scene, lay_out, scale_bar
+from albot_env.rendering.scene import Panel, lay_out, scale_bar
 from albot_env.rendering.shapes import Shape
 
 PALETTE = {
@@ -29,6 +30,7 @@ PALETTE = {
     "doorway": "#e64980",
     "place": "#5f3dc4",
     "particle": "#f59f00",
+    "activity": "#d9480f",
     "grid": "#555555",
     "home": "#b5338a",
     "robot": "#111111",
@@ -36,7 +38,7 @@ PALETTE = {
 
 
 def save_picture(frame: Frame, path: Path) -> None:
-    """Draw a frame, truth left and map right, and save it as a PNG, whole or not at all.
+    """Draw a frame, its panels from left to right, and save it as a PNG, whole or not at all.
 
     Raises:
         InputError: The file cannot be written.
@@ -44,17 +46,19 @@ def save_picture(frame: Frame, path: Path) -> None:
     scene = lay_out(frame)
     x0, y0, x1, y1 = scene.bounds
     height = float(np.clip(6.2 * (y1 - y0) / (x1 - x0), 2.2, 11.0))
-    figure = Figure(figsize=(13.0, height + 1.5), layout="constrained")
+    shares = [panel.share for panel in scene.panels]
+    figure = Figure(figsize=(6.5 * sum(shares), height + 1.5), layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle("\n".join((scene.heading, *scene.captions)), fontsize=10)
-    for axes, panel in zip(figure.subplots(1, 2), scene.panels, strict=True):
-        _draw_panel(axes, panel, scene)
+    grid = figure.subplots(1, len(shares), width_ratios=shares)
+    for axes, panel in zip(grid, scene.panels, strict=True):
+        _draw_panel(axes, panel)
     with replacing(path) as stream:
         figure.savefig(stream, format="png", dpi=110, metadata={"Software": "albot-env"})
 
 
-def _draw_panel(axes: Axes, panel: Panel, scene: Scene) -> None:
-    x0, y0, x1, y1 = scene.bounds
+def _draw_panel(axes: Axes, panel: Panel) -> None:
+    x0, y0, x1, y1 = panel.bounds
     for depth, shape in enumerate(panel.shapes):
         _draw_shape(axes, shape, 2 + depth)
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xticks=[], yticks=[])
@@ -127,6 +131,8 @@ def _draw_shape(axes: Axes, shape: Shape, zorder: int) -> None:
             )
     elif shape.kind == "grid":
         _draw_grid(axes, shape)
+    elif shape.kind == "cells":
+        _draw_cells(axes, shape, colour, zorder)
     elif shape.kind == "home":
         axes.scatter(
             shape.data[:1],
@@ -157,6 +163,22 @@ def _draw_grid(axes: Axes, shape: Shape) -> None:
         transform=Affine2D().rotate(turn).translate(x, y) + axes.transData,
         interpolation="nearest",
         zorder=1,
+    )
+
+
+def _draw_cells(axes: Axes, shape: Shape, colour: str, zorder: int) -> None:
+    """Squares, the stronger the less of what is below shows through."""
+    x, y, side, strength = shape.data[np.argsort(-shape.data[:, 3])].T  # The legend has the first.
+    corners = np.array(((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)))
+    squares = np.stack((x, y), axis=1)[:, None] + side[:, None, None] * corners
+    axes.add_collection(
+        PolyCollection(
+            list(squares),
+            facecolors=[to_rgba(colour, alpha) for alpha in strength],
+            linewidths=0,
+            label=shape.label,
+            zorder=zorder,
+        )
     )
 
 

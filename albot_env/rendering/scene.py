@@ -1,4 +1,4 @@
-"""The scene: a frame laid out as two panels of shapes that every renderer draws alike."""
+"""The scene: a frame laid out as panels of shapes that every renderer draws alike."""
 
 from __future__ import annotations
 
@@ -8,37 +8,57 @@ import numpy as np
 
 from albot_core.geometry.poses import compose, transform_points
 from albot_core.geometry.types import Points
+from albot_core.maps.activity import Activity, packet_segments
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.layers import layer_shapes
 from albot_env.rendering.shapes import Shape
 
+_SHARE = 0.6
+"""How wide the network's panel is, to the truth's."""
+_RIM = 0.5
+"""So much more than the network's plane is shown on each side (m)."""
+Bounds = tuple[float, float, float, float]
+"""Smallest x, smallest y, largest x, largest y (m)."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Panel:
-    """One half of a scene."""
+    """A part of a scene, beside others."""
 
     title: str
     shapes: tuple[Shape, ...]
     """From back to front."""
+    bounds: Bounds
+    """What is shown, in the panel's frame."""
+    share: float = 1.0
+    """How wide it is, to the first."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
-    """The truth on the left and the map on the right, at one scale and in one frame."""
+    """The truth on the left and the map beside it, at one scale and in the world's frame.
+
+    Where the mapper has an attractor network its activity is on the right, in the network's own
+    frame.
+    """
 
     truth: Panel
     map: Panel
-    bounds: tuple[float, float, float, float]
-    """Smallest x, smallest y, largest x, largest y of what both panels show (m)."""
+    activity: Panel | None
     heading: str
     """What does not change in the episode."""
     captions: tuple[str, ...]
     """The figures of the moment, a line each."""
 
     @property
-    def panels(self) -> tuple[Panel, Panel]:
-        """Both panels from left to right."""
-        return self.truth, self.map
+    def bounds(self) -> Bounds:
+        """What truth and map show, world frame."""
+        return self.truth.bounds
+
+    @property
+    def panels(self) -> tuple[Panel, ...]:
+        """All panels from left to right."""
+        return (self.truth, self.map, *(() if self.activity is None else (self.activity,)))
 
 
 def lay_out(frame: Frame) -> Scene:
@@ -50,35 +70,27 @@ def lay_out(frame: Frame) -> Scene:
         if len(frame.things)
         else ()
     )
-    truth = Panel(
-        title="the truth",
-        shapes=(
-            Shape(
-                kind="dots",
-                style="laser",
-                label="laser",
-                data=transform_points(frame.pose, frame.hits),
-            ),
-            Shape(kind="segments", style="wall", label="walls", data=frame.walls),
-            *things,
-            _way("path", frame.path, frame),
-            Shape(kind="home", style="home", label="home", data=start),
-            Shape(kind="robot", style="robot", label="robot", data=frame.pose),
-        ),
+    hits = transform_points(frame.pose, frame.hits)
+    truth = (
+        Shape(kind="dots", style="laser", label="laser", data=hits),
+        Shape(kind="segments", style="wall", label="walls", data=frame.walls),
+        *things,
+        _way("path", frame.path, frame),
+        Shape(kind="home", style="home", label="home", data=start),
+        Shape(kind="robot", style="robot", label="robot", data=frame.pose),
     )
-    mapped = Panel(
-        title=f"what the robot believes ({frame.mapper})",
-        shapes=(
-            *(shape for layer in frame.snapshot.layers for shape in layer_shapes(layer, start)),
-            _way("believed", transform_points(start, frame.believed_path), frame),
-            Shape(kind="home", style="home", label="home", data=compose(believed, frame.home)),
-            Shape(kind="robot", style="robot", label="robot", data=believed),
-        ),
+    mapped = (
+        *(shape for layer in frame.snapshot.layers for shape in layer_shapes(layer, start)),
+        _way("believed", transform_points(start, frame.believed_path), frame),
+        Shape(kind="home", style="home", label="home", data=compose(believed, frame.home)),
+        Shape(kind="robot", style="robot", label="robot", data=believed),
     )
+    bounds = _bounds(*truth, *mapped)
+    title = f"what the robot believes ({frame.mapper})"
     return Scene(
-        truth=truth,
-        map=mapped,
-        bounds=_bounds(truth, mapped),
+        truth=Panel(title="the truth", shapes=truth, bounds=bounds),
+        map=Panel(title=title, shapes=mapped, bounds=bounds),
+        activity=None if frame.activity is None else _activity(frame.activity, frame.packets),
         heading=frame.heading,
         captions=(frame.figures, frame.rewards),
     )
@@ -94,10 +106,31 @@ def _way(style: str, points: Points, frame: Frame) -> Shape:
     return Shape(kind="marks", style=style, label="stops", data=points, names=names)
 
 
-def _bounds(*panels: Panel, margin: float = 0.8) -> tuple[float, float, float, float]:
+def _activity(activity: Activity, packets: Points) -> Panel:
+    """The network's plane: how active it is, and where its largest packet is and has been."""
+    values, cell, size = activity.values, activity.cell, np.array(activity.size)
+    rows, columns = np.nonzero(values)
+    strengths = np.sqrt(values[rows, columns] / values.max(initial=0.0))  # Small packets show, too.
+    middles = (columns + 0.5) * cell, (rows + 0.5) * cell
+    cells = np.column_stack((*middles, np.full(len(rows), cell), strengths)).astype(np.float64)
+    edges = np.array(((0, 0, 1, 0), (1, 0, 1, 1), (1, 1, 0, 1), (0, 1, 0, 0))) * np.tile(size, 2)
+    path = packet_segments(packets, activity.size)
+    return Panel(
+        title="the network's activity",
+        shapes=(
+            Shape(kind="segments", style="grid", label="where it wraps round", data=edges),
+            Shape(kind="cells", style="activity", label="activity", data=cells),
+            Shape(kind="segments", style="believed", label="packet's path", data=path),
+            Shape(kind="robot", style="robot", label="packet", data=activity.packet),
+        ),
+        bounds=(-_RIM, -_RIM, size[0] + _RIM, size[1] + _RIM),
+        share=_SHARE,
+    )
+
+
+def _bounds(*shapes: Shape, margin: float = 0.8) -> Bounds:
     """The box around everything drawn but the laser's dots, `margin` (m) wider on each side."""
-    shapes = [shape for panel in panels for shape in panel.shapes if shape.style != "laser"]
-    points = np.concatenate([shape.points for shape in shapes])
+    points = np.concatenate([shape.points for shape in shapes if shape.style != "laser"])
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 

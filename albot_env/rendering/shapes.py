@@ -10,7 +10,7 @@ from jaxtyping import Float64
 
 from albot_core.maps.layers import OccupancyGridLayer
 
-Kind = Literal["segments", "line", "dots", "marks", "grid", "home", "robot"]
+Kind = Literal["segments", "line", "dots", "marks", "grid", "cells", "home", "robot"]
 
 ROBOT_RADIUS = 0.25
 """Radius at which the robot is drawn (m): about a Pioneer's."""
@@ -22,13 +22,14 @@ class Shape:
 
     kind: Kind
     """How `data` is meant: segments `(n, 4)`; points `(n, 2)` of a line, of small dots or of larger
-    marks; or one pose `(3,)`, of a grid its origin."""
+    marks; squares `(n, 4)`, each its middle, its side, and how strongly it is drawn, from 0 to 1;
+    or one pose `(3,)`, of a grid its origin."""
     style: str
     """What it stands for; the renderer's palette gives it a colour."""
     label: str
     """Its name in a legend."""
     data: Float64[np.ndarray, "..."]
-    """Coordinates in the world's frame (m)."""
+    """Coordinates in the panel's frame (m)."""
     names: tuple[str, ...] = ()
     """What stands beside each mark; nothing where there are none."""
     grid: OccupancyGridLayer | None = None
@@ -39,6 +40,8 @@ class Shape:
         """Points of its outline (m)."""
         if self.grid is not None:
             return self.placed_grid.corners
+        if self.kind == "cells":
+            return self.data[:, :2]
         return self.data[:2].reshape(1, 2) if self.data.ndim == 1 else self.data.reshape(-1, 2)
 
     @property

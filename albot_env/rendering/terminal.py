@@ -13,7 +13,7 @@ from rich.live import Live
 from rich.text import Text
 
 from albot_env.rendering.frame import Frame
-from albot_env.rendering.scene import Panel, Scene, lay_out
+from albot_env.rendering.scene import Panel, lay_out
 from albot_env.rendering.shapes import Shape
 from albot_env.rendering.terminal_keyboard import TerminalKeyboard
 from albot_env.rendering.viewer import Footer
@@ -30,6 +30,7 @@ STYLES = {
     "doorway": "magenta",
     "place": "bold yellow",
     "particle": "yellow",
+    "activity": "red",
     "grid": "white",
     "home": "bold magenta",
     "robot": "bold bright_cyan",
@@ -42,12 +43,16 @@ MARK = "●"
 SIGNS = {"marks": MARK, "dots": "⠶", "home": HOME, "robot": ARROWS[0]}
 """What stands before each kind of shape in a legend; a line before others."""
 BETWEEN = " │ "
-"""What parts the two panels."""
+"""What parts the panels."""
+THREE = 110
+"""From so many characters on there is room for a third panel."""
 FEWEST_ROWS = 10
 """Something else is left out before panels have fewer rows than these."""
 
 OCCUPIED = 0.65
 """Cells of an occupancy grid are drawn from this probability on."""
+STRONG = 0.1
+"""Other cells are drawn from this strength on."""
 
 DOT_BITS = np.array(((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80)), np.uint8)
 """The bit of each dot in a braille character, by row and column (Unicode block 2800)."""
@@ -129,6 +134,8 @@ def _draw(canvas: BrailleCanvas, shape: Shape) -> None:
             canvas.sign(point, name if len(name) == 1 else MARK, style)
     elif shape.kind == "grid":
         canvas.dots(shape.placed_grid.centres(OCCUPIED), style)
+    elif shape.kind == "cells":
+        canvas.dots(shape.data[shape.data[:, 3] >= STRONG, :2], style)
     elif shape.kind == "home":
         canvas.sign(shape.data[:2], HOME, style)
     else:
@@ -136,8 +143,8 @@ def _draw(canvas: BrailleCanvas, shape: Shape) -> None:
         canvas.sign(shape.data[:2], ARROWS[eighth], style)
 
 
-def _panel(panel: Panel, scene: Scene, columns: int, rows: int) -> list[Text]:
-    canvas = BrailleCanvas(columns, rows, scene.bounds)
+def _panel(panel: Panel, columns: int, rows: int) -> list[Text]:
+    canvas = BrailleCanvas(columns, rows, panel.bounds)
     for shape in panel.shapes:
         _draw(canvas, shape)
     return [canvas.line(row) for row in range(rows)]
@@ -147,7 +154,7 @@ def _legend(panel: Panel, columns: int) -> list[Text]:
     """What each sign of a panel means, in as many lines as it takes."""
     lines = [Text(no_wrap=True)]
     for shape in panel.shapes:
-        sign = SIGNS.get(shape.kind, "⣿" if shape.kind == "grid" else "━")
+        sign = SIGNS.get(shape.kind, "⣿" if shape.kind in ("grid", "cells") else "━")
         entry = Text(f"{sign} ", style=STYLES[shape.style]).append(shape.label, style="default")
         if lines[-1].cell_len and lines[-1].cell_len + 2 + entry.cell_len > columns:
             lines.append(Text(no_wrap=True))
@@ -160,7 +167,8 @@ def _legend(panel: Panel, columns: int) -> list[Text]:
 def draw_text(frame: Frame, columns: int, lines: int, footer: Footer | None = None) -> Text:
     """Draw a frame as text that fits the terminal.
 
-    Where there is little room, the legend, then the rewards and the heading are left out.
+    Where it is narrow the third panel is left out; where it is low the legend, then the rewards
+    and the heading.
 
     Args:
         frame: What to draw.
@@ -169,10 +177,13 @@ def draw_text(frame: Frame, columns: int, lines: int, footer: Footer | None = No
         footer: What stands below.
     """
     scene = lay_out(frame)
-    width = max(10, (columns - len(BETWEEN)) // 2)
+    panels = scene.panels if columns >= THREE else scene.panels[:2]
+    shares = np.array([panel.share for panel in panels])
+    room = columns - len(BETWEEN) * (len(panels) - 1)
+    widths = np.maximum(10, room * shares / shares.sum()).astype(int).tolist()
     heading = [Text(scene.heading, style="bold")]
-    titles = _beside(*([Text(panel.title, style="dim")] for panel in scene.panels), width=width)
-    legend = _beside(*(_legend(panel, width) for panel in scene.panels), width=width)
+    titles = _beside([[Text(panel.title, style="dim")] for panel in panels], widths)
+    legend = _beside([_legend(*each) for each in zip(panels, widths, strict=True)], widths)
     figures, *rewards = (Text(caption) for caption in scene.captions)
     below = []
     if footer is not None:
@@ -185,9 +196,11 @@ def draw_text(frame: Frame, columns: int, lines: int, footer: Footer | None = No
             optional.clear()
     rows = lines - sum(map(len, (heading, titles, legend, rewards, below))) - 1
     x0, y0, x1, y1 = scene.bounds
-    fitting = int(np.ceil(2 * width * (y1 - y0) / (x1 - x0) / 4))
+    fitting = int(np.ceil(2 * widths[0] * (y1 - y0) / (x1 - x0) / 4))
     rows = max(4, min(rows, fitting))
-    drawn = _beside(*(_panel(panel, scene, width, rows) for panel in scene.panels), width=width)
+    drawn = _beside(
+        [_panel(panel, width, rows) for panel, width in zip(panels, widths, strict=True)], widths
+    )
     text = Text(no_wrap=True, overflow="crop")
     for line in (*heading, *titles, *drawn, *legend, figures, *rewards, *below):
         line.truncate(columns)
@@ -196,14 +209,16 @@ def draw_text(frame: Frame, columns: int, lines: int, footer: Footer | None = No
     return text
 
 
-def _beside(left: list[Text], right: list[Text], *, width: int) -> list[Text]:
-    """Lines beside each other, the left ones filled up to a width (characters)."""
+def _beside(columns: Sequence[list[Text]], widths: Sequence[int]) -> list[Text]:
+    """Lines beside each other, all but the last filled up to their widths (characters)."""
     beside = []
-    for one, other in zip_longest(left, right, fillvalue=Text()):
-        line = one.copy()
-        line.truncate(width, pad=True)
-        other.truncate(width)
-        beside.append(line.append(BETWEEN, style="dim").append_text(other))
+    for row in zip_longest(*columns, fillvalue=Text()):
+        line = Text(no_wrap=True)
+        for k, (text, width) in enumerate(zip(row, widths, strict=True)):
+            part = text.copy()
+            part.truncate(width, pad=k < len(widths) - 1)
+            line.append(BETWEEN if k else "", style="dim").append_text(part)
+        beside.append(line)
     return beside
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import EMPTY_MAP
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.rendering.frame import Frame
@@ -22,6 +23,8 @@ class Trace:
         self._path: list[tuple[float, float]] = []
         self._believed: list[tuple[float, float]] = []
         self._snapshot = EMPTY_MAP
+        self._activity: Activity | None = None
+        self._packets: list[tuple[float, float]] = []
         self._terms: dict[str, float] = {}
         self.add(first)
 
@@ -34,6 +37,9 @@ class Trace:
             self._terms[name] = self._terms.get(name, 0.0) + value
         if moment.snapshot is not None:
             self._snapshot = moment.snapshot
+        if moment.activity is not None:
+            self._activity = moment.activity
+            self._packets.append((moment.activity.packet[0], moment.activity.packet[1]))
 
     @property
     def frame(self) -> Frame:
@@ -59,6 +65,8 @@ class Trace:
             belief=moment.belief,
             believed_path=np.array(self._believed),
             home=moment.home,
+            activity=self._activity,
+            packets=np.reshape(self._packets, (-1, 2)).astype(np.float64),
             terms=dict(self._terms),
             answer=None if moment.action is None else round(float(moment.action[0])),
         )

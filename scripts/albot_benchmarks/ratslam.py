@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
 from albot_core.mappers.ratslam.correction import correct_link_by_link
 from albot_core.mappers.registry import make_mapper
+from albot_core.sensing.reading import Reading
 from albot_experiments.ratslam_floor import FLOOR
 
 _EXPERIENCES, _TRANSITIONS = 12_881, 14_485
@@ -19,33 +21,39 @@ Row = dict[str, float | int | str]
 
 
 def measure_ratslam(minutes: int = 60, rounds: int = 3) -> list[Row]:
-    """Time the mapper `ratslam-scenes`, and the correction alone.
+    """Time the mappers `ratslam-scenes` and `ratslam`, and the correction alone.
 
     Returns:
-        Of the mapper, led over `office-floor` for so long, its `name`, the `experiences` and
+        Of each mapper, led over `office-floor` for so long, the one with a laser for a third of
+        that, its `name`, the `experiences` and
         `transitions` at the end, `readings_per_second`, and `us_early` and `us_late`, what a
         reading takes in the second and in the last quarter of the time (µs). Of the correction of
         a large random map `experiences`, `transitions` and `passes_per_second`. All are the best
         of some rounds, by the time that a processor really worked.
     """
-    return [_mapping(minutes, rounds), _correction(rounds)]
-
-
-def _mapping(minutes: int, rounds: int) -> Row:
     journey = FLOOR.journey(seed=0, minutes=minutes)
-    mapper = make_mapper("ratslam-scenes")
-    quarters = np.array_split(np.arange(len(journey.readings)), 4)
+    seen = len(journey.readings) // 3
+    return [
+        _mapping("ratslam-scenes", journey.readings, rounds),
+        _mapping("ratslam", journey.readings[:seen], rounds),
+        _correction(rounds),
+    ]
+
+
+def _mapping(name: str, readings: Sequence[Reading], rounds: int) -> Row:
+    mapper = make_mapper(name)
+    quarters = np.array_split(np.arange(len(readings)), 4)
     best = np.full(4, np.inf)
     for _ in range(rounds):
         mapper.reset(np.random.default_rng(0))
         for quarter, indices in enumerate(quarters):
             began = time.process_time()
             for index in indices:
-                mapper.update(journey.readings[index])
+                mapper.update(readings[index])
             best[quarter] = min(best[quarter], (time.process_time() - began) / len(indices))
     graph = mapper.snapshot().place_graph
     return {
-        "name": "ratslam-scenes",
+        "name": name,
         "experiences": len(graph.nodes) if graph else 0,
         "transitions": len(graph.edges) if graph else 0,
         "readings_per_second": float(1 / best.mean()),

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import singledispatch
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float64
 
+from albot_core.errors import InputError
 from albot_core.files import replacing
+from albot_core.geometry.types import Points
+from albot_core.maps.activity import Activity, packet_segments
 from albot_core.maps.layers import (
     Layer,
     MapSnapshot,
@@ -22,9 +27,16 @@ from albot_core.maps.layers import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _WIDTH = 10.0
-"""Width of the picture (inch)."""
+"""Width of the picture of one map (inch)."""
+_COLUMNS = 3
+"""Most maps side by side."""
+_WIDEST = 1.6
+"""Width of a picture of many maps, to that of one."""
+_NETWORK = 0.6
+"""Width of a network's plane, to the map's."""
 
 _SHAPES = (0.4, 1.4)
 """Least and largest height of the map's frame, to its width."""
@@ -43,6 +55,7 @@ def write_picture(
     snapshot: MapSnapshot,
     believed: Float64[np.ndarray, "moments 3"],
     reference: Float64[np.ndarray, "others 3"] | None = None,
+    network: tuple[Activity, Points] | None = None,
 ) -> None:
     """Draw a map as a PNG file, whole or not at all; all in the map's frame (m).
 
@@ -52,37 +65,118 @@ def write_picture(
         snapshot: The map.
         believed: Where the robot believed to be.
         reference: Where it was, aligned with `believed`; not drawn where there is none.
+        network: The activity of the mapper's attractor network, and where its packet has been in
+            the network's plane (m): drawn on the left of the map.
     """
+    panel = Panel(title, snapshot, believed, reference)
+    figure, (axes,) = _make_figure([panel], columns=1, network=network)
+    axes.set(xlabel="x (m)", ylabel="y (m)")
+    _save(figure, path)
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One of several maps in a picture: see `write_picture`."""
+
+    title: str
+    snapshot: MapSnapshot
+    believed: Float64[np.ndarray, "moments 3"]
+    reference: Float64[np.ndarray, "others 3"] | None = None
+
+
+def write_pictures(path: Path, panels: Sequence[Panel]) -> None:
+    """Draw maps side by side as one PNG file, whole or not at all; each in its own frame (m).
+
+    Raises:
+        InputError: There is no panel.
+    """
+    if not panels:
+        raise InputError(path, "at least one map to draw", "none")
+    figure, _ = _make_figure(panels, columns=min(len(panels), _COLUMNS))
+    _save(figure, path)
+
+
+def _make_figure(
+    panels: Sequence[Panel], columns: int, network: tuple[Activity, Points] | None = None
+) -> tuple[Figure, list[Axes]]:
+    """A figure of maps, all frames of one shape, that of the highest; a network on their left."""
     # Imported here, since it takes long and most runs draw nothing.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    drawn = [np.zeros((1, 2)), believed[:, :2], *map(layer_points, snapshot.layers)]
-    if reference is not None:
-        drawn.append(reference[:, :2])
-    low, high = _bounds(np.concatenate(drawn))
-    shape = np.clip((high[1] - low[1]) / (high[0] - low[0]), *_SHAPES)
-    figure = Figure(figsize=(_WIDTH, 0.9 * _WIDTH * shape + 1.0), layout="constrained")
+    bounds = [_bounds(_drawn_points(panel)) for panel in panels]
+    heights = [(high[1] - low[1]) / (high[0] - low[0]) for low, high in bounds]
+    shape = np.clip(max(heights), *_SHAPES)
+    rows, width = -(-len(panels) // columns), _WIDTH * min(columns, _WIDEST) / columns
+    beside = () if network is None else (_NETWORK,)
+    widths = (*beside, *(1.0,) * columns)
+    size = (width * sum(widths), rows * 0.9 * width * shape + (1.8 if beside else 1.0))
+    figure = Figure(figsize=size, layout="constrained")
     FigureCanvasAgg(figure)
-    axes = figure.add_subplot(
-        xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x (m)", ylabel="y (m)"
+    places = figure.add_gridspec(rows, len(widths), width_ratios=widths)
+    if network is not None:
+        _draw_network(*network, figure.add_subplot(places[:, 0]))
+    drawn = []
+    for number, (panel, (low, high)) in enumerate(zip(panels, bounds, strict=True)):
+        axes = figure.add_subplot(places[number // columns, len(beside) + number % columns])
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        _draw_panel(panel, axes)
+        drawn.append(axes)
+    handles: dict[str, Any] = {}
+    for axes in drawn:
+        some, names = axes.get_legend_handles_labels()
+        handles |= dict(zip(names, some, strict=True))
+    figure.legend(
+        handles.values(), handles.keys(), loc="outside lower center", ncols=6, frameon=False
     )
-    axes.set_title(title)
+    return figure, drawn
+
+
+def _draw_panel(panel: Panel, axes: Axes) -> None:
+    axes.set_title(panel.title)
     axes.set_aspect("equal")
     axes.grid(color="#e4e7eb", linewidth=0.6)
     axes.set_axisbelow(True)
-    if reference is not None:
-        x, y = reference[:, 0], reference[:, 1]
+    if panel.reference is not None:
+        x, y = panel.reference[:, 0], panel.reference[:, 1]
         axes.plot(x, y, color=_REFERENCE, linewidth=1.2, alpha=0.8, label="reference, aligned")
-    axes.plot(
-        believed[:, 0], believed[:, 1], color=_PATH, linewidth=1.2, alpha=0.8, label="believed path"
-    )
-    for layer in snapshot.layers:
+    x, y = panel.believed[:, 0], panel.believed[:, 1]
+    axes.plot(x, y, color=_PATH, linewidth=1.2, alpha=0.8, label="believed path")
+    for layer in panel.snapshot.layers:
         draw_layer(layer, axes)
     axes.plot(0, 0, "*", color=_HOME, markersize=14, linestyle="none", label="home", zorder=3)
-    figure.legend(loc="outside lower center", ncols=6, frameon=False)
+
+
+def _save(figure: Figure, path: Path) -> None:
     with replacing(path) as stream:
         figure.savefig(stream, format="png")
+
+
+def _drawn_points(panel: Panel) -> Float64[np.ndarray, "points 2"]:
+    """Points of all that a panel shows (m)."""
+    drawn = [np.zeros((1, 2)), panel.believed[:, :2], *map(layer_points, panel.snapshot.layers)]
+    if panel.reference is not None:
+        drawn.append(panel.reference[:, :2])
+    return np.concatenate(drawn)
+
+
+def _draw_network(activity: Activity, packets: Points, axes: Axes) -> None:
+    """The network's plane: the packet's path, and how active it is at the end."""
+    from matplotlib.collections import LineCollection
+
+    width, height = activity.size
+    path = packet_segments(packets, activity.size).reshape(-1, 2, 2)
+    axes.add_collection(LineCollection(list(path), colors=_PATH, linewidths=0.6))
+    axes.imshow(
+        np.ma.masked_equal(activity.values, 0),
+        cmap="Oranges",
+        vmin=0,
+        origin="lower",
+        extent=(0, width, 0, height),
+        interpolation="nearest",
+    )
+    axes.set(xlim=(0, width), ylim=(0, height), xlabel="x' (m)", ylabel="y' (m)", aspect="equal")
+    axes.set_title("path of the packet, and activity at the end")
 
 
 def _bounds(

@@ -15,6 +15,7 @@ from albot_core.errors import InputError
 from albot_core.mappers.registry import make_mapper
 from albot_env.recording.episode import Moment, NullRecorder, Recorder
 from albot_env.recording.layers import plain_layer
+from albot_env.recording.log import EpisodeLog, read_episode_log
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.schemas import TOPICS
 from albot_env.recording.writer import CHUNK_MOMENTS, EpisodeWriter
@@ -188,3 +189,19 @@ def test_a_full_disk_is_said(make_env) -> None:
     env.recorder = EpisodeWriter(Path("/dev/full"))
     with pytest.raises(InputError, match=r"/dev/full"):
         drive(env, 60)
+
+
+def test_an_episode_is_a_log_as_well(make_env, episode: Path) -> None:
+    """In memory as from the file; a mapper led through it comes to the same."""
+    env, kept = make_env(mapper="albot1"), EpisodeLog()
+    env.recorder = kept
+    *_, (_, info) = drive(env, 40)
+    read, here = read_episode_log(episode), kept.log("here")
+    assert read.sensors == here.sensors == {"laser", "sonar"}
+    for name in ("stamps", "ranges", "odometry", "echoes", "reference"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(here, name))
+    assert here.readings[3].stamp == pytest.approx(0.3)
+    mapper = make_mapper("albot1")
+    for reading in here.readings:
+        mapper.update(reading)
+    np.testing.assert_allclose(mapper.estimate.pose, info["belief"], atol=1e-9)

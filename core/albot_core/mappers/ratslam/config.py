@@ -121,6 +121,9 @@ class PanoramaConfig:
     """…if that is no farther than this (rad, and twice as many m) from where the odometer says…"""
     slip_share: float = 0.25
     """…plus this share of the motion since the last scan."""
+    elsewhere: float = 0.02
+    """How likely the robot is where no view was learned, beside a match of 1 where it is expected:
+    the larger, the longer views that match poorly, or far from there, take to re-localise it."""
     spread: float = 0.5
     """Standard deviation (m) of where the robot is believed to be, without any way…"""
     drift: float = 0.05
@@ -131,7 +134,7 @@ class PanoramaConfig:
     """…and what the way adds (rad/m)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "reach", "trail", "near", "spread", "turn_spread")
+        check_fields(self, POSITIVE, "reach", "trail", "near", "elsewhere", "spread", "turn_spread")
         check_fields(self, NOT_NEGATIVE, "between", "slip", "slip_share", "drift", "turn_drift")
         check_fields(self, _FROM_TWO, "scans")
         check_fields(self, _FROM_ONE, "candidates")
@@ -160,6 +163,10 @@ class ExperienceConfig:
     """A re-localisation is believed once so many known experiences were entered after it without
     another one. Until then transitions to known experiences wait; those of a false one are never
     learned. 0: all are believed at once."""
+    smoothing: float = 0.3
+    """A scene tells to 1 m and 45° only where the robot is in an experience. So much of the
+    difference from where the odometer says that it is in the map is believed, at least: all as it
+    is re-localised, then half, a third… 1 believes the pose cells alone."""
     spacing: float = 0.6
     """A robot with a laser makes no new experience so near to the last (m) while it sees that…"""
     certain: float = 0.5
@@ -169,7 +176,7 @@ class ExperienceConfig:
         check_fields(self, POSITIVE, "radius")
         check_fields(self, _ANGLE, "turn")
         check_fields(self, NOT_NEGATIVE, "apart", "spacing")
-        check_fields(self, SHARE, "certain")
+        check_fields(self, SHARE, "certain", "smoothing")
         check_fields(self, COUNT, "confirmations")
 
 
@@ -205,7 +212,7 @@ class RatSlamConfig:
         default_factory=lambda: PoseCellConfig(step=0.25, turn=math.radians(20.0))
     )
     """The network of pose cells."""
-    views: LocalViewConfig = field(default_factory=lambda: LocalViewConfig(injection=0.15))
+    views: LocalViewConfig = field(default_factory=lambda: LocalViewConfig(injection=0.2))
     """Scenes, and the links of views."""
     panoramas: PanoramaConfig = field(default_factory=PanoramaConfig)
     """The views of a laser."""

@@ -1,4 +1,4 @@
-"""The experience map as layers, for renderers, recordings and exports."""
+"""Experience map and pose cells as renderers, recordings and exports know such things."""
 
 from __future__ import annotations
 
@@ -7,6 +7,9 @@ from jaxtyping import Int64
 
 from albot_core.geometry.poses import wrap_angle
 from albot_core.mappers.ratslam.experiences import ExperienceMap
+from albot_core.mappers.ratslam.motions import nearest_turn
+from albot_core.mappers.ratslam.pose_cells import PoseCells
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode, TrajectoryLayer
 
 
@@ -38,3 +41,14 @@ def map_layers(
     )
     graph = PlaceGraph(nodes=nodes, edges=edges, current=current, home=0)
     return MapSnapshot(layers=(graph, TrajectoryLayer(poses=poses[visits])))
+
+
+def network_activity(cells: PoseCells) -> Activity:
+    """The activity of the pose cells over (x', y')."""
+    (columns, rows, _), config, packet = cells.shape, cells.config, cells.packet
+    values = np.zeros((rows, columns), np.float32)
+    places = cells.cells % (columns * rows)
+    np.maximum.at(values.ravel(), places, cells.activity.astype(np.float32))
+    x, y = (packet.x + 0.5) * config.cell, (packet.y + 0.5) * config.cell
+    pose = np.array((x, y, nearest_turn(packet.heading * config.cell_turn)))
+    return Activity(cell=config.cell, values=values, packet=pose)

@@ -16,6 +16,8 @@ from jaxtyping import Bool, Float64, Int64
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.config import LocalViewConfig
+from albot_core.mappers.ratslam.motions import Motion, before
+from albot_core.mappers.ratslam.pose_cells import PoseCells
 
 NO_VIEW = -1
 """The view of a robot that recognises nothing."""
@@ -154,6 +156,26 @@ class Links:
         return self.has_links(view) and leads_near(
             int(self._views["first"][view]), links["cell"], links["next"], cell, shape
         )
+
+    def associate(
+        self, view: int, active: float, offset: Motion, cells: PoseCells, way: float
+    ) -> None:
+        """Remember the pose cells that are active with a view, to link them later.
+
+        Args:
+            view: The view.
+            active: How active it is.
+            offset: The robot in its frame, from where the origin of the frame is linked.
+            cells: The pose cells.
+            way: How far the robot has gone (m).
+        """
+        top = cells.top(self._config.linked_share)
+        seen_from = cells.cells[top]
+        if any(offset):
+            seen_from = cells.moved(seen_from, before((0.0, 0.0, 0.0), offset))
+        peak = int(seen_from[np.argmax(cells.activity[top])])
+        if not self.leads_near(view, peak, cells.shape):
+            self.remember(view, seen_from, active * cells.activity[top], way)
 
     def remember(
         self,

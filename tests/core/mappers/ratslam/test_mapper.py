@@ -154,12 +154,24 @@ def straight(mapper: RatSlam, scene, count: int = 300, step: float = 0.1) -> Non
         mapper.update(Reading(stamp=0.1 * k, motion=motion, scene=scene(k)))
 
 
-def test_without_any_scene_it_integrates_its_path():
+@pytest.mark.parametrize(("scene", "views"), [(lambda k: None, 0), (lambda k: k // 10, 30)])
+def test_without_any_scene_seen_before_it_integrates_its_path(scene, views):
     mapper = scenes()
-    straight(mapper, lambda k: None)
+    straight(mapper, scene)
     np.testing.assert_allclose(mapper.estimate.pose, (29.9, 0, 0), atol=1e-6)
-    assert mapper.views == 0
+    assert mapper.views == views
     assert mapper.estimate.matched_reading is None
+    assert not mapper.events
+
+
+@pytest.mark.parametrize("pace", [0.0, -0.1])
+def test_stamps_that_stand_still_or_run_backwards_are_survived(pace, truth):
+    mapper = scenes()
+    for k, reading in enumerate(readings(truth[: len(truth) // 2], 0.0, np.random.default_rng(0))):
+        mapper.update(replace(reading, stamp=pace * k))
+    assert (mapper.experiences.links.rows("time") >= 0).all()
+    assert np.isfinite(mapper.way_home[6])
+    assert error(mapper, truth) < 0.5
 
 
 def test_one_scene_alone_takes_it_nowhere():

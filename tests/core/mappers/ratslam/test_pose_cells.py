@@ -7,7 +7,8 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_core.mappers.ratslam.config import PoseCellConfig
-from albot_core.mappers.ratslam.pose_cells import REACH, PoseCells
+from albot_core.mappers.ratslam.layers import network_activity
+from albot_core.mappers.ratslam.pose_cells import REACH, Packet, PoseCells
 
 SMALL = PoseCellConfig(columns=20, rows=24, headings=18)
 NOTHING = np.zeros(0, np.int64), np.zeros(0)
@@ -176,3 +177,20 @@ def test_cells_are_moved_in_their_own_direction():
     assert moved[0] == (9 * rows + 5) * columns + 2  # Four cells on, across the edge.
     layer, rest = divmod(int(moved[1]), rows * columns)
     assert (layer, *divmod(rest, columns)) == (13, 3, 4)
+
+
+def test_others_see_the_most_active_cell_at_each_place():
+    network = PoseCells(PoseCellConfig(columns=16, rows=20, headings=36))
+    network.seed(Packet(15.0, 3.0, 27.0, 1.0))
+    first = network_activity(network)
+    assert first.values.shape == (20, 16)
+    assert first.values[3, 15] == 1.0
+    assert first.values.sum() == 1.0
+    # The middle of the cell, in metres; the heading is 27 cells of 10°.
+    assert first.packet == pytest.approx((15.5 * 0.25, 3.5 * 0.25, np.radians(-90)))
+    network.iterate((0.0, 0.0, 0.0), *NOTHING)
+    values = network_activity(network).values
+    assert np.array_equal(values, dense(network).max(axis=0).astype(np.float32))
+    other = PoseCells(network.config)
+    other.restore(network.state())
+    assert np.array_equal(network_activity(other).values, values)

@@ -1,0 +1,81 @@
+"""The activity of an attractor network as messages, and back.
+
+An episode file holds it twice, as a map: exactly, in `/albot/activity`, by its active places; and
+as a grid of the network's own frame, as Foxglove draws it.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from albot_core.maps.activity import MOST_CELLS, Activity
+from albot_core.plain_data import Location, read_array, read_record
+from albot_env.recording.foxglove import Message, pose_of, time_of
+
+_FIELDS = {
+    "cell": float,
+    "rows": int,
+    "columns": int,
+    "active": list[int],
+    "values": Any,
+    "packet": Any,
+}
+
+
+def activity_messages(activity: Activity, stamp: float) -> Iterator[Message]:
+    """The messages of the activity at a moment (s)."""
+    values, cell = activity.values, activity.cell
+    rows, columns = values.shape
+    shades = np.rint(255 * values / max(float(values.max()), np.finfo(np.float32).tiny))
+    yield (
+        "/activity",
+        {
+            "timestamp": time_of(stamp),
+            "frame_id": "network",
+            "pose": pose_of(np.zeros(3)),
+            "column_count": columns,
+            "cell_size": {"x": cell, "y": cell},
+            "row_stride": columns,
+            "cell_stride": 1,
+            "fields": [{"name": "activity", "offset": 0, "type": 1}],
+            "data": base64.b64encode(shades.astype(np.uint8).tobytes()).decode(),
+        },
+    )
+    active = np.flatnonzero(values)
+    yield (
+        "/albot/activity",
+        {
+            "cell": cell,
+            "rows": rows,
+            "columns": columns,
+            "active": active.tolist(),
+            "values": values.ravel()[active].tolist(),
+            "packet": activity.packet.tolist(),
+        },
+    )
+
+
+def activity_from_message(content: Any, where: Location) -> Activity:
+    """The activity of an `/albot/activity` message, which stands there in a file.
+
+    Raises:
+        InputError: The message is not as its schema says; it names the place.
+    """
+    told = read_record(_FIELDS, content, where)
+    for name in ("rows", "columns"):
+        if not 0 < told[name] <= MOST_CELLS:
+            raise where.at(name).error(f"a number from 1 to {MOST_CELLS}", str(told[name]))
+    values = np.zeros((told["rows"], told["columns"]), np.float32)
+    for cell in told["active"]:
+        if not 0 <= cell < values.size:
+            raise where.at("active").error(f"numbers of {values.size} places", str(cell))
+    active = np.array(told["active"], np.int64)
+    amounts = read_array((len(active),), told["values"], where.at("values"))
+    packet = read_array((3,), told["packet"], where.at("packet"))
+    with where.naming(), np.errstate(over="ignore"):  # What float32 cannot hold is not finite.
+        values.ravel()[active] = amounts
+        return Activity(cell=told["cell"], values=values, packet=packet)

@@ -1,0 +1,173 @@
+"""Where the robot is in the experience map, and what it learns of the map on its way (section 4.2).
+
+It is in one experience, and somewhere in that one's frame: by the odometer, since it came there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from albot_core.geometry.poses import compose, relative
+from albot_core.geometry.types import Pose
+from albot_core.mappers.ratslam.arrays import Table
+from albot_core.mappers.ratslam.config import RatSlamConfig
+from albot_core.mappers.ratslam.doubt import Doubt, Transition
+from albot_core.mappers.ratslam.experiences import ExperienceMap
+from albot_core.mappers.ratslam.local_views import NO_VIEW
+from albot_core.mappers.ratslam.motions import Motion, after, before, motion_of, nearest_turn
+from albot_core.mappers.ratslam.pose_cells import Packet
+from albot_core.mappers.ratslam.winding import HeadingBias
+
+
+class Position:
+    """The robot in the experience map.
+
+    Args:
+        config: All thresholds.
+    """
+
+    def __init__(self, config: RatSlamConfig) -> None:
+        self._config = config
+        self.map = ExperienceMap(config.experiences, config.pose_cells, config.correction)
+        self.visits = Table(place=(np.int64, ()))
+        """The experiences that the robot has been in, in order."""
+        self._bias, self._doubt = HeadingBias(), Doubt()
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget everything."""
+        for part in (self.map, self.visits):
+            part.clear()
+        self._bias.reset()
+        self._doubt.reset()
+        self.stamp = self._left_at = 0.0
+        self.way = 0.0
+        """How far the robot has gone (m)."""
+        self.since: Motion = (0.0, 0.0, 0.0)
+        """Its motion since the last iteration."""
+        self.here: Motion = (0.0, 0.0, 0.0)
+        """Where it is in the present experience."""
+        self.view = NO_VIEW
+        """The view that is seen."""
+        self.place = self.matched = -1
+        """The present experience, and the reading at which a recognised one was new; -1: none."""
+        self.reading = 0
+        """How many readings there were before this one."""
+        self.iteration = self._left_in = self.updates = self.version = 0
+        self._entered = 0
+        """How many known experiences were entered since the robot was re-localised."""
+
+    def integrate(self, motion: Motion, stamp: float) -> None:
+        """Path integration, of all that is counted by it."""
+        way = math.hypot(motion[0], motion[1])
+        self._bias.add(way, motion[2], stamp - self.stamp)
+        self.way += way
+        self.since = after(self.since, motion)
+        self.here = after(self.here, motion)
+        self._doubt.integrate(motion)
+
+    @property
+    def believed(self) -> Pose:
+        """The robot's pose in the map."""
+        if self.place < 0:
+            return np.zeros(3)
+        return compose(self.map.poses[self.place], np.array(self.here))
+
+    def add(self, view: int, packet: Packet) -> int:
+        """Make an experience where the robot is; while that is doubted, by the odometer alone."""
+        doubt, base, pose = self._doubt, self.place, self.here
+        if doubt.anchor >= 0:
+            base, pose = doubt.anchor, doubt.since
+        if base >= 0:
+            pose = after(motion_of(self.map.poses[base].tolist()), pose)
+        self.updates += 1
+        return self.map.add(pose, packet, view, 0.0, self.reading)
+
+    def enter(self, experience: int, offset: Motion, *, is_new: bool) -> None:
+        """Be in another experience, and learn the transition to it.
+
+        Args:
+            experience: Which.
+            offset: The robot in its frame.
+            is_new: Whether it was made now.
+        """
+        table, config = self.map.experiences, self._config.experiences
+        is_earlier = self.way - table["way"][experience] >= config.apart
+        recognised = is_earlier and not is_new
+        self.matched = int(table["reading"][experience]) if recognised else -1
+        if self.place >= 0:
+            motion = before(self.here, offset)
+            time, steps = self.stamp - self._left_at, self.iteration - self._left_in
+            transition = Transition(self.place, experience, motion, time, steps)
+            for each in self._doubt.take(
+                transition, self.stamp, self.iteration, config.confirmations, is_new=is_new
+            ):
+                self._connect(each)
+        table["way"][experience] = self.way
+        self.place, self.here = experience, offset
+        self._left_at, self._left_in = self.stamp, self.iteration
+        self.visits.append(place=experience)
+        self.version += 1
+
+    def smoothed(self, experience: int, offset: Motion) -> Motion:
+        """Where the robot is in an experience that it enters, by all that were entered before.
+
+        The mean of where the pose cells and where map and odometer say, the cells' share falling
+        from 1 at a re-localisation. While that is doubted, and where both are far apart, the pose
+        cells alone are believed.
+        """
+        expected = relative(self.map.poses[experience], self.believed)
+        x, y, turn = (np.array(offset) - expected).tolist()
+        turn = nearest_turn(turn)
+        config = self._config.experiences
+        if self._doubt.anchor >= 0 or math.hypot(x, y) > config.radius or abs(turn) > config.turn:
+            self._entered = 1
+            return offset
+        self._entered += 1
+        share = max(config.smoothing, 1.0 / self._entered)
+        return motion_of((expected + share * np.array((x, y, turn))).tolist())
+
+    def begin_doubt(self) -> None:
+        """The robot was re-localised. If it was doubted where it is, it is back at the anchor."""
+        doubt = self._doubt
+        if self.place < 0 or not self._config.experiences.confirmations:
+            return
+        if doubt.anchor >= 0:
+            self.place, self.here = doubt.anchor, doubt.since
+            self._left_at, self._left_in = doubt.left_at, doubt.left_in
+        doubt.begin(self.place, self.here, self._left_at, self._left_in, self.map.count)
+
+    def _connect(self, transition: Transition) -> None:
+        """Learn a transition."""
+        source, target, motion, time, steps = transition
+        # Scans have taken the odometer's bias out already.
+        bias = self._bias.rate if self._config.sees == "scenes" else 0.0
+        if self.map.connect(source, target, motion, time, bias, steps):
+            self.updates += 1
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything remembered, as arrays by name."""
+        whole = (self.view, self.place, self.matched, self.iteration, self._left_in)
+        counts = (*whole, self.updates, self.version, self._entered)
+        numbers = (self.stamp, self._left_at, self.way)
+        own = {
+            "counts": np.array(counts, np.int64),
+            "numbers": np.array((*numbers, *self.since, *self.here)),
+        }
+        for part in (self._bias, self.map, self._doubt):
+            own |= part.state()
+        return own | self.visits.state("visits")
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become what gave `state`."""
+        *whole, self.updates, self.version, self._entered = state["counts"].tolist()
+        self.view, self.place, self.matched, self.iteration, self._left_in = whole
+        self.stamp, self._left_at, self.way, *motions = state["numbers"].tolist()
+        self.since, self.here = motion_of(motions[:3]), motion_of(motions[3:])
+        for part in (self._bias, self.map, self._doubt):
+            part.restore(state)
+        self.visits.restore("visits", state)
+        self.reading = len(state["history.place"])

@@ -1,0 +1,250 @@
+"""What the robot sees: activity for the pose cells, and the experience that it is in.
+
+A camera sees one scene at a time, a laser panoramas, of which several may be seen at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from albot_core.geometry.poses import compose, relative
+from albot_core.mappers.ratslam.config import RatSlamConfig
+from albot_core.mappers.ratslam.local_views import NO_VIEW, Links, Scenes
+from albot_core.mappers.ratslam.motions import Motion, before, motion_of, nearest_turn
+from albot_core.mappers.ratslam.panoramas import Panoramas, Sighting
+from albot_core.mappers.ratslam.pose_cells import PoseCells
+from albot_core.mappers.ratslam.position import Position
+from albot_core.sensing.reading import LaserScan, Reading
+
+Injection = tuple[Int64[np.ndarray, "injected"], Float64[np.ndarray, "injected"]]
+"""Cells that activity is injected into, and how much into each."""
+
+_EXPECTED = 4
+"""So many of the experiences nearest to the robot are looked for where they should be."""
+
+
+class Sight(Protocol):
+    """What a camera and a laser have in common."""
+
+    def reset(self) -> None:
+        """Forget everything."""
+
+    def look(self, reading: Reading) -> None:
+        """Look, at every reading."""
+
+    def inject(self) -> Injection:
+        """Know views again, at every iteration: what they inject."""
+
+    def experience(self) -> None:
+        """Be in the active experience of what is seen, or make one."""
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything remembered, as arrays by name."""
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become what gave `state`."""
+
+
+class SceneSight:
+    """A camera that recognises scenes by number.
+
+    Args:
+        config: All thresholds.
+        cells: The pose cells.
+        links: The links of views to them.
+        position: The robot in the experience map.
+    """
+
+    def __init__(
+        self, config: RatSlamConfig, cells: PoseCells, links: Links, position: Position
+    ) -> None:
+        self._config, self._cells, self._links, self._position = config, cells, links, position
+        self._scenes = Scenes(config.views)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all scenes."""
+        self._scenes.reset()
+        self._seen = NO_VIEW
+
+    def look(self, reading: Reading) -> None:
+        """See a scene, or none."""
+        self._seen = self._scenes.look(reading.scene, self._position.view)
+
+    def inject(self) -> Injection:
+        """Let the scene inject activity; associate it with cells as it comes into sight."""
+        cells, links, position = self._cells, self._links, self._position
+        is_new, position.view = self._seen != position.view, self._seen
+        if position.view == NO_VIEW:
+            return np.zeros(0, np.int64), np.zeros(0)
+        active = links.activate(position.view, position.iteration)
+        if is_new:
+            links.associate(position.view, active, (0.0, 0.0, 0.0), cells, position.way)
+        return links.injection(position.view, active)
+
+    def experience(self) -> None:
+        """Find the active experience of the scene, or make one, and learn how it was reached."""
+        position = self._position
+        packet, place, view = self._cells.packet, position.place, position.view
+        found = position.map.active(view, packet)
+        table = position.map.experiences
+        if found == place and found >= 0:
+            table["way"][found] = position.way
+        # Without a view nothing tells apart what shares pose cells.
+        elif found < 0 or view == NO_VIEW:
+            position.enter(position.add(view, packet), (0.0, 0.0, 0.0), is_new=True)
+        else:
+            # Where the robot is in it the pose cells tell.
+            offset = motion_of(self._cells.offset(*table["cell"][found].tolist()).tolist())
+            position.enter(found, position.smoothed(found, offset), is_new=False)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything remembered, as arrays by name."""
+        return self._scenes.state()
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become what gave `state`."""
+        self._scenes.restore(state)
+
+
+class LaserSight:
+    """A laser, whose views are panoramas: each is made with an experience, and has its frame.
+
+    Args:
+        config: All thresholds.
+        cells: The pose cells.
+        links: The links of views to them.
+        position: The robot in the experience map.
+        name: The mapper's name, for errors.
+    """
+
+    def __init__(
+        self, config: RatSlamConfig, cells: PoseCells, links: Links, position: Position, name: str
+    ) -> None:
+        self._config, self._cells, self._links, self._position = config, cells, links, position
+        self._name = name
+        self._panoramas = Panoramas(config.panoramas)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all panoramas."""
+        self._panoramas.reset()
+        self._scan: LaserScan | None = None
+        self._sightings: Sequence[Sighting] = ()
+
+    def look(self, reading: Reading) -> None:
+        """Keep the scan for the iteration, if there is one now.
+
+        Raises:
+            InputError: The reading lacks a scan.
+        """
+        self._scan = reading.required_laser(self._name)
+
+    def inject(self) -> Injection:
+        """Let the views that are seen inject activity where the robot is by each of them.
+
+        Each injects by how likely the robot is there, and neither in another view that is seen nor
+        where none was learned. It is the less likely the worse the view matches, and the farther
+        it is from where the robot is believed to be, by the odometer's errors since the view was
+        last seen.
+        """
+        links, cells, position = self._links, self._cells, self._position
+        self._sightings = self._compare()
+        config = self._config.panoramas
+        weights = [
+            (seen.score - config.least) / (1.0 - config.least) * self._plausible(seen)
+            for seen in self._sightings
+        ]
+        total = sum(weights) + config.elsewhere
+        injected: list[Injection] = [(np.zeros(0, np.int64), np.zeros(0))]
+        for seen, weight in zip(self._sightings, weights, strict=True):
+            active = links.activate(seen.view, position.iteration)
+            if weight > 0.0:
+                linked, amounts = links.injection(seen.view, active * weight / total)
+                # The network moves with the robot only after this.
+                there = before(seen.offset, position.since)
+                injected.append((cells.moved(linked, there), amounts))
+        return tuple(np.concatenate(parts) for parts in zip(*injected, strict=True))  # type: ignore[return-value]
+
+    def _compare(self) -> Sequence[Sighting]:
+        """Take in the scan: how the robot moved, and which views are seen."""
+        position, panoramas = self._position, self._panoramas
+        assert self._scan is not None, "an iteration follows a look"
+        start = before(position.here, position.since)
+        position.since, position.here = panoramas.look(
+            self._scan, position.since, position.place, start
+        )
+        if position.place < 0:
+            return ()
+        poses, believed = position.map.poses, position.believed
+        apart = np.hypot(*(poses[:, :2] - believed[:2]).T)
+        near = np.argsort(apart)[:_EXPECTED]
+        expected = [
+            (int(view), motion_of(relative(poses[view], believed).tolist()))
+            for view in near[apart[near] < self._config.panoramas.near]
+        ]
+        return panoramas.sightings(expected, self._links.linked(position.map.count))
+
+    def _plausible(self, seen: Sighting) -> float:
+        """How likely the odometer is so wrong, from 0 to 1."""
+        config, position = self._config.panoramas, self._position
+        way = position.way - float(position.map.experiences["way"][seen.view])
+        pose = compose(position.map.poses[seen.view], np.array(seen.offset))
+        x, y, turn = relative(position.believed, pose).tolist()
+        spread, turn_spread = (
+            config.spread + config.drift * way,
+            (config.turn_spread + config.turn_drift * way),
+        )
+        return math.exp(
+            -0.5 * ((x * x + y * y) / spread**2 + (nearest_turn(turn) / turn_spread) ** 2)
+        )
+
+    def experience(self) -> None:
+        """Find the active experience of the views that are seen, or make one with a view.
+
+        A view and its experience have the same number, and one frame. The experience is active
+        where the packet lies where the view says, and the robot in the experience's zone:
+        whichever way it looks.
+        """
+        config, position = self._config.experiences, self._position
+        table, place = position.map.experiences, position.place
+        active, most = -1, 0.0
+        offset: Motion = (0.0, 0.0, 0.0)
+        sees_place = False
+        for seen in self._sightings:
+            if seen.score < config.certain:
+                continue
+            sees_place |= seen.view == place
+            x, y, turn = self._cells.offset(*table["cell"][seen.view].tolist()).tolist()
+            off = math.hypot(x - seen.offset[0], y - seen.offset[1]) / config.radius
+            turned = abs(nearest_turn(turn - seen.offset[2])) / config.turn
+            away = math.hypot(*seen.offset[:2]) / config.radius
+            if max(off, turned, away) >= 1.0:
+                continue
+            energy = seen.score * ((1.0 - away) + (1.0 - turned))  # Eq. (9).
+            if energy > most:
+                active, most, offset = seen.view, energy, seen.offset
+        if active == place and active >= 0:
+            table["way"][active] = position.way
+            return
+        is_new = active < 0
+        if is_new:
+            if sees_place and math.hypot(*position.here[:2]) < config.spacing:
+                return
+            active = position.add(self._panoramas.learn(), self._cells.packet)
+        position.view = active
+        position.enter(active, offset, is_new=is_new)
+        self._links.associate(active, 1.0, offset, self._cells, position.way)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Everything remembered, as arrays by name."""
+        return self._panoramas.state()
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become what gave `state`."""
+        self._panoramas.restore(state)

@@ -1,0 +1,94 @@
+"""Where the robot is in the experiences that it enters."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from albot_core.errors import InputError
+from albot_core.mappers.ratslam.config import CorrectionConfig, ExperienceConfig, RatSlamConfig
+from albot_core.mappers.ratslam.pose_cells import Packet
+from albot_core.mappers.ratslam.position import Position
+
+PACKET = Packet(0.0, 0.0, 0.0, 1.0)
+
+
+def between_two(smoothing: float) -> Position:
+    """Two experiences at x = 0 and 1 m; the robot is in the second."""
+    experiences = ExperienceConfig(smoothing=smoothing)
+    config = replace(
+        RatSlamConfig.scenes(), experiences=experiences, correction=CorrectionConfig(passes=0)
+    )
+    position = Position(config)
+    position.enter(position.add(0, PACKET), (0.0, 0.0, 0.0), is_new=True)
+    position.integrate((1.0, 0.0, 0.0), 1.0)
+    position.iteration += 1
+    position.enter(position.add(1, PACKET), (0.0, 0.0, 0.0), is_new=True)
+    assert position.map.poses == pytest.approx(np.array(((0, 0, 0), (1, 0, 0))))
+    return position
+
+
+def enter(position: Position, experience: int, told: float) -> float:
+    """Enter an experience of which the pose cells tell; where the robot is in it then."""
+    position.iteration += 1
+    offset = position.smoothed(experience, (told, 0.0, 0.0))
+    position.enter(experience, offset, is_new=False)
+    return position.here[0]
+
+
+def test_what_the_pose_cells_say_is_averaged_over_the_experiences_entered():
+    """The robot stands at x = 0.5 m and is told each time that it stands 0.3 m before that."""
+    position = between_two(0.25)
+    position.integrate((-0.5, 0.0, 0.0), 2.0)
+    assert enter(position, 0, 0.2) == pytest.approx(0.2)  # At first they are believed alone.
+    x = 0.2
+    for k, share in enumerate((1 / 2, 1 / 3, 1 / 4, 1 / 4, 1 / 4)):
+        told = 0.8
+        here = enter(position, (k + 1) % 2, told - (k + 1) % 2)
+        x += share * (told - x)
+        assert here + (k + 1) % 2 == pytest.approx(x)
+
+
+def test_without_smoothing_the_pose_cells_are_believed():
+    position = between_two(1.0)
+    for told in (0.3, -0.2, 0.4):
+        assert enter(position, 0, told) == pytest.approx(told)
+
+
+@pytest.mark.parametrize("told", [(1.9, 0.0, 0.0), (0.0, 0.0, 1.5)])
+def test_far_from_where_it_is_expected_they_are_believed_too(told: tuple[float, float, float]):
+    """And the mean begins anew."""
+    position = between_two(0.25)
+    position.integrate((-0.5, 0.0, 0.0), 2.0)
+    for _ in range(5):
+        enter(position, 0, 0.5)
+    assert position.smoothed(0, told) == told
+    position.iteration += 1
+    position.enter(0, told, is_new=False)
+    assert position.smoothed(0, (told[0] + 0.4, 0.0, told[2]))[0] == pytest.approx(told[0] + 0.2)
+
+
+def test_the_heading_is_averaged_the_short_way_round():
+    position = between_two(0.5)
+    enter(position, 0, 1.0)
+    position.here = (0.5, 0.0, 2 * np.pi + 0.1)
+    assert position.smoothed(0, (0.5, 0.0, 0.3))[2] == pytest.approx(0.2)
+
+
+def test_it_is_restored():
+    position = between_two(0.25)
+    for _ in range(3):
+        enter(position, 0, 0.5)
+    other = Position(RatSlamConfig.scenes())
+    state = position.state() | {"history.place": np.zeros(3, np.int64)}
+    other.restore(state)
+    assert {k: v.tolist() for k, v in other.state().items()} == {
+        k: v.tolist() for k, v in position.state().items()
+    }
+
+
+def test_a_smoothing_beyond_one_is_refused():
+    with pytest.raises(InputError, match=r"ExperienceConfig\.smoothing"):
+        ExperienceConfig(smoothing=1.5)

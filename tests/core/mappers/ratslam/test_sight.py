@@ -1,0 +1,57 @@
+"""How much the views of a laser inject: by how likely the robot is where each says."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from albot_core.mappers.ratslam.config import RatSlamConfig
+from albot_core.mappers.ratslam.local_views import Links
+from albot_core.mappers.ratslam.panoramas import Sighting
+from albot_core.mappers.ratslam.pose_cells import PoseCells
+from albot_core.mappers.ratslam.position import Position
+from albot_core.mappers.ratslam.sight import LaserSight
+
+CONFIG = RatSlamConfig()
+HERE = (0.0, 0.0, 0.0)
+
+
+def injected(monkeypatch: pytest.MonkeyPatch, *sightings: Sighting) -> list[float]:
+    """What each view injects; views 0 and 1 lie 10 m apart, the robot is in the first."""
+    cells, links, position = PoseCells(CONFIG.pose_cells), Links(CONFIG.views), Position(CONFIG)
+    for view, x in enumerate((0.0, 10.0)):
+        position.enter(position.add(view, cells.packet), HERE, is_new=True)
+        links.remember(view, np.array((1000 * (view + 1),)), np.ones(1), 0.0)
+        position.iteration += 1
+        position.integrate((10.0 - x, 0.0, 0.0), 1.0)
+    position.place, position.here, position.since = 0, HERE, HERE
+    position.way = 10.0
+    links.learn(CONFIG.views.learning_delay + 1.0)
+    sight = LaserSight(CONFIG, cells, links, position, "ratslam")
+    monkeypatch.setattr(sight, "_compare", lambda: sightings)
+    return [float(amount) for amount in sight.inject()[1]]
+
+
+def test_one_view_alone_injects_nearly_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Even one that matches poorly, where the robot is expected."""
+    poor = 0.5
+    match = (poor - CONFIG.panoramas.least) / (1 - CONFIG.panoramas.least)
+    share = match / (match + CONFIG.panoramas.elsewhere)
+    found = injected(monkeypatch, Sighting(0, HERE, poor))
+    assert share > 0.85
+    assert found == pytest.approx([share * CONFIG.views.injection])
+
+
+def test_a_view_that_the_odometer_rules_out_injects_hardly_any(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = injected(monkeypatch, Sighting(1, HERE, 1.0))
+    assert found[0] < 1e-6 * CONFIG.views.injection
+
+
+def test_two_views_share_by_how_well_they_match(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second one says that the robot is 10 m behind its origin: where it is believed."""
+    found = injected(monkeypatch, Sighting(0, HERE, 1.0), Sighting(1, (-10.0, 0.0, 0.0), 0.7))
+    total = 1.5 + CONFIG.panoramas.elsewhere
+    injection = CONFIG.views.injection
+    assert found == pytest.approx([injection / total, 0.5 * injection / total])
