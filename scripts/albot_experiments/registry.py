@@ -53,6 +53,18 @@ EXPERIMENTS = {
             module="albot_experiments.albot0_return",
         ),
         Experiment(
+            id="albot0-2",
+            title="Albot0's ASRs of a room larger than its sonars reach (Schmidt et al.)",
+            seeds=20,
+            module="albot_experiments.albot0_hall",
+        ),
+        Experiment(
+            id="albot0-homing",
+            title="Albot0 drives out and home by sonars alone (Schmidt et al.)",
+            seeds=20,
+            module="albot_experiments.albot0_homing",
+        ),
+        Experiment(
             id="albot1-e1",
             title="Albot1's map keeps the shape of the floor (Hossain 2014, section 3.2.1)",
             seeds=20,

@@ -286,6 +286,10 @@ class ObservationConfig:
         """The ranges (m) that the `laser` part stands for, `laser_range` where nothing was."""
         return np.asarray(unscale_ranges(laser, self.laser_scale))
 
+    def echoes(self, sonar: Float[np.ndarray, "sonars"]) -> Float64[np.ndarray, "sonars"]:
+        """The ranges (m) that the `sonar` part stands for, `sonar_range` where nothing was."""
+        return np.asarray(unscale_ranges(sonar, self.sonar_scale))
+
     def travel_home(self, scaled: float | np.floating) -> float:
         """The travel (m) that the `confidence` part stands for; infinite at -1."""
         outside = max((1.0 - float(scaled)) / 2, 1e-9)

@@ -15,6 +15,7 @@ from jaxtyping import Bool, Float32, Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
 from albot_core.mappers.mapper import TRAVEL, WayHome
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import EMPTY_MAP, MapSnapshot
 from albot_core.sensing.reading import Readings
 from albot_env.sim import PIONEER_3DX
@@ -185,6 +186,11 @@ class BatchedRobots:
         stats = self._stats
         stats.before[row] = snapshot.body.pose[:2]
         stats.path_lengths[row] = snapshot.path_length
+
+    def begin_return(self, row: int) -> None:
+        """Let a robot know that from now on it is to go home."""
+        if self._mappers is not None:
+            self._mappers.begin_return(row)
 
     @property
     def at_rest(self) -> bool:
@@ -360,6 +366,10 @@ class BatchedRobots:
     def snapshot(self, row: int) -> MapSnapshot:
         """A robot's map."""
         return EMPTY_MAP if self._mappers is None else self._mappers.snapshot(row)
+
+    def activity(self, row: int) -> Activity | None:
+        """The activity of a robot's attractor network; None where its mapper has none."""
+        return None if self._mappers is None else self._mappers.activity(row)
 
     def things(self, row: int) -> Segments:
         """The outlines of what moves around a robot, where it is now (world frame)."""

@@ -10,6 +10,7 @@ from jaxtyping import UInt8
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
+from albot_core.maps.activity import Activity
 from albot_env.recording.episode import EpisodeHeader, Moment, NullRecorder, Recorder
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.trace import Trace
@@ -64,6 +65,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         self.action_space = interface.action_space
         self.observation_space = interface.observation_space
         self._map_version = -1
+        self._activity: Activity | None = None
         self._begun = self._closed = False
         self._trace: Trace | None = None
         self.recorder: Recorder = NullRecorder()
@@ -94,6 +96,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         self._robot.detach_observations()
         self._robot.observe()
         self._map_version = -1
+        self._activity = None
         self._begun = True
         self._trace = None
         if self._followed:
@@ -180,6 +183,8 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         robot = self._robot
         version, matched = int(robot.map_versions[0]), robot.matched_reading(0)
         changed, self._map_version = version != self._map_version, version
+        activity, before = robot.activity(0), self._activity
+        self._activity = activity
         return Moment(
             action=action,
             reward=float(robot.rewards[0]),
@@ -194,6 +199,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             updates=int(robot.updates[0]),
             matched_reading=None if matched < 0 else matched,
             snapshot=robot.snapshot(0) if changed else None,
+            activity=None if activity is before else activity,
             things=robot.things(0),
         )
 

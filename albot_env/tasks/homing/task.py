@@ -97,6 +97,7 @@ class HomingTask(BatchedRobots):
         journey = self._outward_journeys.draw(world, start, rng)
         # Those who share a journey share no noise afterwards.
         self.restore(row, world, journey.end, draw_key(rng) if self._shared else None)
+        self.begin_return(row)
         self._outward_lengths[row] = journey.end.path_length
         self._cut_short[row] = journey.cut_short
         self._fields = with_field(self._fields, row, journey.field)

@@ -15,7 +15,8 @@ from jaxtyping import Float32, Float64
 
 from albot_core.geometry.poses import compose, transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Segments
-from albot_core.mappers.mapper import Mapper, PlaceMemory
+from albot_core.mappers.mapper import AttractorNetwork, Mapper, PlaceMemory
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import EMPTY_MAP, MapSnapshot
 from albot_core.matching.lines import MatchConfig, match_lines, merge_lines
 from albot_core.matching.panorama import Panorama, match_panoramas
@@ -84,6 +85,12 @@ class PlaceDatabase:
     def snapshot(self) -> MapSnapshot:
         """The mapper's map."""
         return EMPTY_MAP if self._mapper is None else self._mapper.snapshot()
+
+    @property
+    def activity(self) -> Activity | None:
+        """The activity of the mapper's attractor network; None where it has none."""
+        mapper = self._mapper
+        return mapper.activity if isinstance(mapper, AttractorNetwork) else None
 
     def follow(self, reading: Reading) -> None:
         """Take in a reading on the way."""

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.types import Pose, Segments
 from albot_core.kernels.arguments import KernelArguments
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.ranges import SHARE, check_fields
 from albot_env.tasks.core.actions import Numbers
@@ -186,6 +187,10 @@ class PlaceRecognitionTask(BatchedRobots):
     def snapshot(self, row: int) -> MapSnapshot:
         """A robot's map as it was where it is now."""
         return self._at(row).snapshot
+
+    def activity(self, row: int) -> Activity | None:
+        """The activity of a robot's attractor network as it was where it is now."""
+        return self._at(row).activity
 
     @property
     def map_versions(self) -> Int64[np.ndarray, "robots"]:

@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float32, Float64
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot
 from albot_core.ranges import SHARE, check_fields
 from albot_core.sensing.reading import Reading
@@ -51,6 +52,8 @@ class TourStop:
     """Where it believed to be (map frame)."""
     snapshot: MapSnapshot
     """Its map."""
+    activity: Activity | None
+    """The activity of its attractor network; None where its mapper has none."""
     pose: Pose
     """Where it was (world frame)."""
     room: int
@@ -200,6 +203,7 @@ class _Guide:
             reading=readings[-1],
             belief=self._places.belief,
             snapshot=self._places.snapshot,
+            activity=self._places.activity,
             pose=pose,
             room=_room_at(self._world, pose),
             path_length=self._path_length,

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from albot_core.errors import InputError
+from albot_core.geometry.types import Segments
 from albot_core.mappers.albot0.ground import Ground
 from albot_core.mappers.albot0.paths import FARTHEST, NO_STEPS, Steps, join_steps
 from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journey
@@ -55,6 +56,15 @@ class GeometricMap:
         """The ASR where a reading was taken; 0 before the first step."""
         step = int(np.searchsorted(self.steps.readings, reading, side="right")) - 1
         return self.regions.of_step(max(step, 0))
+
+    def part(self, region: int) -> Steps:
+        """The steps of a region."""
+        return self.steps.part(slice(*self.regions.splits[region : region + 2].tolist()))
+
+    def border(self, region: int) -> Segments:
+        """The line across the way where a region begins, with the region to its left (m)."""
+        step = int(self.regions.splits[region])
+        return self.steps.part(slice(step, step + 1)).swaths[:, :2].reshape(1, 4)
 
     def state(self, prefix: str) -> dict[str, np.ndarray]:
         """The steps, as arrays by name (copies)."""

@@ -7,6 +7,7 @@ once, as they come: the area of any region is then the sum over its faces, each 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import chain
 from typing import Any
 
@@ -16,6 +17,9 @@ from jaxtyping import Float64, Int64
 
 _SLIVER = 0.01
 """Faces smaller than this (m²) are left out: so much a sonar's widths do not tell."""
+_GRID = 1e-3
+"""Where edges all but coincide, shapely finds no answer but on a grid of this spacing (m), on which
+it takes much longer."""
 _POLYGONAL = (3, 6)
 """shapely's type ids of polygons and multipolygons."""
 
@@ -50,10 +54,10 @@ class Ground:
     def _cut(self, near: Int64[np.ndarray, "some"], swath: Any, number: int) -> Any:
         """Cut faces along a swath; returns what of it covers none of them."""
         faces = np.array([self._faces[face] for face in near], object)
-        common = shapely.intersection(faces, swath)
+        common = _overlay(shapely.intersection, faces, swath)
         covered = shapely.area(common) > _SLIVER
         faces, common, near = faces[covered], common[covered], near[covered]
-        outside = shapely.difference(faces, swath)
+        outside = _overlay(shapely.difference, faces, swath)
         left_over = shapely.area(outside) > _SLIVER
         for k, face in enumerate(near.tolist()):
             if left_over[k]:
@@ -61,7 +65,7 @@ class Ground:
                 self._add_face(_polygonal(common[k]), [*self._covers[face], number])
             else:
                 self._covers[face].append(number)
-        return _polygonal(shapely.difference(swath, shapely.union_all(faces)))
+        return _polygonal(_overlay(shapely.difference, swath, _overlay(shapely.union_all, faces)))
 
     @property
     def index(
@@ -91,10 +95,18 @@ class Ground:
         self._areas[index] = face.area
 
 
+def _overlay(operation: Callable[..., Any], *shapes: Any) -> Any:
+    """What an operation of shapely makes of shapes, those that cross themselves made valid."""
+    try:
+        return operation(*shapes)
+    except shapely.GEOSException:
+        return operation(*map(shapely.make_valid, shapes), grid_size=_GRID)
+
+
 def _polygonal(shape: Any) -> Any:
     """What of an intersection or a difference has an area: touching shapes have lines in common."""
     if shape.geom_type != "GeometryCollection":
         return shape
     parts = shapely.get_parts(shape)
     kept = parts[np.isin(shapely.get_type_id(parts), _POLYGONAL)]
-    return shapely.union_all(kept)
+    return _overlay(shapely.union_all, kept)

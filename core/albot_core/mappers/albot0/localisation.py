@@ -23,16 +23,17 @@ Confidences = Float64[np.ndarray, "regions"]
 """A confidence within [0, 1] for every ASR of the way out, the robot's home first."""
 _STANDING = 1e-6
 """Where σ is smaller (m) the robot has not left the place where it turned round."""
-Cue = Callable[[Regions, Regions, "LocalisationConfig"], Confidences]
-"""What makes a confidence map from the regions of the way out and those of the way home."""
+Cue = Callable[["Stop", "LocalisationConfig"], Confidences]
+"""What makes a confidence map from what is known at a stop on the way home."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LocalisationConfig:
     """How the robot localises itself on its way home."""
 
-    cues: tuple[str, ...] = ("distance", "orientation")
-    """The cues that are fused, by their names in `CUES`; the paper's two."""
+    cues: tuple[str, ...] = ("way", "orientation")
+    """The cues that are fused, by their names in `CUES`. The paper's are "distance" and
+    "orientation"; "way" stands for its distance, since the two maps are split otherwise."""
     spread: float = 0.05
     """σ of the distance cue as a share of the distance travelled."""
     reduction: float = 0.5
@@ -53,31 +54,57 @@ class LocalisationConfig:
             raise InputError("LocalisationConfig.cues", "each cue once", str(self.cues))
 
 
-def distance_map(out: Regions, home: Regions, config: LocalisationConfig) -> Confidences:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stop:
+    """What is known at a stop on the way home."""
+
+    out: Regions
+    """The ASRs of the way out, one at least."""
+    home: Regions
+    """Those of the way home so far."""
+    along: float
+    """How far along the way out, from where it turned round, the robot is (m; see `WayBack`)."""
+
+
+def distance_map(stop: Stop, config: LocalisationConfig) -> Confidences:
     """How well the distance travelled on the way home fits each ASR (section 3.1).
 
     Both distances are sums of ASR lengths. The Gaussian is sampled where an ASR ends on the way
     home, as in the paper: so an ASR is believed in from its middle to the middle of the next.
     """
-    ends = _ends(out)
-    travelled = float(home.lengths.sum())
+    ends = _ends(stop.out.lengths)
+    travelled = float(stop.home.lengths.sum())
     return _fit(np.abs(ends - travelled), travelled, config)
 
 
-def extent_map(out: Regions, home: Regions, config: LocalisationConfig) -> Confidences:
+def extent_map(stop: Stop, config: LocalisationConfig) -> Confidences:
     """As `distance_map`, with the Gaussian sampled at the point of each ASR that fits best.
 
     So the ASR that the distance lies in has the greatest confidence. This cue is ours.
     """
-    travelled = float(home.lengths.sum())
-    ends = _ends(out)
-    beyond = np.maximum(ends - out.lengths - travelled, travelled - ends)
-    return _fit(np.maximum(beyond, 0.0), travelled, config)
+    travelled = float(stop.home.lengths.sum())
+    return _fit(_beyond(stop.out.lengths, travelled), travelled, config)
 
 
-def _ends(out: Regions) -> Float64[np.ndarray, "regions"]:
+def way_map(stop: Stop, config: LocalisationConfig) -> Confidences:
+    """How well each ASR fits where the way home lies beside the way out.
+
+    The distance is that along the robot paths of the way out, and does not depend on how either way
+    is split. This cue is ours.
+    """
+    return _fit(_beyond(stop.out.ways, stop.along), stop.along, config)
+
+
+def _ends(lengths: Confidences) -> Confidences:
     """How far from where the robot turned round each ASR ends on the way home (m)."""
-    return np.asarray(np.cumsum(out.lengths[::-1])[::-1])
+    return np.asarray(np.cumsum(lengths[::-1])[::-1])
+
+
+def _beyond(lengths: Confidences, travelled: float) -> Confidences:
+    """How far from each ASR the robot is that has travelled so far: 0 inside (m)."""
+    ends = _ends(lengths)
+    beyond = np.maximum(ends - lengths - travelled, travelled - ends)
+    return np.asarray(np.maximum(beyond, 0.0))
 
 
 def _fit(off: Confidences, travelled: float, config: LocalisationConfig) -> Confidences:
@@ -91,13 +118,14 @@ def _fit(off: Confidences, travelled: float, config: LocalisationConfig) -> Conf
     return fitted
 
 
-def orientation_map(out: Regions, home: Regions, config: LocalisationConfig) -> Confidences:
+def orientation_map(stop: Stop, config: LocalisationConfig) -> Confidences:
     """How well the turn into the present ASR fits the turns of the way out (section 3.2).
 
     On the way home the robot comes from ASR i + 1 into ASR i, so the turn is that from i to i + 1
     with the opposite sign. The ASR in which it turned round is entered by no turn, and neither is
     any before the robot is in its second ASR: they get what an angle at random has on average.
     """
+    out, home = stop.out, stop.home
     confidences = np.full(out.count, 0.5)
     if home.count >= 2:
         turn = home.directions[-1] - home.directions[-2]
@@ -111,6 +139,7 @@ CUES: dict[str, Cue] = {
     "distance": distance_map,
     "extent": extent_map,
     "orientation": orientation_map,
+    "way": way_map,
 }
 """All cues by name."""
 

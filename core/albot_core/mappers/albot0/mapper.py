@@ -16,17 +16,20 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, relative, transform_segments
+from albot_core.geometry.types import Segments
 from albot_core.mappers.albot0.config import Albot0Config
 from albot_core.mappers.albot0.geometric_map import GeometricMap
 from albot_core.mappers.albot0.localisation import (
     CUES,
     Confidences,
     DemocraticIntegration,
+    Stop,
     is_sure,
     most_confident,
 )
 from albot_core.mappers.albot0.paths import SAMPLE, PathInProgress, Steps, side_sonars
-from albot_core.mappers.mapper import Estimate, MapperSpec
+from albot_core.mappers.albot0.way_back import WayBack
+from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Estimate, MapperSpec, WayHome
 from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
 from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode, SegmentsLayer
@@ -89,6 +92,8 @@ class Albot0:
         self._path = PathInProgress(samples=[])
         self._out = GeometricMap(self.config.regions)
         self._home: GeometricMap | None = None
+        self._was_told = False
+        self._way_back: WayBack | None = None
         self._fusion = DemocraticIntegration.of(len(self.config.localisation.cues))
         self._confidences: Confidences = np.empty(0)
         self._beliefs: list[Belief] = []
@@ -109,25 +114,30 @@ class Albot0:
         steps = self._path.follow((x, y, heading), sonar, number, paths)
         if steps is not None:
             self._stop(steps)
-        if paths.detects_return and self._path.has_turned_round(paths):
+        if paths.detects_return and not self._was_told and self._path.has_turned_round(paths):
             self._turn_round()
         return steps is not None
 
     def begin_return(self) -> None:
         """Take what was driven so far for the way out, and all that follows for the way home.
 
-        The mapper finds out by itself where the robot turns round on the spot (see
-        `PathConfig.detects_return`); the latest time counts.
+        Without this the mapper finds out by itself where the robot turns round (see
+        `PathConfig.detects_return`), and the latest time counts. A robot that has gone nowhere is
+        at home, and stays on its way out.
+        """
+        self.end_path()
+        if self._out.regions.count:
+            self._turn_round()
+            self._was_told = True
 
-        Raises:
-            InputError: The robot has gone nowhere, so that there is no way out.
+    def end_path(self) -> None:
+        """End the robot path here, where the robot stands; on the way home, localise it.
+
+        Without this a path ends by itself where the robot turns, or when it is long enough.
         """
         steps = self._path.stop(self.config.paths)
         if steps is not None:
             self._stop(steps)
-        if not self._out.regions.count:
-            raise InputError("begin_return", "a way out of one robot path at least", "none")
-        self._turn_round()
 
     def _turn_round(self) -> None:
         """Begin the map of the way home. The robot is still in the last ASR of the way out."""
@@ -136,6 +146,7 @@ class Albot0:
         self._home = GeometricMap(self.config.regions)
         self._fusion = DemocraticIntegration.of(len(self.config.localisation.cues))
         self._path.direction_before = None
+        self._way_back = WayBack(self._out.steps.lines)
         self._updates += 1
         self._beliefs = []
         self._believe(np.eye(self._out.regions.count)[-1])
@@ -145,10 +156,13 @@ class Albot0:
         self._updates += 1
         if self._home is None:
             self._out.extend(steps)
+            self._way_back = WayBack(self._out.steps.lines)
             return
         self._home.extend(steps)
-        out, home, config = self._out.regions, self._home.regions, self.config.localisation
-        maps = np.stack([CUES[name](out, home, config) for name in config.cues])
+        assert self._way_back is not None
+        self._way_back.locate(self._home.steps.lines, _length(steps.lines))
+        stop, config = self.last_stop, self.config.localisation
+        maps = np.stack([CUES[name](stop, config) for name in config.cues])
         self._believe(self._fusion.fuse(maps))
 
     def _believe(self, confidences: Confidences) -> None:
@@ -166,6 +180,22 @@ class Albot0:
                 is_sure=is_sure(confidences, self.config.localisation),
             )
         )
+
+    @property
+    def last_stop(self) -> Stop:
+        """What the cues go by, since the last stop on the way home.
+
+        Raises:
+            InputError: The robot is on its way out.
+        """
+        if self._home is None or self._way_back is None:
+            raise InputError("last_stop", "a robot on its way home", "one on its way out")
+        return Stop(out=self._out.regions, home=self._home.regions, along=self._way_back.along)
+
+    @property
+    def geometric_maps(self) -> tuple[GeometricMap, ...]:
+        """The map of the way out and, once the robot has turned round, that of the way home."""
+        return (self._out,) if self._home is None else (self._out, self._home)
 
     @property
     def is_returning(self) -> bool:
@@ -195,7 +225,7 @@ class Albot0:
             place = max(self._out.regions.count - 1, 0)
         return Estimate(
             pose=self._pose.copy(),
-            home=np.zeros(3),
+            home=np.zeros(3) if self._way_back is None else self._way_back.frame.copy(),
             localised=is_sure,
             place=place,
             matched_reading=matched,
@@ -215,25 +245,35 @@ class Albot0:
                 return belief.place
         return self._out.region_at(reading)
 
+    @property
+    def way_home(self) -> WayHome:
+        """The way home: the border to the next ASR, and a point ahead on the way out.
+
+        On the way home it is the way out as it lies beside the way home (see `WayBack`). Where the
+        robot believes to be in its home ASR there is no border before it.
+        """
+        way = np.full(7, np.nan)
+        way[TRAVEL] = self._path.travelled
+        if self._way_back is None:
+            return way
+        way[POINT], left = self._way_back.ahead(self._pose, self._path.travelled)
+        way[TRAVEL] += left
+        place = self.estimate.place
+        if place:
+            way[EXIT] = transform_segments(self._way_back.frame, self._out.border(place))[0]
+        return way
+
     def snapshot(self) -> MapSnapshot:
         """The surfaces beside all paths, and the ASRs of the way out."""
-        maps = [self._out] if self._home is None else [self._out, self._home]
-        surfaces = np.concatenate([each.steps.surfaces for each in maps])
+        surfaces = np.concatenate([each.steps.surfaces for each in self.geometric_maps])
         return MapSnapshot(layers=(SegmentsLayer(segments=surfaces), self._place_graph()))
 
     def _place_graph(self) -> PlaceGraph:
-        regions, steps = self._out.regions, self._out.steps
+        regions = self._out.regions
         nodes = []
         for k in range(regions.count):
-            own = slice(*regions.splits[k : k + 2].tolist())
+            inside = self._out.part(k)
             pose = np.array((*regions.lines[k, :2], regions.directions[k]))
-            inside = Steps(
-                lines=steps.lines[own],
-                widths=steps.widths[own],
-                walled=steps.walled[own],
-                begins=steps.begins[own],
-                readings=steps.readings[own],
-            )
             nodes.append(
                 PlaceNode(
                     id=k,
@@ -261,7 +301,8 @@ class Albot0:
         """Everything the mapper remembers, as arrays by name."""
         path, before = self._path, self._path.direction_before
         home = self._home or GeometricMap(self.config.regions)
-        counts = (self._readings, self._updates, self.is_returning, self._fusion.time)
+        is_returning = self.is_returning + self._was_told
+        counts = (self._readings, self._updates, is_returning, self._fusion.time)
         beliefs = [(b.reading, b.place, b.rival, b.is_sure) for b in self._beliefs]
         believed = [(b.confidence, b.rival_confidence) for b in self._beliefs]
         return {
@@ -272,6 +313,7 @@ class Albot0:
             "path.before": np.array([] if before is None else [before], np.float64),
             **self._out.state("out"),
             **home.state("home"),
+            "way_back": np.empty(0) if self._way_back is None else self._way_back.state(),
             "weights": self._fusion.weights.copy(),
             "confidences": self._confidences.copy(),
             "beliefs": np.array(beliefs, np.int64).reshape(-1, 4),
@@ -288,9 +330,9 @@ class Albot0:
         check_shapes(state, shapes)
         check_finite(state, *(name for name in shapes if name != "counts"))
         readings, updates, is_returning, time = state["counts"].tolist()
-        if min(readings, updates, time) < 0 or is_returning not in (0, 1):
+        if min(readings, updates, time) < 0 or is_returning not in (0, 1, 2):
             found = str(state["counts"].tolist())
-            raise InputError("counts", "three counts, and 0 or 1", found)
+            raise InputError("counts", "three counts, and 0, 1 or 2", found)
         _check_path(state, readings)
         out, home = GeometricMap(self.config.regions), GeometricMap(self.config.regions)
         out.restore("out", state, readings)
@@ -311,6 +353,10 @@ class Albot0:
             direction_before=before[0] if before else None,
         )
         self._out, self._home = out, home if is_returning else None
+        self._was_told = is_returning == 2
+        self._way_back = WayBack(out.steps.lines) if len(out.steps.lines) else None
+        if self._way_back is not None:
+            self._way_back.restore("way_back", state["way_back"])
         self._fusion = DemocraticIntegration(weights=state["weights"].copy(), time=time)
         self._confidences = state["confidences"].copy()
         rows = zip(state["beliefs"].tolist(), state["believed"].tolist(), strict=True)
@@ -325,6 +371,11 @@ class Albot0:
             )
             for (reading, place, rival, sure), (confidence, rival_confidence) in rows
         ]
+
+
+def _length(way: Segments) -> float:
+    """How long a way is (m)."""
+    return float(np.hypot(*(way[:, 2:] - way[:, :2]).T).sum())
 
 
 _SHAPES: dict[str, Shape] = {

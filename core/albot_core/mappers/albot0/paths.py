@@ -52,7 +52,7 @@ class PathConfig:
     """Shorter paths (m) are passed over: the robot turned on the spot."""
     step: float = 1.0
     """A path is cut into steps of about this length (m). Regions are split between steps."""
-    gap: float = 2.0
+    gap: float = 1.0
     """Gaps in the surfaces beside a path that are narrower than this (m) are closed: missed echoes
     and doorways. Wider ones are distant surfaces, as far as the sonar reaches."""
     turned_round: float = math.radians(135.0)
@@ -85,6 +85,16 @@ class Steps:
     """Whether a robot path begins with it."""
     readings: Int64[np.ndarray, "segments"]
     """The number of the first reading of each."""
+
+    def part(self, chosen: slice) -> Steps:
+        """Some of them."""
+        return Steps(
+            lines=self.lines[chosen],
+            widths=self.widths[chosen],
+            walled=self.walled[chosen],
+            begins=self.begins[chosen],
+            readings=self.readings[chosen],
+        )
 
     @property
     def swaths(self) -> Float64[np.ndarray, "segments 4 2"]:

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float64, Int64
 
 from albot_core.geometry.types import Segments
 from albot_core.mappers.albot0.ground import Ground
-from albot_core.mappers.albot0.split_and_merge import Constants, Journey, split_and_merge
+from albot_core.mappers.albot0.split_and_merge import AXES, Constants, Journey, split_and_merge
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 
 _ABOVE_ONE = Range("a number from 1", 1.0)
@@ -65,10 +65,8 @@ class Regions:
 
     splits: Int64[np.ndarray, "bounds"]
     """The steps at which they begin; and the number of all steps."""
-    lines: Segments
-    """From the entry to the exit of each (m)."""
-    first_steps: Segments
-    """Where the first step of each leads (m)."""
+    steps: Segments
+    """The steps of the journey, from the first to the last (m)."""
 
     @property
     def count(self) -> int:
@@ -76,9 +74,21 @@ class Regions:
         return len(self.splits) - 1
 
     @cached_property
+    def lines(self) -> Segments:
+        """From the entry to the exit of each (m)."""
+        entries, exits = self.steps[self.splits[:-1], :2], self.steps[self.splits[1:] - 1, 2:]
+        return np.concatenate((entries, exits), axis=1)
+
+    @cached_property
     def lengths(self) -> Float64[np.ndarray, "regions"]:
         """Distances from entry to exit (m)."""
         return np.asarray(np.hypot(*(self.lines[:, 2:] - self.lines[:, :2]).T))
+
+    @cached_property
+    def ways(self) -> Float64[np.ndarray, "regions"]:
+        """Distances from entry to exit along the robot paths (m)."""
+        lengths = np.hypot(*(self.steps[:, 2:] - self.steps[:, :2]).T)
+        return np.asarray(np.add.reduceat(lengths, self.splits[:-1]))
 
     @cached_property
     def directions(self) -> Float64[np.ndarray, "regions"]:
@@ -87,7 +97,8 @@ class Regions:
         Of a region that ends where it began it is the direction in which it was entered.
         """
         ways = self.lines[:, 2:] - self.lines[:, :2]
-        entered = self.first_steps[:, 2:] - self.first_steps[:, :2]
+        first = self.steps[self.splits[:-1]]
+        entered = first[:, 2:] - first[:, :2]
         ways = np.where((self.lengths > _SHORT)[:, None], ways, entered)
         return np.asarray(np.arctan2(ways[:, 1], ways[:, 0]))
 
@@ -108,10 +119,11 @@ def split_journey(
         config: When regions are split.
     """
     if not len(lines):
-        none = np.empty((0, 4))
-        return Regions(splits=np.zeros(1, np.int64), lines=none, first_steps=none)
+        return Regions(splits=np.zeros(1, np.int64), steps=lines)
     starts, faces, areas = ground.index
     seen = np.zeros(len(areas) + 1, np.int64)
-    bounds = split_and_merge(Journey(lines, begins, starts, faces, areas, seen), config.constants)
-    ends = np.concatenate((lines[bounds[:-1], :2], lines[bounds[1:] - 1, 2:]), axis=1)
-    return Regions(splits=bounds, lines=ends, first_steps=lines[bounds[:-1]])
+    angles = np.arange(AXES) * np.pi / AXES
+    covered = np.concatenate((np.zeros((2, AXES)), [np.cos(angles), np.sin(angles)]))
+    journey = Journey(lines, begins, starts, faces, areas, seen, covered)
+    bounds = split_and_merge(journey, config.constants)
+    return Regions(splits=bounds, steps=lines)

@@ -16,12 +16,14 @@ from albot_core.mappers.albot0.localisation import (
     CUES,
     DemocraticIntegration,
     LocalisationConfig,
+    Stop,
     distance_map,
     extent_map,
     is_sure,
     most_confident,
     orientation_map,
     register_cue,
+    way_map,
 )
 from albot_core.mappers.albot0.regions import Regions
 
@@ -35,7 +37,12 @@ def chain(*ways: tuple[float, float]) -> Regions:
         angle = math.radians(degrees)
         points.append(points[-1] + length * np.array((math.cos(angle), math.sin(angle))))
     lines = np.array([(*a, *b) for a, b in pairwise(points)]).reshape(-1, 4)
-    return Regions(splits=np.arange(len(ways) + 1), lines=lines, first_steps=lines)
+    return Regions(splits=np.arange(len(ways) + 1), steps=lines)
+
+
+def at(home: Regions, along: float = 0.0) -> Stop:
+    """A stop on the way home, so far along the way out (m)."""
+    return Stop(out=OUT, home=home, along=along)
 
 
 OUT = chain((10.0, 0.0), (4.0, 90.0), (6.0, 60.0))
@@ -43,25 +50,31 @@ OUT = chain((10.0, 0.0), (4.0, 90.0), (6.0, 60.0))
 
 
 def test_the_distance_cue_by_hand():
-    confidences = distance_map(OUT, chain((4.0, 0.0), (5.0, 80.0)), CONFIG)
+    confidences = distance_map(at(chain((4.0, 0.0), (5.0, 80.0))), CONFIG)
     exact = np.exp(-0.5 * ((np.array((20, 10, 6)) - 9) / 0.45) ** 2)
     np.testing.assert_allclose(confidences, exact / exact.max())
     assert most_confident(confidences) == 1
 
 
 def test_the_extent_cue_is_sure_of_the_asr_that_the_distance_lies_in():
-    confidences = extent_map(OUT, chain((7.0, 0.0)), CONFIG)
+    confidences = extent_map(at(chain((7.0, 0.0))), CONFIG)
     assert most_confident(confidences) == 1
-    assert most_confident(distance_map(OUT, chain((7.0, 0.0)), CONFIG)) == 2
+    assert most_confident(distance_map(at(chain((7.0, 0.0))), CONFIG)) == 2
     # 1 m beyond the end of the last one, with σ = 0.35 m.
     np.testing.assert_allclose(confidences[2], math.exp(-0.5 * (1 / 0.35) ** 2))
-    assert extent_map(OUT, chain((500.0, 0.0)), CONFIG).argmax() == 0
+    assert extent_map(at(chain((500.0, 0.0))), CONFIG).argmax() == 0
 
 
-@pytest.mark.parametrize("cue", ["distance", "extent"])
+def test_the_way_cue_goes_by_how_far_along_the_way_out_the_robot_is():
+    """7 m back from its end is 1 m into the second ASR, and 1 m off the third, with σ = 0.35 m."""
+    confidences = way_map(at(chain((3.0, 0.0)), 7.0), CONFIG)
+    np.testing.assert_allclose(confidences[1:], (1.0, math.exp(-0.5 * (1 / 0.35) ** 2)))
+
+
+@pytest.mark.parametrize("cue", ["distance", "extent", "way"])
 @pytest.mark.parametrize("travelled", [0.0, 1e-300, 1e-3, 1e5])
 def test_the_best_asr_has_confidence_1_however_far_it_is(cue, travelled):
-    confidences = CUES[cue](OUT, chain((travelled, 0.0)), CONFIG)
+    confidences = CUES[cue](at(chain((travelled, 0.0)), travelled), CONFIG)
     assert confidences.max() == 1.0
     assert (confidences >= 0).all()
     assert most_confident(confidences) == (2 if travelled < 1 else 0)
@@ -71,17 +84,17 @@ def test_the_orientation_cue_takes_turns_in_reverse_order_with_the_opposite_sign
     """Out: 90° left into the second ASR, 30° right into the third. Home: 30° left, 90° right."""
     home = chain((6.0, 180.0), (4.0, 210.0))
     np.testing.assert_allclose(
-        orientation_map(OUT, home, CONFIG), 0.5 * np.array((1 - 120 / 180, 1.0, 0.5))
+        orientation_map(at(home), CONFIG), 0.5 * np.array((1 - 120 / 180, 1.0, 0.5))
     )
     home = chain((6.0, 180.0), (4.0, 210.0), (10.0, 120.0))
     np.testing.assert_allclose(
-        orientation_map(OUT, home, CONFIG), 0.5 * np.array((1.0, 1 - 120 / 180, 0.5))
+        orientation_map(at(home), CONFIG), 0.5 * np.array((1.0, 1 - 120 / 180, 0.5))
     )
 
 
 def test_before_the_second_asr_of_the_way_home_the_orientation_cue_says_nothing():
-    np.testing.assert_allclose(orientation_map(OUT, chain((1.0, 0.0)), CONFIG), 0.25)
-    np.testing.assert_allclose(orientation_map(OUT, chain(), CONFIG), 0.25)
+    np.testing.assert_allclose(orientation_map(at(chain((1.0, 0.0))), CONFIG), 0.25)
+    np.testing.assert_allclose(orientation_map(at(chain()), CONFIG), 0.25)
 
 
 def test_democratic_integration_by_hand_over_two_steps():
@@ -130,7 +143,7 @@ def test_a_cue_of_ones_own_is_chosen_by_its_name():
     with pytest.raises(InputError, match="a name that no other cue has"):
         register_cue("distance", extent_map)
     register_cue("distance", distance_map)
-    register_cue("even", lambda out, home, config: np.ones(out.count))
+    register_cue("even", lambda stop, config: np.ones(stop.out.count))
     try:
         assert LocalisationConfig(cues=("distance", "even")).cues[1] == "even"
     finally:

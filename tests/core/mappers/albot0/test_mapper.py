@@ -12,7 +12,7 @@ from albot_core.mappers.albot0.config import Albot0Config
 from albot_core.mappers.albot0.localisation import LocalisationConfig
 from albot_core.mappers.albot0.mapper import Albot0
 from albot_core.mappers.albot0.paths import PathConfig
-from albot_core.mappers.mapper import PlaceMemory, require
+from albot_core.mappers.mapper import EXIT, POINT, PlaceMemory, require
 from albot_core.sensing.reading import Reading
 from tests.core.mappers.albot0.sonar_scenes import driven, readings, row_of_rooms
 
@@ -20,6 +20,7 @@ WALLS, BOUNDS = row_of_rooms()
 WAY = driven((0.5, 0.0), (36.5, 0.0), (0.5, 0.0))
 OUTWARD = int(np.argmax(WAY[:, 0] >= 36.5)) + 1
 TAKEN = readings(WALLS, WAY)
+PAPER = Albot0Config(localisation=LocalisationConfig(cues=("distance", "orientation")))
 EXTENT = Albot0Config(localisation=LocalisationConfig(cues=("extent", "orientation")))
 
 
@@ -94,7 +95,7 @@ def test_on_the_way_home_it_knows_in_which_asr_it_is(is_told):
 
 
 def test_by_the_papers_cue_it_believes_in_an_asr_from_its_middle_to_the_middle_of_the_next():
-    mapper = led(OUTWARD)
+    mapper = led(OUTWARD, PAPER)
     middles = [sum(pair) / 2 for pair in pairwise(BOUNDS)]
     right = []
     for pose, reading in zip(WAY[OUTWARD:], TAKEN[OUTWARD:], strict=True):
@@ -132,11 +133,33 @@ def test_a_way_out_of_a_single_asr():
     assert require(mapper, PlaceMemory).place_at(3) == 0
 
 
-def test_a_robot_that_has_gone_nowhere_cannot_begin_to_return():
+def test_a_robot_that_has_gone_nowhere_is_at_home():
     mapper = led(1)
-    with pytest.raises(InputError, match="a way out of one robot path at least"):
-        mapper.begin_return()
+    mapper.begin_return()
+    assert not mapper.is_returning
     assert mapper.estimate.place == 0
+
+
+def test_who_was_told_to_return_does_not_turn_round_again():
+    """It comes back to its start, and turns there to go out again."""
+    mapper = led(OUTWARD)
+    mapper.begin_return()
+    steps = len(mapper.geometric_maps[0].steps.lines)
+    taken = readings(WALLS, driven((0.0, 0.0), (36.5, 0.0), (0.5, 0.0), (6.0, 0.0)))
+    for reading in taken[OUTWARD:]:
+        mapper.update(reading)
+    assert mapper.is_returning
+    assert len(mapper.geometric_maps[0].steps.lines) == steps
+
+
+def test_the_way_home_leads_back_along_the_way_out():
+    mapper = led(OUTWARD + 100)
+    point = mapper.way_home[POINT]
+    assert WAY[OUTWARD + 99, 0] - 3.0 < point[0] < WAY[OUTWARD + 99, 0]
+    np.testing.assert_allclose(point[1], 0.0, atol=0.2)
+    line = mapper.way_home[EXIT]
+    assert line[0] == pytest.approx(line[2], abs=0.2)  # Across the way.
+    assert np.isnan(led(len(TAKEN)).way_home[EXIT]).all()  # At home there is no exit before home.
 
 
 def test_the_sonars_of_readings_are_needed():
@@ -173,7 +196,9 @@ STATE = led(OUTWARD + 100).state()
     [
         ("pose", np.full(3, np.nan)),
         ("counts", np.array((1, 1, 1, 1))),
-        ("counts", np.array((600, 1, 2, 1))),
+        ("counts", np.array((600, 1, 3, 1))),
+        ("way_back", np.full(5, -1.0)),
+        ("way_back", np.zeros(3)),
         ("out.lines", np.full_like(STATE["out.lines"], 1e12)),
         ("out.lines", np.zeros_like(STATE["out.lines"])),
         ("out.widths", np.zeros_like(STATE["out.widths"])),

@@ -45,7 +45,7 @@ def test_a_path_ends_where_it_is_long_or_where_the_robot_turns():
     assert sum(each.begins.sum() for each in paths) == 4
 
 
-@pytest.mark.parametrize(("width", "is_closed"), [(1.5, True), (2.4, False)])
+@pytest.mark.parametrize(("width", "is_closed"), [(0.7, True), (2.4, False)])
 def test_small_gaps_are_closed_and_large_ones_are_distant_surfaces(width, is_closed):
     left = np.array(((-5.0, 1.0, 3.0 - width / 2, 1.0), (3.0 + width / 2, 1.0, 20.0, 1.0)))
     (steps,) = led(driven((0, 0), (5.9, 0)), np.concatenate((left, CORRIDOR[1:])), longest=9.0)

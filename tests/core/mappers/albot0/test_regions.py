@@ -92,6 +92,23 @@ def test_small_regions_are_held_together():
     assert small.splits.tolist() == [0, 11]
 
 
+def test_a_merged_region_is_as_homogeneous_as_any():
+    """Parts that would each go with their neighbours: widths grow from 2 m to 5.8 m in all."""
+    regions = straight([2.0] * 8 + [3.0] * 8 + [4.2] * 8 + [5.8] * 8)
+    assert regions.count > 1
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_swaths_whose_edges_all_but_coincide_are_cut(seed: int):
+    """Steps back and forth over the same ground, a hair apart."""
+    rng = np.random.default_rng(seed)
+    ground = Ground()
+    for _ in range(60):
+        x = rng.integers(0, 4) + rng.normal(0.0, 1e-9, 2)
+        ground.add(np.array(((x[0], 0.0), (x[0], 1.0), (x[1] + 1, 1.0), (x[1] + 1, 0.0))))
+    assert ground.index[2].sum() == pytest.approx(4.0, abs=0.05)
+
+
 @pytest.mark.parametrize("count", [0, 1])
 def test_a_journey_of_one_step_or_none(count):
     regions = straight([2.0] * count)
@@ -106,7 +123,7 @@ def test_a_region_that_ends_where_it_began_has_a_width_and_a_direction():
     assert regions.splits[0] == 0
     assert regions.splits[-1] == 10
     assert np.isfinite(regions.lengths).all()
-    whole = Regions(splits=np.array((0, 10)), lines=lines[:1] * 0.0, first_steps=lines[:1])
+    whole = Regions(splits=np.array((0, 10)), steps=lines)
     np.testing.assert_allclose(whole.lengths, 0.0)
     np.testing.assert_allclose(whole.directions, np.pi / 2)
 
@@ -167,3 +184,13 @@ def test_the_ground_is_the_union_of_the_swaths(seed):
 def test_thresholds_are_checked(name, value):
     with pytest.raises(InputError, match=rf"RegionConfig\.{name}"):
         RegionConfig(**{name: value})
+
+
+def test_a_swath_that_crosses_itself_is_taken_in():
+    """Echoes in a narrow place make such: it covers what lies within its outline."""
+    ground = Ground()
+    ground.add(np.array(((0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0))))
+    ground.add(np.array(((1.0, 1.0), (3.0, 3.0), (3.0, 1.0), (1.0, 3.0))))
+    ground.add(np.array(((0.5, 0.5), (2.5, 0.5), (2.5, 2.5), (0.5, 2.5))))
+    _, _, areas = ground.index
+    assert 4.0 < areas.sum() < 9.0

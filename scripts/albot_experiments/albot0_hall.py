@@ -1,0 +1,234 @@
+"""Two journeys through a room larger than the sonars reach (Schmidt, Wong and Yeap, section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from albot_core.geometry.types import Points
+from albot_core.mappers.albot0.geometric_map import GeometricMap
+from albot_core.mappers.albot0.localisation import CUES as CUE_MAPS
+from albot_core.mappers.albot0.localisation import Confidences
+from albot_core.mappers.albot0.mapper import Albot0
+from albot_env.sim.sonar import SONARS
+from albot_experiments.albot0_runs import BORDER, CUES, Tracked
+from albot_experiments.drawing import MARK, PATH, PLACES, SURFACE, draw_floor
+from albot_experiments.report import Figures, Report, each_seed
+from albot_experiments.tours import driven_tour
+from albot_maps import World, load_world
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+ID = "albot0-2"
+TITLE = "ASRs of a room larger than the sonars reach (Schmidt et al., figures 1 to 4)"
+WORLD, ROOM = "office-hall", "hall"
+TURNS = {"journey-1": (23.5, 9.4), "journey-2": (23.4, 14.6)}
+"""The journeys, and where the robot turns round on each (m)."""
+STOPS = "ABCDEF"
+"""Stops of which the confidences are drawn: evenly spread over the way home, as the paper's."""
+INSIDE = 1.0
+"""The robot is inside the room where it is so far from its walls and exits (m)."""
+NEAR = 2.0
+"""A split point lies near an exit of the room if it is no farther away along the way (m)."""
+PAPER = {"large_room_one_asr": 1.0, "splits_near_exits": True}
+ASKED = 0.9
+"""The least share of runs and stops that is asked."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Run:
+    """A journey out and home."""
+
+    robot: Tracked
+    home: Points
+    """(readings, 2): where the robot was on its way home (m)."""
+    drawn: tuple[tuple[Points, tuple[Confidences, ...]], ...]
+    """At each stop: where it was, and the confidences of each cue and of both together."""
+    is_whole: bool
+    """Whether the large room is one ASR."""
+    split_distance: float
+    """How far the room's split points are from its exits, the median along the way (m)."""
+
+
+def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
+    """Drive out and home once a seed and a journey.
+
+    Raises:
+        InputError: No seeds.
+    """
+    world = load_world(WORLD)
+    runs: dict[str, list[dict[str, Run]]] = {name: [] for name in TURNS}
+    for seed in each_seed(seeds, progress):
+        for name in TURNS:
+            runs[name].append(drive(world, name, seed))
+    return _report(seeds, world, runs)
+
+
+def drive(world: World, name: str, seed: int) -> dict[str, Run]:
+    """Drive a robot along a journey, and map it with each choice of cues."""
+    tour = world.tours[name]
+    journey = driven_tour(world, tour, np.random.default_rng(seed), sonar=SONARS["pioneer"])
+    truth = journey.truth[:, :2]
+    turned = int(np.hypot(*(truth - TURNS[name]).T).argmin())
+    runs = {}
+    for cues in ("paper", "default"):
+        robot = Tracked(CUES[cues])
+        drawn: list[tuple[Points, tuple[Confidences, ...]]] = []
+        robot.go_out(journey.readings[: turned + 1], truth[: turned + 1])
+        for reading, place in zip(journey.readings[turned + 1 :], truth[turned + 1 :], strict=True):
+            robot.go_home(reading, place)
+            if len(drawn) < len(robot.stops):
+                drawn.append((place, _confidences(robot.mapper)))
+        robot.end(truth[-1])
+        whole, distance = _judge_room(world, robot)
+        runs[cues] = Run(
+            robot=robot,
+            home=truth[turned:],
+            drawn=tuple(drawn),
+            is_whole=whole,
+            split_distance=distance,
+        )
+    return runs
+
+
+def _confidences(mapper: Albot0) -> tuple[Confidences, ...]:
+    """The confidences of each cue, and of all together."""
+    config = mapper.config.localisation
+    maps = (CUE_MAPS[name](mapper.last_stop, config) for name in config.cues)
+    return (*maps, mapper.confidences)
+
+
+def _judge_room(world: World, robot: Tracked) -> tuple[bool, float]:
+    """Whether the large room is one ASR, and how far its split points are from its exits (m)."""
+    room = next(room for room in world.rooms if room.name == ROOM)
+    low, high = room.boundary.min(axis=0) + INSIDE, room.boundary.max(axis=0) - INSIDE
+    is_inside = ((robot.out > low) & (robot.out < high)).all(axis=1)
+    places = np.unique(robot.places[is_inside])
+    gone = np.concatenate((np.zeros(1), np.cumsum(np.hypot(*np.diff(robot.out, axis=0).T))))
+    in_room = [world.room_at(*place) == ROOM for place in robot.out.tolist()]
+    exits = gone[np.flatnonzero(np.diff(np.array(in_room, int)))]
+    largest = np.bincount(robot.places[is_inside]).argmax()
+    own = np.flatnonzero(robot.places == largest)
+    return len(places) == 1, float(np.median(np.abs(gone[own[[0, -1]]] - exits)))
+
+
+def _report(seeds: range, world: World, runs: dict[str, list[dict[str, Run]]]) -> Report:
+    everyone = [each for group in runs.values() for each in group]
+    wholes = [each["default"].is_whole for each in everyone]
+    distances = [each["default"].split_distance for each in everyone]
+    measured: dict[str, Figures] = {
+        "seeds": len(seeds),
+        "large_room_one_asr": round(float(np.mean(wholes)), 2),
+        "split_distance_m": round(float(np.median(distances)), 2),
+        "splits_near_exits": bool(np.median(distances) <= NEAR),
+    }
+    for name, group in runs.items():
+        for cues in ("paper", "default"):
+            measured[f"{name}, cues {cues}"] = _figures([each[cues] for each in group])
+    believed = [_figures([each["default"] for each in group]) for group in runs.values()]
+    least = min(float(str(each[key])) for each in believed for key in ("right_or_border", "home"))
+    pictures = {}
+    for name, group in runs.items():
+        for cues in ("paper", "default"):
+            pictures[f"{name}-{cues}"] = _picture(world, group[0][cues])
+    return Report(
+        id=ID,
+        title=TITLE,
+        paper=PAPER,
+        measured=measured,
+        holds=float(np.mean(wholes)) >= ASKED and least >= ASKED,
+        text=_text(seeds),
+        pictures=pictures,
+    )
+
+
+def _figures(runs: Sequence[Run]) -> dict[str, float]:
+    stops = [run.robot.stops for run in runs]
+    shares: dict[str, list[Any]] = {
+        "asrs": [int(run.robot.places.max()) + 1 for run in runs],
+        "large_room_one_asr": [run.is_whole for run in runs],
+        "right": [np.mean([stop.believed == stop.true for stop in each]) for each in stops],
+        "right_or_border": [np.mean([stop.is_near for stop in each]) for each in stops],
+        "home": [each[-1].believed == 0 for each in stops],
+    }
+    return {name: round(float(np.mean(values)), 2) for name, values in shares.items()}
+
+
+def _text(seeds: range) -> str:
+    return f"""
+The office `{WORLD}` has a room of 9 x 15 m in its middle, of which a robot with sonars that reach
+4 m does not see the walls from where it stands. It is driven along two journeys, with the sonars
+and the odometer `pioneer`. On its way home it comes through the room by another way than on its
+way out. Means over the seeds {seeds.start} to {seeds.stop - 1}.
+
+`large_room_one_asr`: how often the room is a single ASR of the way out, farther than {INSIDE:g} m
+from its walls; `split_distance_m`: how far its split points are from its exits along the way, the
+median. `right`: the share of stops on the way home at which the believed ASR is that of the way
+out's nearest reading; `right_or_border`: the same, or an ASR in which the way out comes by no more
+than {BORDER:g} m farther away; `home`: how often the robot believes to be home at the end. `paper`
+fuses distance and orientation, `default` has `way` in place of distance.
+
+The pictures show the first seed as the paper's figures 1 to 4 do. Above: the office with the way
+out (solid), the way home (dashed), the ASRs of the way out as ellipses, and six stops, A to F; the
+map of the way out and that of the way home as the odometer has them, with split points. Below: the
+confidence of each ASR at the six stops, by the first cue (dotted), by orientation (dashed), and by
+both (solid).
+"""
+
+
+def _picture(world: World, run: Run) -> Figure:
+    """The paper's figures 1 and 3: layout and maps above, confidences at six stops below."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(18, 11), layout="constrained")
+    grid = figure.add_gridspec(2, 6, height_ratios=(2, 1))
+    shown = np.linspace(0, len(run.drawn) - 1, len(STOPS)).round().astype(int)
+    _draw_layout(figure.add_subplot(grid[0, :2]), world, run, shown)
+    titles = ("map of the way out", "map of the way home")
+    for column, title, drawn in zip((2, 4), titles, run.robot.mapper.geometric_maps, strict=True):
+        axes = figure.add_subplot(grid[0, column : column + 2])
+        _draw_map(axes, drawn)
+        axes.set_title(title)
+    for column, index in enumerate(shown):
+        axes = figure.add_subplot(grid[1, column])
+        for confidences, style in zip(run.drawn[index][1], (":", "--", "-"), strict=True):
+            axes.plot(confidences, style, color=SURFACE if style == "-" else PATH, marker=".")
+        axes.set(title=STOPS[column], ylim=(-0.05, 1.05), xlabel="ASR")
+    return figure
+
+
+def _draw_layout(axes: Axes, world: World, run: Run, shown: np.ndarray) -> None:
+    """Figure 1(a): the office, the ways, the ASRs of the way out, and the stops."""
+    from matplotlib.patches import Ellipse
+
+    draw_floor(axes, world.walls, SURFACE)
+    out = run.robot.out
+    axes.plot(*out.T, color=PATH, lw=1.2)
+    axes.plot(*run.home.T, color=MARK, lw=1.0, ls="--")
+    for place in range(int(run.robot.places.max()) + 1):
+        own = out[run.robot.places == place]
+        spread = np.cov(own.T) if len(own) > 1 else np.zeros((2, 2))
+        sizes, axis = np.linalg.eigh(spread)
+        width, height = 4 * np.sqrt(np.maximum(sizes[::-1], 0)) + 1.0
+        angle = np.degrees(np.arctan2(axis[1, 1], axis[0, 1]))
+        colour = PLACES[place % len(PLACES)]
+        middle = own.mean(axis=0)
+        axes.add_patch(Ellipse(middle, width, height, angle=angle, fc="none", ec=colour, lw=1.5))
+        axes.annotate(str(place), tuple(middle), color=colour, weight="bold", fontsize=12)
+    for letter, index in zip(STOPS, shown, strict=True):
+        axes.plot(*run.drawn[index][0], "k.")
+        axes.annotate(letter, tuple(run.drawn[index][0]), weight="bold")
+
+
+def _draw_map(axes: Axes, drawn: GeometricMap) -> None:
+    """Figures 1(b) and 1(c): surfaces, the way, and split points."""
+    draw_floor(axes, drawn.steps.surfaces, SURFACE, 1.2)
+    way = drawn.steps.lines
+    axes.plot(*np.concatenate((way[:1, :2], way[:, 2:])).T, color=PATH, lw=1.0)
+    points = np.concatenate((drawn.regions.lines[:, :2], drawn.regions.lines[-1:, 2:]))
+    axes.plot(*points.T, "o", color=MARK, ms=5)

@@ -1,0 +1,180 @@
+"""Albot0 drives out and home by sonars alone (Schmidt, Wong and Yeap, section 4)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import inverse, transform_points
+from albot_core.geometry.types import Points
+from albot_core.mappers.albot0.mapper import Albot0
+from albot_core.mappers.mapper import POINT
+from albot_core.planning.sonar_driver import SonarDriver
+from albot_core.sensing.reading import Reading
+from albot_env.sim.odometer import ODOMETERS
+from albot_env.sim.sensors import Sensors
+from albot_env.sim.simulator import Simulator
+from albot_env.sim.sonar import SONARS
+from albot_experiments.albot0_runs import CUES, Tracked
+from albot_experiments.report import Figures, Report, each_seed
+from albot_maps import World, load_world
+
+ID = "albot0-homing"
+TITLE = "Albot0 drives out and home by sonars alone (Schmidt et al., section 4)"
+HALL, OFFICE, OFFICES = "office-hall", "random:office:{seed}?rooms=12", 40
+"""The office of the paper, in which each seed is a trial, and as many random ones."""
+HEARING = {"without specular loss": "ideal", "with specular loss": "pioneer"}
+"""The sonars; `pioneer` has cross-talk too."""
+OUT = 40.0
+"""The way out is so long (m)…"""
+MOST, STEPS = 900, 1800
+"""…or takes so many steps of 0.1 s; the way home may take so many."""
+PAPER = {"home_reached_and_known": 0.7}
+"""Albot0's success rate of returning home (Hossain 2014, section 2.3.4)."""
+ASKED = 0.9
+"""The least share of trials that is asked."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trial:
+    """How a robot came home."""
+
+    asrs: int
+    """How many ASRs its way out had."""
+    known: Mapping[str, bool]
+    """By the names of `CUES`: whether it was in its home ASR when it first believed to be."""
+    reached: bool
+    """Whether it came into its home ASR at all."""
+
+
+def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
+    """Drive out and home, once a seed in the hall and in the first random offices.
+
+    Raises:
+        InputError: No seeds.
+    """
+    trials: dict[str, list[Trial]] = {}
+    hall = load_world(HALL)
+    for seed in each_seed(seeds, progress):
+        trials.setdefault(f"{HALL}, with specular loss", []).append(drive(hall, "pioneer", seed))
+        if seed - seeds.start < OFFICES:
+            office = load_world(OFFICE.format(seed=seed))
+            for hearing, sonar in HEARING.items():
+                key = f"random offices, {hearing}"
+                trials.setdefault(key, []).append(drive(office, sonar, seed))
+    return _report(seeds, trials)
+
+
+def drive(world: World, sonar: str, seed: int) -> Trial:
+    """Drive a robot out and home, with a mapper for each choice of cues."""
+    rng = np.random.default_rng(seed)
+    sensors = Sensors(laser=None, odometer=ODOMETERS["pioneer"], sonar=SONARS[sonar])
+    simulator, driver = Simulator(world, sensors=sensors), SonarDriver()
+    reading = simulator.reset(rng, world.starts[seed % len(world.starts)])
+    driver.reset(rng)
+    readings, truth, gone = [reading], [simulator.pose[:2].copy()], 0.0
+    while gone < OUT and len(readings) < MOST:
+        reading = _step(simulator, driver, reading, None)
+        readings.append(reading)
+        truth.append(simulator.pose[:2].copy())
+        gone += float(np.hypot(*(truth[-1] - truth[-2])))
+    robots = {name: Tracked(cues) for name, cues in CUES.items()}
+    for robot in robots.values():
+        robot.go_out(tuple(readings), np.array(truth))
+    return _go_home(simulator, driver, reading, robots)
+
+
+def _go_home(
+    simulator: Simulator, driver: SonarDriver, reading: Reading, robots: Mapping[str, Tracked]
+) -> Trial:
+    """Drive home until the robot believes to be there, by any choice of cues."""
+    guide = robots["default"]
+    known: dict[str, bool] = {}
+    reached = False
+    for _ in range(STEPS):
+        reading = _step(simulator, driver, reading, guide.mapper)
+        place = simulator.pose[:2].copy()
+        is_home = _is_home(guide, place)
+        reached |= is_home
+        for name, robot in robots.items():
+            robot.go_home(reading, place)
+            if name not in known and robot.mapper.estimate.place == 0:
+                known[name] = is_home
+        if len(known) == len(robots):
+            break
+    return Trial(
+        asrs=int(guide.places.max()) + 1,
+        known={name: known.get(name, False) for name in robots},
+        reached=reached,
+    )
+
+
+def _is_home(robot: Tracked, place: Points) -> bool:
+    """Whether a place (m) is in the home ASR: that of the way out's nearest reading is it."""
+    away = np.hypot(*(robot.out - place).T)
+    return int(robot.places[away.argmin()]) == 0
+
+
+def _step(
+    simulator: Simulator, driver: SonarDriver, reading: Reading, guide: Albot0 | None
+) -> Reading:
+    """One step of the driver: straight on, or towards where the way home leads."""
+    sonar = reading.required_sonar(ID)
+    target = None
+    if guide is not None:
+        estimate, point = guide.estimate, guide.way_home[POINT]
+        ahead = estimate.home[:2] if np.isnan(point).any() else point
+        target = transform_points(inverse(estimate.pose), ahead)
+    speed, turn_rate = driver.command(sonar.ranges, sonar.geometry, reading.motion, target)
+    return simulator.step(float(speed), float(turn_rate))
+
+
+def _report(seeds: range, trials: Mapping[str, list[Trial]]) -> Report:
+    everyone = [trial for group in trials.values() for trial in group]
+    if not any(trial.asrs > 1 for trial in everyone):
+        raise InputError("seeds", "a way out of two ASRs at least", "none")
+    shares = {where: _shares(group) for where, group in trials.items()}
+    measured: dict[str, Figures] = {
+        "seeds": len(seeds),
+        "trials": len(everyone),
+        "home_reached_and_known": _shares(everyone)["default"],
+    }
+    for where, group in trials.items():
+        measured[where] = {
+            "trials": len(group),
+            "asrs": float(np.median([trial.asrs for trial in group])),
+            "home_reached": round(float(np.mean([trial.reached for trial in group])), 2),
+            **{f"known_by_{name}": share for name, share in shares[where].items()},
+        }
+    return Report(
+        id=ID,
+        title=TITLE,
+        paper=PAPER,
+        measured=measured,
+        holds=all(share["default"] >= ASKED for share in shares.values()),
+        text=_text(seeds),
+    )
+
+
+def _shares(trials: list[Trial]) -> dict[str, float]:
+    """In which share of the trials home was reached and known, by each choice of cues."""
+    return {name: round(float(np.mean([t.known[name] for t in trials])), 2) for name in CUES}
+
+
+def _text(seeds: range) -> str:
+    return f"""
+A robot without a laser drives {OUT:g} m, or {MOST / 10:g} s, through `{HALL}`, once for each of
+the seeds {seeds.start} to {seeds.stop - 1}, and through random offices of twelve rooms for the
+first {OFFICES} of them. It drives as the paper's does: straight on until an obstacle, then round
+it. Then it turns round, makes a second map, and drives home along its way out
+(`albot_core.mappers.albot0.way_back`) for {STEPS / 10:g} s at the most. Sonars and odometer are
+`pioneer`, or `ideal` sonars, which hear every wall and not each other.
+
+`home_reached`: in which share of the trials the robot came into its home ASR: the nearest reading
+of its way out was taken in it. `known_by_…`: in which share it was there when it first believed to
+be, by each cue alone, by the paper's two (`paper`), and by `albot0` as it comes (`default`). All of
+them are asked on the same drives.
+"""

@@ -1,0 +1,62 @@
+"""The sonar driver: straight on, round obstacles, and through doors, without a laser."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import inverse, transform_points
+from albot_core.planning.sonar_driver import SonarDriver, SonarDriverConfig
+from albot_env.sim.odometer import ODOMETERS
+from albot_env.sim.sensors import Sensors
+from albot_env.sim.simulator import Simulator
+from albot_env.sim.sonar import SONARS
+from albot_maps import load_world
+
+
+def drive(sonar: str, steps: int, goal: np.ndarray | None, seed: int = 0) -> tuple[np.ndarray, int]:
+    """Where the robot came in the hall's office, and how often it touched something."""
+    sensors = Sensors(laser=None, odometer=ODOMETERS["ideal"], sonar=SONARS[sonar])
+    simulator, driver = Simulator(load_world("office-hall"), sensors=sensors), SonarDriver()
+    rng = np.random.default_rng(seed)
+    reading = simulator.reset(rng, np.array((3.2, 9.5, 0.0)))
+    driver.reset(rng)
+    way, touched = [simulator.pose[:2].copy()], 0
+    for _ in range(steps):
+        scan = reading.required_sonar("test")
+        target = None if goal is None else transform_points(inverse(simulator.pose), goal)
+        command = driver.command(scan.ranges, scan.geometry, reading.motion, target)
+        reading = simulator.step(*command.tolist())
+        way.append(simulator.pose[:2].copy())
+        touched += simulator.collided
+    return np.array(way), touched
+
+
+@pytest.mark.parametrize("sonar", ["ideal", "pioneer"])
+def test_it_wanders_without_touching_anything(sonar: str) -> None:
+    way, touched = drive(sonar, 500, None)
+    assert np.hypot(*np.diff(way, axis=0).T).sum() > 10.0
+    assert touched <= 2
+
+
+def test_it_comes_through_a_door_to_its_target() -> None:
+    way, _ = drive("ideal", 400, np.array((7.7, 5.0)))
+    assert np.hypot(*(way - (7.7, 5.0)).T).min() < 0.5
+
+
+def test_it_drives_straight_until_an_obstacle() -> None:
+    driver, sonar = SonarDriver(), SONARS["ideal"].geometry
+    driver.reset(np.random.default_rng(0))
+    nothing = np.full(len(sonar.bearings), np.inf)
+    speed, turn_rate = driver.command(nothing, sonar, np.zeros(3))
+    assert speed > 0
+    assert turn_rate == 0
+    near = np.where(np.abs(sonar.bearings) < 0.6, 0.3, np.inf)
+    speed, turn_rate = driver.command(near, sonar, np.zeros(3))
+    assert abs(turn_rate) > 0
+
+
+def test_thresholds_are_checked() -> None:
+    with pytest.raises(InputError, match=r"SonarDriverConfig\.speed"):
+        SonarDriverConfig(speed=0.0)
