@@ -14,7 +14,7 @@ from albot_cli.outputs import FORCE, check_file
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.logs.reader import read_log
-from albot_core.mappers.registry import mapper_names
+from albot_core.mappers.registry import installed_mappers
 
 ROUNDS = 6
 """Rounds in which each environment is timed."""
@@ -104,8 +104,8 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     return {
         "laser": measure_laser,
         "mapper": lambda: [
-            *measure_mappers(mapper_names(), readings),
-            *measure_looping(mapper_names(), readings),
+            *measure_mappers(installed_mappers(), readings),
+            *measure_looping(installed_mappers(), readings),
             *measure_growth(),
         ],
         "journey": measure_long_run,

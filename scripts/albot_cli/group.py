@@ -19,6 +19,7 @@ _CLOSED_PIPE = 141
 SUBCOMMANDS = {
     "agents": "List the agents; write the model card of a trained one.",
     "bench": "Measure speed, each figure beside something run in the same minute.",
+    "compare": "Set mappers side by side on the same readings.",
     "evaluate": "Measure an agent in many episodes of a task.",
     "experiment": "Repeat the papers' experiments.",
     "map": "Run a mapper over a real robot's log.",

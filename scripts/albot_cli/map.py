@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from contextlib import ExitStack
 from pathlib import Path
 
 import click
@@ -21,33 +20,47 @@ from albot_cli.map_report import (
     warm_up,
 )
 from albot_cli.mappers import mapper_config_option, read_mapper_config
-from albot_cli.outputs import FORCE, check_folder
+from albot_cli.outputs import FORCE, check_folder, filled_folder
 from albot_cli.progress import progress
 from albot_core.errors import InputError
 from albot_core.evaluation.trajectory import Trajectory, alignment, read_relations
 from albot_core.export.g2o import write_g2o
 from albot_core.export.geojson import write_geojson
 from albot_core.export.graphml import write_graphml
+from albot_core.export.map_server import write_map_server
 from albot_core.export.picture import write_picture
 from albot_core.export.tum import write_tum
-from albot_core.files import make_folder, replacing, scratch_folder, write_text
+from albot_core.files import write_text
 from albot_core.geometry.poses import compose
-from albot_core.interrupts import interrupts_deferred
 from albot_core.logs.log import Log
 from albot_core.logs.reader import read_log, read_reference
 from albot_core.mappers.map_file import save_map
-from albot_core.mappers.mapper import PlaceMemory
+from albot_core.mappers.mapper import AttractorNetwork, PlaceMemory
 from albot_core.mappers.registry import (
     check_sensors,
     mapper_names,
     mapper_spec,
 )
+from albot_core.maps.layers import OccupancyGridLayer
 
 _FILE = click.Path(path_type=Path)
 TRAJECTORY, SURFACES, PICTURE, MAP = "trajectory.tum", "surfaces.geojson", "map.png", "map.albot"
 NETWORK, EVENTS, CORRECTED = "network.graphml", "events.txt", "corrected.tum"
 POSE_GRAPH = "network.g2o"
-FILES = (TRAJECTORY, SURFACES, PICTURE, MAP, NETWORK, POSE_GRAPH, EVENTS, CORRECTED, RECOGNITION)
+GRID, GRID_PICTURE = "grid.yaml", "grid.pgm"
+FILES = (
+    TRAJECTORY,
+    SURFACES,
+    PICTURE,
+    MAP,
+    NETWORK,
+    POSE_GRAPH,
+    GRID,
+    GRID_PICTURE,
+    EVENTS,
+    CORRECTED,
+    RECOGNITION,
+)
 """The names of the files that `--out` leaves."""
 
 
@@ -138,7 +151,7 @@ def write_files(
     files are replaced when all are made.
     """
     names = {"trajectory": TRAJECTORY, "surfaces": SURFACES, "picture": PICTURE, "map": MAP}
-    with scratch_folder() as scratch:
+    with filled_folder(folder) as scratch:
         write_tum(run.believed, scratch / TRAJECTORY)
         if run.corrected is not None:
             write_tum(run.corrected, scratch / CORRECTED)
@@ -149,27 +162,29 @@ def write_files(
             write_graphml(snapshot.place_graph, scratch / NETWORK)
             write_g2o(snapshot.place_graph, scratch / POSE_GRAPH)
             names |= {"network": NETWORK, "pose_graph": POSE_GRAPH}
+        grid = snapshot.layer(OccupancyGridLayer)
+        if grid is not None and grid.occupancy.size:
+            write_map_server(grid, scratch / GRID)
+            names |= {"grid": GRID, "grid_picture": GRID_PICTURE}
         if isinstance(run.mapper, PlaceMemory):
             write_text(scratch / EVENTS, "".join(f"{event}\n" for event in run.mapper.events))
             names["events"] = EVENTS
         save_map(run.mapper, scratch / MAP)
         _draw(scratch / PICTURE, title, run, reference)
-        with interrupts_deferred(), ExitStack() as files:
-            make_folder(folder)
-            for path in sorted(scratch.iterdir()):
-                stream = files.enter_context(replacing(folder / path.name))
-                stream.write(path.read_bytes())
-                stream.flush()  # What finds no room does so before anything is replaced.
     return {kind: str(folder / name) for kind, name in names.items()}
 
 
 def _draw(path: Path, title: str, run: MappingRun, reference: Trajectory | None) -> None:
     """Draw the map, and the reference laid on the believed path as well as it goes."""
     frame = None if reference is None else alignment(reference, run.believed)
+    network = None
+    if run.packets is not None and isinstance(run.mapper, AttractorNetwork):
+        network = run.mapper.activity, run.packets
     write_picture(
         path,
         title=title,
         snapshot=run.mapper.snapshot(),
         believed=run.believed.poses,
         reference=None if reference is None or frame is None else compose(frame, reference.poses),
+        network=network,
     )

@@ -22,9 +22,9 @@ from albot_core.evaluation.trajectory import (
     relation_error,
     trajectory_error,
 )
-from albot_core.geometry.types import Poses
+from albot_core.geometry.types import Points, Poses
 from albot_core.logs.log import Log
-from albot_core.mappers.mapper import CorrectedTrajectory, Mapper
+from albot_core.mappers.mapper import AttractorNetwork, CorrectedTrajectory, Mapper
 from albot_core.mappers.registry import make_mapper
 
 RECOGNITION = "recognition.png"
@@ -48,8 +48,12 @@ class MappingRun:
     corrected: Trajectory | None
     """Where it believes at the end that the robot was, scan by scan; None where it corrects no
     earlier pose."""
+    packets: Points | None
+    """Where its network's largest packet was, scan by scan (m); None where it has no network."""
     seconds: float
     """Time spent in its updates alone: no reading of files, no compiling, no drawing."""
+    slowest: float
+    """Time spent in the longest of them (s)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,14 +64,26 @@ class Score:
     relations: RelationError | None
 
 
-def warm_up(name: str, config: Any, log: Log) -> None:
-    """Lead a mapper through the log's beginning, so that the next finds its code compiled."""
+def warm_up(name: str, config: Any, log: Log, seconds: float = math.inf) -> None:
+    """Lead a mapper through the log's beginning, so that the next finds its code compiled.
+
+    It ends sooner where it has taken so many seconds.
+    """
     mapper = make_mapper(name, config=config)
+    end = time.perf_counter() + seconds
     for reading in log.readings[:_WARM_UP]:
         mapper.update(reading)
+        if time.perf_counter() > end:
+            break
 
 
-def run_mapper(name: str, config: Any, log: Log, tell: Callable[[int], None]) -> MappingRun:
+def run_mapper(
+    name: str,
+    config: Any,
+    log: Log,
+    tell: Callable[[int], None],
+    rng: np.random.Generator | None = None,
+) -> MappingRun:
     """Lead a fresh mapper through the log.
 
     Args:
@@ -75,15 +91,19 @@ def run_mapper(name: str, config: Any, log: Log, tell: Callable[[int], None]) ->
         config: Its thresholds (see `make_mapper`).
         log: What the robot sensed.
         tell: Is called now and then with the number of scans done.
+        rng: Where the mapper draws its random numbers (see `make_mapper`).
     """
-    mapper = make_mapper(name, config=config)
-    poses = np.empty((len(log.readings), 3))
-    seconds = 0.0
+    mapper = make_mapper(name, config=config, rng=rng)
+    poses, packets = np.empty((len(log.readings), 3)), np.empty((len(log.readings), 2))
+    seconds = slowest = 0.0
     for number, reading in enumerate(log.readings):
         begin = time.perf_counter()
         mapper.update(reading)
-        seconds += time.perf_counter() - begin
+        taken = time.perf_counter() - begin
+        seconds, slowest = seconds + taken, max(slowest, taken)
         poses[number] = mapper.estimate.pose
+        if isinstance(mapper, AttractorNetwork):
+            packets[number] = mapper.activity.packet[:2]
         if number % _TELL_EVERY == 0:
             tell(number)
     tell(len(log.readings))
@@ -91,7 +111,14 @@ def run_mapper(name: str, config: Any, log: Log, tell: Callable[[int], None]) ->
     if isinstance(mapper, CorrectedTrajectory):
         corrected = Trajectory(stamps=log.stamps, poses=mapper.corrected_poses())
     believed = Trajectory(stamps=log.stamps, poses=poses)
-    return MappingRun(mapper=mapper, believed=believed, corrected=corrected, seconds=seconds)
+    return MappingRun(
+        mapper=mapper,
+        believed=believed,
+        corrected=corrected,
+        packets=packets if isinstance(mapper, AttractorNetwork) else None,
+        seconds=seconds,
+        slowest=slowest,
+    )
 
 
 def score(

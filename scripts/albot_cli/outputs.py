@@ -1,15 +1,17 @@
-"""Whether results can be written where they are wanted: asked before the work that makes them."""
+"""Where results are written: whether they can be, asked before the work, and all or none."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import click
 
 from albot_core.errors import InputError
-from albot_core.files import is_stream
+from albot_core.files import is_stream, make_folder, replacing, scratch_folder
+from albot_core.interrupts import interrupts_deferred
 
 FORCE = click.option("--force", is_flag=True, help="Overwrite files that are there.")
 """The option of every command that writes files that users name."""
@@ -56,6 +58,19 @@ def check_png(path: Path | None, *, force: bool = False) -> None:
     if path.suffix.lower() != ".png":
         raise InputError("--png", "a name that ends in .png", str(path))
     check_file(path, force=force)
+
+
+@contextmanager
+def filled_folder(folder: Path) -> Iterator[Path]:
+    """A scratch folder, whose files go into `folder` when all are made: all of them, or none."""
+    with scratch_folder() as scratch:
+        yield scratch
+        with interrupts_deferred(), ExitStack() as files:
+            make_folder(folder)
+            for path in sorted(scratch.iterdir()):
+                stream = files.enter_context(replacing(folder / path.name))
+                stream.write(path.read_bytes())
+                stream.flush()  # What finds no room does so before anything is replaced.
 
 
 def _check_writable(source: Path, folder: Path, expected: str) -> None:

@@ -62,9 +62,10 @@ RUN_ONLY = (
 @mapper_config_option
 @click.option(
     "--agent",
-    help="albot1-homing, association-explorer, association-homing, exploring, gap-explorer, "
-    "homing, homing-blind, homing-mapless, nearest-frontier, oracle, path-integration, "
-    "place-judge, place-recognition, random, ratslam-homing, round-trip, the file of a trained "
+    help="albot0-homing, albot1-homing, association-explorer, association-homing, exploring, "
+    "gap-explorer, homing, homing-blind, homing-mapless, map-homing, nearest-frontier, oracle, "
+    "path-integration, place-judge, place-recognition, random, ratslam-homing, round-trip, "
+    "the file of a trained "
     "agent, or keyboard: you drive.  [default: "
     "gap-explorer in explore, albot1-homing in homing, round-trip in explore-and-home, "
     "place-judge in place-recognition]",

@@ -50,7 +50,7 @@ def _parts() -> Iterator[tuple[str, Callable[[], None]]]:
     from albot_agents.registry import agent_names
     from albot_agents.task import short_name, task_names
     from albot_core.mappers.precompile import precompile
-    from albot_core.mappers.registry import MAPPERS
+    from albot_core.mappers.registry import MAPPERS, installed_mappers
     from albot_env.tasks.core.settings import NO_MAPPER
 
     # By what most begin with, so that an interrupted call has done most for most.
@@ -60,7 +60,7 @@ def _parts() -> Iterator[tuple[str, Callable[[], None]]]:
         for agent in agent_names(task):
             yield f"{agent} at {short_name(task)}", partial(_run_agent, agent, task)
     yield "doors, boxes and people", partial(_run_batch, "Albot/Explore-v0", world=MOVABLE)
-    for mapper in (NO_MAPPER, *MAPPERS):
+    for mapper in (NO_MAPPER, *installed_mappers()):
         seen = {"scenes": "ambiguous"} if mapper == "ratslam-scenes" else {}
         yield f"{mapper} in a batch", partial(_run_batch, mapper=mapper, **seen)
         if mapper != NO_MAPPER and "laser" in MAPPERS[mapper].sensors:

@@ -19,7 +19,7 @@ from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import write_tum
 from albot_core.logs.reader import read_reference
 from albot_core.mappers.map_file import load_map
-from albot_core.mappers.registry import mapper_names, mapper_spec
+from albot_core.mappers.registry import installed_mappers, mapper_names, mapper_spec
 from tests.cli.conftest import FILES, PLACES, figures
 
 KEYS = {
@@ -47,7 +47,7 @@ RELATION_KEYS = {
 }
 
 
-SEE_BY_LASER = [name for name in mapper_names() if mapper_spec(name).sensors <= {"laser"}]
+SEE_BY_LASER = [name for name in installed_mappers() if mapper_spec(name).sensors <= {"laser"}]
 
 
 @pytest.mark.parametrize("mapper", SEE_BY_LASER)

@@ -17,7 +17,7 @@ from albot_cli import warm_up
 from albot_cli.group import albot
 from albot_core.kernels.compiled import kernel
 from albot_core.kernels.linking import Kernel
-from albot_core.mappers.registry import mapper_names
+from albot_core.mappers.registry import installed_mappers
 from albot_env.sim.sensing import sense
 
 
@@ -137,7 +137,7 @@ def test_warm_up_says_how_far_it_has_come(monkeypatch: pytest.MonkeyPatch) -> No
 def test_warm_up_runs_whatever_is_registered() -> None:
     names = [name for name, _ in warm_up._parts()]
     assert len(set(names)) == len(names)
-    for mapper in (*mapper_names(), "none"):
+    for mapper in (*installed_mappers(), "none"):
         assert f"{mapper} in a batch" in names
     for task in task_names():
         assert f"a batch for {short_name(task)}" in names

@@ -47,7 +47,8 @@ from albot_core.logs.reader import read_log, read_reference
 from albot_core.logs.wean import read_wean_map
 from albot_core.mappers.map_file import load_map, save_map
 from albot_core.mappers.mapper import Mapper, PlaceMemory, RouteHome
-from albot_core.mappers.registry import make_mapper, mapper_config, mapper_names, mapper_spec
+from albot_core.mappers.registry import installed_mappers, make_mapper, mapper_config, mapper_spec
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import (
     MapSnapshot,
     OccupancyGridLayer,
@@ -262,6 +263,12 @@ def readings(count: int) -> list[Reading]:
     ]
 
 
+def _activity() -> Activity:
+    values = np.zeros((4, 5), np.float32)
+    values[1, 1:4] = 0.25, 0.5, 0.25
+    return Activity(cell=0.25, values=values, packet=np.array((0.6, 0.4, 0.1)))
+
+
 def _write_episode(folder: Path) -> None:
     sensed = readings(3)
     assert sensed[0].laser and sensed[0].sonar
@@ -294,6 +301,7 @@ def _write_episode(folder: Path) -> None:
             updates=k,
             matched_reading=0 if k else None,
             snapshot=None if k == 1 else _layers(),
+            activity=None if k == 1 else _activity(),
             things=ROOM[:2],
         )
         writer.add(moment)
@@ -345,7 +353,9 @@ def _ask(mapper: Mapper) -> None:
 
 def _mapper_readers() -> Iterator[Reader]:
     # Not those that other tests have registered.
-    ours = (name for name in mapper_names() if mapper_spec(name).factory.startswith("albot_core."))
+    ours = (
+        name for name in installed_mappers() if mapper_spec(name).factory.startswith("albot_core.")
+    )
     for name in ours:
         yield Reader(
             name=f"map of {name}",

@@ -17,6 +17,7 @@ from albot_core.export.picture import write_picture
 from albot_core.export.tum import write_tum
 from albot_core.geometry.poses import wrap_angle
 from albot_core.logs.reader import read_reference
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import EMPTY_MAP, MapSnapshot, SegmentsLayer
 
 FINITE = st.floats(-1e6, 1e6, allow_subnormal=False)
@@ -153,6 +154,34 @@ def test_a_picture_shows_surfaces_and_paths(wide, tmp_path):
         assert len(rows) > 300
         assert (np.ptp(columns) > np.ptp(rows)) == wide
     assert (image.shape[1] > image.shape[0]) == wide
+
+
+def test_a_picture_shows_the_path_in_a_network_beside_the_map(tmp_path):
+    values = np.zeros((20, 20), np.float32)
+    values[15:18, 2:5] = 1.0
+    activity = Activity(cell=1.0, values=values, packet=np.zeros(3))
+    still = np.array(((6.0, 3.0), (6.0, 3.0)))
+    images = []
+    for path in (still, np.array(((6.0, 3.0), (14.0, 3.0)))):
+        write_picture(
+            tmp_path / "map.png",
+            title="",
+            snapshot=EMPTY_MAP,
+            believed=np.zeros((1, 3)),
+            network=(activity, path),
+        )
+        with Image.open(tmp_path / "map.png") as image:
+            images.append(np.asarray(image.convert("RGB")).astype(int))
+    rows, columns = np.nonzero((images[0] != images[1]).any(axis=-1))
+    width = images[0].shape[1]
+    assert columns.max() < 0.4 * width  # On the left, a line of 8 m of 20 m.
+    assert np.ptp(rows) < 5
+    orange = (images[0][..., 0] > 100) & (images[0][..., 2] < 80) & (images[0][..., 1] < 100)
+    up, along = np.nonzero(orange[:, : int(0.4 * width)])
+    assert up.mean() < rows.mean()
+    assert along.mean() < columns.mean()
+    side = np.ptp(columns) / 8
+    assert np.ptp(along) / side == pytest.approx(3, abs=0.2)
 
 
 def test_a_picture_of_nothing(tmp_path):

@@ -38,6 +38,7 @@ from albot_core.mappers.albot1.step import BatchArrays, step_robots
 from albot_core.mappers.albot1.trail.breadcrumbs import WAYPOINT_AHEAD
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, MapperSpec
 from albot_core.mappers.registry import mapper_spec
+from albot_core.maps.activity import Activity
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.sensing.reading import LaserGeometry, Readings
 
@@ -214,11 +215,12 @@ class Albot1Batch:
     ) -> None:
         """`update` with the arrays of readings that matter to the map."""
         arguments = self._arguments_cache.arguments(laser)
-        ranges, motions = np.ascontiguousarray(ranges), np.ascontiguousarray(motions)
-        done = step_robots(rows, 0, arguments, ranges, motions)
+        ranges = np.ascontiguousarray(ranges, np.float64)
+        motions = np.ascontiguousarray(motions, np.float64)
+        done = step_robots(rows, arguments, 0, ranges, motions)
         while done < len(rows):
             self._enlarge(int(rows[done]))
-            done = step_robots(rows, done, arguments, ranges, motions)
+            done = step_robots(rows, arguments, done, ranges, motions)
         for row in rows[self._robots.events[rows] > 0].tolist():
             self._handle_events(row)
 
@@ -231,10 +233,16 @@ class Albot1Batch:
         exits = self._arrays[row].exits
         return exits.lines[: exits.counts[0]].copy()
 
+    def begin_return(self, row: int) -> None:
+        """Do nothing: its map is the same on the way out and home."""
+
     def snapshot(self, row: int) -> MapSnapshot:
         """The map of one: its surfaces and its network of places."""
         graph = self._networks[row].snapshot().place_graph
         return MapSnapshot(layers=(SegmentsLayer(segments=self.surfaces(row)), graph))
+
+    def activity(self, row: int) -> Activity | None:
+        """None: there is no attractor network."""
 
     def surfaces(self, row: int) -> Segments:
         """The surfaces that one remembers, in its map's frame (a copy)."""

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from albot_core.kernels.arguments import KernelArguments, unpack
+from albot_core.kernels.arguments import KernelArguments, KernelDispatcher, unpack
 from albot_core.kernels.compiled import ZERO, kernel, scratch
 from albot_core.mappers.albot1.addresses import (
     MAP_ROOM,
@@ -86,11 +86,12 @@ class BatchArrays(NamedTuple):
     frame); NaN where it has not yet."""
 
 
+@KernelDispatcher
 @kernel(arrays=True, nogil=True)
 def step_robots(
     rows: np.ndarray,
-    first: int,
     arguments: KernelArguments,
+    first: int,
     ranges: np.ndarray,
     motions: np.ndarray,
 ) -> int:

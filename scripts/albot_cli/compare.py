@@ -1,0 +1,235 @@
+"""`albot compare`: mappers side by side on the same readings."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from albot_cli.mappers import read_mapper_config
+from albot_cli.outputs import FORCE, check_folder
+from albot_cli.signals import STOPPED
+from albot_core.errors import InputError
+
+if TYPE_CHECKING:
+    from albot_cli.mapper_runs import MapperChoice, RunResult, Source
+
+_FILE = click.Path(path_type=Path)
+_EPISODE = ".mcap"
+_WORLDS = {".yaml", ".yml", ".xml", ".world", ".pgm", ".png"}
+"""Files that end so are worlds'. A JSON file is a log's."""
+
+
+@click.command()
+@click.argument("source", metavar="LOG|EPISODE|WORLD")
+@click.option(
+    "--mappers",
+    metavar="A,B,…",
+    help="See `albot mappers`; NAME=FILE takes the mapper's thresholds from a YAML file.  "
+    "[default: all that are installed and whose sensors the source has]",
+)
+@click.option(
+    "--seeds",
+    default="0",
+    show_default=True,
+    metavar="A..B",
+    help="Both included: of mappers that draw random numbers, and of what happens in a world; of "
+    "random:KIND each is a world.",
+)
+@click.option("--reference", type=_FILE, help="Where the robot was (see `albot map`).")
+@click.option("--relations", type=_FILE, help="True relations between poses (Kümmerle et al.).")
+@click.option("--keep-going", is_flag=True, help="Take the good beginning of a damaged log.")
+@click.option(
+    "--agent", default="gap-explorer", show_default=True, help="Who explores a WORLD, unmapped."
+)
+@click.option(
+    "--steps",
+    default=6000,
+    show_default=True,
+    type=click.IntRange(1),
+    help="Length of the exploration, in steps of 0.1 s.",
+)
+@click.option("--laser", help="The explorer's (see `albot play`).  [default: lms-200]")
+@click.option("--sonar", help="The explorer's.  [default: pioneer]")
+@click.option("--scenes", help="The explorer's.  [default: none]")
+@click.option("--odometer", help="The explorer's.  [default: pioneer]")
+@click.option(
+    "--jobs",
+    type=click.IntRange(1),
+    help="Processes; 1 for the truest figures of speed.  [default: one a core]",
+)
+@click.option("--out", type=_FILE, help="Folder for the figures, their table and a picture.")
+@FORCE
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
+def command(
+    source: str,
+    mappers: str | None,
+    seeds: str,
+    reference: Path | None,
+    relations: Path | None,
+    keep_going: bool,
+    agent: str,
+    steps: int,
+    jobs: int | None,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
+    **presets: str | None,
+) -> int:
+    """Lead several mappers through the same readings, and set their figures side by side.
+
+    The readings are those of a real robot's LOG, of a recorded EPISODE, or of a robot that
+    explores a WORLD (a name, a file or random:KIND:SEED). Each run has a process of its own. Of
+    several seeds the median is told, and the worst error. The exit status is 1 where a run died,
+    and 130 where Ctrl-C ended it before: then the figures are those of the runs so far.
+    """
+    from albot_agents.evaluation.plan import parse_seeds
+    from albot_cli.comparison_report import FILES, as_text, rows_of, write_files
+
+    if out is not None:
+        check_folder(out, FILES, force=force)
+    jobs = jobs or os.cpu_count() or 1
+    numbers = parse_seeds(seeds)
+    asked = None if mappers is None else _choices(mappers)
+    sensors = {name: preset for name, preset in presets.items() if preset is not None}
+    is_world = _is_world(source)
+    _check_options(source, is_world, sensors, reference=reference, relations=relations)
+    if is_world:
+        sources = _explored(source, numbers, agent, steps, sensors, jobs)
+    else:
+        sources = _recorded(source, numbers, reference, relations, keep_going)
+    choices = _fitting(asked, sources)
+    results, stopped = _run(choices, sources, jobs)
+    rows = rows_of(choices, results)
+    facts: dict[str, Any] = {"source": source, "seeds": seeds, "jobs": jobs}
+    facts |= {"readings": len(sources[0].log.readings), "path_m": sources[0].log.path_length}
+    facts |= {"rows": rows, "stopped": stopped, "files": {}}
+    if out is not None:
+        write_files(out, facts, results, sources)
+    click.echo(json.dumps(facts) if as_json else as_text(facts))
+    if stopped:
+        return STOPPED
+    return int(any(run["error"] is not None for row in rows for run in row["runs"]))
+
+
+def _check_options(
+    source: str, is_world: bool, sensors: dict[str, str], **truth: Path | None
+) -> None:
+    """Raise InputError where an option is for a source of another kind."""
+    for name, file in truth.items():
+        if is_world and file is not None:
+            raise InputError(f"--{name}", "a log, which does not know the truth itself", source)
+    for name in sensors:
+        if not is_world:
+            raise InputError(f"--{name}", "a world, which a robot is to explore", source)
+
+
+def _run(
+    choices: list[MapperChoice], sources: list[Source], jobs: int
+) -> tuple[list[RunResult], bool]:
+    """What the runs measured, and whether Ctrl-C ended them before the last."""
+    from albot_cli.mapper_runs import compare_mappers
+
+    results: list[RunResult] = []
+    try:
+        with closing(compare_mappers(choices, sources, jobs)) as runs:
+            for result in runs:
+                results.append(result)  # noqa: PERF402 - kept where the next is interrupted
+    except KeyboardInterrupt:
+        return results, True
+    return results, False
+
+
+def _choices(text: str) -> list[MapperChoice]:
+    """The mappers that `--mappers` names.
+
+    Raises:
+        InputError: There is no such mapper, one is named twice, or a file of thresholds is wrong.
+    """
+    from albot_cli.mapper_runs import MapperChoice
+    from albot_core.mappers.registry import mapper_spec
+
+    choices: dict[str, MapperChoice] = {}
+    for label in map(str.strip, text.split(",")):
+        name, _, file = label.partition("=")
+        spec = mapper_spec(name)
+        config = read_mapper_config(spec, Path(file)) if file else None
+        if label in choices:
+            raise InputError("--mappers", "each mapper once", f"{label} twice")
+        choices[label] = MapperChoice(label=label, name=name, config=config)
+    return list(choices.values())
+
+
+def _fitting(asked: list[MapperChoice] | None, sources: Sequence[Source]) -> list[MapperChoice]:
+    """The mappers asked for, or all that can do with the sensors that there are.
+
+    Raises:
+        InputError: One asked for needs another sensor, or none can do.
+    """
+    from albot_cli.mapper_runs import MapperChoice
+    from albot_core.mappers.registry import check_sensors, installed_mappers, mapper_spec
+
+    log = sources[0].log
+    if asked is not None:
+        for choice in asked:
+            check_sensors(mapper_spec(choice.name), log.sensors, log.name)
+        return asked
+    fitting = [
+        MapperChoice(label=name, name=name)
+        for name in installed_mappers()
+        if mapper_spec(name).sensors <= log.sensors
+    ]
+    if not fitting:
+        raise InputError(log.name, "a sensor by which a mapper sees", "the odometer alone")
+    return fitting
+
+
+def _is_world(source: str) -> bool:
+    from albot_maps.generators.spec import PREFIX
+    from albot_maps.load import catalogue_names
+
+    if source.startswith(PREFIX) or source in catalogue_names():
+        return True
+    path = Path(source)
+    kind = Path(path.stem).suffix if path.suffix in {".gz", ".xz"} else path.suffix
+    # A word without an ending that is no file is a misspelt world's name.
+    return kind in _WORLDS or not (path.suffix or path.exists())
+
+
+def _explored(
+    world: str, seeds: range, agent: str, steps: int, sensors: dict[str, str], jobs: int
+) -> list[Source]:
+    """What robots sense that explore the world, or the worlds of random:KIND."""
+    from albot_cli.explored_logs import Exploration, explore_all
+    from albot_cli.mapper_runs import Source
+    from albot_maps.generators.spec import seeded
+
+    explorations = [
+        Exploration(world=seeded(world, seed), seed=seed, agent=agent, steps=steps, sensors=sensors)
+        for seed in seeds
+    ]
+    return [
+        Source(log=log, seed=seed, reference=log.reference_trajectory)
+        for seed, log in zip(seeds, explore_all(explorations, jobs), strict=True)
+    ]
+
+
+def _recorded(
+    source: str, seeds: range, reference: Path | None, relations: Path | None, keep_going: bool
+) -> list[Source]:
+    """A log, or an episode, once for each seed."""
+    from albot_cli.mapper_runs import Source
+    from albot_core.evaluation.trajectory import read_relations
+    from albot_core.logs.reader import read_log, read_reference
+    from albot_env.recording.log import read_episode_log
+
+    path = Path(source)
+    log = read_episode_log(path) if path.suffix == _EPISODE else read_log(path, keep_going)
+    truth = log.reference_trajectory if reference is None else read_reference(reference)
+    known = None if relations is None else read_relations(relations)
+    return [Source(log=log, seed=seed, reference=truth, relations=known) for seed in seeds]

@@ -1,0 +1,166 @@
+"""What `albot compare` tells: rows of medians, a table of them, and the maps side by side."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from albot_cli.mapper_runs import MapperChoice, RunResult, Source
+from albot_cli.outputs import filled_folder
+from albot_core.evaluation.trajectory import alignment
+from albot_core.export.picture import Panel, write_pictures
+from albot_core.files import write_text
+from albot_core.geometry.poses import compose
+
+FIGURES, TABLE, PICTURE = "comparison.json", "comparison.md", "comparison.png"
+FILES = (FIGURES, TABLE, PICTURE)
+"""The names of the files that `--out` leaves."""
+
+_Cell = Callable[[dict[str, Any]], str | None]
+
+
+def rows_of(choices: Sequence[MapperChoice], results: Sequence[RunResult]) -> list[dict[str, Any]]:
+    """A row for each mapper: the medians over its runs, its worst error, and the runs."""
+    rows = []
+    for choice in choices:
+        runs = [result.figures for result in results if result.run.choice.label == choice.label]
+        runs.sort(key=lambda run: run["seed"])
+        whole = [run for run in runs if run["error"] is None]
+        figures = {key: _median([run[key] for run in whole]) for key in _keys(whole)}
+        errors = [run["ate_rmse_m"] for run in whole if run["ate_rmse_m"] is not None]
+        worst = {"worst_ate_rmse_m": max(errors, default=None)}
+        rows.append({"mapper": choice.label, **figures, **worst, "runs": runs})
+    return rows
+
+
+def _keys(runs: Sequence[dict[str, Any]]) -> list[str]:
+    return [key for run in runs[:1] for key in run if key not in ("mapper", "seed", "error")]
+
+
+def _median(values: list[Any]) -> Any:
+    """The median of what is known; of groups of figures that of each."""
+    known = [value for value in values if value is not None]
+    if not known:
+        return None
+    if isinstance(known[0], dict):
+        return {key: _median([value[key] for value in known]) for key in known[0]}
+    return known[0] if len(known) == 1 else float(np.median(known))
+
+
+def _number(key: str, digits: int, scale: float = 1.0) -> _Cell:
+    def cell(row: dict[str, Any]) -> str | None:
+        value: Any = row
+        for part in key.split("."):
+            value = None if value is None else value.get(part)
+        return None if value is None else f"{scale * value:,.{digits}f}"
+
+    return cell
+
+
+def _error(row: dict[str, Any]) -> str | None:
+    """The error, and where there are several runs the worst."""
+    error = _number("ate_rmse_m", 3)(row)
+    if error is None or len(row["runs"]) < 2:
+        return error
+    return f"{error} ({row['worst_ate_rmse_m']:.3f})"
+
+
+_COLUMNS: tuple[tuple[str, _Cell], ...] = (
+    ("ATE, m", _error),
+    ("corrected, m", _number("corrected_ate_rmse_m", 3)),
+    ("unaligned, m", _number("unaligned_rmse_m", 2)),
+    ("relations, m", _number("relations.translation_mean_m", 3)),
+    ("relations, °", _number("relations.rotation_mean_deg", 2)),
+    ("corrected, m", _number("corrected_relations.translation_mean_m", 3)),
+    ("corrected, °", _number("corrected_relations.rotation_mean_deg", 2)),
+    ("entropy", _number("map_entropy", 2)),
+    ("corrected", _number("corrected_map_entropy", 2)),
+    ("updates", _number("updates", 0)),
+    ("map, KiB", _number("map_bytes", 0, 1 / 1024)),
+    ("readings/s", _number("readings_per_second", 0)),
+    ("slowest, ms", _number("slowest_reading_ms", 1)),
+    ("peak, MiB", _number("peak_mib", 0)),
+)
+"""What stands above each column, and what in it. Those of which nothing is known are left out."""
+
+
+def _cells(rows: Sequence[dict[str, Any]]) -> list[list[str]]:
+    """The table: its head, then its rows."""
+    columns = [("mapper", [row["mapper"] for row in rows])]
+    for head, cell in _COLUMNS:
+        cells = [cell(row) for row in rows]
+        if any(text is not None for text in cells):
+            columns.append((head, [text or "–" for text in cells]))
+    return [[head for head, _ in columns]] + [
+        [cells[k] for _, cells in columns] for k in range(len(rows))
+    ]
+
+
+def as_markdown(rows: Sequence[dict[str, Any]]) -> str:
+    """The rows as a table in Markdown."""
+    head, *body = _cells(rows)
+    lines = [head, ["---"] + ["---:"] * (len(head) - 1), *body]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def as_text(facts: dict[str, Any]) -> str:
+    """The comparison for people."""
+    table = _cells(facts["rows"])
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = [
+        f"{facts['source']}: {facts['readings']:,} readings along {facts['path_m']:.1f} m, seeds "
+        f"{facts['seeds']}" + (", stopped before the end" if facts["stopped"] else ""),
+        "",
+    ]
+    for first, *cells in table:
+        right = (f"{cell:>{width}}" for cell, width in zip(cells, widths[1:], strict=True))
+        lines.append("  ".join((f"{first:<{widths[0]}}", *right)).rstrip())
+    died = [run for row in facts["rows"] for run in row["runs"] if run["error"] is not None]
+    lines += [f"{run['mapper']}, seed {run['seed']}: {run['error']}" for run in died]
+    lines += [f"{kind}  {path}" for kind, path in facts["files"].items()]
+    return "\n".join(lines)
+
+
+def write_files(
+    folder: Path, facts: dict[str, Any], results: Sequence[RunResult], sources: Sequence[Source]
+) -> None:
+    """Write figures, table and picture; note in `facts` where they are.
+
+    The picture is of the first seed. The folder's files are replaced when all are made.
+    """
+    panels = _panels(facts["rows"], results, sources[0])
+    names = {"figures": FIGURES, "table": TABLE} | ({"picture": PICTURE} if panels else {})
+    facts["files"] = {kind: str(folder / name) for kind, name in names.items()}
+    with filled_folder(folder) as scratch:
+        write_text(scratch / FIGURES, json.dumps(facts, indent=1))
+        write_text(scratch / TABLE, as_markdown(facts["rows"]) + "\n")
+        if panels:
+            write_pictures(scratch / PICTURE, panels)
+
+
+def _panels(
+    rows: Sequence[dict[str, Any]], results: Sequence[RunResult], source: Source
+) -> list[Panel]:
+    """The maps of the first seed, in the order of the rows."""
+    drawn = {
+        result.run.choice.label: result
+        for result in results
+        if result.run.source.seed == source.seed
+    }
+    panels = []
+    for row in rows:
+        result = drawn.get(row["mapper"])
+        if result is None or result.snapshot is None or result.path is None:
+            continue
+        laid = None
+        if source.reference is not None:
+            frame = alignment(source.reference, result.path)
+            laid = None if frame is None else compose(frame, source.reference.poses)
+        error = result.figures["corrected_ate_rmse_m"] or result.figures["ate_rmse_m"]
+        title = row["mapper"] + ("" if error is None else f", ATE {error:.2f} m")
+        panels.append(Panel(title, result.snapshot, result.path.poses, laid))
+    return panels

@@ -1,0 +1,125 @@
+"""Logs of simulated robots that explore worlds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+
+from albot_agents.agent import begin_episode, choose_action
+from albot_agents.registry import EXPLORE, check_agent, find_agent
+from albot_agents.workers import TaskRunner, run_parallel
+from albot_cli.progress import progress
+from albot_core.errors import InputError
+from albot_core.logs.log import Log
+from albot_env.recording.log import EpisodeLog
+from albot_env.tasks.core.settings import NO_MAPPER
+from albot_env.tasks.core.single import SingleEnv
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exploration:
+    """An agent that explores a world."""
+
+    world: str
+    """The world's spec."""
+    seed: int
+    """Seed of environment and agent."""
+    agent: str
+    """The agent's name. A scripted one drives by its odometer, without a map."""
+    steps: int
+    """How many steps of 0.1 s."""
+    sensors: Mapping[str, str]
+    """Presets by the environments' settings (`laser`, `sonar`, `scenes`, `odometer`)."""
+
+    def make(self) -> gymnasium.Env[Any, Any]:
+        """Its environment.
+
+        Raises:
+            InputError: There is no such world, agent or sensor.
+        """
+        check_agent(self.agent, EXPLORE)
+        entry = find_agent(self.agent)
+        settings: dict[str, Any] = {"world": self.world, **self.sensors}
+        if entry.file is None:
+            settings["mapper"] = NO_MAPPER
+        settings = entry.environment(EXPLORE, settings)
+        return gymnasium.make(
+            EXPLORE, max_episode_steps=self.steps, disable_env_checker=True, **settings
+        )
+
+
+def explore(exploration: Exploration, on_step: Callable[[int], None] = lambda _: None) -> Log:
+    """Let the agent explore; what its robot sensed, and where it truly was.
+
+    Args:
+        exploration: The agent and its world.
+        on_step: Is called with the number of each step before it is taken.
+
+    Raises:
+        InputError: There is no such world, agent or sensor.
+    """
+    env = exploration.make()
+    inside, kept = env.unwrapped, EpisodeLog()
+    assert isinstance(inside, SingleEnv)
+    inside.recorder = kept
+    try:
+        agent = find_agent(exploration.agent).make(env.get_wrapper_attr("observing"), EXPLORE)
+        observation, info = begin_episode(env, agent, exploration.seed)
+        for step in range(exploration.steps):
+            on_step(step)
+            action = choose_action(agent, observation, info)
+            observation, _, terminated, truncated, info = env.step(action)
+            if terminated or truncated:
+                break
+    finally:
+        env.close()
+    return kept.log(exploration.world)
+
+
+class ExplorationRunner(TaskRunner[Exploration, "tuple[Exploration, Log | InputError]"]):
+    """Runs explorations; what is wrong with one comes back as the error that it is."""
+
+    def run(
+        self, task: Exploration, on_step: Callable[[int], None]
+    ) -> tuple[Exploration, Log | InputError]:
+        """Let an agent explore."""
+        try:
+            return task, explore(task, on_step)
+        except InputError as error:
+            return task, error
+
+    def on_crash(
+        self, task: Exploration, step: int, cause: str
+    ) -> tuple[Exploration, Log | InputError]:
+        """Report that the process died, which is our fault.
+
+        Raises:
+            RuntimeError: Always.
+        """
+        raise RuntimeError(f"{task.agent} in {task.world}, seed {task.seed}, step {step}: {cause}")
+
+
+def explore_all(explorations: Sequence[Exploration], jobs: int) -> list[Log]:
+    """The logs of explorations, made in parallel, in their order.
+
+    Raises:
+        InputError: As `explore`; what is wrong with the first one is told before any is begun.
+    """
+    explorations[0].make().close()
+    logs: dict[tuple[str, int], Log] = {}
+    results = run_parallel(ExplorationRunner(), explorations, min(jobs, len(explorations)))
+    with progress("exploring", len(explorations), "worlds") as tell, closing(results):
+        for exploration, log in results:
+            if isinstance(log, InputError):
+                raise log
+            logs[_key(exploration)] = log
+            tell(len(logs))
+    return [logs[_key(exploration)] for exploration in explorations]
+
+
+def _key(exploration: Exploration) -> tuple[str, int]:
+    return exploration.world, exploration.seed

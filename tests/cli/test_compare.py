@@ -1,0 +1,179 @@
+"""`albot compare`: figures, files, sources, and runs that die."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from albot_cli import mapper_runs
+from albot_cli.comparison_report import FILES, as_markdown, rows_of
+from albot_cli.mapper_runs import MapperChoice, MapperRun, RunResult, Source, no_figures
+from albot_core.errors import InputError
+from albot_core.logs.reader import read_log
+from albot_core.mappers.registry import MAPPERS, installed_mappers, mapper_spec
+from tests.cli.conftest import figures
+
+KEYS = {
+    "mapper",
+    "ate_rmse_m",
+    "corrected_ate_rmse_m",
+    "relations",
+    "map_entropy",
+    "updates",
+    "map_bytes",
+    "readings_per_second",
+    "peak_mib",
+}
+"""What other programs read of a row."""
+
+
+@pytest.fixture
+def in_process(monkeypatch):
+    """Runs happen in this process: sooner, and with what was changed for the test."""
+
+    def run_here(runner, tasks, jobs, *, fresh):
+        assert fresh
+        assert jobs >= 1
+        yield from (runner.run(task, lambda _: None) for task in tasks)
+
+    monkeypatch.setattr(mapper_runs, "run_parallel", run_here)
+
+
+def test_figures_and_files(corridor, truth_file, tmp_path, call):
+    """In processes of their own, as users have it."""
+    out = tmp_path / "side-by-side"
+    words = ("--mappers", "odometry,albot1", "--reference", truth_file, "--out", out, "--json")
+    told = figures(call("compare", corridor[0], *words))
+    assert [row["mapper"] for row in told["rows"]] == ["odometry", "albot1"]
+    assert all(row.keys() >= KEYS for row in told["rows"])
+    odometry, albot1 = told["rows"]
+    mapped = figures(
+        call("map", corridor[0], "--mapper", "albot1", "--reference", truth_file, "--json")
+    )
+    for key in ("ate_rmse_m", "updates", "surfaces", "map_entropy"):
+        assert albot1[key] == pytest.approx(mapped[key])
+    assert odometry["ate_rmse_m"] == pytest.approx(mapped["odometry_ate_rmse_m"])
+    # Its own frame is where the robot set out, so what the odometer is short by adds up.
+    assert odometry["unaligned_rmse_m"] > 1.5 * odometry["ate_rmse_m"]
+    assert all(row["peak_mib"] > 20 and row["map_bytes"] > 1000 for row in told["rows"])
+    assert {path.name for path in out.iterdir()} == set(FILES)
+    assert json.loads((out / "comparison.json").read_text())["rows"] == told["rows"]
+    lines = (out / "comparison.md").read_text().splitlines()
+    assert [line.split(" | ")[0] for line in lines[2:]] == ["| odometry", "| albot1"]
+    with Image.open(out / "comparison.png") as picture:
+        assert picture.width > 1.2 * picture.height
+
+
+def test_by_default_all_that_see_by_the_sensors(corridor, call, in_process):
+    told = figures(call("compare", corridor[0], "--json"))
+    fitting = [name for name in installed_mappers() if mapper_spec(name).sensors <= {"laser"}]
+    assert [row["mapper"] for row in told["rows"]] == fitting
+    assert all(row["ate_rmse_m"] is None for row in told["rows"])
+
+
+def test_an_episode_as_its_mapper_saw_it(episode_file, call, in_process):
+    told = figures(call("compare", episode_file, "--mappers", "odometry", "--json"))
+    replayed = figures(call("play", episode_file, "--headless", "--json"))
+    (row,) = told["rows"]
+    assert told["readings"] == 41
+    assert (row["updates"], row["surfaces"]) == (replayed["updates"], replayed["surfaces"])
+    assert 0 < row["ate_rmse_m"] <= row["unaligned_rmse_m"] * (1 + 1e-9)
+
+
+def test_seeds_of_a_world(call, in_process, monkeypatch, tmp_path):
+    """Of `random:KIND` each seed is a world; the row is the median, the worst is told."""
+
+    def explore_here(runner, tasks, jobs):
+        yield from (runner.run(task, lambda _: None) for task in tasks)
+
+    monkeypatch.setattr("albot_cli.explored_logs.run_parallel", explore_here)
+    words = ("--seeds", "3..5", "--steps", 60, "--mappers", "odometry", "--sonar", "none")
+    told = figures(call("compare", "random:hall", *words, "--json"))
+    (row,) = told["rows"]
+    errors = [run["ate_rmse_m"] for run in row["runs"]]
+    assert [run["seed"] for run in row["runs"]] == [3, 4, 5]
+    assert len(set(errors)) == 3
+    assert row["ate_rmse_m"] == pytest.approx(np.median(errors))
+    assert row["worst_ate_rmse_m"] == max(errors)
+    again = figures(call("compare", "random:hall", *words, "--json"))
+    assert [run["ate_rmse_m"] for run in again["rows"][0]["runs"]] == errors
+
+
+def test_thresholds_from_a_file(corridor, tmp_path, call, in_process):
+    thresholds = tmp_path / "far.yaml"
+    thresholds.write_text("view_spacing: 5.0\nview_turn: 3.0\n")
+    both = f"albot1,albot1={thresholds}"
+    usual, sparse = figures(call("compare", corridor[0], "--mappers", both, "--json"))["rows"]
+    assert sparse["mapper"] == f"albot1={thresholds}"
+    assert sparse["updates"] < usual["updates"]
+
+
+def test_a_run_that_dies_leaves_the_others(corridor, call):
+    """A user's own mapper besides: each process imports the module that makes it known."""
+    try:
+        names = "tests.cli.mortal:mortal,odometry"
+        result = call("compare", corridor[0], "--mappers", names, "--json")
+    finally:
+        MAPPERS.pop("mortal", None)
+        sys.modules.pop("tests.cli.mortal", None)
+    assert result.return_value == 1
+    died, whole = figures(result)["rows"]
+    assert died["runs"][0]["error"].startswith("the process died: signal SIGKILL")
+    assert whole["runs"][0]["error"] is None
+    assert whole["updates"] >= 1
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("offic-ring",), "did you mean office-ring?"),
+        (("nowhere.log",), "nowhere.log: file not found"),
+        (("nowhere.mcap",), "nowhere.mcap: file not found"),
+        (("square-loop", "--reference", "a.tum"), "--reference: expected a log"),
+        (("LOG", "--laser", "short"), "--laser: expected a world"),
+        (("LOG", "--mappers", "albt1"), "did you mean albot1?"),
+        (("LOG", "--mappers", "albot1, albot1"), "found albot1 twice"),
+        (("LOG", "--mappers", "albot0"), "found albot0, which needs sonar"),
+        (("LOG", "--mappers", "albot1=none.yaml"), "none.yaml: file not found"),
+        (("LOG", "--seeds", "3..1"), "--seeds: expected a range"),
+        (("square-loop", "--agent", "albot1-homing"), "found albot1-homing, which is for"),
+        (("square-loop", "--odometer", "pionier"), "did you mean pioneer?"),
+    ],
+)
+def test_bad_input(words, message, corridor, call):
+    log = str(corridor[0])
+    result = call("compare", *(log if word == "LOG" else word for word in words))
+    assert isinstance(result.exception, InputError)
+    assert message in str(result.exception)
+
+
+def test_nothing_is_overwritten_unasked(corridor, tmp_path, call):
+    (tmp_path / "comparison.md").write_text("mine")
+    result = call("compare", corridor[0], "--out", tmp_path)
+    assert "comparison.md: expected no file, or --force" in str(result.exception)
+    assert (tmp_path / "comparison.md").read_text() == "mine"
+
+
+def test_rows_and_columns_of_what_is_known(corridor):
+    """Medians of groups as well; a column of nothing is left out; a dead run counts for nothing."""
+    choice = MapperChoice(label="one", name="odometry")
+    results = []
+    for seed, error in enumerate((0.3, 0.1, 0.2)):
+        run = MapperRun(choice=choice, source=Source(log=read_log(corridor[0]), seed=seed))
+        relations = {"translation_mean_m": error / 2, "rotation_mean_deg": 1.0}
+        told = {"ate_rmse_m": error, "relations": relations, "updates": seed}
+        results.append(RunResult(run=run, figures=no_figures(run) | told))
+    dead = MapperRun(choice=choice, source=Source(log=read_log(corridor[0]), seed=3))
+    results.append(RunResult(run=dead, figures=no_figures(dead) | {"error": "the process died"}))
+    (row,) = rows_of([choice], results)
+    assert (row["ate_rmse_m"], row["worst_ate_rmse_m"], row["updates"]) == (0.2, 0.3, 1)
+    assert row["relations"]["translation_mean_m"] == pytest.approx(0.1)
+    assert as_markdown([row]).splitlines() == [
+        "| mapper | ATE, m | relations, m | relations, ° | updates |",
+        "| --- | ---: | ---: | ---: | ---: |",
+        "| one | 0.200 (0.300) | 0.100 | 1.00 | 1 |",
+    ]
