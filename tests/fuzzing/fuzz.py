@@ -22,7 +22,8 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from tests.fuzzing.damage import damaged
-from tests.fuzzing.readers import READERS, Reader
+from tests.fuzzing.reader import Reader
+from tests.fuzzing.readers import READERS
 
 
 class Fuzz:

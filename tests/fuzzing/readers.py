@@ -8,13 +8,11 @@ from __future__ import annotations
 
 import gzip
 import json
-import os
 import shutil
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
@@ -30,7 +28,6 @@ from albot_agents.training.checkpoint import read_checkpoint
 from albot_agents.training.plan_file import read_plan
 from albot_agents.training.run import TrainingRun
 from albot_agents.training.run_files import RunFolder
-from albot_cli.mappers import read_mapper_config, read_robots_config
 from albot_cli.worlds import in_full, summary
 from albot_core.archive import read_arrays
 from albot_core.errors import InputError
@@ -40,33 +37,12 @@ from albot_core.evaluation.trajectory import (
     relation_error,
     trajectory_error,
 )
-from albot_core.export.geojson import write_geojson
 from albot_core.files import read_beginning, read_bytes
 from albot_core.json_document import read_json
 from albot_core.logs.reader import read_log, read_reference
 from albot_core.logs.wean import read_wean_map
-from albot_core.mappers.map_file import load_map, save_map
-from albot_core.mappers.mapper import Mapper, PlaceMemory, RouteHome
-from albot_core.mappers.registry import installed_mappers, make_mapper, mapper_config, mapper_spec
-from albot_core.maps.activity import Activity
-from albot_core.maps.layers import (
-    MapSnapshot,
-    OccupancyGridLayer,
-    ParticlesLayer,
-    PlaceEdge,
-    PlaceGraph,
-    PlaceNode,
-    SegmentsLayer,
-    TrajectoryLayer,
-)
-from albot_core.plain_data import to_plain
-from albot_core.sensing.reading import LaserGeometry, Reading, SonarGeometry, SonarScan
+from albot_core.mappers.registry import make_mapper
 from albot_core.yaml_document import read_yaml
-from albot_env.recording.episode import EpisodeHeader, Moment
-from albot_env.recording.reader import EpisodeReader
-from albot_env.recording.writer import EpisodeWriter
-from albot_env.rendering.terminal import draw_text
-from albot_env.rendering.trace import Trace
 from albot_maps import World, load_world
 from albot_maps.formats.house_json import read_house_json
 from albot_maps.formats.plan_xml import read_plan_xml
@@ -76,25 +52,9 @@ from albot_maps.formats.world_file import world_text
 from albot_maps.load import load_worlds, read_world
 from tests.agents.training.tiny import TINY, begun
 from tests.core.logs.conftest import WRITERS, make_drive
-from tests.core.scenes import ROOM, scan_from
+from tests.fuzzing.episodes_and_maps import episode_readers, mapper_readers
+from tests.fuzzing.reader import Reader, one_file
 from tests.maps.formats import test_house_json, test_plan_xml, test_ros_grid, test_stage_world
-
-
-@dataclass(frozen=True, kw_only=True)
-class Reader:
-    """Something that reads files."""
-
-    name: str
-    """What it is called in tests and on the page."""
-    functions: Sequence[Callable[..., Any]]
-    """The public functions that are tried by it."""
-    write: Callable[[Path], object]
-    """Writes whole files of its kind into a folder."""
-    read: Callable[[Path], object]
-    """Reads them, and uses what was read."""
-    examples: int = 40
-    """Damaged inputs in a run of the tests."""
-
 
 # Logs, and what they are scored by.
 
@@ -124,18 +84,18 @@ def _log_readers() -> Iterator[Reader]:
     for kind, writer in WRITERS.items():
         text = writer(make_drive(kind, scans=3))
         name = "run.json" if kind == "json" else "run.log"
-        yield _one_file(f"log, {kind}", name, text, _read_log, read_log)
+        yield one_file(f"log, {kind}", name, text, _read_log, read_log)
     packed = gzip.compress(WRITERS["carmen"](make_drive("carmen", scans=3)).encode(), mtime=0)
-    yield _one_file("log, packed", "run.log.gz", packed, _read_log, read_beginning)
+    yield one_file("log, packed", "run.log.gz", packed, _read_log, read_beginning)
     for kind in ("corrected", "json"):
         text = WRITERS[kind](make_drive(kind, scans=3))
-        yield _one_file(f"reference, {kind}", "a.log", text, _read_reference, read_reference)
+        yield one_file(f"reference, {kind}", "a.log", text, _read_reference, read_reference)
     tum = "# stamp x y z qx qy qz qw\n0 1 2 0 0 0 0 1\n1 1.5 2 0 0 0 0.6 0.8\n2.5 1 3 0 0 0 1 0\n"
-    yield _one_file("reference, TUM", "a.tum", tum, _read_reference, read_reference)
+    yield one_file("reference, TUM", "a.tum", tum, _read_reference, read_reference)
     relations = "# t1 t2 x y z roll pitch yaw\n0 1 0.5 0 0 0 0 0.1\n1 2 0.4 0.1 0 0 0 -0.2\n"
-    yield _one_file("relations", "a.relations", relations, _read_relations, read_relations)
+    yield one_file("relations", "a.relations", relations, _read_relations, read_relations)
     grid = "robot_specifications->resolution 10\n\nglobal_map[0]: 3 3\n1 1 1\n0 0.1 0\n-1 -1 0.7\n"
-    yield _one_file("Wean Hall's map", "map.dat", grid, read_wean_map, read_wean_map)
+    yield one_file("Wean Hall's map", "map.dat", grid, read_wean_map, read_wean_map)
 
 
 # Worlds.
@@ -199,10 +159,10 @@ def _plan() -> str:
 
 def _world_readers() -> Iterator[Reader]:
     ours = (read_world, read_yaml, read_bytes)
-    yield _one_file("world, YAML", "a.yaml", FURNISHED, _read_world, *ours)
-    yield _one_file("world, XML", "a.xml", _plan(), _read_world, read_plan_xml)
+    yield one_file("world, YAML", "a.yaml", FURNISHED, _read_world, *ours)
+    yield one_file("world, XML", "a.xml", _plan(), _read_world, read_plan_xml)
     house = json.dumps(test_house_json.HOUSE)
-    yield _one_file("world, HouseExpo", "a.json", house, _read_world, read_house_json, read_json)
+    yield one_file("world, HouseExpo", "a.json", house, _read_world, read_house_json, read_json)
     for suffix in ("pgm", "png"):
         yield Reader(
             name=f"world, ROS {suffix}",
@@ -217,164 +177,7 @@ def _world_readers() -> Iterator[Reader]:
         read=lambda folder: _read_world(folder / "a.world"),
     )
     for spec in ("random:office:1..3?rooms=4&people=1&clutter=0.5", "random:maze:7", "square-loop"):
-        yield _one_file(f"spec {spec}", "spec.txt", spec, _read_spec, load_world, load_worlds)
-
-
-# Episodes.
-
-
-def _layers() -> MapSnapshot:
-    """A map with a layer of each kind."""
-    nodes = tuple(
-        PlaceNode(
-            id=k, label=f"P{k}", pose=np.array((k, 0.0, 0.1)), middle=np.zeros(2), segments=ROOM
-        )
-        for k in range(2)
-    )
-    door = np.array((1.0, 0.0, 1.0, 1.0))
-    edges = (
-        PlaceEdge(source=0, target=1, motion=np.zeros(3), doorway=door, reverse=1),
-        PlaceEdge(source=1, target=0, motion=np.zeros(3), reverse=0),
-    )
-    cells = np.array(((0.0, 1.0, np.nan), (0.5, 0.2, 0.0)), np.float32)
-    return MapSnapshot(
-        layers=(
-            SegmentsLayer(segments=ROOM),
-            OccupancyGridLayer(origin=np.zeros(3), resolution=0.5, occupancy=cells),
-            PlaceGraph(nodes=nodes, edges=edges, current=1, home=0),
-            ParticlesLayer(poses=np.zeros((2, 3)), weights=np.array((0.25, 0.75))),
-            TrajectoryLayer(poses=np.eye(3)),
-        )
-    )
-
-
-def readings(count: int) -> list[Reading]:
-    """What a robot with all sensors senses that drives through a room."""
-    laser, sonar = LaserGeometry(beams=61, spacing=np.pi / 60), SonarGeometry()
-    return [
-        Reading(
-            stamp=0.1 * k,
-            motion=np.array((0.3, 0.0, 0.15)),
-            laser=scan_from(np.array((0.25 * k, 0.1 * k, 0.15 * k)), ROOM, laser),
-            sonar=SonarScan(ranges=np.full(8, 2.0), geometry=sonar),
-            scene=k % 3,
-        )
-        for k in range(count)
-    ]
-
-
-def _activity() -> Activity:
-    values = np.zeros((4, 5), np.float32)
-    values[1, 1:4] = 0.25, 0.5, 0.25
-    return Activity(cell=0.25, values=values, packet=np.array((0.6, 0.4, 0.1)))
-
-
-def _write_episode(folder: Path) -> None:
-    sensed = readings(3)
-    assert sensed[0].laser and sensed[0].sonar
-    header = EpisodeHeader(
-        environment="Albot/Explore-v0",
-        world="room",
-        walls=ROOM,
-        start=np.zeros(3),
-        mapper="all",
-        agent="chance",
-        odometer="ideal",
-        seed=3,
-        laser=sensed[0].laser.geometry,
-        sonar=sensed[0].sonar.geometry,
-    )
-    writer = EpisodeWriter(folder / "episode.mcap")
-    writer.begin(header)
-    for k, reading in enumerate(sensed):
-        moment = Moment(
-            action=np.array((0.5, 0.1, -1.0)) if k else None,
-            reward=0.5 * k,
-            terms={"coverage": 0.5 * k},
-            reading=reading,
-            pose=np.array((0.3 * k, 0.0, 0.1)),
-            collided=k == 1,
-            room="room",
-            path_length=0.3 * k,
-            belief=np.array((0.3 * k, 0.1, 0.1)),
-            home=np.array((-0.3 * k, 0.0, 0.1)),
-            updates=k,
-            matched_reading=0 if k else None,
-            snapshot=None if k == 1 else _layers(),
-            activity=None if k == 1 else _activity(),
-            things=ROOM[:2],
-        )
-        writer.add(moment)
-    writer.close()
-
-
-def _play(path: Path) -> None:
-    reader = EpisodeReader(path)
-    trace = None
-    for moment in reader.moments():
-        if trace is None:
-            trace = Trace(reader.header, moment)
-        else:
-            trace.add(moment)
-        assert trace.frame.heading
-        draw_text(trace.frame, 60, 20)
-
-
-# Mappers.
-
-
-def _write_map(folder: Path, name: str) -> None:
-    mapper = make_mapper(name)
-    for reading in readings(12):
-        mapper.update(reading)
-    save_map(mapper, folder / "map.albot")
-
-
-def _go_on(path: Path) -> None:
-    """Let the mapper in a file go on as it would have."""
-    mapper = load_map(path)
-    _ask(mapper)
-    for reading in readings(4):
-        mapper.update(reading)
-    _ask(mapper)
-
-
-def _ask(mapper: Mapper) -> None:
-    """Ask a mapper all that it can be asked."""
-    assert mapper.estimate.pose.shape == (3,)
-    write_geojson(mapper.snapshot(), Path(os.devnull))
-    if isinstance(mapper, RouteHome):
-        assert len(mapper.way_home) == 7
-    if isinstance(mapper, PlaceMemory):
-        assert all(map(str, mapper.events))
-        mapper.place_at(0)
-    mapper.state()
-
-
-def _mapper_readers() -> Iterator[Reader]:
-    # Not those that other tests have registered.
-    ours = (
-        name for name in installed_mappers() if mapper_spec(name).factory.startswith("albot_core.")
-    )
-    for name in ours:
-        yield Reader(
-            name=f"map of {name}",
-            functions=(load_map,),
-            write=partial(_write_map, name=name),
-            read=lambda folder: _go_on(folder / "map.albot"),
-            examples=80,
-        )
-        plain = json.loads(json.dumps(to_plain(mapper_config(mapper_spec(name)))))
-        config = yaml.safe_dump(plain, sort_keys=False)
-        read = partial(_read_mapper_config, name)
-        functions = (read_mapper_config, read_robots_config)
-        yield _one_file(f"config of {name}", "a.yaml", config, read, *functions)
-
-
-def _read_mapper_config(name: str, path: Path) -> None:
-    mapper = make_mapper(name, config=read_robots_config(name, path))
-    for reading in readings(2):
-        mapper.update(reading)
+        yield one_file(f"spec {spec}", "spec.txt", spec, _read_spec, load_world, load_worlds)
 
 
 # Agents.
@@ -394,7 +197,7 @@ def _act(path: Path) -> None:
 def _agent_readers() -> Iterator[Reader]:
     for name, path in shipped_agents().items():
         if name in ("homing-blind", "exploring", "place-recognition"):
-            yield _one_file(f"agent, {name}", "a.albot", path.read_bytes(), _act, read_agent)
+            yield one_file(f"agent, {name}", "a.albot", path.read_bytes(), _act, read_agent)
 
 
 def _write_evaluation(folder: Path) -> None:
@@ -445,34 +248,11 @@ def _resume(folder: Path) -> None:
     training.close()
 
 
-def _one_file(
-    name: str,
-    file: str,
-    content: str | bytes,
-    read: Callable[[Path], object],
-    *functions: Callable[..., Any],
-) -> Reader:
-    """A reader of one file, which has this content."""
-    data = content.encode() if isinstance(content, str) else content
-    return Reader(
-        name=name,
-        functions=functions,
-        write=lambda folder: (folder / file).write_bytes(data),
-        read=lambda folder: read(folder / file),
-    )
-
-
 READERS: tuple[Reader, ...] = (
     *_log_readers(),
     *_world_readers(),
-    Reader(
-        name="episode",
-        functions=(EpisodeReader,),
-        write=_write_episode,
-        read=lambda folder: _play(folder / "episode.mcap"),
-        examples=80,
-    ),
-    *_mapper_readers(),
+    *episode_readers(),
+    *mapper_readers(),
     *_agent_readers(),
     Reader(
         name="evaluation",
@@ -486,7 +266,7 @@ READERS: tuple[Reader, ...] = (
         write=_write_figures,
         read=lambda folder: render_page(read_figures(folder / "results.json")),
     ),
-    _one_file(
+    one_file(
         "training plan", "a.yml", yaml.safe_dump(TINY), lambda path: read_plan(path), read_plan
     ),
     Reader(
