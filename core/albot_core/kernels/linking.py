@@ -17,6 +17,7 @@ from llvmlite import binding as llvm
 from numba.core import compiler, dispatcher, registry
 from numba.core.codegen import JITCodeLibrary, RuntimeLinker
 from numba.core.environment import Environment
+from numba.core.errors import UnsupportedError
 
 from albot_core.kernels.notice import Notice
 
@@ -178,10 +179,11 @@ class _LinkedLibrary(JITCodeLibrary):
             whole.link_in(part._final_module, preserve=True)
         for library in self._others:
             whole.link_in(library._get_module_for_linking(), preserve=True)
-        # Functions that call each other in turns are found by their names once they are loaded.
-        sought = {variable.name for variable in whole.global_variables}
+        # numba looks for such functions by their names as it links, and not in code that was kept:
+        # there the call would jump to address 0.
+        if any(each.name.startswith(RuntimeLinker.PREFIX) for each in whole.global_variables):
+            raise UnsupportedError(f"{self.name}: a kernel calls itself by way of another one")
         for function in whole.functions:
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
-                by_name = RuntimeLinker.PREFIX + function.name in sought
-                function.linkage = "weak_odr" if by_name else "linkonce_odr"
+                function.linkage = "linkonce_odr"
         return whole
