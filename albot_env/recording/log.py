@@ -11,6 +11,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Ranges
 from albot_core.logs.log import Log
+from albot_core.logs.reader import read_log
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.reader import EpisodeReader
 
@@ -36,6 +37,23 @@ class EpisodeLog:
     def log(self, name: str) -> Log:
         """The episode so far as a log (see `log_of_moments`)."""
         return log_of_moments(name, self._header, self._moments)
+
+
+EPISODE_SUFFIX = ".mcap"
+"""How the names of episodes' files end."""
+
+
+def read_log_or_episode(path: Path, keep_going: bool = False) -> Log:
+    """A real robot's log, or a recorded episode as one where the file's name ends in `.mcap`.
+
+    Args:
+        path: The file.
+        keep_going: Whether the good beginning of a damaged log is taken.
+
+    Raises:
+        InputError: As `read_log` and `read_episode_log`.
+    """
+    return read_episode_log(path) if path.suffix == EPISODE_SUFFIX else read_log(path, keep_going)
 
 
 def read_episode_log(path: Path) -> Log:

@@ -71,12 +71,16 @@ def _place_graph(layer: PlaceGraph, frame: Pose) -> tuple[Shape, ...]:
     links = [(*middles[numbers[one]], *middles[numbers[other]]) for one, other in layer.links]
     lines = transform_segments(frame, np.reshape(links, (-1, 4)).astype(np.float64))
     doorways = transform_segments(frame, layer.doorways())
-    names = tuple(node.label for node in layer.nodes)
     points = transform_points(frame, middles)
+    if layer.is_dense:
+        places = Shape(kind="dots", style="place", label="places", data=points)
+    else:
+        names = tuple(node.label for node in layer.nodes)
+        places = Shape(kind="marks", style="place", label="places", data=points, names=names)
     shapes = (
         Shape(kind="segments", style="link", label="links", data=lines),
         Shape(kind="segments", style="doorway", label="exits", data=doorways),
-        Shape(kind="marks", style="place", label="places", data=points, names=names),
+        places,
     )
     return tuple(shape for shape in shapes if len(shape.data))
 

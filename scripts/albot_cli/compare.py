@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from albot_cli.mapper_runs import MapperChoice, RunResult, Source
 
 _FILE = click.Path(path_type=Path)
-_EPISODE = ".mcap"
 _WORLDS = {".yaml", ".yml", ".xml", ".world", ".pgm", ".png"}
 """Files that end so are worlds'. A JSON file is a log's."""
 
@@ -225,11 +224,10 @@ def _recorded(
     """A log, or an episode, once for each seed."""
     from albot_cli.mapper_runs import Source
     from albot_core.evaluation.trajectory import read_relations
-    from albot_core.logs.reader import read_log, read_reference
-    from albot_env.recording.log import read_episode_log
+    from albot_core.logs.reader import read_reference
+    from albot_env.recording.log import read_log_or_episode
 
-    path = Path(source)
-    log = read_episode_log(path) if path.suffix == _EPISODE else read_log(path, keep_going)
+    log = read_log_or_episode(Path(source), keep_going)
     truth = log.reference_trajectory if reference is None else read_reference(reference)
     known = None if relations is None else read_relations(relations)
     return [Source(log=log, seed=seed, reference=truth, relations=known) for seed in seeds]

@@ -41,9 +41,6 @@ _NETWORK = 0.6
 _SHAPES = (0.4, 1.4)
 """Least and largest height of the map's frame, to its width."""
 
-_MOST_LABELLED = 100
-"""Places of larger graphs are drawn small, and without their labels."""
-
 _SURFACE, _PATH, _REFERENCE, _HOME = "#1f2933", "#d9480f", "#2b8a3e", "#1864ab"
 _PLACE, _EXIT, _PARTICLE, _TRAJECTORY = "#5f3dc4", "#e64980", "#f59f00", "#0b7285"
 
@@ -260,20 +257,18 @@ def _draw_graph(layer: PlaceGraph, axes: Axes) -> None:
         if lines:
             axes.add_collection(LineCollection(lines, zorder=4, **style), autolim=False)
     x, y = np.array(list(middles.values())).T
-    many = len(middles) > _MOST_LABELLED
-    size, label = (4 if many else 15), "places"
     axes.plot(
         x,
         y,
         "o",
         color=_PLACE,
-        markersize=size,
+        markersize=4 if layer.is_dense else 15,
         alpha=0.85,
         linestyle="none",
-        label=label,
+        label="places",
         zorder=5,
     )
-    if many:
+    if layer.is_dense:
         return
     for node, across, up in zip(layer.nodes, x, y, strict=True):
         axes.text(across, up, node.label, color="white", size=7, ha="center", va="center", zorder=6)

@@ -18,6 +18,9 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Poses, Segments
 
+FEW, LABEL_SPACING = 10, 1.0
+"""So many places are always labelled; more of them where they are farther apart than this (m)."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SegmentsLayer:
@@ -148,6 +151,21 @@ class PlaceGraph:
             if edge.doorway is not None
         ]
         return np.reshape(lines, (-1, 4)).astype(np.float64)
+
+    @property
+    def is_dense(self) -> bool:
+        """Whether places lie so close together that they are drawn small, without their labels.
+
+        So where there are more than `FEW`, and half of them have another one within
+        `LABEL_SPACING`: the labels would cover each other.
+        """
+        if len(self.nodes) <= FEW:
+            return False
+        from scipy.spatial import KDTree  # slow to load
+
+        middles = np.array([node.middle for node in self.nodes])
+        nearest, _ = KDTree(middles).query(middles, k=2)
+        return bool(np.median(nearest[:, 1]) < LABEL_SPACING)
 
     @property
     def links(self) -> tuple[tuple[int, int], ...]:
