@@ -56,6 +56,10 @@ class Episode:
     """Seed of environment and agent."""
     steps: int
     """Its length, in control steps."""
+    mapper_config: Any = None
+    """The mapper's thresholds; None for its default ones."""
+    mapper_config_file: Path | None = None
+    """The YAML file that they were read from."""
 
     def command(self, steps: int) -> str:
         """The command that shows its first `steps` steps again."""
@@ -63,10 +67,12 @@ class Episode:
             "world": self.world,
             "agent": self.agent,
             "mapper": self.mapper,
+            "mapper-config": self.mapper_config_file,
             "seed": self.seed,
             "steps": max(1, steps),
         }
-        words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
+        given = {name: str(value) for name, value in options.items() if value is not None}
+        words = [word for name, value in given.items() for word in (f"--{name}", value)]
         return shlex.join(("albot", "play", *words))
 
 
@@ -88,7 +94,15 @@ class Violation:
 
 
 def plan_episodes(
-    spec: str, agents: Sequence[str], *, count: int, first: int, mapper: str, steps: int
+    spec: str,
+    agents: Sequence[str],
+    *,
+    count: int,
+    first: int,
+    mapper: str,
+    steps: int,
+    mapper_config: Any = None,
+    mapper_config_file: Path | None = None,
 ) -> list[Episode]:
     """Every agent in every world.
 
@@ -101,6 +115,8 @@ def plan_episodes(
         first: The first seed; the seeds of the episodes count up from it.
         mapper: Name of the mapper inside.
         steps: Length of an episode.
+        mapper_config: The mapper's thresholds; None for its default ones.
+        mapper_config_file: The YAML file that they were read from.
 
     Raises:
         InputError: There is no such world. Of random worlds the first of each kind is
@@ -110,7 +126,15 @@ def plan_episodes(
     for world in dict.fromkeys((*worlds[: len(KINDS)], worlds[-1])):
         load_world(world)
     return [
-        Episode(world=world, agent=agent, mapper=mapper, seed=first + k, steps=steps)
+        Episode(
+            world=world,
+            agent=agent,
+            mapper=mapper,
+            seed=first + k,
+            steps=steps,
+            mapper_config=mapper_config,
+            mapper_config_file=mapper_config_file,
+        )
         for k, world in enumerate(worlds)
         for agent in agents
     ]
@@ -189,6 +213,8 @@ def _violated(episode: Episode, step: int, wrong: Sequence[str]) -> Outcome:
 def _checked_steps(episode: Episode, limits: Limits) -> Iterator[list[str]]:
     """What is wrong after the reset, and after each step."""
     asked = {"world": episode.world, "mapper": episode.mapper, "max_episode_steps": episode.steps}
+    if episode.mapper_config is not None:
+        asked["mapper_config"] = episode.mapper_config
     settings = find_agent(episode.agent).environment(ENVIRONMENT, asked)
     env = gymnasium.make(ENVIRONMENT, disable_env_checker=True, **settings)
     try:

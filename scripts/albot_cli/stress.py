@@ -7,10 +7,12 @@ import os
 import time
 from collections.abc import Iterable
 from contextlib import closing
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.progress import progress
 from albot_cli.signals import STOPPED
 
@@ -57,6 +59,7 @@ if TYPE_CHECKING:
     "a trained agent; repeatable.",
 )
 @click.option("--mapper", default="none", show_default=True, help="See `albot mappers`; or none.")
+@mapper_config_option
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
@@ -66,6 +69,7 @@ def command(
     seed: int,
     agents: tuple[str, ...],
     mapper: str,
+    mapper_config: Path | None,
     jobs: int | None,
     as_json: bool,
 ) -> int:
@@ -81,10 +85,20 @@ def command(
     from albot_agents.stress import plan_episodes
 
     _check_mapper(mapper)
+    thresholds = None if mapper_config is None else read_robots_config(mapper, mapper_config)
     chosen = tuple(dict.fromkeys(agents))
     for name in chosen:
         check_agent(name, EXPLORE)
-    episodes = plan_episodes(worlds, chosen, count=count, first=seed, mapper=mapper, steps=steps)
+    episodes = plan_episodes(
+        worlds,
+        chosen,
+        count=count,
+        first=seed,
+        mapper=mapper,
+        steps=steps,
+        mapper_config=thresholds,
+        mapper_config_file=mapper_config,
+    )
     tally = _Tally()
     _run(episodes, jobs or os.cpu_count() or 1, tally)
     click.echo(json.dumps(tally.facts(chosen)) if as_json else tally.text())
