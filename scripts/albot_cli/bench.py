@@ -1,4 +1,4 @@
-"""`albot bench`: speed, each figure beside something run in the same minute."""
+"""`albot bench`: measure speed; each figure beside a baseline run in the same minute."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def command(
         raise InputError("--rounds", "--part env, whose rounds they are", ", ".join(parts))
     measures = _measures(log, rounds or ROUNDS)
     chosen = parts or PARTS
-    # The keys stand whether measured or not, so that programs can rely on them.
+    # All keys are present even if not measured, so that programs can rely on them.
     figures: dict[str, Any] = {"machine": _machine(), "laser": [], "mapper": [], "env": []}
     figures |= {"journey": [], "generator": [], "processes": {}, "learner": {}}
     with progress("bench", len(chosen), "parts") as tell:
@@ -90,7 +90,7 @@ def command(
 
 
 def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
-    """How each part is measured. Imported here: the benchmarks need all of the simulator."""
+    """Return each part's measurement. Imports are here because they load the whole simulator."""
     from albot_benchmarks.environment import measure_environments, measure_processes
     from albot_benchmarks.generator import measure_generators
     from albot_benchmarks.laser import measure_laser
@@ -128,7 +128,7 @@ Figures = Mapping[str, Any]
 
 
 def as_text(figures: Figures) -> str:
-    """A line for the machine, and one for each figure that was measured."""
+    """Return a line for the machine, and one for each measured row."""
     machine = figures["machine"]
     calibration = machine["calibration"]
     lines = [

@@ -28,7 +28,7 @@ from albot_experiments.report import (
 )
 
 ALL = "all"
-"""The ID that stands for every experiment."""
+"""The ID that means all experiments."""
 
 
 @click.group()
@@ -103,7 +103,7 @@ def _run_one(experiment: Experiment, seeds: int | None, out: Path | None, as_jso
 def _run_all(
     experiments: list[Experiment], seeds: int | None, out: Path | None, as_json: bool
 ) -> None:
-    """Run them one after the other; each report is written as soon as it is there."""
+    """Run experiments one after another; write each report as soon as it is complete."""
     reports, files = [], []
     if out:
         make_folder(out)

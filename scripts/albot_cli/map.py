@@ -1,4 +1,4 @@
-"""`albot map`: a mapper on a real robot's log, or on a recorded episode."""
+"""`albot map`: run a mapper over a real robot's log or a recorded episode."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ FILES = (
     CORRECTED,
     RECOGNITION,
 )
-"""The names of the files that `--out` leaves."""
+"""Names of the files that `--out` writes."""
 
 
 @click.command()
@@ -134,9 +134,9 @@ def command(
 def _check_stamps(
     log: Log, odometry: Score, reference: Path | None, relations: Path | None
 ) -> None:
-    """Raise InputError where the reference or the relations are not of this log.
+    """Raise InputError if the reference or the relations belong to another log.
 
-    Relations may all be between moments that were left out of it.
+    If part of the log was left out, all relations may concern that part; this is not an error.
     """
     if reference and odometry.trajectory is None:
         raise InputError(reference, f"moments of {log.name}", "stamps of another log")
@@ -147,10 +147,10 @@ def _check_stamps(
 def write_files(
     folder: Path, title: str, run: MappingRun, reference: Trajectory | None
 ) -> dict[str, str]:
-    """Write trajectory, surfaces, picture and map; return their paths by kind.
+    """Write trajectory, surfaces, picture and map; return the paths by kind of file.
 
-    Of a mapper that knows places the network and its events are written as well. The folder's
-    files are replaced when all are made.
+    The network, the events, the grid and the corrected trajectory are written too if the mapper has
+    them. The folder's files are replaced only when all are complete.
     """
     names = {"trajectory": TRAJECTORY, "surfaces": SURFACES, "picture": PICTURE, "map": MAP}
     with filled_folder(folder) as scratch:
@@ -177,7 +177,7 @@ def write_files(
 
 
 def _draw(path: Path, title: str, run: MappingRun, reference: Trajectory | None) -> None:
-    """Draw the map, and the reference laid on the believed path as well as it goes."""
+    """Draw the map, with the reference trajectory aligned to the estimated one."""
     frame = None if reference is None else alignment(reference, run.believed)
     network = None
     if run.packets is not None and isinstance(run.mapper, AttractorNetwork):

@@ -1,4 +1,4 @@
-"""`albot stress`: agents in many worlds, every step checked."""
+"""`albot stress`: drive agents through many worlds and check every step."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def _check_mapper(name: str) -> None:
 
 
 class _Tally:
-    """What has been found so far."""
+    """The results so far."""
 
     def __init__(self) -> None:
         self._began = time.perf_counter()
@@ -124,12 +124,12 @@ class _Tally:
         self._steps = 0
         self._seconds = 0.0
         self.violations: list[dict[str, Any]] = []
-        """What was wrong, by the keys of the JSON."""
+        """The violations, as rows of the JSON."""
         self.stopped = False
         """Whether Ctrl-C ended the run."""
 
     def add(self, outcome: Outcome) -> None:
-        """One more episode has ended."""
+        """Add the outcome of an episode."""
         episode = outcome.episode
         self._worlds.add((episode.world, episode.seed))
         self._episodes += 1
@@ -148,7 +148,7 @@ class _Tally:
             )
 
     def facts(self, agents: Iterable[str]) -> dict[str, Any]:
-        """The JSON object."""
+        """Return the results as the JSON object."""
         return {
             "worlds": len(self._worlds),
             "agents": list(agents),
@@ -161,7 +161,7 @@ class _Tally:
         }
 
     def text(self) -> str:
-        """The same for people."""
+        """Return the results as text."""
         facts = self.facts(())
         lines = [
             f"step {each['step']}: {each['what']}\n  {each['command']}" for each in self.violations
@@ -178,7 +178,7 @@ class _Tally:
 
 
 def _run(episodes: list[Episode], jobs: int, tally: _Tally) -> None:
-    """Run the episodes, or as many as there are before Ctrl-C."""
+    """Run the episodes until all are done or Ctrl-C."""
     from albot_agents.stress import StressRunner
     from albot_agents.workers import run_parallel
 
