@@ -80,7 +80,7 @@ class RunningEpisode:
 
     @property
     def frame(self) -> Frame:
-        """What is to be drawn of this moment."""
+        """The frame to draw."""
         return self._inside.frame
 
     def advance(self) -> None:
@@ -140,7 +140,7 @@ class RecordedEpisode:
 
     @property
     def frame(self) -> Frame:
-        """What is to be drawn of this moment."""
+        """The frame to draw."""
         return self._trace.frame
 
     def advance(self) -> None:
