@@ -51,9 +51,9 @@ class Door:
     turn_rate: float = 1.0
     """Angular speed of the leaf (rad/s)."""
     open_for: Span = (5.0, 20.0)
-    """Range from which each time that it stays open is drawn (s)."""
+    """Range of the time that it stays open (s), drawn each time."""
     shut_for: Span = (5.0, 20.0)
-    """Range from which each time that it stays shut is drawn (s)."""
+    """Range of the time that it stays shut (s), drawn each time."""
 
     def __post_init__(self) -> None:
         _check_finite("Door", hinge=self.hinge, heading=self.heading)
@@ -127,7 +127,7 @@ class Walker:
     """Whether the last waypoint is joined to the first; otherwise the route is walked back and
     forth."""
     speed: Span = (0.8, 1.4)
-    """Range from which the speed with a free way is drawn for each episode (m/s)."""
+    """Range of the speed on a free path (m/s), drawn for each episode."""
     radius: float = 0.25
     """Radius of the body (m)."""
 

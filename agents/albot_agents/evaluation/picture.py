@@ -16,7 +16,7 @@ from albot_core.files import replacing
 from albot_maps import load_world
 
 MOST = 24
-"""Largest number of failures that are drawn; the first ones are."""
+"""Largest number of failures that are drawn: the first ones."""
 _COLUMNS = 4
 
 

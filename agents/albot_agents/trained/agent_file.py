@@ -123,7 +123,7 @@ class AgentFile:
         config, kind = its.pop("config", {}), config_kind(task)
         where = Location(f"the agent's settings in {task}")
         if settings.get("mapper", its.get("mapper")) != its.get("mapper"):
-            its.pop("mapper_config", None)  # These parameters are for the other mapper.
+            its.pop("mapper_config", None)  # They belong to the agent's own mapper.
         base = settings.get("config") or kind()
         seen = read_config(kind, config, where, base)
         return for_one(task, read_settings(task, its, where)) | dict(settings) | {"config": seen}

@@ -38,7 +38,7 @@ class ApartmentParameters(Parameters):
     door_width: float = metres(0.85, 0.75, 1.5)
     """Width of the doors (m)."""
     clutter: float = share(0.4)
-    """Amount of furniture: 0 none, 1 one piece per 2.2 m², or fewer where paths would close."""
+    """Amount of furniture: 0 none, 1 one piece per 2.2 m², or fewer to keep passages open."""
     doors: int = count(0, 0, 100)
     """Number of doorways with a door that opens and closes."""
 

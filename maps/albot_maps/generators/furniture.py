@@ -100,7 +100,7 @@ def furnish(
         sampler: Source of random draws.
         size: The room's width and depth (cm); its walls are at 0 and at these.
         keep: Areas that must stay free: the floor in front of doors and of openings.
-        wanted: Number of pieces to place; fewer are placed where paths would close.
+        wanted: Number of pieces to place; fewer are placed if passages would close.
         pieces: The kinds to choose from.
     """
     furniture = Furniture()

@@ -32,7 +32,7 @@ class HallParameters(Parameters):
     pillars: float = metres(6.0, 0, 50)
     """Distance between pillars (m), which are 40 cm wide and stand in rows; 0 means none."""
     clutter: float = share(0.3)
-    """Amount of furniture: 0 none, 1 one piece per 5 m², or fewer where paths would close."""
+    """Amount of furniture: 0 none, 1 one piece per 5 m², or fewer to keep passages open."""
     symmetry: bool = switch(False)
     """Whether the right half mirrors the left one; porches are not mirrored."""
     doors: int = count(0, 0, 100)

@@ -41,7 +41,7 @@ class OfficeParameters(Parameters):
     connections: float = share(0.1)
     """Share of the walls between neighbouring rooms of a row that have a door."""
     clutter: float = share(0.3)
-    """Amount of furniture: 0 none, 1 one piece per 2.5 m², or fewer where paths would close."""
+    """Amount of furniture: 0 none, 1 one piece per 2.5 m², or fewer to keep passages open."""
     symmetry: bool = switch(False)
     """Whether all rooms along a corridor are alike and mirrored on its other side."""
     doors: int = count(0, 0, 100)
