@@ -68,7 +68,7 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
 
 
 def read_beginning(path: Path, largest: int = LARGEST) -> tuple[bytes, InputError | None]:
-    """Read a file like `read_bytes`; return the content up to a damage, and its error or None.
+    """Read a file like `read_bytes`; return the content up to a damage, and the error or None.
 
     Raises:
         InputError: The file is missing, unreadable or too large.
@@ -76,7 +76,7 @@ def read_beginning(path: Path, largest: int = LARGEST) -> tuple[bytes, InputErro
     pieces: list[bytes] = []
     torn = None
     try:
-        for piece in _pieces(path, largest):  # Pieces before a damage are kept.
+        for piece in _pieces(path, largest):  # Pieces before the damage are kept.
             pieces.append(piece)  # noqa: PERF402
     except InputError:
         raise

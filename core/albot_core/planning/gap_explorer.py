@@ -119,7 +119,7 @@ class GapExplorer(Explorer):
         return np.asarray((left > 0) & (left >= self._least))
 
     def _give_up(self, goal: Float64[np.ndarray, "2"]) -> None:
-        """Drop the candidates with a goal, and never add their ground again."""
+        """Drop the candidates with a goal; do not add their ground again until `readmit`."""
         self._candidates.give_up(goal)
 
     def _plan(self, percept: Percept) -> None:
@@ -271,7 +271,7 @@ class CandidateGoals:
         return bool((self.goals == goal).all(axis=1).any())
 
     def give_up(self, goal: Float64[np.ndarray, "2"]) -> None:
-        """Drop the candidates with a goal, and never add their ground again."""
+        """Drop the candidates with a goal; do not add their ground again until `readmit`."""
         given = (self.goals == goal).all(axis=1)
         self._given_up = np.concatenate((self._given_up, self.ground[given]))
         self._keep(~given)

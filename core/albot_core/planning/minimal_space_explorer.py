@@ -1,8 +1,8 @@
 """The explorer of landmark association: short moves to gaps of the minimal bounded space.
 
 Source: Yeap and others, Autonomous robot mapping by landmark association (2015), section
-"Autonomous exploration". It has no memory: at each stop it searches gaps again. Its moves are short
-so that successive views overlap.
+"Autonomous exploration". It has no memory: at each stop it searches for gaps again. Its moves are
+short so that successive views overlap.
 """
 
 from __future__ import annotations
