@@ -49,7 +49,7 @@ class Moment:
     """
 
     action: Float64[np.ndarray, "numbers"] | None
-    """The agent's action; None in the first moment."""
+    """The agent's action as given; None in the first moment."""
     reward: float
     """The sum of the terms."""
     terms: Mapping[str, float]

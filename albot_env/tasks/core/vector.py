@@ -144,7 +144,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         )
 
     def step(self, actions: Any) -> Steps:
-        """Run one control step of 0.1 s.
+        """Run one step: 0.1 s of driving, or one arrival of a tour.
 
         Raises:
             InputError: An action is not in the action space.

@@ -44,7 +44,7 @@ class HomingConfig:
     weights: HomingWeights = field(default_factory=HomingWeights)
     """Weights of the reward's terms."""
     outing: OutwardJourneyConfig = field(default_factory=OutwardJourneyConfig)
-    """How long outward journeys are."""
+    """Length of outward journeys."""
     radius: float = 1.0
     """Straight-line distance from the start within which the robot is home (m)."""
 
