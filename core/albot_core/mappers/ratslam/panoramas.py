@@ -122,8 +122,7 @@ class Panoramas:
         return motion, after(offset, motion)
 
     def _take(self, laser: LaserScan, motion: Motion) -> None:
-        """Keep a scan; drop those too far back, and the last one if it was too near its
-        neighbour."""
+        """Keep a scan, and drop those too far back or too near each other."""
         config, scans = self._config, self._scans
         pose, way = (0.0, 0.0, 0.0), 0.0
         if scans.count:

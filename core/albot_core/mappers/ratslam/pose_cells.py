@@ -290,7 +290,7 @@ def _spread(
     stride: int,
     length: int,
 ) -> int:
-    """Spread activity along one axis by weights, and clear the source; return the cells reached."""
+    """Spread activity along one axis by weights and clear the source; return the number reached."""
     found = 0
     for k in range(count):
         cell = cells[k]
