@@ -128,8 +128,10 @@ class FloatVector:
         return self._vector(ir.Constant(kind, [float(lane) for lane in range(kind.count)]))
 
     def compress(self, mask: FloatVector) -> FloatVector:
-        """Return those where the mask is true, in order, in the first lanes; the rest is
-        undefined."""
+        """Return those where the mask is true, in order, in the first lanes.
+
+        The remaining lanes are undefined.
+        """
         undefined = self.value.type(ir.Undefined)
         name = "llvm.experimental.vector.compress"
         return self._vector(_call_llvm(self._builder, name, self.value, mask.value, undefined))
@@ -286,8 +288,8 @@ def _make_predicate(
         function: The test.
         elements: The arrays' dtypes as numba types; the first is also the numbers' dtype.
         count: Number of columns that are tested at once.
-        vector: The class in which `function` is given numbers.
-        table: The class in which `function` is given arrays.
+        vector: Class of the vectors that `function` gets for the numbers.
+        table: Class of the tables that `function` gets for the arrays.
     """
 
     def _test(typing: Any, array: Any, first: Any, given: Any) -> Any:
@@ -338,7 +340,7 @@ def _broadcast(builder: Any, kind: Any, number: Any) -> Any:
 
 @kernel()
 def padded_length(count: int) -> int:
-    """Return the row length of a table: the least multiple of LANES from `count` on."""
+    """Return the row length of a table: the least multiple of LANES not below `count`."""
     return (count + LANES - 1) // LANES * LANES
 
 

@@ -362,7 +362,10 @@ def moved_ends(row: np.ndarray, motion: np.ndarray, cos: float, sin: float) -> E
 
 @kernel()
 def beside(wall: np.ndarray, ends: Ends, length: float) -> float:
-    """Return the mean distance of a line of a length from a wall (m); inf without overlap."""
+    """Return a line's mean distance from a wall (m), infinity if they do not overlap.
+
+    `length` is the line's length (m).
+    """
     ux, uy = wall[6], wall[7]
     dx, dy = ends[0] - wall[0], ends[1] - wall[1]
     first, aside = ux * dx + uy * dy, ux * dy - uy * dx

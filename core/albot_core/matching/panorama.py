@@ -25,7 +25,7 @@ TURN, TURN_STEP = math.radians(20.0), math.radians(5.0)
 FINEST = 0.03
 """Refinement halves its steps until they are no larger than this (m)."""
 THINNED = 3
-"""On the grid, only one of this many directions is compared."""
+"""On the grid, only one in this many directions is compared."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

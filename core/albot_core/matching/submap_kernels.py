@@ -25,9 +25,9 @@ UNKNOWN, FREE, WALL = 0, 1, 2
 """States of a cell; a wall is three cells wide."""
 
 FREE_PENALTY = 2.0
-"""Weight of a point in free space, in points on walls."""
+"""Weight of a point in free space, relative to a point on a wall."""
 COARSE = 4
-"""Proposed poses are compared by one of this many points."""
+"""Proposed poses are compared by one in this many points."""
 STEP, TURN, HALVINGS, ROUNDS = 0.2, np.radians(4.0), 4, 10
 """Refinement: first steps (m, rad), number of step sizes, each half the one before, and largest
 number of rounds with each."""

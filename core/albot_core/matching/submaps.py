@@ -74,7 +74,7 @@ def match_submaps(mine: LocalSubmap, theirs: LocalSubmap, config: MatchConfig) -
 def local_submaps(
     readings: Sequence[Reading], motions: Poses, config: MatchConfig
 ) -> list[LocalSubmap]:
-    """Return a submap every SPACING of the path.
+    """Return one submap per `SPACING` of the path.
 
     Args:
         readings: What the robot sensed.
@@ -127,7 +127,10 @@ def _update_lines(
     way: float,
     config: MatchConfig,
 ) -> tuple[Float64[np.ndarray, "kept 4"], Float64[np.ndarray, "kept"]]:
-    """Return near, recent lines with those of a view, and where each was last seen (m)."""
+    """Return the lines near and seen of late, merged with a view, and when each was last seen.
+
+    "When" is the distance driven (m).
+    """
     both = merge_lines(lines, view, config)
     known = {line.tobytes(): at for line, at in zip(lines, seen_at, strict=True)}
     at = np.array([known.get(line.tobytes(), way) for line in both])

@@ -34,7 +34,7 @@ _SLACK, _SLANT = 0.15, 0.03
 _COMPARED = 70.0
 """Smallest number of directions, of both panoramas together, for a valid comparison."""
 _CONTRADICTION = 2.0
-"""Weight of a point in the other's free space, in agreeing points."""
+"""Weight of a point in the other's free space, relative to a point that agrees."""
 
 
 @kernel()

@@ -157,5 +157,5 @@ def _all_end(following: Int64[np.ndarray, "n"]) -> bool:
     """Return whether following these numbers leads to -1 from everywhere."""
     ahead = np.append(following, -1)
     for _ in range(len(ahead).bit_length()):
-        ahead = ahead[ahead]  # Doubles the steps; index -1 is the last element, -1.
+        ahead = ahead[ahead]  # Doubles the steps. The last element, at index -1, is -1.
     return bool((ahead == -1).all())
