@@ -116,6 +116,36 @@ def cloud_error(
     return float(np.median(distances))
 
 
+def precision_and_recall(
+    points: _Cloud,
+    walls: Float64[np.ndarray, "walls 2"],
+    seen: Float64[np.ndarray, "seen 2"],
+    within: float,
+) -> tuple[float, float]:
+    """How much of a map is right, and how much of what was seen it holds, as shares from 0 to 1.
+
+    Precision is the share of the map's points that lie within `within` (m) of a wall; recall the
+    share of the walls seen that lie as near to the map. Points evenly spaced along lines (see
+    `sample_segments`) make both shares of wall length. Both are 0 for a map of nothing.
+
+    Args:
+        points: Points of the map, laid on the floor (m).
+        walls: Points of all true walls (m).
+        seen: Those of them that the map could hold.
+        within: The largest distance that is no error (m).
+
+    Raises:
+        InputError: There are no walls, or none was seen.
+    """
+    if not len(walls) or not len(seen):
+        raise InputError("walls", "walls, and some seen", f"{len(walls)}, {len(seen)} seen")
+    if not len(points):
+        return 0.0, 0.0
+    right = KDTree(walls).query(points)[0] <= within
+    found = KDTree(points).query(seen)[0] <= within
+    return float(right.mean()), float(found.mean())
+
+
 def scan_cloud(scans: Sequence[LaserScan], poses: Poses, most: int = 40_000) -> _Cloud:
     """Return the points of all scans, transformed by the poses and evenly thinned to `most`."""
     clouds = [transform_points(pose, scan.points) for scan, pose in zip(scans, poses, strict=True)]

@@ -60,6 +60,16 @@ MAPPERS: dict[str, MapperSpec] = {
             batch="albot_core.mappers.albot1.batch:Albot1Batch",
         ),
         MapperSpec(
+            name="albot1-tracked",
+            summary="Albot1 by several landmarks tracked from view to view; no match with the map.",
+            paper=_HOSSAIN,
+            sensors=_LASER,
+            layers=("segments", "place_graph"),
+            factory="albot_core.mappers.albot1.mapper:Albot1",
+            config="albot_core.mappers.albot1.config:Albot1Config.tracked",
+            batch="albot_core.mappers.albot1.batch:Albot1Batch",
+        ),
+        MapperSpec(
             name="association",
             summary="A global map of surfaces, each added by where it is from a recognised one.",
             paper=_YEAP,

@@ -43,6 +43,10 @@ class ViewConfig:
     fit_lines: bool = False
     """Whether a surface lies on the line fitted to all its points, instead of running from its
     first point to its last."""
+    grazing_ends: bool = False
+    """Whether the nearer end is an occluding point also where one wall, seen at grazing incidence,
+    breaks into two clusters. The thesis's occluding point obstructs another surface's edge (section
+    3.1.4)."""
 
     def __post_init__(self) -> None:
         for name in ("max_range", "cluster_gap", "cluster_size", "break_height", "surface_length"):
@@ -88,6 +92,7 @@ def construct_view(scan: LaserScan, config: ViewConfig = ViewConfig()) -> View:
         min(config.max_range, geometry.max_range),
         config.thresholds,
         config.fit_lines,
+        config.grazing_ends,
         make_view_buffers(geometry.beams),
         surfaces,
         edges,
@@ -104,6 +109,7 @@ def extract_surfaces(
     max_range: float,
     thresholds: np.ndarray,
     fit: bool,
+    grazing: bool,
     buffers: ViewBuffers,
     surfaces: np.ndarray,
     edges: np.ndarray,
@@ -115,7 +121,7 @@ def extract_surfaces(
     (m), in the order of the beams.
     """
     gap, size, height, shortest, fewest = thresholds
-    points, stack, spans, lines, raw, clusters = buffers
+    points, stack, spans, lines, raw, kept = buffers
     seen = scan_points(ranges, directions, mount_x, mount_y, max_range, points)
     formed = segment_points(points, seen, gap, size, height, stack, spans)
     form_surfaces(points, spans, formed, fit, height, lines, raw)
@@ -129,9 +135,11 @@ def extract_surfaces(
         if dx * dx + dy * dy >= shortest * shortest:
             for i in range(4):
                 surfaces[count, i] = raw[k, i]
-            clusters[count] = spans[k, 2]
+            kept[count] = k
             count += 1
-    mark_edges(surfaces, clusters, count, mount_x, mount_y, edges)
+    mark_edges(surfaces, spans[:formed], kept, count, mount_x, mount_y, edges)
+    if not grazing:
+        unmark_grazing_ends(points, surfaces, spans[:formed], kept, count, height, edges)
     return int(count)
 
 
@@ -148,8 +156,8 @@ class ViewBuffers(NamedTuple):
     """(2 beams + 2, 4) float64: see `form_surfaces`."""
     raw: np.ndarray
     """(2 beams + 2, 4) float64: the surfaces, including those that are too short."""
-    clusters: np.ndarray
-    """(2 beams + 2,) int64: the clusters of the surfaces that are long enough."""
+    kept: np.ndarray
+    """(2 beams + 2,) int64: the spans of the surfaces that are long enough."""
 
 
 @kernel(arrays=True)
@@ -335,7 +343,8 @@ def _crossing(a: np.ndarray, b: np.ndarray, x: float, y: float) -> tuple[float, 
 @kernel()
 def mark_edges(
     surfaces: np.ndarray,
-    clusters: np.ndarray,
+    spans: np.ndarray,
+    kept: np.ndarray,
     count: int,
     eye_x: float,
     eye_y: float,
@@ -351,7 +360,7 @@ def mark_edges(
         edges[k, 0] = NO_EDGE
         edges[k, 1] = NO_EDGE
     for k in range(1, count):
-        if clusters[k - 1] == clusters[k]:
+        if spans[kept[k - 1], 2] == spans[kept[k], 2]:
             edges[k - 1, 1] = CORNER
             edges[k, 0] = CORNER
             continue
@@ -361,3 +370,34 @@ def mark_edges(
             edges[k - 1, 1] = OCCLUDING
         else:
             edges[k, 0] = OCCLUDING
+
+
+@kernel()
+def unmark_grazing_ends(
+    points: np.ndarray,
+    surfaces: np.ndarray,
+    spans: np.ndarray,
+    kept: np.ndarray,
+    count: int,
+    tolerance: float,
+    edges: np.ndarray,
+) -> None:
+    """Take back the occluding points that obstruct nothing (thesis, section 3.1.4).
+
+    Where the next point seen lies beyond the end, within `tolerance` (m) of the surface's line, the
+    wall goes on there and is only hit too seldom.
+    """
+    for k in range(count):
+        for end in range(2):
+            if edges[k, end] != OCCLUDING:
+                continue
+            step, span = 2 * end - 1, kept[k]  # to the last span of the cluster on this side
+            while 0 <= span + step < spans.shape[0] and spans[span + step, 2] == spans[span, 2]:
+                span += step
+            beyond = points[spans[span, end] + step]
+            ux = surfaces[k, 2 * end] - surfaces[k, 2 - 2 * end]
+            uy = surfaces[k, 2 * end + 1] - surfaces[k, 3 - 2 * end]
+            dx, dy = beyond[0] - surfaces[k, 2 * end], beyond[1] - surfaces[k, 2 * end + 1]
+            aside = abs(ux * dy - uy * dx) / np.sqrt(ux * ux + uy * uy)
+            if ux * dx + uy * dy > 0.0 and aside <= tolerance:
+                edges[k, end] = NO_EDGE
