@@ -20,7 +20,8 @@ from jaxtyping import Float64
 
 from albot_core.geometry.types import Pose
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.slam.likelihood_field import CERTAIN, LikelihoodField
+from albot_core.kernels.simd import BYTES_SUMMED, sum_bytes
+from albot_core.mappers.slam.likelihood_field import CERTAIN, TRIED_WHOLE, LikelihoodField
 
 
 class Window(NamedTuple):
@@ -103,6 +104,8 @@ def search_window(
     Returns:
         Steps of the best pose from the guess in x, y and heading; its score; its response.
     """
+    if 2 * reach + 1 <= TRIED_WHOLE:
+        return _try_all(levels[0], corner, cell, points, guess, reach, turns, step, prior)
     coarsest = len(levels) - 1
     block = 1 << coarsest
     # A window smaller than the coarsest blocks needs none of them.
@@ -163,6 +166,39 @@ def search_window(
     h = bt + turns
     raw = _sum(flat[0], cells[h], counts[h], by * side + bx)
     return bx, by, bt, best, raw / max(count, 1)
+
+
+@kernel(arrays=True)
+def _try_all(
+    finest: np.ndarray,
+    corner: np.ndarray,
+    cell: float,
+    points: np.ndarray,
+    guess: np.ndarray,
+    reach: int,
+    turns: int,
+    step: float,
+    prior: np.ndarray,
+) -> tuple[int, int, int, float, float]:
+    """The same for a small window, of which every pose is tried, some neighbours in x at once."""
+    side = len(finest)
+    flat = finest.reshape(side * side)
+    cells, sums = np.empty(len(points), np.int32), np.empty(BYTES_SUMMED, np.int32)
+    best, bx, by, bt, raw = -np.inf, 0, 0, 0, 0.0
+    for turn in range(-turns, turns + 1):
+        heading = guess[2] + turn * step
+        # Those that are summed to no purpose, beyond the window, must be in the field, too.
+        border = reach + BYTES_SUMMED
+        count = _cells_of(points, guess[0], guess[1], heading, corner, cell, side, border, cells)
+        for iy in range(-reach, reach + 1):
+            for first in range(-reach, reach + 1, BYTES_SUMMED):
+                sum_bytes(flat, cells, count, iy * side + first, sums)
+                for j in range(min(BYTES_SUMMED, reach + 1 - first)):
+                    found = sums[j] / CERTAIN
+                    score = found - _least_prior(prior, cell, step, first + j, iy, turn, 1)
+                    if score > best:
+                        best, bx, by, bt, raw = score, first + j, iy, turn, found
+    return bx, by, bt, best, raw / max(len(points), 1)
 
 
 @kernel()
