@@ -20,13 +20,11 @@ from jaxtyping import Float64, UInt8, UInt16
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose
 from albot_core.kernels.compiled import kernel
-from albot_core.kernels.simd import BYTES_RAISED, BYTES_SUMMED, raise_bytes
+from albot_core.kernels.simd import BYTES_RAISED, raise_bytes
 from albot_core.ranges import POSITIVE, Range, check_fields
 
 CERTAIN = 255
 """The likelihood of a cell with a point at its middle."""
-TRIED_WHOLE = 2 * BYTES_SUMMED - 1
-"""In a window of no more cells across every pose is tried: that costs less than coarse levels."""
 _PARTS = 4
 """A point is placed within its cell to one of so many by so many parts."""
 _LEVELS = Range("a whole number from 1 to 8", 1.0, 8.0, whole=True)
@@ -86,13 +84,9 @@ class LikelihoodField:
         return self.levels_for(self.config.side)
 
     def levels_for(self, across: int) -> UInt8[np.ndarray, "few side side"]:
-        """The levels by which a window of so many cells across is searched.
-
-        They are those whose cells are no wider than half of it; only the finest, where it is so
-        small that every pose is tried.
-        """
+        """The levels whose cells are no wider than half a window, of so many cells across."""
         wanted = 1
-        while across > TRIED_WHOLE and wanted < self.config.levels and 1 << (wanted + 1) <= across:
+        while wanted < self.config.levels and 1 << (wanted + 1) <= across:
             wanted += 1
         if self._built < wanted:
             _build_coarse(self._levels[:wanted], self._beside, self._used.tolist(), self._built)
