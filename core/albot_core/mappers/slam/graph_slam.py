@@ -261,7 +261,7 @@ class GraphSlam:
         """The shortest way home over cells that are believed to be free."""
 
         def ground() -> Ground:
-            return Ground(self._grid(), self.graph.poses[:, :2])
+            return self._grid().ground(self.graph.poses[:, :2])
 
         version = self._version, len(self.graph.poses), self.graph.closures
         return self._route.way_home(version, self._pose, ground)

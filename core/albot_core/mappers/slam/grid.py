@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int32, Int64
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Points, Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.slam.tiles import (
     MOST_TILES,
@@ -32,6 +32,7 @@ from albot_core.mappers.slam.tiles import (
     tiles_around,
     writable_tile,
 )
+from albot_core.mappers.slam.way_home import Ground
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import OccupancyGridLayer
 from albot_core.ranges import POSITIVE, Range, check_fields
@@ -162,6 +163,14 @@ class LogOddsGrid:
         cells = tiles.transpose(0, 2, 1, 3).reshape(part.shape[0] * TILE, part.shape[1] * TILE)
         corner = ((self.corner + low)[::-1] * TILE * self.config.cell).astype(np.float64)
         return np.ascontiguousarray(cells), corner
+
+    def ground(self, stood: Points) -> Ground:
+        """The ground for the search of a way home.
+
+        Args:
+            stood: Where the robot has been, in order (m), (n, 2).
+        """
+        return Ground(*self.log_odds(), self.config.cell, stood)
 
     def layer(self) -> OccupancyGridLayer:
         """The grid as a layer of a map: probabilities, NaN where nothing is known."""

@@ -172,7 +172,7 @@ class Karto:
         """The shortest way home over cells that are believed to be free."""
 
         def ground() -> Ground:
-            return Ground(self._grid(), self.corrected_poses()[:, :2])
+            return self._grid().ground(self.corrected_poses()[:, :2])
 
         return self._route.way_home(len(self._scans), self.estimate.pose, ground)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import sys
 from dataclasses import replace
 
@@ -134,16 +133,6 @@ def test_it_is_the_same_each_time_and_goes_on_after_a_restart():
     assert whole.graph.closures > 3
     for name, array in whole.state().items():
         np.testing.assert_array_equal(array, resumed.state()[name], err_msg=name)
-
-
-def test_a_jump_of_the_odometer_is_told_and_not_followed(caplog):
-    mapper = GraphSlam()
-    drive(mapper, POSES[:8], 0, 0.0, 0.0)
-    with caplog.at_level(logging.WARNING):
-        mapper.update(reading_from(POSES[8], np.array((1e4, 0.0, 0.0)), RING))
-    assert "graph-slam: the odometer's motion of 10000.0 m" in caplog.text
-    assert np.abs(mapper.estimate.pose).max() < 5
-    assert mapper.snapshot().layer(OccupancyGridLayer).occupancy.size < 10**6
 
 
 def loop_graph(
