@@ -10,8 +10,11 @@ of the scans at its poses.
 from __future__ import annotations
 
 import importlib
+import logging
 from collections.abc import Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -29,6 +32,7 @@ from albot_core.maps.layers import MapSnapshot, TrajectoryLayer
 from albot_core.ranges import POSITIVE, Range, check_fields
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 
+_log = logging.getLogger(__name__)
 _FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
@@ -152,7 +156,11 @@ class Karto:
             self.config.range_threshold,
             *at.tolist(),
         )
-        self._karto.process_scan(scan)
+        # It tells its doubts by `print`, among what is meant for standard output.
+        with redirect_stdout(StringIO()) as told:
+            self._karto.process_scan(scan)
+        for line in told.getvalue().splitlines():
+            _log.info("%s: %s", self._name, line)
         self._scans.append(laser)
         self._odometry.append(pose)
 
