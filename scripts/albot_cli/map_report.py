@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Callable
@@ -67,14 +68,21 @@ class Score:
 def warm_up(name: str, config: Any, log: Log, seconds: float = math.inf) -> None:
     """Lead a mapper through the log's beginning, so that the next finds its code compiled.
 
-    It ends sooner where it has taken so many seconds.
+    It ends sooner where it has taken so many seconds. What is wrong with a reading is told when
+    the log is mapped, not twice.
     """
     mapper = make_mapper(name, config=config)
     end = time.perf_counter() + seconds
-    for reading in log.readings[:_WARM_UP]:
-        mapper.update(reading)
-        if time.perf_counter() > end:
-            break
+    logger = logging.getLogger("albot_core.mappers")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        for reading in log.readings[:_WARM_UP]:
+            mapper.update(reading)
+            if time.perf_counter() > end:
+                break
+    finally:
+        logger.setLevel(level)
 
 
 def run_mapper(

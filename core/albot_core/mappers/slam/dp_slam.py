@@ -32,7 +32,7 @@ from albot_core.mappers.slam.ancestry import (
 from albot_core.mappers.slam.distributed_map import DistributedMap
 from albot_core.mappers.slam.dp_slam_config import MOST_DEVIATIONS, DpSlamConfig
 from albot_core.mappers.slam.observations import release_empty_tiles
-from albot_core.mappers.slam.opacity import Beams, slots_needed, weigh_samples
+from albot_core.mappers.slam.opacity import Beams, slots_needed, used_beams, weigh_samples
 from albot_core.mappers.slam.scan_entry import enter_scan
 from albot_core.mappers.slam.scan_matching import believed_motion
 from albot_core.mappers.slam.tiles import NONE
@@ -44,7 +44,7 @@ from albot_core.maps.layers import (
     ParticlesLayer,
     TrajectoryLayer,
 )
-from albot_core.sensing.reading import LaserScan, Reading
+from albot_core.sensing.reading import Reading
 
 _LEAST_WAY = 1e-6
 """No beam is drawn to have gone less far through a square (m)."""
@@ -86,6 +86,7 @@ class DpSlam:
         self._draws: Int64[np.ndarray, "particles"] = np.array((self.config.sample_count,))
         self._best = 0
         self._moved = np.zeros(3)
+        self._is_localised = True
         self._route.forget()
 
     def update(self, reading: Reading) -> bool:
@@ -103,7 +104,7 @@ class DpSlam:
             self._moved = moved
             self._paths.add_reading(moved)
             return False
-        beams = self._beams(scan)
+        beams = used_beams(scan, self.config.beams, self.config.reach)
         self._check_ground(moved, beams)
         parents = np.zeros(1, np.int64)
         if not is_first:
@@ -118,7 +119,7 @@ class DpSlam:
         self._enter(parents, beams)
         self._paths.add_poses(self._poses, parents)
         self._paths.add_reading(np.zeros(3))
-        self._moved = np.zeros(3)
+        self._moved, self._is_localised = np.zeros(3), bool(beams.stopped.any())
         return True
 
     def _has_moved_on(self, moved: Pose) -> bool:
@@ -146,12 +147,13 @@ class DpSlam:
         beams: Beams,
     ) -> Float64[np.ndarray, "samples"]:
         """The samples' weights by a scan; they sum to 1."""
-        logs = np.empty(len(samples))
+        logs = np.zeros(len(samples))
         arrays, tree, local = self._map.arrays, self._map.tree, self._room(beams)
         local.nodes[:] = NONE
         local.nodes[: len(self._nodes)] = self._nodes
         count = order_nodes(tree)
-        weigh_samples(arrays, tree, local, count, samples, origins, beams, self._model, logs)
+        if beams.stopped.any():  # Else the scan says nothing of where the robot is.
+            weigh_samples(arrays, tree, local, count, samples, origins, beams, self._model, logs)
         weights = np.exp(logs - logs.max())
         return np.asarray(weights / weights.sum())
 
@@ -174,9 +176,8 @@ class DpSlam:
         assert local is not None  # It was made to weigh the samples.
         nodes, count = local.nodes, len(self._nodes)
         descendants = np.bincount(parents, minlength=count)
-        prune(
-            self._map.arrays, tree, nodes[:count], descendants, np.empty(len(tree.parent), np.uint8)
-        )
+        is_removed = np.empty(len(tree.parent), np.uint8)
+        prune(self._map.arrays, tree, nodes[:count], descendants, is_removed)
         return np.array([add_node(tree, nodes[parent]) for parent in parents], np.int16)
 
     def _enter(self, parents: Int64[np.ndarray, "chosen"], beams: Beams) -> None:
@@ -205,23 +206,6 @@ class DpSlam:
         clear_local_map(self._map.arrays, local)
         release_empty_tiles(self._map.arrays)
 
-    def _beams(self, scan: LaserScan) -> Beams:
-        """The beams of a scan that are used.
-
-        A laser that says 0 has seen nothing, and says nothing of what it did not see.
-        """
-        config, geometry = self.config, scan.geometry
-        every = -(-geometry.beams // config.beams)
-        ranges, directions = scan.ranges[::every], geometry.directions[::every]
-        is_used = ranges > 0
-        ranges = ranges[is_used]
-        return Beams(
-            directions=np.ascontiguousarray(directions[is_used]),
-            lengths=np.minimum(ranges, config.reach),
-            stopped=ranges < min(config.reach, geometry.max_range),
-            eye=np.array(geometry.mount[:2]),
-        )
-
     def _room(self, beams: Beams) -> LocalMap:
         """The local map, with room for scans of so many beams."""
         slots = _SCANS * int(slots_needed(len(beams.lengths), self._model))
@@ -244,10 +228,14 @@ class DpSlam:
 
     @property
     def estimate(self) -> Estimate:
-        """The best particle's pose, and what the odometer said since."""
+        """The best particle's pose, and what the odometer said since.
+
+        The robot is lost while nothing stops a beam.
+        """
         return Estimate(
             pose=compose(self._poses[self._best], self._moved),
             home=np.zeros(3),
+            localised=self._is_localised,
             updates=self._paths.updates,
             map_version=self._paths.updates,
         )
@@ -322,6 +310,7 @@ class DpSlam:
             "rng": generator_state(self._rng),
             "moved": self._moved.copy(),
             "best": np.array(self._best, np.int64),
+            "localised": np.array(self._is_localised, np.int64),
             "particles.poses": self._poses.copy(),
             "particles.nodes": self._nodes.copy(),
             "particles.draws": self._draws.copy(),
@@ -335,7 +324,8 @@ class DpSlam:
         Raises:
             InputError: The arrays are none that a state holds.
         """
-        shapes = {"particles.poses": ("particles", 3), "best": (), "moved": (3,), "rng": (6,)}
+        shapes = {"particles.poses": ("particles", 3), "moved": (3,), "rng": (6,)}
+        shapes |= {"best": (), "localised": ()}
         shapes |= dict.fromkeys(("particles.nodes", "particles.draws"), ("particles",))
         check_shapes(state, shapes)
         check_finite(state, "particles.poses", "moved")
@@ -349,17 +339,17 @@ class DpSlam:
             )
         if not 0 <= state["best"] < len(poses):
             raise InputError("best", "one of the particles", str(state["best"]))
-        paths, distributed = (
-            AncestralPaths(),
-            DistributedMap(self.config.particles, self.config.cell),
-        )
+        if state["localised"] not in (0, 1):
+            raise InputError("localised", "0 or 1", str(state["localised"]))
+        paths = AncestralPaths()
         paths.restore(state, len(poses))
+        distributed = DistributedMap(self.config.particles, self.config.cell)
         distributed.restore(state, state["particles.nodes"])
         self._rng = generator_of(state["rng"])
         self._map, self._paths = distributed, paths
         self._poses, self._draws = poses.copy(), draws.copy()
         self._nodes, self._best = state["particles.nodes"].copy(), int(state["best"])
-        self._moved = state["moved"].copy()
+        self._moved, self._is_localised = state["moved"].copy(), bool(state["localised"])
         self._route.forget()
 
 

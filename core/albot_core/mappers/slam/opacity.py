@@ -20,6 +20,7 @@ from albot_core.kernels.compiled import kernel
 from albot_core.mappers.slam.ancestry import LocalMap, clear_local_map, fill_local_map
 from albot_core.mappers.slam.observations import TILE_SQUARES, MapArrays, TreeArrays, tile_at
 from albot_core.mappers.slam.tiles import NONE, TILE
+from albot_core.sensing.reading import LaserScan
 
 SLIVER = 1e-9
 """A beam that goes no farther through a square (m) has only touched its corner."""
@@ -63,6 +64,29 @@ class Beams(NamedTuple):
     """Whether something stopped them there."""
     eye: Float64[np.ndarray, "2"]
     """Where the laser is in the robot's frame (m)."""
+
+
+def used_beams(scan: LaserScan, most: int, reach: float) -> Beams:
+    """The beams of a scan that are used: each, or as far apart as need be.
+
+    A laser that says 0 has seen nothing, and says nothing of what it did not see.
+
+    Args:
+        scan: The scan.
+        most: No more of its beams are used.
+        reach: Ranges count no farther than this (m).
+    """
+    geometry = scan.geometry
+    every = -(-geometry.beams // most)
+    ranges, directions = scan.ranges[::every], geometry.directions[::every]
+    is_used = ranges > 0
+    ranges = ranges[is_used]
+    return Beams(
+        directions=np.ascontiguousarray(directions[is_used]),
+        lengths=np.minimum(ranges, reach),
+        stopped=ranges < min(reach, geometry.max_range),
+        eye=np.array(geometry.mount[:2]),
+    )
 
 
 @kernel()

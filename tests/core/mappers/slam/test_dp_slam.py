@@ -15,7 +15,7 @@ from albot_core.mappers.registry import make_mapper
 from albot_core.mappers.slam.ancestral_paths import AncestralPaths
 from albot_core.mappers.slam.dp_slam import DpSlam, resample
 from albot_core.mappers.slam.dp_slam_config import DpSlamConfig, MotionModel
-from albot_core.mappers.slam.opacity import SLIVER
+from albot_core.mappers.slam.opacity import SLIVER, used_beams
 from albot_core.mappers.slam.tiles import NONE
 from albot_core.maps.layers import OccupancyGridLayer, ParticlesLayer, TrajectoryLayer
 from albot_core.sensing.reading import LaserGeometry, Reading
@@ -150,7 +150,7 @@ def test_a_sample_that_is_given_up_had_no_chance():
     for reading in drive(6):
         for mapper in (kept, culled):
             mapper.update(reading)
-    beams = kept._beams(drive(7)[6].laser)
+    beams = used_beams(drive(7)[6].laser, many.beams, many.reach)
     samples, origins = kept._move_particles(np.array((0.2, 0.0, 0.15)))
     all_weights = kept._weigh(samples, origins, beams)
     culled.restore(kept.state())
