@@ -95,7 +95,7 @@ class GraphSlam:
         self._offsets: list[Pose] = []  # Of each reading, from the keyframe that it follows…
         self._followed: list[int] = []  # …which is this.
         self._matched, self._version, self._waiting = -1, 0, 0
-        self._is_localised = True
+        self._is_localised, self._is_surprised = True, False
         self._drawn: tuple[int, int, LogOddsGrid] | None = None
 
     def update(self, reading: Reading) -> bool:
@@ -120,7 +120,7 @@ class GraphSlam:
             self._add_node(keyframe, match)  # Steps 1 and 2.
             self._local.keep(self._pose, points.surface)
             self._matched = self._close_loops()  # Step 3.
-            if self._waiting >= self.config.most_waiting:
+            if self._is_surprised or self._waiting >= self._most_waiting:
                 self._optimise()  # Step 4.
         self._followed.append(len(self._keyframes) - 1)
         self._offsets.append(relative(self.graph.poses[-1], self._pose))
@@ -230,15 +230,20 @@ class GraphSlam:
         graph.add(other, latest, motion, information, closes=True)
         self._waiting += 1
         off = relative(found.pose, guess)
-        if off @ information @ off > self.config.surprise**2:
-            self._waiting += self.config.most_waiting
+        self._is_surprised |= bool(off @ information @ off > self.config.surprise**2)
         return True
+
+    @property
+    def _most_waiting(self) -> int:
+        """How many closures may wait for the next optimisation."""
+        share = self.config.waiting_share * self.graph.closures
+        return max(self.config.most_waiting, int(share))
 
     def _optimise(self) -> None:
         """Move all keyframes to where the edges fit best, and the robot with the last of them."""
         self.graph.poses = self.graph.optimum()
         self._pose = self.graph.poses[-1].copy()
-        self._waiting = 0
+        self._waiting, self._is_surprised = 0, False
         self._version += 1
         kept = min(len(self.graph.poses), self.config.matching.scans)
         self._local.move(self.graph.poses[-kept:])
@@ -334,7 +339,7 @@ class GraphSlam:
         self._followed = state["readings.followed"].tolist()
         self._matched, self._version, self._waiting, localised, _ = state["counts"].tolist()
         self._is_localised = bool(localised)
-        self._drawn = None
+        self._is_surprised, self._drawn = False, None
         self._route.forget()
 
 

@@ -77,7 +77,10 @@ class GraphSlamConfig:
     surprise: float = 3.0
     """The graph is optimised at once where a closure is so many standard deviations off…"""
     most_waiting: int = 40
-    """…and else after so many closures."""
+    """…and else after so many closures…"""
+    waiting_share: float = 0.1
+    """…or after this share of all, where that is more: so a closure costs no more in a large graph
+    than in a small one."""
     longest_step: float = 10.0
     """No robot goes farther between two readings (m): a longer motion is not believed."""
 
@@ -86,3 +89,4 @@ class GraphSlamConfig:
             self, POSITIVE, "cauchy", "dcs", "floor", "turn_floor", "surprise", "longest_step"
         )
         check_fields(self, _FROM_ONE, "most_waiting")
+        check_fields(self, SHARE, "waiting_share")

@@ -135,6 +135,23 @@ def test_it_is_the_same_each_time_and_goes_on_after_a_restart():
         np.testing.assert_array_equal(array, resumed.state()[name], err_msg=name)
 
 
+def test_the_more_closures_there_are_the_more_may_wait(monkeypatch):
+    counts, optimum = [], PoseGraph.optimum
+    monkeypatch.setattr(PoseGraph, "optimum", lambda graph: counts.append(1) or optimum(graph))
+    for share in (0.0, 1.0):
+        counts.clear()
+        closures = ClosureConfig(behind=20)
+        mapper = GraphSlam(
+            GraphSlamConfig(closures=closures, most_waiting=1, waiting_share=share, surprise=1000.0)
+        )
+        drive(mapper, laps(1.6), 1, 0.02, 0.02)
+        if share == 0.0:
+            assert len(counts) == mapper.graph.closures > 10
+        else:
+            # Half of all wait each time.
+            assert 1 <= len(counts) <= np.log2(mapper.graph.closures) + 1
+
+
 def loop_graph(
     rng: np.random.Generator, cauchy: float = 1.0, dcs: float = 5.0
 ) -> tuple[PoseGraph, np.ndarray]:
