@@ -27,6 +27,7 @@ from albot_core.geometry.types import Points, Poses
 from albot_core.logs.log import Log
 from albot_core.mappers.mapper import AttractorNetwork, CorrectedTrajectory, Mapper
 from albot_core.mappers.registry import make_mapper
+from albot_core.maps.outlines import surfaces_of
 
 RECOGNITION = "recognition.png"
 """The name of the picture that `draw_recognition` leaves."""
@@ -156,7 +157,7 @@ def report(
         "seconds": run.seconds,
         "scans_per_second": scans / run.seconds,
         "updates": run.mapper.estimate.updates,
-        "surfaces": len(snapshot.segments),
+        "surfaces": len(surfaces_of(snapshot)),
         "places": len(snapshot.place_graph.nodes) or None,
         "ate_rmse_m": mapped.trajectory.rmse if mapped.trajectory else None,
         "corrected_ate_rmse_m": (
