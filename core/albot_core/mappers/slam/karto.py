@@ -105,7 +105,7 @@ class Karto:
         self._scans: list[LaserScan] = []
         self._odometry: list[Pose] = []
         self._karto = self._fresh()
-        self._drawn: tuple[int, LogOddsGrid] | None = None
+        self._drawn: tuple[Poses, LogOddsGrid] | None = None
 
     def update(self, reading: Reading) -> bool:
         """Take in a reading; true, since each is added.
@@ -190,13 +190,15 @@ class Karto:
         return MapSnapshot(layers=(self._grid().layer(), way))
 
     def _grid(self) -> LogOddsGrid:
-        """The grid, drawn of all scans where they are believed to have been taken now."""
-        count, grid = self._drawn or (-1, LogOddsGrid(self.config.grid))
-        if count != len(self._scans):
-            grid = LogOddsGrid(self.config.grid)
-            for pose, scan in zip(self.corrected_poses(), self._scans, strict=True):
-                grid.integrate(pose, scan)
-            self._drawn = len(self._scans), grid
+        """The grid, drawn of all scans; only what is new, where no earlier pose has moved."""
+        poses = self.corrected_poses()
+        drawn, grid = self._drawn or (poses[:0], LogOddsGrid(self.config.grid))
+        done = len(drawn)
+        if not np.array_equal(drawn, poses[:done]):
+            done, grid = 0, LogOddsGrid(self.config.grid)
+        for pose, scan in zip(poses[done:], self._scans[done:], strict=True):
+            grid.integrate(pose, scan)
+        self._drawn = poses, grid
         return grid
 
     def state(self) -> dict[str, np.ndarray]:
