@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.mappers.slam.karto import Karto
 from albot_core.sensing.reading import LaserGeometry
@@ -61,6 +62,22 @@ def test_the_laser_s_poses_go_in_and_the_robot_s_come_out(karto):
     restored = Karto()
     restored.restore(karto.state())
     np.testing.assert_array_equal(restored.corrected_poses(), karto.corrected_poses())
+
+
+def test_scans_are_handed_over_once_the_robot_has_moved_enough(karto):
+    step = np.array((0.09, 0.0, 0.0))
+    for k in range(8):
+        assert karto.update(reading_from(k * step, step if k else np.zeros(3))) == (k in (0, 3, 6))
+    np.testing.assert_allclose(karto.corrected_poses(), np.arange(8)[:, None] * step, atol=1e-12)
+    np.testing.assert_allclose(karto.estimate.pose, 7 * step, atol=1e-12)
+    assert karto.estimate.updates == 3
+    restored = Karto()
+    restored.restore(karto.state())
+    np.testing.assert_array_equal(restored.corrected_poses(), karto.corrected_poses())
+    turned = np.array((0.0, 0.0, 0.2))
+    assert restored.update(reading_from(8 * step, turned))
+    with pytest.raises(InputError, match="numbers that grow from 0 to 2"):
+        restored.restore(karto.state() | {"readings.followed": np.zeros(8, np.int64)})
 
 
 def test_no_return_goes_in_as_a_range_of_nothing(karto):
