@@ -138,7 +138,7 @@ def draw(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11, 4.2), layout="constrained")
+    figure = Figure(figsize=(13, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2)
     for line, cost in costs.items():
         left.plot(scans, 1e3 * np.array(cost), label=line)
@@ -159,7 +159,7 @@ def draw(
 def _label(axes: Axes, what: str, title: str) -> None:
     axes.set(xlabel="scans", ylabel=what, title=title)
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
 
 
 if __name__ == "__main__":
