@@ -45,7 +45,7 @@ MAPPERS = (
 STEPS = 3000
 """How long worlds are explored (steps of 0.1 s)."""
 _AGENT, _ODOMETER = "gap-explorer", "poor"
-_WIDTH, _COLOURS = 420, 48
+_WIDTH, _COLOURS = 420, 160
 """Pixels across a picture of a map, and its colours."""
 _ACROSS = 4
 """Pictures side by side."""

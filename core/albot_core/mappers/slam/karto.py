@@ -53,11 +53,11 @@ class KartoConfig:
     """…and of the fine one."""
     range_threshold: float = 20.0
     """Beams that are longer are not matched (m)."""
-    minimum_travel_distance: float = 0.2
-    """A scan is handed over once the odometer has gone so far since the last (m), OpenKarto's own
-    default; the package leaves it to its caller…"""
-    minimum_travel_heading: float = math.radians(10.0)
-    """…or has turned so far (rad), the same."""
+    minimum_travel_distance: float = 0.0
+    """A scan is handed over once the odometer has gone so far since the last (m)…"""
+    minimum_travel_heading: float = 0.0
+    """…or has turned so far (rad). OpenKarto's own are 0.2 m and 10°; the package takes every
+    scan."""
     grid: GridConfig = field(default_factory=GridConfig)
     """The occupancy grid that is drawn: ours."""
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
@@ -140,8 +140,9 @@ class Karto:
 
     def _has_moved_enough(self, offset: Pose) -> bool:
         """Whether the robot has gone or turned so far since the last scan, by the odometer."""
-        far = math.hypot(offset[0], offset[1]) >= self.config.minimum_travel_distance
-        return far or abs(float(offset[2])) >= self.config.minimum_travel_heading
+        x, y, turn = offset.tolist()
+        far = math.hypot(x, y) >= self.config.minimum_travel_distance
+        return far or abs(turn) >= self.config.minimum_travel_heading
 
     def _fresh(self) -> Any:
         graph_slam = importlib.import_module("yag_slam.graph_slam")

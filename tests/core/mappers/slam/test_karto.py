@@ -11,7 +11,7 @@ import pytest
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
-from albot_core.mappers.slam.karto import Karto
+from albot_core.mappers.slam.karto import Karto, KartoConfig
 from albot_core.sensing.reading import LaserGeometry
 from tests.core.mappers.slam.rooms import ROOM, reading_from
 
@@ -65,13 +65,15 @@ def test_the_laser_s_poses_go_in_and_the_robot_s_come_out(karto):
 
 
 def test_scans_are_handed_over_once_the_robot_has_moved_enough(karto):
+    own = KartoConfig(minimum_travel_distance=0.2, minimum_travel_heading=np.radians(10.0))
+    karto = Karto(own)
     step = np.array((0.09, 0.0, 0.0))
     for k in range(8):
         assert karto.update(reading_from(k * step, step if k else np.zeros(3))) == (k in (0, 3, 6))
     np.testing.assert_allclose(karto.corrected_poses(), np.arange(8)[:, None] * step, atol=1e-12)
     np.testing.assert_allclose(karto.estimate.pose, 7 * step, atol=1e-12)
     assert karto.estimate.updates == 3
-    restored = Karto()
+    restored = Karto(own)
     restored.restore(karto.state())
     np.testing.assert_array_equal(restored.corrected_poses(), karto.corrected_poses())
     turned = np.array((0.0, 0.0, 0.2))
