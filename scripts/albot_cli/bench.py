@@ -28,6 +28,7 @@ PARTS = (
     "generator",
     "startup",
     "ratslam",
+    "slam",
 )
 
 
@@ -98,6 +99,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     from albot_benchmarks.long_run import measure_long_run
     from albot_benchmarks.mapper import measure_growth, measure_looping, measure_mappers
     from albot_benchmarks.ratslam import measure_ratslam
+    from albot_benchmarks.slam import measure_slam
     from albot_benchmarks.startup import measure_startup
 
     readings = read_log(log).readings if log else None
@@ -115,6 +117,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
         "generator": measure_generators,
         "startup": measure_startup,
         "ratslam": measure_ratslam,
+        "slam": lambda: measure_slam(readings),
     }
 
 
@@ -143,6 +146,7 @@ def as_text(figures: Figures) -> str:
     lines += _learner(figures["learner"])
     lines += map(_generator, figures["generator"])
     lines += map(_ratslam, figures.get("ratslam", ()))
+    lines += map(_slam, figures.get("slam", ()))
     lines += map(_startup, filter(None, [figures.get("startup")]))
     return "\n".join(lines)
 
@@ -219,6 +223,15 @@ def _generator(row: Figures) -> str:
     return (
         f"generator   {row['walls']:7,.0f} walls     {row['worlds_per_second']:8,.0f} worlds/s    "
         f"{row['kind']}"
+    )
+
+
+def _slam(row: Figures) -> str:
+    ratio = row["ratio_to_karto"]
+    beside = "" if ratio is None else f", {ratio:.2f} times karto"
+    return (
+        f"slam        {row['readings_per_second']:8,.0f} readings/s "
+        f"({row['readings_per_cpu_second']:,.0f} on a core of its own{beside})  {row['name']}"
     )
 
 

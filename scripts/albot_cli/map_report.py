@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Callable
@@ -26,6 +27,7 @@ from albot_core.geometry.types import Points, Poses
 from albot_core.logs.log import Log
 from albot_core.mappers.mapper import AttractorNetwork, CorrectedTrajectory, Mapper
 from albot_core.mappers.registry import make_mapper
+from albot_core.maps.outlines import surfaces_of
 
 RECOGNITION = "recognition.png"
 """File name of the picture that `draw_recognition` writes."""
@@ -67,14 +69,21 @@ class Score:
 def warm_up(name: str, config: Any, log: Log, seconds: float = math.inf) -> None:
     """Run a mapper over the log's beginning, so that the next one finds its code compiled.
 
-    It stops early after `seconds` seconds.
+    It stops early after `seconds` seconds. A wrong reading is reported when the log is mapped, not
+    here.
     """
     mapper = make_mapper(name, config=config)
     end = time.perf_counter() + seconds
-    for reading in log.readings[:_WARM_UP]:
-        mapper.update(reading)
-        if time.perf_counter() > end:
-            break
+    logger = logging.getLogger("albot_core.mappers")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        for reading in log.readings[:_WARM_UP]:
+            mapper.update(reading)
+            if time.perf_counter() > end:
+                break
+    finally:
+        logger.setLevel(level)
 
 
 def run_mapper(
@@ -149,7 +158,7 @@ def report(
         "seconds": run.seconds,
         "scans_per_second": scans / run.seconds,
         "updates": run.mapper.estimate.updates,
-        "surfaces": len(snapshot.segments),
+        "surfaces": len(surfaces_of(snapshot)),
         "places": len(snapshot.place_graph.nodes) or None,
         "ate_rmse_m": mapped.trajectory.rmse if mapped.trajectory else None,
         "corrected_ate_rmse_m": (

@@ -24,6 +24,7 @@ from albot_core.maps.layers import (
     SegmentsLayer,
     TrajectoryLayer,
 )
+from albot_core.maps.outlines import outlines
 
 FRAME = "metres; x forward and y left of where the robot set out"
 
@@ -42,7 +43,8 @@ def map_to_geojson(snapshot: MapSnapshot) -> dict[str, object]:
 
     - Line segments: a LineString each; `id` is its number in the map.
     - Occupancy grid: a Point with `kind` `cell` at the centre of each occupied cell, with its
-      `probability`.
+      `probability`; a LineString with `kind` `outline` for each piece of the border between free
+      and occupied ground (see `outlines`).
     - Place graph: a Point with `kind` `place` for each place, with its number as `id` and its
       `label`. For each edge a LineString with the numbers of its source (`of`) and target
       (`leads_to`): with `kind` `exit` across its doorway or, without a doorway, with `kind`
@@ -76,10 +78,11 @@ def _occupancy_grid(layer: OccupancyGridLayer) -> list[Feature]:
         occupied = layer.occupancy >= OCCUPIED
     chances = layer.occupancy[occupied].round(_DIGITS).tolist()
     centres = layer.centres(OCCUPIED)
-    return [
+    cells = [
         _point(at, kind="cell", probability=chance)
         for at, chance in zip(centres, chances, strict=True)
     ]
+    return cells + [_line(line.reshape(2, 2), kind="outline") for line in outlines(layer)]
 
 
 @layer_features.register

@@ -103,7 +103,7 @@ MAPPERS: dict[str, MapperSpec] = {
             sensors=_LASER,
             layers=("occupancy_grid", "place_graph", "trajectory"),
             factory="albot_core.mappers.slam.graph_slam:GraphSlam",
-            config="albot_core.mappers.slam.graph_slam:GraphSlamConfig",
+            config="albot_core.mappers.slam.graph_slam_config:GraphSlamConfig",
             extra="slam",
             modules=("gtsam",),
         ),

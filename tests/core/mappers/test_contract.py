@@ -238,7 +238,7 @@ def test_a_capability_is_had_or_clearly_refused(name):
         "albot1-thesis": (True, True, False, False),
         "albot1-tracked": (True, True, False, False),
         "association": (False, False, False, False),
-        "dp-slam": (False, False, True, False),
+        "dp-slam": (True, False, True, False),
         "gmapping": (True, False, True, False),
         "graph-slam": (True, False, True, False),
         "grid-slam": (True, False, True, False),
