@@ -11,8 +11,6 @@ costs more than the loop. So vector code is written with Python's operators on `
 | `float32_predicate` | 16 float32, where less precision is enough |
 | `mixed_predicate` | 8, of a float64 array and of a float32 array |
 | `uint64_predicate` | 8 uint64, each looked up at its own position |
-
-Two functions are for tables of bytes: `sum_bytes` and `raise_bytes`.
 """
 
 from __future__ import annotations
@@ -32,8 +30,6 @@ from albot_core.kernels.compiled import kernel
 
 LANES, LANES32 = 8, 16
 """Number of columns in a vector of float64 (or uint64), and of float32."""
-BYTES_SUMMED, BYTES_RAISED = 16, 8
-"""Number of neighbouring bytes that `sum_bytes` and `raise_bytes` process at once."""
 
 Arrays = np.ndarray | tuple[np.ndarray, ...]
 Predicate = Callable[[Arrays, int | tuple[int, ...], tuple[Any, ...]], int]
@@ -340,63 +336,6 @@ def _broadcast(builder: Any, kind: Any, number: Any) -> Any:
     one = builder.insert_element(undefined, number, place(0))
     zeros = ir.Constant(ir.VectorType(place, kind.count), [0] * kind.count)
     return builder.shuffle_vector(one, undefined, zeros)
-
-
-def _sum_bytes(typing: Any, table: Any, places: Any, count: Any, shift: Any, sums: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        tools, kinds = cast(Any, cgutils), signature.args
-        data = {
-            k: context.make_array(kinds[k])(context, builder, values[k]).data for k in (0, 1, 4)
-        }
-        length, offset = (context.cast(builder, values[k], kinds[k], types.int64) for k in (2, 3))
-        wide = ir.VectorType(ir.IntType(32), BYTES_SUMMED)
-        narrow = ir.VectorType(ir.IntType(8), BYTES_SUMMED).as_pointer()
-        total = tools.alloca_once_value(builder, ir.Constant(wide, [0] * BYTES_SUMMED))
-        with tools.for_range(builder, length) as loop:
-            place = builder.load(builder.gep(data[1], [loop.index], inbounds=True))
-            at = builder.add(builder.sext(place, _WORD), offset)
-            row = builder.bitcast(builder.gep(data[0], [at], inbounds=True), narrow)
-            more = builder.zext(builder.load(row, align=1), wide)
-            builder.store(builder.add(builder.load(total), more), total)
-        builder.store(builder.load(total), builder.bitcast(data[4], wide.as_pointer()), align=4)
-        return context.get_dummy_value()
-
-    is_fit = (table.dtype, places.dtype, sums.dtype) == (types.uint8, types.int32, types.int32)
-    return (types.none(table, places, count, shift, sums), generate) if is_fit else None
-
-
-sum_bytes = cast(
-    Callable[[np.ndarray, np.ndarray, int, int, np.ndarray], None], intrinsic(_sum_bytes)
-)
-"""`sum_bytes(table, places, count, shift, sums)`: adds up bytes of a flat uint8 table.
-
-`sums[j]` (int32) becomes the sum of `table[place + shift + j]` over the first `count` places
-(int32), for j from 0 to before `BYTES_SUMMED`. All of these bytes must be in the table."""
-
-
-def _raise_bytes(typing: Any, table: Any, place: Any, least: Any, begin: Any) -> Any:
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        kinds = signature.args
-        kind = ir.VectorType(ir.IntType(8), BYTES_RAISED)
-        rows = []
-        for k in (0, 2):
-            data = context.make_array(kinds[k])(context, builder, values[k]).data
-            at = context.cast(builder, values[k + 1], kinds[k + 1], types.int64)
-            rows.append(builder.bitcast(builder.gep(data, [at], inbounds=True), kind.as_pointer()))
-        held, wanted = (builder.load(row, align=1) for row in rows)
-        is_less = builder.icmp_unsigned("<", held, wanted)
-        builder.store(builder.select(is_less, wanted, held), rows[0], align=1)
-        return context.get_dummy_value()
-
-    is_fit = table.dtype == least.dtype == types.uint8
-    return (types.none(table, place, least, begin), generate) if is_fit else None
-
-
-raise_bytes = cast(Callable[[np.ndarray, int, np.ndarray, int], None], intrinsic(_raise_bytes))
-"""`raise_bytes(table, place, least, begin)`: makes no byte less than another.
-
-Of two flat uint8 tables: `table[place + j]` becomes `least[begin + j]` where it is less, for j
-from 0 to before `BYTES_RAISED`."""
 
 
 @kernel()

@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float64, Int8
 
-from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 from albot_core.kernels.compiled import ZERO, kernel
-from albot_core.ranges import Range, check_fields
+from albot_core.ranges import POSITIVE, Range, check_fields
 from albot_core.sensing.reading import LaserScan
 
 _FROM_TWO = Range("a whole number from 2", 2.0, whole=True)
@@ -49,10 +48,8 @@ class ViewConfig:
     3.1.4)."""
 
     def __post_init__(self) -> None:
-        for name in ("max_range", "cluster_gap", "cluster_size", "break_height", "surface_length"):
-            value = getattr(self, name)
-            if not 0 < value < np.inf:
-                raise InputError(f"ViewConfig.{name}", "a positive length (m)", str(value))
+        lengths = "max_range", "cluster_gap", "cluster_size", "break_height", "surface_length"
+        check_fields(self, POSITIVE, *lengths)
         check_fields(self, _FROM_TWO, "surface_points")
 
     @property

@@ -19,8 +19,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.geometry.types import Pose
+from albot_core.kernels.byte_tables import BYTES_SUMMED, sum_bytes
 from albot_core.kernels.compiled import kernel
-from albot_core.kernels.simd import BYTES_SUMMED, sum_bytes
 from albot_core.mappers.slam.likelihood_field import CERTAIN, LikelihoodField
 
 TRIED_WHOLE = 2 * BYTES_SUMMED - 1

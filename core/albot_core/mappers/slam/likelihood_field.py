@@ -19,8 +19,8 @@ from jaxtyping import Float64, UInt8, UInt16
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose
+from albot_core.kernels.byte_tables import BYTES_RAISED, raise_bytes
 from albot_core.kernels.compiled import kernel
-from albot_core.kernels.simd import BYTES_RAISED, raise_bytes
 from albot_core.ranges import POSITIVE, Range, check_fields
 
 CERTAIN = 255
