@@ -65,7 +65,7 @@ def test_the_laser_s_poses_go_in_and_the_robot_s_come_out(karto):
 
 
 def test_scans_are_handed_over_once_the_robot_has_moved_enough(karto):
-    own = KartoConfig(minimum_travel_distance=0.2, minimum_travel_heading=np.radians(10.0))
+    own = KartoConfig(minimum_travel_distance=0.2, minimum_travel_heading=0.17)
     karto = Karto(own)
     step = np.array((0.09, 0.0, 0.0))
     for k in range(8):
