@@ -32,16 +32,18 @@ def measure_startup() -> dict[str, float]:
 
     Returns:
         `first_s` and `later_s` of `albot play`: seconds with an empty cache of compiled code, and
-        with a filled one. `episode_first_cpu_s`, `episode_later_cpu_s`: the same of the episode,
-        in seconds of a processor.
+        with a filled one. `episode_first_s`, `episode_later_s`: the same of the episode;
+        `episode_first_cpu_s`, `episode_later_cpu_s`: in seconds of a processor.
     """
     words = ("play", "--steps", "1", "--record", "a.mcap", "--png", "a.png", "--force", "--json")
     (first, _), later = _measure(PLAY, words)
-    (_, episode_first), episode_later = _measure(EPISODE, ())
+    (episode_first, first_cpu), episode_later = _measure(EPISODE, ())
     return {
         "first_s": first,
         "later_s": min(seconds for seconds, _ in later),
-        "episode_first_cpu_s": episode_first,
+        "episode_first_s": episode_first,
+        "episode_later_s": min(seconds for seconds, _ in episode_later),
+        "episode_first_cpu_s": first_cpu,
         "episode_later_cpu_s": min(seconds for _, seconds in episode_later),
     }
 

@@ -4,6 +4,7 @@
 |---|---|
 | gymnasium environments: one robot, many robots | `single`, `vector` |
 | their settings, and in which form actions are taken | `settings`, `interface` |
+| compiling before the first of all episodes | `precompile` |
 | batched robots: drive, sense, map, observe | `robots`; their arrays: `state` |
 | what actions ask for | `actions` |
 | what is observed | `observation`, `observation_builder` |
