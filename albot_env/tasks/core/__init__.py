@@ -5,7 +5,8 @@
 | gymnasium environments: one robot, many robots | `single`, `vector` |
 | their settings, and in which form actions are taken | `settings`, `interface` |
 | compiling before the first of all episodes | `precompile` |
-| batched robots: drive, sense, map, observe | `robots`; their arrays: `state`; the state of one, to go on from: `episode_snapshot` |
+| batched robots: drive, sense, map, observe | `robots`; their arrays: `state` |
+| the state of a robot, for another to go on from | `episode_snapshot` |
 | what actions ask for | `actions` |
 | what is observed | `observation`, `observation_builder` |
 | the same, compiled | `observation_kernels`, `observation_parts` |
