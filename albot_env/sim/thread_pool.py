@@ -30,7 +30,7 @@ class ThreadPool:
     def __init__(self, size: int | None) -> None:
         if size is not None and size not in _SIZES:
             raise InputError("threads", f"{_SIZES.expected}, or None", str(size))
-        self.size = size or _processors()
+        self.size = size or processors()
         self._pool: ThreadPoolExecutor | None = None
         self._owner = 0
 
@@ -70,7 +70,7 @@ class ThreadPool:
         self._pool = None
 
 
-def _processors() -> int:
+def processors() -> int:
     """Return the number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))

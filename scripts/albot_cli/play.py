@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
@@ -222,7 +220,6 @@ def _run(
         settings["mapper_config"] = read_robots_config(mapper, mapper_config)
     env = gymnasium.make(task, max_episode_steps=steps, disable_env_checker=True, **settings)
     driver = entry.make(env.get_wrapper_attr("observing"), task)
-    warm_up(mapper)
     inside = env.unwrapped
     assert isinstance(inside, SingleEnv)
     inside.agent, inside.recorder = agent, EpisodeWriter(record, overwrite=force)
@@ -365,36 +362,3 @@ def _as_text(summary: dict[str, Any]) -> str:
     if summary["files"]["picture"]:
         lines.append(f"  picture  {summary['files']['picture']}")
     return "\n".join(lines)
-
-
-def warm_up(mapper: str) -> None:
-    """If nothing is compiled yet, compile the mapper and the simulator in parallel.
-
-    numba compiles one function at a time per process, so the mapper is compiled in a second
-    process. Without this, the first steps of an episode just take longer.
-    """
-    import gymnasium
-
-    from albot_env.sim.sensing import sense
-    from albot_env.tasks.core.settings import NO_MAPPER
-    from albot_env.tasks.explore.task import ExploreTask
-
-    if _is_compiled(sense.compiled):
-        return
-    command = [sys.executable, "-m", "albot_core.mappers.precompile", mapper]
-    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
-        try:
-            env = gymnasium.make(ExploreTask.environment, world="square-loop", mapper=NO_MAPPER)
-            env.reset(seed=0)
-            env.step(env.action_space.sample())
-            env.close()
-            process.wait()
-        finally:
-            process.kill()  # After an interrupt; no effect on a process that has ended.
-
-
-def _is_compiled(function: object) -> bool:
-    """Return whether numba's cache has a compiled form of a function, current or outdated."""
-    name = getattr(function, "__qualname__", "")
-    folder = Path(function.stats.cache_path)  # type: ignore[attr-defined]
-    return any(folder.glob(f"*.{name}-*.nbi"))

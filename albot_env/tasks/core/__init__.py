@@ -4,7 +4,9 @@
 |---|---|
 | gymnasium environments: one robot, many robots | `single`, `vector` |
 | their settings, and the form of actions and observations | `settings`, `interface` |
+| compilation before the first episode | `precompile` |
 | batched robots: drive, sense, map, observe | `robots`; their arrays: `state` |
+| snapshots of a robot and of what it knows | `episode_snapshot` |
 | actions | `actions` |
 | observations | `observation`, `observation_builder` |
 | the same, compiled | `observation_kernels`, `observation_parts` |

@@ -9,6 +9,7 @@ from jaxtyping import Float32
 
 from albot_core.errors import InputError
 from albot_env.tasks.core.observation import Parts
+from albot_env.tasks.core.precompile import precompile
 from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import equip
 
@@ -71,6 +72,7 @@ class TaskInterface(Generic[Robots]):
             movables=movables,
             threads=threads,
         )
+        precompile(equipment)
         self.mapper, self.odometer = mapper, odometer
         """Names of the mapper and of the odometer's preset."""
         # `task` accepts more keywords than `BatchedRobots` does.

@@ -15,9 +15,10 @@ from albot_core.errors import InputError
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.percept import Percept
 from albot_env.tasks.core.actions import ActionConfig
+from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
 from albot_env.tasks.core.journeys import Journeys, JourneySpec
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.robots import BatchedRobots, EpisodeSnapshot
+from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import Equipment
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField

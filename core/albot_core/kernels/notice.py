@@ -14,8 +14,8 @@ from multiprocessing import parent_process
 PATIENCE = 1.0
 """Time spent on compiling in a process after which the warning is given (s)."""
 TEXT = (
-    "albot: compiling, the first time only: for an environment and its mapper most of a minute "
-    "of a free core (`albot warm-up` does it beforehand)"
+    "albot: compiling, the first time only: for an environment and its mapper some 20 seconds "
+    "of two free cores (`albot warm-up` does it beforehand)"
 )
 _logger = logging.getLogger("albot_core.kernels")
 
