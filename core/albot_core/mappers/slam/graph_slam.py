@@ -75,7 +75,7 @@ class GraphSlam:
 
     @property
     def estimate(self) -> Estimate:
-        """Where the robot is; the earlier reading is that with which a loop was closed just now."""
+        """Where the robot is; it matches the reading at whose place it has just closed a loop."""
         return Estimate(
             pose=self._pose.copy(),
             home=np.zeros(3),
@@ -156,7 +156,8 @@ class GraphSlam:
         """Compare the latest keyframe with earlier ones nearby, and add edges where they match.
 
         Returns:
-            The reading of the keyframe with which a loop was closed, -1 where none was.
+            The reading of the earlier keyframe if a loop was closed with it and the robot is at its
+            place (`ClosureConfig.same_place`); -1 otherwise.
         """
         config, graph = self.config.closures, self.graph
         latest = len(self._keyframes) - 1
@@ -179,7 +180,9 @@ class GraphSlam:
             open_ones[max(0, low - config.chain) : high + config.chain + 1] = False
             scan = self._latest_together() if scan is None else scan
             if self._compare(latest, other, range(low, high + 1), scan, last_edges):
-                matched = self._keyframes[other].reading if matched < 0 else matched
+                x, y, _ = graph.motions[-1]
+                if matched < 0 and math.hypot(x, y) <= config.same_place:
+                    matched = self._keyframes[other].reading
         return matched
 
     def _latest_together(self) -> ScanPoints:

@@ -44,11 +44,14 @@ class ClosureConfig:
     """A closure is believed whose points have at least this mean likelihood…"""
     wide_response: float = 0.7
     """…or this, where the window is as wide as it may be."""
+    same_place: float = 0.5
+    """Largest distance (m) of a keyframe from the earlier one with which it closed a loop at which
+    both count as taken at one place. A robot cannot be so near to a point behind a wall."""
 
     def __post_init__(self) -> None:
         check_fields(
             self, POSITIVE, "near", "deviations", "least_reach", "most_reach", "least_turn",
-            "most_turn",
+            "most_turn", "same_place",
         )  # fmt: skip
         check_fields(self, _FROM_ONE, "behind", "chain", "together", "tries")
         check_fields(self, SHARE, "response", "wide_response")

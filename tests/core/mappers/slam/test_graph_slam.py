@@ -95,7 +95,15 @@ def test_the_loop_is_closed_and_all_poses_are_corrected(driven):
     assert off(estimate.pose[None].repeat(len(POSES), 0))[-1] < 0.1
     # It knows that it is where it was a lap ago.
     there = POSES[estimate.matched_reading]
-    assert np.hypot(*(there - POSES[-1])[:2]) < 2.0
+    assert np.hypot(*(there - POSES[-1])[:2]) < 0.6
+
+
+def test_a_loop_closed_from_another_place_matches_no_reading():
+    closures = replace(ClosureConfig(), same_place=1e-3)
+    mapper = GraphSlam(replace(GraphSlamConfig(), closures=closures))
+    drive(mapper, POSES, 0, np.radians(15), 0.1)
+    assert mapper.graph.closures > 5
+    assert mapper.estimate.matched_reading is None
 
 
 def test_the_grid_is_drawn_of_the_corrected_poses(driven):
