@@ -51,6 +51,8 @@ class Case:
     """Steps per turn, summed over all environments."""
     threads: int | None = 1
     """Threads that share the work of a batch; None for one per processor."""
+    scenes: str = "none"
+    """The camera's preset, or `none`."""
     parts: tuple[str, ...] | None = None
     """Parts of the observation (see `ObservationConfig.parts`); None for the default parts."""
 
@@ -180,6 +182,7 @@ def make_batch(case: Case, world: World) -> Any:
         num_envs=case.num_envs,
         world=world,
         mapper=case.mapper,
+        scenes=case.scenes,
         config=_config(case),
         max_episode_steps=_ENDLESS,
         threads=case.threads,

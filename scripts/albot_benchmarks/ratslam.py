@@ -1,4 +1,4 @@
-"""Speed of RatSLAM: on a floor of 43 × 13 m, and of the correction of a large experience map."""
+"""Speed of RatSLAM: on a floor, in batches of environments, and of correcting a large map."""
 
 from __future__ import annotations
 
@@ -7,21 +7,26 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from albot_benchmarks.environment import WORLD, Case, make_workload
+from albot_benchmarks.timing import best_rates
 from albot_core.mappers.ratslam.correction import correct_link_by_link
 from albot_core.mappers.registry import make_mapper
 from albot_core.sensing.reading import Reading
 from albot_experiments.ratslam_floor import FLOOR
+from albot_maps import load_world
 
 _EXPERIENCES, _TRANSITIONS = 12_881, 14_485
 """Size of a large map: five to ten times the floor's map."""
+_BATCH = 64
+"""Number of environments that step together."""
 _PASSES = 200
 _RATE = 0.5
 
 Row = dict[str, float | int | str]
 
 
-def measure_ratslam(minutes: int = 60, rounds: int = 3) -> list[Row]:
-    """Time the mappers `ratslam-scenes` and `ratslam`, and the correction alone.
+def measure_ratslam(minutes: int = 60, rounds: int = 3, steps: int = 200 * _BATCH) -> list[Row]:
+    """Time the mappers `ratslam-scenes` and `ratslam`, alone and in batches, and the correction.
 
     `ratslam-scenes` is led over `office-floor` for `minutes` minutes, and `ratslam`, which uses a
     laser, for a third of that.
@@ -29,15 +34,17 @@ def measure_ratslam(minutes: int = 60, rounds: int = 3) -> list[Row]:
     Returns:
         One row per mapper: `name`, the `experiences` and `transitions` at the end,
         `readings_per_second`, and the time per reading in the second and in the last quarter of
-        the run, `us_early` and `us_late` (µs). One row for the correction of a large random map:
-        `experiences`, `transitions`, `passes_per_second`. All are the best of `rounds` rounds, in
-        processor time.
+        the run, `us_early` and `us_late` (µs). One row per batch of environments with a mapper,
+        stepped `steps` times in total by one thread: `name`, `num_envs`, `steps_per_second`. One
+        row for the correction of a large random map: `experiences`, `transitions`,
+        `passes_per_second`. All are the best of `rounds` rounds, in processor time.
     """
     journey = FLOOR.journey(seed=0, minutes=minutes)
     seen = len(journey.readings) // 3
     return [
         _mapping("ratslam-scenes", journey.readings, rounds),
         _mapping("ratslam", journey.readings[:seen], rounds),
+        *_batches(steps, rounds),
         _correction(rounds),
     ]
 
@@ -62,6 +69,21 @@ def _mapping(name: str, readings: Sequence[Reading], rounds: int) -> Row:
         "us_early": float(1e6 * best[1]),
         "us_late": float(1e6 * best[3]),
     }
+
+
+def _batches(steps: int, rounds: int) -> list[Row]:
+    """Robots that wander about in an office, each with a mapper of its own."""
+    world = load_world(WORLD)
+    cases = {
+        name: Case(mapper=name, num_envs=_BATCH, steps=steps, scenes=scenes)
+        for name, scenes in (("ratslam-scenes", "paper"), ("ratslam", "none"))
+    }
+    workloads = {name: make_workload(case, world) for name, case in cases.items()}
+    rates = best_rates(workloads, rounds)
+    return [
+        {"name": name, "num_envs": _BATCH, "steps_per_second": rate.cpu}
+        for name, rate in rates.items()
+    ]
 
 
 def _correction(rounds: int) -> Row:

@@ -236,6 +236,9 @@ def _slam(row: Figures) -> str:
 
 
 def _ratslam(row: Figures) -> str:
+    if "num_envs" in row:
+        rate = f"{row['steps_per_second']:7,.0f} robot steps/s of a processor"
+        return f"batch       {rate}  {row['name']}: {row['num_envs']} environments"
     size = f"{row['experiences']:,d} experiences, {row['transitions']:,d} transitions"
     if "passes_per_second" in row:
         return f"correction  {row['passes_per_second']:7,.0f} passes/s of {size}"

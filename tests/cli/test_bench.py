@@ -99,17 +99,23 @@ def test_environments_processes_and_learner_have_their_keys_and_lines() -> None:
 
 
 def test_ratslam_has_its_keys_and_lines(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ratslam, "measure_ratslam", partial(measure_ratslam, minutes=1, rounds=1))
+    monkeypatch.setattr(
+        ratslam, "measure_ratslam", partial(measure_ratslam, minutes=1, rounds=1, steps=64)
+    )
     figures: Any = bench("--part", "ratslam")
-    *floors, correction = figures["ratslam"]
+    *floors, scenes, laser, correction = figures["ratslam"]
     for floor in floors:
         assert floor["experiences"] > 1
         assert 1e6 / floor["readings_per_second"] > min(floor["us_early"], floor["us_late"]) / 2 > 0
+    for batch in (scenes, laser):
+        assert batch["steps_per_second"] > 0
     assert correction["passes_per_second"] > 0
     lines = as_text(figures).splitlines()[1:]
     assert "readings/s  ratslam-scenes" in lines[0]
     assert "readings/s  ratslam:" in lines[1]
-    assert "passes/s of 12,881 experiences, 14,485 transitions" in lines[2]
+    assert "robot steps/s of a processor  ratslam-scenes: 64 environments" in lines[2]
+    assert "robot steps/s of a processor  ratslam: 64 environments" in lines[3]
+    assert "passes/s of 12,881 experiences, 14,485 transitions" in lines[4]
 
 
 def test_a_missing_learner_is_a_line() -> None:
