@@ -11,6 +11,7 @@ from albot_cli.outputs import FORCE, check_file, check_folder
 from albot_cli.progress import progress
 from albot_core.files import make_folder, write_text
 from albot_experiments.registry import (
+    ABLATED,
     EXPERIMENTS,
     FIRST_SEED,
     Experiment,
@@ -100,11 +101,10 @@ def write_page(folder: Path, force: bool) -> None:
 @click.argument("folder", type=click.Path(path_type=Path))
 @FORCE
 def write_ablation(folder: Path, force: bool) -> None:
-    """Write the table that tells Albot1's mappers apart, of the reports in FOLDER, beside it."""
+    """Write the table that tells Albot1's mappers apart, of the reports in FOLDER."""
     page = folder.with_name("albot1_ablation.md")
     check_file(page, force=force)
-    reports = [read_report(folder / name) for name in EXPERIMENTS if name.startswith("albot1-")]
-    write_text(page, ablation(reports, folder.name))
+    write_text(page, ablation([read_report(folder / name) for name in ABLATED], folder.name))
     click.echo(str(page))
 
 

@@ -176,6 +176,11 @@ EXPERIMENTS = {
     )
 }
 
+ABLATED = tuple(
+    name for name in EXPERIMENTS if name.startswith("albot1-") and name != "albot1-readings"
+)
+"""The experiments that tell Albot1's mappers apart, for the ablation table."""
+
 
 def find_experiment(name: str) -> Experiment:
     """The experiment of that name.

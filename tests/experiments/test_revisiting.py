@@ -90,6 +90,7 @@ def test_all_are_run_by_one_command(small, tmp_path: Path, monkeypatch: pytest.M
 
     few = {name: command.EXPERIMENTS[name] for name in ("albot1-e2", "albot1-e4")}
     monkeypatch.setattr(command, "EXPERIMENTS", few)
+    monkeypatch.setattr(command, "ABLATED", tuple(few))
     out = tmp_path / "docs" / "experiments"
     out.parent.mkdir()
     args = ["experiment", "run", "all", "--seeds", "1", "--json", "--out", str(out)]
