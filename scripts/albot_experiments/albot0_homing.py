@@ -9,7 +9,6 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import inverse, transform_points
-from albot_core.geometry.types import Points
 from albot_core.mappers.albot0.mapper import Albot0
 from albot_core.mappers.mapper import POINT
 from albot_core.planning.sonar_driver import SonarDriver
@@ -97,7 +96,7 @@ def _go_home(
     for _ in range(STEPS):
         reading = _step(simulator, driver, reading, guide.mapper)
         place = simulator.pose[:2].copy()
-        is_home = _is_home(guide, place)
+        is_home = guide.is_at(place, 0)
         reached |= is_home
         for name, robot in robots.items():
             robot.go_home(reading, place)
@@ -110,12 +109,6 @@ def _go_home(
         known={name: known.get(name, False) for name in robots},
         reached=reached,
     )
-
-
-def _is_home(robot: Tracked, place: Points) -> bool:
-    """Whether a place (m) is in the home ASR: that of the way out's nearest reading is it."""
-    away = np.hypot(*(robot.out - place).T)
-    return int(robot.places[away.argmin()]) == 0
 
 
 def _step(
