@@ -15,10 +15,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import shapely
 from jaxtyping import Float64, Int64
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
+from shapely import STRtree
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, relative, transform_points
@@ -32,8 +34,9 @@ from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 _COUNT = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
 _GAP = 0.5
 """The way out is given by points so far apart (m)."""
-_BESIDE = 0.6
-"""There is no wall between two points of the way out that are no farther apart (m)."""
+_BESIDE = 1.5
+"""Between two points of the way out no farther apart (m) the robot can go straight, if there is no
+surface between."""
 _SURFACE_GAP = 0.2
 """…and its surfaces by points so far apart (m)."""
 _ALONG = np.array((1 / 6, 1 / 2, 5 / 6))
@@ -209,11 +212,14 @@ class WayBack:
     def _way_home(self) -> tuple[Float64[np.ndarray, "points"], Int64[np.ndarray, "points"]]:
         """Of each point of the way out, how far it is home (m) and the next point on the way there.
 
-        Where the way out comes by again so near that there is no wall between, its loop is cut off.
+        Where the way out comes by again, and there is no surface between, its loop is cut off.
         """
         points, count = self._points, len(self._points)
         pairs = KDTree(points).query_pairs(_BESIDE, output_type="ndarray")
         beside = pairs[pairs[:, 1] - pairs[:, 0] > 1]
+        walls = STRtree(shapely.linestrings(self._out.surfaces.reshape(-1, 2, 2)))
+        barred = walls.query(shapely.linestrings(points[beside]), predicate="intersects")[0]
+        beside = np.delete(beside, barred, axis=0)
         along = np.stack((np.arange(count - 1), np.arange(1, count)), axis=-1)
         one, other = np.concatenate((along, beside)).T
         lengths = np.maximum(np.hypot(*(points[one] - points[other]).T), _LEAST)
