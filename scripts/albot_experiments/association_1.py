@@ -27,8 +27,8 @@ ID = "association-1"
 TITLE = "The map produced (Yeap et al. 2015, figure 7)"
 WORLD, TOUR, BEYOND = "office-ring", "single-loop", 6
 """Once round, clockwise, and BEYOND waypoints on."""
-STEPS = StartStop(move=2.0, turn=np.radians(30.0))
-"""The paper's figure 5 drives 2 m; its robot turns 30° at the most."""
+STEPS = StartStop(move=3.0, turn=np.radians(30.0))
+"""The most that the paper's robot drives and turns from view to view."""
 LASER = "lms-200-fine"
 """361 beams at 0.5°, as the paper's."""
 DRIFTS = ("pioneer", "poor", "albot1-disturbed")
