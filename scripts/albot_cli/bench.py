@@ -96,7 +96,12 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     from albot_benchmarks.laser import measure_laser
     from albot_benchmarks.learner import measure_learner
     from albot_benchmarks.long_run import measure_long_run
-    from albot_benchmarks.mapper import measure_growth, measure_looping, measure_mappers
+    from albot_benchmarks.mapper import (
+        measure_growth,
+        measure_looping,
+        measure_mappers,
+        measure_splitting,
+    )
     from albot_benchmarks.ratslam import measure_ratslam
     from albot_benchmarks.startup import measure_startup
 
@@ -107,6 +112,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
             *measure_mappers(installed_mappers(), readings),
             *measure_looping(installed_mappers(), readings),
             *measure_growth(),
+            *measure_splitting(),
         ],
         "journey": measure_long_run,
         "env": lambda: measure_environments(rounds=rounds),
@@ -160,6 +166,11 @@ def _mapper(row: Figures) -> str:
         return (
             f"mapper      {row['robots']:7,d} in a loop {row['above_us']:8.1f} µs/reading above "
             f"the {row['own_us']:.1f} of its own update ({row['ratio']:.2f} times)  {row['name']}"
+        )
+    if "split_ms" in row:
+        return (
+            f"mapper      {row['paths']:7,d} robot paths {row['split_ms']:7.1f} ms to split into "
+            f"{row['regions']} regions  {row['name']}"
         )
     batch = (
         f"; {row['batch']} at once {row['batch_readings_per_second']:,.0f} in sum, "

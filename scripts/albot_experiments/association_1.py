@@ -146,10 +146,11 @@ of surfaces to the nearest wall, hardly sees it: there is a wall nearby wherever
 shape is kept where it is {RATIO:g} at least with each odometer. The paper shows two maps and gives
 no figure.
 
-What is left of the odometer's error with `association` is its part along the walls: turns do not
-add up, since a known surface keeps its direction, but how far along a wall the robot has come it
-knows by the odometer alone. Each link from a landmark to a new surface adds an error of its own, so
-that a good odometer gains less. The picture shows the first seed.
+With `association` the odometer's errors do not add up: known surfaces tell the direction, and where
+one crosses another they tell how far the robot has come along that. Each link from a landmark to a
+new surface adds an error of its own. The robot's steps are the longest of the paper's, which took
+103 views of its 130 m; ours are more, as all turns are made on the spot. The picture shows the
+first seed.
 """
 
 

@@ -18,6 +18,7 @@ from albot_benchmarks.mapper import (
     copies_of,
     measure_looping,
     measure_mappers,
+    measure_splitting,
     tour_readings,
     with_surfaces,
 )
@@ -125,6 +126,15 @@ def test_mappers_are_timed_on_any_readings() -> None:
     assert [row["name"] for row in rows] == ["albot1", "odometry"]
     for key in ("readings_per_second", "batch_readings_per_second", "row_readings_per_second"):
         assert all(row[key] > 0 for row in rows)  # type: ignore[operator]
+
+
+def test_a_long_journey_is_split_fast() -> None:
+    (row,) = measure_splitting(rounds=3)
+    assert row["paths"] == 500
+    assert row["regions"] > 1  # type: ignore[operator]
+    assert 0 < row["split_ms"] < 50  # type: ignore[operator]
+    figures = {**bench("--part", "laser"), "mapper": [row]}
+    assert "ms to split into" in as_text(figures)
 
 
 def test_a_mappers_line_tells_what_a_batch_does() -> None:
