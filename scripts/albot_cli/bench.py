@@ -91,17 +91,13 @@ def command(
 
 def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     """How each part is measured. Imported here: the benchmarks need all of the simulator."""
+    from albot_benchmarks.albot0 import measure_splitting
     from albot_benchmarks.environment import measure_environments, measure_processes
     from albot_benchmarks.generator import measure_generators
     from albot_benchmarks.laser import measure_laser
     from albot_benchmarks.learner import measure_learner
     from albot_benchmarks.long_run import measure_long_run
-    from albot_benchmarks.mapper import (
-        measure_growth,
-        measure_looping,
-        measure_mappers,
-        measure_splitting,
-    )
+    from albot_benchmarks.mapper import measure_growth, measure_looping, measure_mappers
     from albot_benchmarks.ratslam import measure_ratslam
     from albot_benchmarks.startup import measure_startup
 

@@ -13,12 +13,12 @@ from click.testing import CliRunner
 
 from albot_benchmarks import environment, laser, learner, ratslam
 from albot_benchmarks import environment as processes
+from albot_benchmarks.albot0 import measure_splitting
 from albot_benchmarks.environment import Case
 from albot_benchmarks.mapper import (
     copies_of,
     measure_looping,
     measure_mappers,
-    measure_splitting,
     tour_readings,
     with_surfaces,
 )
