@@ -92,6 +92,7 @@ def command(
 
 def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     """Return each part's measurement. Imports are here because they load the whole simulator."""
+    from albot_benchmarks.albot0 import measure_splitting
     from albot_benchmarks.environment import measure_environments, measure_processes
     from albot_benchmarks.generator import measure_generators
     from albot_benchmarks.laser import measure_laser
@@ -109,6 +110,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
             *measure_mappers(installed_mappers(), readings),
             *measure_looping(installed_mappers(), readings),
             *measure_growth(),
+            *measure_splitting(),
         ],
         "journey": measure_long_run,
         "env": lambda: measure_environments(rounds=rounds),
@@ -164,6 +166,11 @@ def _mapper(row: Figures) -> str:
         return (
             f"mapper      {row['robots']:7,d} in a loop {row['above_us']:8.1f} µs/reading above "
             f"the {row['own_us']:.1f} of its own update ({row['ratio']:.2f} times)  {row['name']}"
+        )
+    if "split_ms" in row:
+        return (
+            f"mapper      {row['paths']:7,d} robot paths {row['split_ms']:7.1f} ms to split into "
+            f"{row['regions']} regions  {row['name']}"
         )
     batch = (
         f"; {row['batch']} at once {row['batch_readings_per_second']:,.0f} in sum, "

@@ -79,16 +79,26 @@ class Tracked:
         if len(self.mapper.events) > events:
             self._judge(place)
 
-    def _judge(self, place: Points) -> None:
+    def is_at(self, place: Points, asr: int) -> bool:
+        """Whether a place (m) is in an ASR or at its border.
+
+        It is where the way out comes by in that ASR no more than `BORDER` farther away than in any.
+        """
         away = np.hypot(*(self.out - place).T)
+        return bool((self.places[away < away.min() + BORDER] == asr).any())
+
+    def true_asr(self, place: Points) -> int:
+        """The ASR of the way out's reading that is nearest to a place (m)."""
+        return int(self.places[np.hypot(*(self.out - place).T).argmin()])
+
+    def _judge(self, place: Points) -> None:
         estimate = self.mapper.estimate
         assert estimate.place is not None
-        near = self.places[away < away.min() + BORDER]
         self.stops.append(
             Stop(
                 believed=estimate.place,
-                true=int(self.places[away.argmin()]),
-                is_near=bool((near == estimate.place).any()),
+                true=self.true_asr(place),
+                is_near=self.is_at(place, estimate.place),
                 is_sure=estimate.localised,
             )
         )

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 
 from albot_benchmarks import environment, laser, learner, ratslam, slam
 from albot_benchmarks import environment as processes
+from albot_benchmarks.albot0 import measure_splitting
 from albot_benchmarks.environment import Case
 from albot_benchmarks.mapper import (
     copies_of,
@@ -131,6 +132,15 @@ def test_mappers_are_timed_on_any_readings() -> None:
     assert [row["name"] for row in rows] == ["albot1", "odometry"]
     for key in ("readings_per_second", "batch_readings_per_second", "row_readings_per_second"):
         assert all(row[key] > 0 for row in rows)  # type: ignore[operator]
+
+
+def test_a_long_journey_is_split_fast() -> None:
+    (row,) = measure_splitting(rounds=3)
+    assert row["paths"] == 500
+    assert row["regions"] > 1  # type: ignore[operator]
+    assert 0 < row["split_ms"] < 50  # type: ignore[operator]
+    figures = {**bench("--part", "laser"), "mapper": [row]}
+    assert "ms to split into" in as_text(figures)
 
 
 def test_a_mappers_line_tells_what_a_batch_does() -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from albot_core.mappers.albot0.localisation import LocalisationConfig
 from albot_core.mappers.albot0.paths import PathConfig
 from albot_core.mappers.albot0.regions import RegionConfig
+from albot_core.mappers.albot0.way_back import WayBackConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,4 +19,6 @@ class Albot0Config:
     regions: RegionConfig = field(default_factory=RegionConfig)
     """The split into ASRs."""
     localisation: LocalisationConfig = field(default_factory=LocalisationConfig)
-    """The way home."""
+    """Where the robot believes to be on its way home."""
+    way_back: WayBackConfig = field(default_factory=WayBackConfig)
+    """Where the way home lies beside the way out."""

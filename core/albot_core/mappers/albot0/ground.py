@@ -56,6 +56,8 @@ class Ground:
         faces = np.array([self._faces[face] for face in near], object)
         common = _overlay(shapely.intersection, faces, swath)
         covered = shapely.area(common) > _SLIVER
+        if not covered.any():  # Steps that follow each other only touch.
+            return swath
         faces, common, near = faces[covered], common[covered], near[covered]
         outside = _overlay(shapely.difference, faces, swath)
         left_over = shapely.area(outside) > _SLIVER

@@ -33,7 +33,8 @@ class LocalisationConfig:
 
     cues: tuple[str, ...] = ("way", "orientation")
     """The cues that are fused, by their names in `CUES`. The paper's are "distance" and
-    "orientation"; "way" stands for its distance, since the two maps are split otherwise."""
+    "orientation"; "way" stands for its distance, since the way home may be another than the way
+    out, and is split otherwise."""
     spread: float = 0.05
     """σ of the distance cue as a share of the distance travelled."""
     reduction: float = 0.5
@@ -62,8 +63,8 @@ class Stop:
     """The ASRs of the way out, one at least."""
     home: Regions
     """Those of the way home so far."""
-    along: float
-    """How far along the way out, from where it turned round, the robot is (m; see `WayBack`)."""
+    beside: Confidences
+    """How well each ASR of the way out fits where the way home lies beside it (see `WayBack`)."""
 
 
 def distance_map(stop: Stop, config: LocalisationConfig) -> Confidences:
@@ -89,10 +90,9 @@ def extent_map(stop: Stop, config: LocalisationConfig) -> Confidences:
 def way_map(stop: Stop, config: LocalisationConfig) -> Confidences:
     """How well each ASR fits where the way home lies beside the way out.
 
-    The distance is that along the robot paths of the way out, and does not depend on how either way
-    is split. This cue is ours.
+    Surfaces are compared, as they lie beside either way. This cue is ours.
     """
-    return _fit(_beyond(stop.out.ways, stop.along), stop.along, config)
+    return stop.beside
 
 
 def _ends(lengths: Confidences) -> Confidences:
@@ -198,3 +198,44 @@ def is_sure(confidences: Confidences, config: LocalisationConfig) -> bool:
         return True
     second, first = np.sort(confidences)[-2:].tolist()
     return bool(second < config.border * first)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Belief:
+    """In which ASR of the way out the robot believed to be, at a stop on its way home."""
+
+    reading: int
+    """At which reading."""
+    place: int
+    """The ASR with the greatest confidence."""
+    confidence: float
+    """Its confidence."""
+    rival: int
+    """The ASR with the greatest confidence of all others; -1 where there is only one."""
+    rival_confidence: float
+    """Its confidence."""
+    is_sure: bool
+    """Whether the first is clearly the greater one."""
+
+    @classmethod
+    def of(cls, reading: int, confidences: Confidences, config: LocalisationConfig) -> Belief:
+        """What the confidences of all ASRs say at a reading."""
+        place = most_confident(confidences)
+        others = np.where(np.arange(len(confidences)) == place, -1.0, confidences)
+        rival = most_confident(others) if len(others) > 1 else -1
+        return cls(
+            reading=reading,
+            place=place,
+            confidence=float(confidences[place]),
+            rival=rival,
+            rival_confidence=float(confidences[rival]) if rival >= 0 else 0.0,
+            is_sure=is_sure(confidences, config),
+        )
+
+    def __str__(self) -> str:
+        """The belief as one line."""
+        here = f"reading {self.reading}: in A{self.place} ({self.confidence:.2f})"
+        if self.is_sure:
+            return here
+        between = "at the border of" if abs(self.place - self.rival) == 1 else "or in"
+        return f"{here}, {between} A{self.rival} ({self.rival_confidence:.2f})"

@@ -9,57 +9,30 @@ into the next. Both maps are inexact and neither is ever corrected or laid over 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, relative, transform_segments
-from albot_core.geometry.types import Segments
 from albot_core.mappers.albot0.config import Albot0Config
 from albot_core.mappers.albot0.geometric_map import GeometricMap
 from albot_core.mappers.albot0.localisation import (
     CUES,
+    Belief,
     Confidences,
     DemocraticIntegration,
     Stop,
-    is_sure,
-    most_confident,
 )
 from albot_core.mappers.albot0.paths import SAMPLE, PathInProgress, Steps, side_sonars
-from albot_core.mappers.albot0.way_back import WayBack
+from albot_core.mappers.albot0.state import SHAPES, check_beliefs, check_path
+from albot_core.mappers.albot0.way_back import NO_STATE, WayBack
 from albot_core.mappers.mapper import EXIT, POINT, TRAVEL, Estimate, MapperSpec, WayHome
+from albot_core.mappers.random_state import generator_of, generator_state
 from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
 from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode, SegmentsLayer
 from albot_core.sensing.reading import Reading
-
-
-@dataclass(frozen=True, kw_only=True)
-class Belief:
-    """In which ASR of the way out the robot believed to be, at a stop on its way home."""
-
-    reading: int
-    """At which reading."""
-    place: int
-    """The ASR with the greatest confidence."""
-    confidence: float
-    """Its confidence."""
-    rival: int
-    """The ASR with the greatest confidence of all others; -1 where there is only one."""
-    rival_confidence: float
-    """Its confidence."""
-    is_sure: bool
-    """Whether the first is clearly the greater one."""
-
-    def __str__(self) -> str:
-        """The belief as one line."""
-        here = f"reading {self.reading}: in A{self.place} ({self.confidence:.2f})"
-        if self.is_sure:
-            return here
-        between = "at the border of" if abs(self.place - self.rival) == 1 else "or in"
-        return f"{here}, {between} A{self.rival} ({self.rival_confidence:.2f})"
 
 
 class Albot0:
@@ -85,7 +58,8 @@ class Albot0:
         return mapper_spec(self._name)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything; the next reading is the first. It draws no random number."""
+        """Forget everything; the next reading is the first. Numbers are drawn on the way home."""
+        self._rng = rng
         self._pose = np.zeros(3)
         self._readings = 0
         self._updates = 0
@@ -146,7 +120,7 @@ class Albot0:
         self._home = GeometricMap(self.config.regions)
         self._fusion = DemocraticIntegration.of(len(self.config.localisation.cues))
         self._path.direction_before = None
-        self._way_back = WayBack(self._out.steps.lines)
+        self._way_back = self._lay_out()
         self._updates += 1
         self._beliefs = []
         self._believe(np.eye(self._out.regions.count)[-1])
@@ -156,30 +130,23 @@ class Albot0:
         self._updates += 1
         if self._home is None:
             self._out.extend(steps)
-            self._way_back = WayBack(self._out.steps.lines)
+            self._way_back = self._lay_out()
             return
         self._home.extend(steps)
         assert self._way_back is not None
-        self._way_back.locate(self._home.steps.lines, _length(steps.lines))
+        self._way_back.locate(steps)
         stop, config = self.last_stop, self.config.localisation
         maps = np.stack([CUES[name](stop, config) for name in config.cues])
         self._believe(self._fusion.fuse(maps))
 
+    def _lay_out(self) -> WayBack:
+        """The way out as it is known now."""
+        return WayBack(self._out.steps, self.config.way_back, self._rng)
+
     def _believe(self, confidences: Confidences) -> None:
         self._confidences = confidences
-        place = most_confident(confidences)
-        others = np.where(np.arange(len(confidences)) == place, -1.0, confidences)
-        rival = most_confident(others) if len(others) > 1 else -1
-        self._beliefs.append(
-            Belief(
-                reading=max(self._readings - 1, 0),
-                place=place,
-                confidence=float(confidences[place]),
-                rival=rival,
-                rival_confidence=float(confidences[rival]) if rival >= 0 else 0.0,
-                is_sure=is_sure(confidences, self.config.localisation),
-            )
-        )
+        reading = max(self._readings - 1, 0)
+        self._beliefs.append(Belief.of(reading, confidences, self.config.localisation))
 
     @property
     def last_stop(self) -> Stop:
@@ -190,7 +157,8 @@ class Albot0:
         """
         if self._home is None or self._way_back is None:
             raise InputError("last_stop", "a robot on its way home", "one on its way out")
-        return Stop(out=self._out.regions, home=self._home.regions, along=self._way_back.along)
+        beside = self._way_back.fit(self._out.regions)
+        return Stop(out=self._out.regions, home=self._home.regions, beside=beside)
 
     @property
     def geometric_maps(self) -> tuple[GeometricMap, ...]:
@@ -256,7 +224,7 @@ class Albot0:
         way[TRAVEL] = self._path.travelled
         if self._way_back is None:
             return way
-        way[POINT], left = self._way_back.ahead(self._pose, self._path.travelled)
+        way[POINT], left = self._way_back.ahead(self._pose)
         way[TRAVEL] += left
         place = self.estimate.place
         if place:
@@ -303,6 +271,7 @@ class Albot0:
         home = self._home or GeometricMap(self.config.regions)
         is_returning = self.is_returning + self._was_told
         counts = (self._readings, self._updates, is_returning, self._fusion.time)
+        way_back = self._way_back.state() if self._way_back and self.is_returning else None
         beliefs = [(b.reading, b.place, b.rival, b.is_sure) for b in self._beliefs]
         believed = [(b.confidence, b.rival_confidence) for b in self._beliefs]
         return {
@@ -313,7 +282,8 @@ class Albot0:
             "path.before": np.array([] if before is None else [before], np.float64),
             **self._out.state("out"),
             **home.state("home"),
-            "way_back": np.empty(0) if self._way_back is None else self._way_back.state(),
+            **(way_back or NO_STATE),
+            "rng": generator_state(self._rng),
             "weights": self._fusion.weights.copy(),
             "confidences": self._confidences.copy(),
             "beliefs": np.array(beliefs, np.int64).reshape(-1, 4),
@@ -326,14 +296,14 @@ class Albot0:
         Raises:
             InputError: The arrays are none that a state holds.
         """
-        shapes: dict[str, Shape] = {**_SHAPES, "weights": (len(self.config.localisation.cues),)}
+        shapes: dict[str, Shape] = {**SHAPES, "weights": (len(self.config.localisation.cues),)}
         check_shapes(state, shapes)
         check_finite(state, *(name for name in shapes if name != "counts"))
         readings, updates, is_returning, time = state["counts"].tolist()
         if min(readings, updates, time) < 0 or is_returning not in (0, 1, 2):
             found = str(state["counts"].tolist())
             raise InputError("counts", "three counts, and 0, 1 or 2", found)
-        _check_path(state, readings)
+        check_path(state, readings)
         out, home = GeometricMap(self.config.regions), GeometricMap(self.config.regions)
         out.restore("out", state, readings)
         home.restore("home", state, readings)
@@ -341,7 +311,7 @@ class Albot0:
             raise InputError("home.lines", "none before the robot turned round", "some")
         if is_returning and not out.regions.count:
             raise InputError("out.lines", "a way out before the way home", "none")
-        _check_beliefs(state, out.regions.count if is_returning else 0, readings)
+        check_beliefs(state, out.regions.count if is_returning else 0, readings)
         self._pose = state["pose"].copy()
         self._readings, self._updates = readings, updates
         heading, travelled = state["path.numbers"].tolist()
@@ -354,9 +324,10 @@ class Albot0:
         )
         self._out, self._home = out, home if is_returning else None
         self._was_told = is_returning == 2
-        self._way_back = WayBack(out.steps.lines) if len(out.steps.lines) else None
-        if self._way_back is not None:
-            self._way_back.restore("way_back", state["way_back"])
+        self._rng = generator_of(state["rng"])
+        self._way_back = self._lay_out() if len(out.steps.lines) else None
+        if self._way_back is not None and is_returning:
+            self._way_back.restore(state)
         self._fusion = DemocraticIntegration(weights=state["weights"].copy(), time=time)
         self._confidences = state["confidences"].copy()
         rows = zip(state["beliefs"].tolist(), state["believed"].tolist(), strict=True)
@@ -371,57 +342,3 @@ class Albot0:
             )
             for (reading, place, rival, sure), (confidence, rival_confidence) in rows
         ]
-
-
-def _length(way: Segments) -> float:
-    """How long a way is (m)."""
-    return float(np.hypot(*(way[:, 2:] - way[:, :2]).T).sum())
-
-
-_SHAPES: dict[str, Shape] = {
-    "pose": (3,),
-    "counts": (4,),
-    "path.samples": ("samples", SAMPLE),
-    "path.numbers": (2,),
-    "path.before": ("paths",),
-    "confidences": ("regions",),
-    "beliefs": ("beliefs", 4),
-    "believed": ("beliefs", 2),
-}
-"""The arrays of a state, but those of the maps and the weights."""
-
-
-def _check_path(state: Mapping[str, np.ndarray], readings: int) -> None:
-    """Raise InputError unless a robot path in progress is one."""
-    samples = state["path.samples"]
-    if len(state["path.before"]) > 1:
-        raise InputError("path.before", "one heading at most", str(len(state["path.before"])))
-    if len(samples) and (
-        not np.isin(samples[:, 6:8], (0.0, 1.0)).all()
-        or samples[:, 8].min() <= 0
-        or samples[:, 9].min() < 0
-        or samples[:, 9].max() >= readings
-        or (np.diff(samples[:, 9]) < 0).any()
-    ):
-        raise InputError("path.samples", f"samples of {readings} readings", "others")
-
-
-def _check_beliefs(state: Mapping[str, np.ndarray], regions: int, readings: int) -> None:
-    """Raise InputError unless the beliefs are about the ASRs of the way out."""
-    weights, beliefs = state["weights"], state["beliefs"]
-    if (weights < 0).any() or abs(weights.sum() - 1.0) > 1e-6:
-        raise InputError("weights", "shares that sum to 1", str(weights.tolist()))
-    if len(state["confidences"]) != regions:
-        found = str(len(state["confidences"]))
-        raise InputError("confidences", f"one for each of {regions} ASRs", found)
-    if (len(beliefs) > 0) != (regions > 0):
-        raise InputError("beliefs", "some on the way home only", str(len(beliefs)))
-    if len(beliefs) and (
-        beliefs[:, :2].min() < 0
-        or beliefs[:, 2].min() < -1
-        or beliefs[:, 1:3].max() >= regions
-        or beliefs[:, 0].max() >= max(readings, 1)
-        or (np.diff(beliefs[:, 0]) < 0).any()
-        or not np.isin(beliefs[:, 3], (0, 1)).all()
-    ):
-        raise InputError("beliefs", f"beliefs about {regions} ASRs", "others")

@@ -1,150 +1,270 @@
-"""How the robot finds its way back along the way out.
+"""Where the way home lies beside the way out, by a particle filter.
 
-The paper does not tell how its robot chooses where to go on its way home: this is ours. The last
-metres of the way home are compared with the way out by their shape alone, about where the robot
-should be on it by now. Where they fit best, the way out lies beside the way home, and shows where
-to go. So what the odometer errs in the long run is of no weight.
+The paper does not tell how its robot chooses where to go on its way home: this is ours, and so is
+the cue `way` that rests on it. The robot is looked for in the map of the way out by Monte Carlo
+localisation (S. Thrun, W. Burgard and D. Fox, Probabilistic Robotics, 2005, section 8.3): each
+particle is a pose there, moved as the odometer says, and weighed by how near the surfaces of the
+way home come to those of the way out. Neither map is corrected, and what the odometer errs in the
+long run is of no weight.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
-from jaxtyping import Float64
+import shapely
+from jaxtyping import Float64, Int64
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import KDTree
+from shapely import STRtree
 
 from albot_core.errors import InputError
-from albot_core.geometry.poses import inverse, transform_points
-from albot_core.geometry.types import Points, Pose, Segments
-from albot_core.mappers.stored_arrays import check_finite, check_shapes
+from albot_core.geometry.poses import compose, inverse, relative, transform_points
+from albot_core.geometry.types import Points, Pose, Poses, Segments
+from albot_core.mappers.albot0.localisation import Confidences
+from albot_core.mappers.albot0.paths import Steps
+from albot_core.mappers.albot0.regions import Regions
+from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
+_COUNT = Range("a whole number from 1 to 100000", 1.0, 1e5, whole=True)
 _GAP = 0.5
-"""Ways are compared by points so far apart (m)."""
-_LONGEST, _LEAST = 10.0, 4.0
-"""How much of the way home is compared, and how much there must be (m)."""
-_SHAPE, _ALONG = 0.4, 1.0
-"""Standard deviations (m) of the way home's points from those of the way out, and of how far along
-the robot is from how far it should be."""
-_TURNED = 0.25
-"""Standard deviation of how far the way home has turned since it was last laid (rad)."""
-_MOVED = 0.5
-"""…and has moved since (m)."""
-_ABOUT = 2.0
-"""No farther away from where it should be is it looked for (m)."""
-_AHEAD = 1.5
-"""The robot is shown a point so far ahead (m)."""
-_BEHIND, _BEYOND = 1.0, 2.0
-"""Where it is on the way out is looked for from so far behind to so far beyond what it has come
-since its last stop (m)."""
-_SAME = 0.6
-"""Where the way out comes by again no farther away (m), what lies between is left out."""
+"""The way out is given by points so far apart (m)."""
+_BESIDE = 1.5
+"""Between two points of the way out no farther apart (m) the robot can go straight, if there is no
+surface between."""
+_SURFACE_GAP = 0.2
+"""…and its surfaces by points so far apart (m)."""
+_ALONG = np.array((1 / 6, 1 / 2, 5 / 6))
+"""Where on a surface of the way home its distance to those of the way out is taken, as shares."""
+_LEAST = 1e-12
+"""The least weight of a particle, as a share of the greatest."""
+_SUM = 1e-6
+"""By so much the sum of all weights may be off 1."""
+_LOOP = 0.99
+"""Of the ASRs that a place is equally near to, the one nearest home wins by this: loops of the way
+out, such as a room looked into, are left out."""
+
+NO_STATE: Mapping[str, np.ndarray] = {
+    "way_back.poses": np.empty((0, 3)),
+    "way_back.weights": np.empty(0),
+    "way_back.latest": np.empty((0, 3)),
+}
+"""The state of a robot on its way out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WayBackConfig:
+    """How the robot is looked for on its way out, where the odometer's errors count twice."""
+
+    particles: int = 300
+    """How many poses are kept."""
+    drift: float = 0.05
+    """Standard deviation of the heading's error after one metre (rad/√m)…"""
+    turned: float = 0.03
+    """…and after one radian of turn (rad/rad)."""
+    slip: float = 0.06
+    """Standard deviation of the place's error after one metre (m/√m)."""
+    spread: float = 0.25
+    """Standard deviation of a surface's distance from the one that it is of the way out (m)."""
+    farthest: float = 0.75
+    """Surfaces that are farther away (m) are not on the way out; all are as unlikely."""
+    same: float = 0.25
+    """Where the way out comes by no farther away (m) than where it is nearest, the robot may be on
+    either part of it."""
+    near: float = 0.5
+    """Standard deviation of how much farther away than the nearest an ASR is that the robot may be
+    in (m). So two are about as likely where they meet."""
+    ahead: float = 1.5
+    """The robot is shown a point so far ahead (m)."""
+
+    def __post_init__(self) -> None:
+        check_fields(self, _COUNT, "particles")
+        check_fields(self, NOT_NEGATIVE, "drift", "turned", "slip", "same")
+        check_fields(self, POSITIVE, "spread", "farthest", "near", "ahead")
 
 
 class WayBack:
-    """The way out, from where the robot turned round to its home.
+    """The way out, and where on it the robot may be on its way home.
 
     Attributes:
         frame: The frame of the way out, as it lies beside the way home.
 
     Args:
-        out: The steps of the way out (m).
+        out: The steps of the way out, one at least.
+        config: How the robot is looked for.
+        rng: What draws the particles' errors.
     """
 
-    def __init__(self, out: Segments) -> None:
-        self._points = _points_along(out[::-1, (2, 3, 0, 1)])
+    def __init__(self, out: Steps, config: WayBackConfig, rng: np.random.Generator) -> None:
+        self._out = out
+        self._config = config
+        self._rng = rng
+        self._points, self._steps = _points_along(out.lines, _GAP)
+        self._poses: Poses = np.repeat(_end(out.lines[-1])[None], config.particles, axis=0)
+        self._weights = np.full(config.particles, 1.0 / config.particles)
+        self._latest = self._poses[0]
         self.frame = np.zeros(3)
-        self._place = 0
-        self._followed = 0.0
 
-    @property
-    def along(self) -> float:
-        """How far the robot was along the way, from where it turned round, at its last stop (m)."""
-        return _GAP * self._place
+    @cached_property
+    def _surfaces(self) -> KDTree:
+        """Points along the surfaces of the way out."""
+        return KDTree(_points_along(self._out.surfaces, _SURFACE_GAP)[0])
 
-    def locate(self, home: Segments, travelled: float) -> None:
-        """Lay the way out beside the way home.
+    def locate(self, home: Steps) -> None:
+        """Follow the robot along the next steps of its way home, and lay the way out beside it.
 
-        Args:
-            home: The steps of the way home (m).
-            travelled: How far the robot has come since it was last located (m).
+        It sets out from where the way out ends, in the direction in which it came there.
         """
-        place, skips = self._find(home[-1, 2:], travelled)
-        self._place = place
-        self._followed = 0.0 if skips else self._followed + travelled
-        back = _points_along(home[::-1, (2, 3, 0, 1)])
-        count = int(min(self._followed, _LONGEST) / _GAP) + 1
-        first = max(place - int(_ABOUT / _GAP), count - 1)
-        last = min(place + int(_ABOUT / _GAP), len(self._points) - 1)
-        if self._followed < _LEAST or first > last or count > len(back):
-            return
-        # As complex numbers: turning is multiplying.
-        here = back[:count] @ (1, 1j)
-        stretches = np.lib.stride_tricks.sliding_window_view(self._points @ (1, 1j), count)
-        there = stretches[first - count + 1 : last - count + 2, ::-1]
-        middle, middles = here.mean(), there.mean(axis=1)
-        here, there = here - middle, there - middles[:, None]
-        common = (there.conj() * here).sum(axis=1)
-        squares = (np.abs(there) ** 2).sum(axis=1) + (np.abs(here) ** 2).sum() - 2 * np.abs(common)
-        off = _GAP * (np.arange(first, last + 1) - place)
-        turns = np.angle(common)
-        turned = np.angle(np.exp(1j * (turns - self.frame[2])))
-        apart = np.sqrt(np.maximum(squares, 0.0) / count)
-        # Where on the way out the robot would be, and where it is by what was found before.
-        would_be = middles + here[0] * np.exp(-1j * turns)
-        is_at = transform_points(inverse(self.frame), home[-1, 2:]) @ (1, 1j)
-        moved = np.abs(would_be - is_at)
-        misfit = (apart / _SHAPE) ** 2 + (off / _ALONG) ** 2
-        misfit += (turned / _TURNED) ** 2 + (moved / _MOVED) ** 2
-        best = int(misfit.argmin())
-        if apart[best] > _SHAPE * 1.5:
-            return
-        turn = turns[best]
-        shift = middle - middles[best] * np.exp(1j * turn)
-        self.frame = np.array((shift.real, shift.imag, turn))
-        self._place = first + best
+        for line, walled, swath in zip(home.lines, home.walled, home.swaths, strict=True):
+            pose = _end(line)
+            self._move(relative(self._latest, pose))
+            self._latest = pose
+            sides = swath[[[0, 3], [1, 2]]][walled]
+            points = sides[:, :1] + _ALONG[:, None] * (sides[:, 1:] - sides[:, :1])
+            self._weigh(transform_points(inverse(pose), points.reshape(-1, 2)))
+            self._resample()
+        east, north = self._weights @ self._poses[:, :2]
+        heading = np.angle(self._weights @ np.exp(1j * self._poses[:, 2]))
+        self.frame = compose(self._latest, inverse(np.array((east, north, heading))))
 
-    def ahead(self, pose: Pose, travelled: float) -> tuple[Points, float]:
+    def _move(self, motion: Pose) -> None:
+        """Move all particles, each with errors of its own."""
+        config, errors = self._config, self._rng.standard_normal(self._poses.shape)
+        root = np.sqrt(np.hypot(motion[0], motion[1]))
+        errors[:, :2] *= config.slip * root
+        errors[:, 2] *= np.hypot(config.drift * root, config.turned * motion[2])
+        # The robot first errs in its heading, then goes.
+        self._poses[:, 2] += errors[:, 2]
+        self._poses = compose(self._poses, motion)
+        self._poses[:, :2] += errors[:, :2]
+
+    def _weigh(self, points: Points) -> None:
+        """Weigh the particles by how near to surfaces points seen from the robot come."""
+        config = self._config
+        if not len(points) or not self._surfaces.n:
+            return
+        cos, sin = np.cos(self._poses[:, 2:]), np.sin(self._poses[:, 2:])
+        seen = np.stack(
+            (
+                self._poses[:, :1] + cos * points[:, 0] - sin * points[:, 1],
+                self._poses[:, 1:2] + sin * points[:, 0] + cos * points[:, 1],
+            ),
+            axis=-1,
+        )
+        away, _ = self._surfaces.query(seen, distance_upper_bound=config.farthest)
+        misfit = (np.minimum(away, config.farthest) / config.spread) ** 2
+        # The points of a surface are one measurement.
+        total = 0.5 * misfit.sum(axis=1) / len(_ALONG) - np.log(self._weights)
+        # The best one is taken off in the exponent, and none is ruled out.
+        weights = np.maximum(np.exp(total.min() - total), _LEAST)
+        self._weights = weights / weights.sum()
+
+    def _resample(self) -> None:
+        """Draw the particles anew where few of them have most of the weight (low variance)."""
+        count = len(self._weights)
+        if np.square(self._weights).sum() * count < 2.0:
+            return
+        drawn = (self._rng.random() + np.arange(count)) / count
+        chosen = np.searchsorted(np.cumsum(self._weights), drawn)
+        self._poses = self._poses[np.minimum(chosen, count - 1)]
+        self._weights = np.full(count, 1.0 / count)
+
+    def fit(self, regions: Regions) -> Confidences:
+        """How well each ASR of the way out fits where the robot may be; the best one has 1.
+
+        A particle fits the ASRs that are about as near as the nearest one.
+        """
+        config, starts = self._config, np.searchsorted(self._steps, regions.splits[:-1])
+        away = np.hypot(*np.moveaxis(self._poses[:, None, :2] - self._points, -1, 0))
+        nearest = np.minimum.reduceat(away, starts, axis=1)
+        farther = nearest - nearest.min(axis=1, keepdims=True)
+        fits = _LOOP * np.exp(-0.5 * (farther / config.near) ** 2)
+        first = (farther <= config.same).argmax(axis=1)
+        fits[np.arange(len(fits)), first] = 1.0
+        fitted = self._weights @ fits
+        return np.asarray(fitted / fitted.max())
+
+    def ahead(self, pose: Pose) -> tuple[Points, float]:
         """A point a little ahead on the way home, and how far it is home along the way (m).
 
         The point is NaN where home is nearer.
 
         Args:
             pose: Where the robot is.
-            travelled: How far it has come since it was last located (m).
         """
-        place, _ = self._find(pose[:2], travelled)
-        ahead = place + int(_AHEAD / _GAP)
-        goal = self._points[ahead] if ahead < len(self._points) else np.full(2, np.nan)
-        return transform_points(self.frame, goal), _GAP * (len(self._points) - 1 - place)
+        left, towards_home = self._way_home
+        away = np.hypot(*(transform_points(inverse(self.frame), pose[:2]) - self._points).T)
+        is_near = away <= away.min() + self._config.near
+        total = np.where(is_near, away + left, np.inf)
+        goal = int(total.argmin())
+        length = float(total[goal])
+        while goal > 0 and left[goal] > length - self._config.ahead:
+            goal = int(towards_home[goal])
+        point = self._points[goal] if goal > 0 else np.full(2, np.nan)
+        return transform_points(self.frame, point), length
 
-    def _find(self, position: Points, travelled: float) -> tuple[int, bool]:
-        """Where on the way a position of the map is; and whether something is left out by it."""
-        away = np.hypot(*(transform_points(inverse(self.frame), position) - self._points).T)
-        first = max(self._place - int(_BEHIND / _GAP), 0)
-        last = self._place + int((travelled + _BEYOND) / _GAP) + 1
-        place = first + int(away[first:last].argmin())
-        again = np.flatnonzero(away[last:] < _SAME)
-        return (last + int(again[-1]), True) if len(again) else (place, False)
+    @cached_property
+    def _way_home(self) -> tuple[Float64[np.ndarray, "points"], Int64[np.ndarray, "points"]]:
+        """Of each point of the way out, how far it is home (m) and the next point on the way there.
 
-    def state(self) -> np.ndarray:
-        """All that changes, as one array."""
-        return np.array((*self.frame, self._place, self._followed))
+        Where the way out comes by again, and there is no surface between, its loop is cut off.
+        """
+        points, count = self._points, len(self._points)
+        pairs = KDTree(points).query_pairs(_BESIDE, output_type="ndarray")
+        beside = pairs[pairs[:, 1] - pairs[:, 0] > 1]
+        walls = STRtree(shapely.linestrings(self._out.surfaces.reshape(-1, 2, 2)))
+        barred = walls.query(shapely.linestrings(points[beside]), predicate="intersects")[0]
+        beside = np.delete(beside, barred, axis=0)
+        along = np.stack((np.arange(count - 1), np.arange(1, count)), axis=-1)
+        one, other = np.concatenate((along, beside)).T
+        lengths = np.maximum(np.hypot(*(points[one] - points[other]).T), _LEAST)
+        links = coo_array((lengths, (one, other)), shape=(count, count))
+        left, before = dijkstra(links, directed=False, indices=0, return_predecessors=True)
+        return left, before.astype(np.int64)
 
-    def restore(self, name: str, state: np.ndarray) -> None:
+    def state(self) -> dict[str, np.ndarray]:
+        """All that changes, as arrays by name (copies)."""
+        return {
+            "way_back.poses": self._poses.copy(),
+            "way_back.weights": self._weights.copy(),
+            "way_back.latest": np.stack((self._latest, self.frame)),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Become what gave `state`.
 
         Raises:
-            InputError: The array of this name is none that a state holds.
+            InputError: The arrays are none that a state holds.
         """
-        check_shapes({name: state}, {name: (5,)})
-        check_finite({name: state}, name)
-        *frame, place, followed = state.tolist()
-        if not (0 <= place < len(self._points) and place == int(place) and followed >= 0):
-            raise InputError(name, f"a place of {len(self._points)} and a length", str(state))
-        self.frame, self._place, self._followed = np.array(frame), int(place), followed
+        count = self._config.particles
+        shapes: dict[str, Shape] = {
+            "way_back.poses": (count, 3),
+            "way_back.weights": (count,),
+            "way_back.latest": (2, 3),
+        }
+        check_shapes(state, shapes)
+        check_finite(state, *shapes)
+        weights = state["way_back.weights"]
+        if not (weights > 0).all() or abs(weights.sum() - 1.0) > _SUM:
+            raise InputError("way_back.weights", "positive shares that sum to 1", "others")
+        self._poses, self._weights = state["way_back.poses"].copy(), weights.copy()
+        self._latest, self.frame = state["way_back.latest"].copy()
 
 
-def _points_along(way: Segments) -> Float64[np.ndarray, "points 2"]:
-    """Points of a way, evenly spaced, from its beginning on."""
-    corners = np.concatenate((way[:1, :2], way[:, 2:]))
-    at = np.concatenate((np.zeros(1), np.cumsum(np.hypot(*np.diff(corners, axis=0).T))))
-    places = np.arange(0.0, at[-1] + _GAP, _GAP)
-    return np.stack([np.interp(places, at, corners[:, axis]) for axis in (0, 1)], axis=-1)
+def _end(line: Float64[np.ndarray, "4"]) -> Pose:
+    """The pose at the end of a step, in the direction in which it leads."""
+    return np.array((*line[2:], np.arctan2(line[3] - line[1], line[2] - line[0])))
+
+
+def _points_along(lines: Segments, gap: float) -> tuple[Points, Int64[np.ndarray, "points"]]:
+    """Points along line segments, about so far apart (m), and which one each is on."""
+    counts = np.maximum(np.round(np.hypot(*(lines[:, 2:] - lines[:, :2]).T) / gap), 1).astype(int)
+    index = np.repeat(np.arange(len(lines)), counts)
+    place = np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = ((place + 0.5) / counts[index])[:, None]
+    return lines[index, :2] + share * (lines[index, 2:] - lines[index, :2]), index

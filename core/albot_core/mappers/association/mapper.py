@@ -23,7 +23,6 @@ from albot_core.mappers.association.surfaces import (
     carry_over,
     find_landmarks,
     normalise,
-    pose_by,
 )
 from albot_core.mappers.mapper import Estimate, MapperSpec
 from albot_core.mappers.registry import mapper_spec
@@ -175,14 +174,13 @@ class Association:
         ids = np.full(len(current), UNKNOWN, np.int64)
         if (matched >= 0).any():
             ids = np.where(matched >= 0, self._ids[matched], UNKNOWN)
-            longest = int(np.argmax(np.where(matched >= 0, lengths, 0.0)))
-            pose_by(current[longest], self._store[ids[longest]], self._pose)
         self._make_room(len(current))
         config = self.config
         self._count = carry_over(
             current,
             ids,
             matched,
+            lengths,
             self._pose,
             self._store,
             self._count,

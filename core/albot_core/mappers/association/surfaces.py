@@ -15,8 +15,13 @@ from albot_core.kernels.compiled import kernel, scratch
 
 UNKNOWN = -1
 """The ID of a surface that is not in the global map."""
+_LIKE = 0.2
+"""So far apart (m) two surfaces are as unlike as if one were turned by 1 rad."""
+_CROSSING = math.sin(math.radians(30.0))
+"""Landmarks cross if the angle between them is 30° at least (sine)."""
 
 _carried = scratch(4)
+_pose = scratch(3)
 
 
 @kernel()
@@ -29,8 +34,8 @@ def find_landmarks(
 ) -> int:
     """Fill `matched` (current,) with the surface of the previous view that each one is, or -1.
 
-    Of the close ones the one with the most similar orientation; where two surfaces are most similar
-    to the same one, the more similar of them. Returns how many are matched.
+    Of the close ones it is the most similar one; where two surfaces are most similar to the same
+    one, the more similar of them. Returns how many are matched.
     """
     found = 0
     for k in range(current.shape[0]):
@@ -49,17 +54,22 @@ def find_landmarks(
 def most_similar(
     surface: np.ndarray, others: np.ndarray, count: int, angle: float, closeness: float
 ) -> int:
-    """Which of the first `count` others is close and has the most similar orientation; -1 for none.
+    """Which of the first `count` others is close and the most similar; -1 for none.
 
-    Those turned by more than `angle` (rad) or farther away than `closeness` (m) do not count.
+    Those turned by more than `angle` (rad) or farther away than `closeness` (m) do not count. The
+    paper takes the most similar orientation. But the walls of a corridor are all parallel, and only
+    noise tells them apart by that; so how far apart they are counts too, which is ours.
     """
-    best, least = -1, angle
+    best, least = -1, np.inf
     for k in range(count):
         if not may_be_close(surface, others[k], closeness):
             continue
         turned = abs(wrap_angle(heading_of(others[k]) - heading_of(surface)))
-        if turned <= least and distance_between(surface, others[k]) <= closeness:
-            best, least = k, turned
+        if turned > angle:
+            continue
+        apart = distance_between(surface, others[k])
+        if apart <= closeness and apart + _LIKE * turned < least:
+            best, least = k, apart + _LIKE * turned
     return best
 
 
@@ -132,6 +142,7 @@ def carry_over(
     current: np.ndarray,
     ids: np.ndarray,
     matched: np.ndarray,
+    lengths: np.ndarray,
     pose: np.ndarray,
     surfaces: np.ndarray,
     count: int,
@@ -143,28 +154,28 @@ def carry_over(
 
     Each keeps its position relative to its nearest landmark. One that is close to a surface of the
     map is that surface; one that intersects any is left out. `ids` (current,) holds the landmarks'
-    and receives those of the others; `matched` is negative for those that are unknown. `pose` is
-    the robot's in the map, which serves where there is no landmark. The map has room for all.
+    and receives those of the others; `matched` is negative for those that are unknown; `lengths`
+    are those that were seen. `pose` is the robot's in the map: by the landmark of which most is
+    seen it is set, and where there is none it serves for all. The map has room for all.
     """
+    turn = turn_between(current, ids, matched, lengths, surfaces)
+    longest = longest_landmark(matched, lengths)
+    if longest >= 0:
+        pose_by(longest, turn, current, ids, matched, surfaces, pose)
     known = count
     for k in range(current.shape[0]):
         if matched[k] >= 0:
             continue
-        carried = _carried()
+        carried, view = _carried(), _pose()
         landmark = nearest_landmark(current, matched, k)
-        if landmark < 0:
-            place(current[k], pose, carried)
-        else:
-            place_relative(current[k], current[landmark], surfaces[ids[landmark]], carried)
+        for i in range(3):
+            view[i] = pose[i]
+        if landmark >= 0:
+            pose_by(landmark, turn, current, ids, matched, surfaces, view)
+        place(current[k], view, carried)
         same = most_similar(carried, surfaces, known, angle, closeness)
         if same >= 0:
-            before, after = overhang(surfaces[same], carried)
-            lengthen(surfaces[same], before, after)
-            for other in range(current.shape[0]):
-                if ids[other] == same:  # What has an ID is as long as its surface in the map.
-                    lengthen(current[other], before, after)
-            before, after = missing(carried, surfaces[same])
-            lengthen(current[k], before, after)
+            merge(carried, current, k, ids, surfaces, same)
             ids[k] = same
         elif not intersects_any(carried, surfaces, count, corner):
             for i in range(4):
@@ -172,6 +183,35 @@ def carry_over(
             ids[k] = count
             count += 1
     return count
+
+
+@kernel()
+def merge(
+    carried: np.ndarray,
+    current: np.ndarray,
+    k: int,
+    ids: np.ndarray,
+    surfaces: np.ndarray,
+    same: int,
+) -> None:
+    """Normalise a surface that was carried over, and the one of the map that it is."""
+    before, after = overhang(surfaces[same], carried)
+    lengthen(surfaces[same], before, after)
+    for other in range(current.shape[0]):
+        if ids[other] == same:  # What has an ID is as long as its surface in the map.
+            lengthen(current[other], before, after)
+    before, after = missing(carried, surfaces[same])
+    lengthen(current[k], before, after)
+
+
+@kernel()
+def longest_landmark(matched: np.ndarray, lengths: np.ndarray) -> int:
+    """The landmark of which most is seen; -1 where there is none."""
+    longest, most = -1, 0.0
+    for k in range(matched.shape[0]):
+        if matched[k] >= 0 and lengths[k] > most:
+            longest, most = k, lengths[k]
+    return longest
 
 
 @kernel()
@@ -187,17 +227,73 @@ def nearest_landmark(current: np.ndarray, matched: np.ndarray, k: int) -> int:
 
 
 @kernel()
-def pose_by(landmark: np.ndarray, known: np.ndarray, pose: np.ndarray) -> None:
-    """Set the pose (3,) from which a landmark of the map is seen as it is in the view."""
-    turn = wrap_angle(heading_of(known) - heading_of(landmark))
+def turn_between(
+    current: np.ndarray,
+    ids: np.ndarray,
+    matched: np.ndarray,
+    lengths: np.ndarray,
+    surfaces: np.ndarray,
+) -> float:
+    """By how much the landmarks of the view are turned in the map: their mean (rad).
+
+    Each is weighed by the cube of the length seen of it: so sure is the direction of a line that is
+    fitted to evenly spaced points.
+    """
+    cos = sin = 0.0
+    for k in range(current.shape[0]):
+        if matched[k] >= 0:
+            turn, weight = heading_of(surfaces[ids[k]]) - heading_of(current[k]), lengths[k] ** 3
+            cos, sin = cos + weight * math.cos(turn), sin + weight * math.sin(turn)
+    return math.atan2(sin, cos)
+
+
+@kernel()
+def pose_by(
+    landmark: int,
+    turn: float,
+    current: np.ndarray,
+    ids: np.ndarray,
+    matched: np.ndarray,
+    surfaces: np.ndarray,
+    pose: np.ndarray,
+) -> None:
+    """Set the pose (3,) from which the landmarks of the map are seen as they are in the view.
+
+    `turn` is its heading. Across a landmark it is where that one says. Along it, where that one
+    says nothing but what the odometer does, it is where the nearest landmark that crosses it says;
+    without one, where their middles agree. The paper does not say how a position relative to a
+    landmark is taken along it.
+    """
+    x, y = offset_of(current[landmark], surfaces[ids[landmark]], turn)
+    nearest, least = -1, np.inf
+    known = surfaces[ids[landmark]]
+    for k in range(current.shape[0]):
+        if matched[k] < 0:
+            continue
+        away = distance_between(current[landmark], current[k])
+        crossing = math.sin(heading_of(surfaces[ids[k]]) - heading_of(known))
+        if away < least and abs(crossing) >= _CROSSING:
+            nearest, least = k, away
+    if nearest >= 0:
+        other = surfaces[ids[nearest]]
+        there_x, there_y = offset_of(current[nearest], other, turn)
+        along, across = heading_of(known), heading_of(other) + 0.5 * math.pi
+        need = (there_x - x) * math.cos(across) + (there_y - y) * math.sin(across)
+        step = need / math.cos(along - across)
+        x, y = x + step * math.cos(along), y + step * math.sin(along)
+    pose[0], pose[1], pose[2] = x, y, turn
+
+
+@kernel()
+def offset_of(landmark: np.ndarray, known: np.ndarray, turn: float) -> tuple[float, float]:
+    """Where the view's origin lies in the map if the middles of a landmark agree (m)."""
     x, y = rotate(
         math.cos(turn),
         math.sin(turn),
         0.5 * (landmark[0] + landmark[2]),
         0.5 * (landmark[1] + landmark[3]),
     )
-    pose[0], pose[1] = 0.5 * (known[0] + known[2]) - x, 0.5 * (known[1] + known[3]) - y
-    pose[2] = turn
+    return 0.5 * (known[0] + known[2]) - x, 0.5 * (known[1] + known[3]) - y
 
 
 @kernel()
@@ -206,19 +302,6 @@ def place(surface: np.ndarray, pose: np.ndarray, carried: np.ndarray) -> None:
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     carried[0], carried[1] = transform_point(pose, cos, sin, surface[0], surface[1])
     carried[2], carried[3] = transform_point(pose, cos, sin, surface[2], surface[3])
-
-
-_pose = scratch(3)
-
-
-@kernel()
-def place_relative(
-    surface: np.ndarray, landmark: np.ndarray, known: np.ndarray, carried: np.ndarray
-) -> None:
-    """Set `carried` to where a surface lies in the map, as it does relative to a landmark."""
-    pose = _pose()
-    pose_by(landmark, known, pose)
-    place(surface, pose, carried)
 
 
 @kernel()

@@ -23,7 +23,6 @@ from albot_core.mappers.albot0.localisation import (
     most_confident,
     orientation_map,
     register_cue,
-    way_map,
 )
 from albot_core.mappers.albot0.regions import Regions
 
@@ -40,9 +39,9 @@ def chain(*ways: tuple[float, float]) -> Regions:
     return Regions(splits=np.arange(len(ways) + 1), steps=lines)
 
 
-def at(home: Regions, along: float = 0.0) -> Stop:
-    """A stop on the way home, so far along the way out (m)."""
-    return Stop(out=OUT, home=home, along=along)
+def at(home: Regions) -> Stop:
+    """A stop on the way home."""
+    return Stop(out=OUT, home=home, beside=np.zeros(3))
 
 
 OUT = chain((10.0, 0.0), (4.0, 90.0), (6.0, 60.0))
@@ -65,16 +64,10 @@ def test_the_extent_cue_is_sure_of_the_asr_that_the_distance_lies_in():
     assert extent_map(at(chain((500.0, 0.0))), CONFIG).argmax() == 0
 
 
-def test_the_way_cue_goes_by_how_far_along_the_way_out_the_robot_is():
-    """7 m back from its end is 1 m into the second ASR, and 1 m off the third, with σ = 0.35 m."""
-    confidences = way_map(at(chain((3.0, 0.0)), 7.0), CONFIG)
-    np.testing.assert_allclose(confidences[1:], (1.0, math.exp(-0.5 * (1 / 0.35) ** 2)))
-
-
-@pytest.mark.parametrize("cue", ["distance", "extent", "way"])
+@pytest.mark.parametrize("cue", ["distance", "extent"])
 @pytest.mark.parametrize("travelled", [0.0, 1e-300, 1e-3, 1e5])
 def test_the_best_asr_has_confidence_1_however_far_it_is(cue, travelled):
-    confidences = CUES[cue](at(chain((travelled, 0.0)), travelled), CONFIG)
+    confidences = CUES[cue](at(chain((travelled, 0.0))), CONFIG)
     assert confidences.max() == 1.0
     assert (confidences >= 0).all()
     assert most_confident(confidences) == (2 if travelled < 1 else 0)

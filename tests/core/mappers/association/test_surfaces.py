@@ -23,6 +23,10 @@ def line_of(surface: np.ndarray) -> LineString:
     return LineString(surface.reshape(2, 2))
 
 
+def lengths(surfaces: np.ndarray) -> np.ndarray:
+    return np.hypot(*(surfaces[:, 2:] - surfaces[:, :2]).T)
+
+
 def length_of(surface: np.ndarray) -> float:
     return float(np.hypot(*(surface[2:] - surface[:2])))
 
@@ -104,7 +108,7 @@ def carried(
     matched = ids.copy()
     ids[landmark] = matched[landmark] = 0
     count = compiled.carry_over(
-        seen, ids, matched, np.zeros(3), room, len(known), ANGLE, CLOSENESS, CORNER
+        seen, ids, matched, lengths(seen), np.zeros(3), room, len(known), ANGLE, CLOSENESS, CORNER
     )
     return seen, room[:count], ids
 
@@ -123,10 +127,25 @@ def test_it_is_carried_over_by_the_nearest_landmark():
     room = np.zeros((3, 4))
     room[:2] = (0, 2, 4, 2), (8, 3, 12, 3)
     count = compiled.carry_over(
-        seen, ids.copy(), ids, np.zeros(3), room, 2, ANGLE, CLOSENESS, CORNER
+        seen, ids.copy(), ids, lengths(seen), np.zeros(3), room, 2, ANGLE, CLOSENESS, CORNER
     )
     assert count == 3
     np.testing.assert_allclose(room[2], (13, 3, 13, 6), atol=1e-12)
+
+
+def test_along_a_landmark_one_that_crosses_it_tells():
+    """The odometer says 0.3 m too little along the corridor, at whose end there is a wall."""
+    seen = np.array(((0.0, 2, 9.7, 2), (10, 1, 10, -3), (6, -2, 8, -2)))
+    ids = np.array((0, 1, -1))
+    room = np.zeros((3, 4))
+    room[:2] = (0, 2, 9.7, 2), (10.3, 1, 10.3, -3)
+    pose = np.zeros(3)
+    count = compiled.carry_over(
+        seen, ids.copy(), ids, lengths(seen), pose, room, 2, ANGLE, CLOSENESS, CORNER
+    )
+    assert count == 3
+    np.testing.assert_allclose(room[2], (6.3, -2, 8.3, -2), atol=1e-12)
+    np.testing.assert_allclose(pose, (0.3, 0, 0), atol=1e-12)
 
 
 def test_what_comes_to_lie_close_to_a_known_surface_is_that_one():
