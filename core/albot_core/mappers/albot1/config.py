@@ -152,11 +152,12 @@ class Albot1Config:
     Off in the thesis: there landmarks are followed from view to view under the odometer's turn,
     and one of them localises the robot. The fields below matter only where this is on.
     """
-    turn_search: float = np.radians(20.0)
+    turn_search: float = np.radians(50.0)
     """How wrong the odometer's turn may be (rad)."""
-    turn_cost: float = np.radians(12.0)
-    """A turn this far from the odometer's must be worth one landmark more, and one twice as
-    far four (rad)."""
+    turn_cost: float = np.radians(20.0)
+    """The scale of the turn's error (rad): a turn this far from the odometer's must be worth 0.7
+    landmarks more, one twice as far 1.6. So goes minus the logarithm of Cauchy's density: of
+    odometers that slip, some turns are far off, which a normal density would not allow."""
     match_range: float = 16.0
     """Only surfaces nearer than this are recognised and localise the robot (m)."""
     motion_error: float = 0.05
@@ -215,11 +216,6 @@ class Albot1Config:
     def turns(self) -> Float64[np.ndarray, "turns 3"]:
         """The turns tried, as `Albot1Limits` holds them."""
         steps = int(self.turn_search / TURN_STEP + 0.5)
-        turns = [TURN_STEP * step for step in range(-steps, steps + 1)]
-        shares = [turn / self.turn_cost for turn in turns]
-        return np.array(
-            [
-                (math.cos(turn), math.sin(turn), share * share)
-                for turn, share in zip(turns, shares, strict=True)
-            ]
-        )
+        turns = TURN_STEP * np.arange(-steps, steps + 1)
+        costs = np.log1p((turns / self.turn_cost) ** 2)
+        return np.stack((np.cos(turns), np.sin(turns), costs), axis=-1)
