@@ -1,7 +1,7 @@
 """The simulator, its sensors, the gymnasium environments, recording and rendering.
 
 Importing this package registers its environments with gymnasium. A new task is a folder in
-`albot_env.tasks` with the floor plan of the others, and a line in the table below.
+`albot_env.tasks` with the same layout as the others, and a line in the table below.
 """
 
 import gymnasium

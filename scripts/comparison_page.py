@@ -1,27 +1,32 @@
 """Writes docs/comparison.md: all mappers side by side on real logs and in random worlds.
 
-    ALBOT_DATA=FOLDER python scripts/comparison_page.py [--source NAME]... [--jobs N]
+    ALBOT_DATA=FOLDER python scripts/comparison_page.py [--source NAME]... [--mapper NAME]...
 
-Each source is one call of `albot compare`, which leaves its figures and a picture in a folder of
-docs/comparison. What is not measured anew stays.
+It measures as `albot compare` does. Each source has a folder in docs/comparison, with the figures
+and a picture of each mapper's map. What is not measured anew stays.
 """
 
 from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import click
+from PIL import Image
 
-from albot_cli.comparison_report import FIGURES, PICTURE, as_markdown
+from albot_cli.compare import explored_sources, recorded_sources
+from albot_cli.comparison_report import FIGURES, as_markdown, panels_of, rows_of
 from albot_cli.main import exit_status
+from albot_cli.mapper_runs import MapperChoice, Source, compare_mappers
 from albot_core.errors import InputError
-from albot_core.files import write_text
+from albot_core.export.picture import write_pictures
+from albot_core.files import replacing, write_text
+from albot_core.mappers.registry import installed_mappers
 
 MAPPERS = (
     "odometry",
@@ -39,54 +44,75 @@ MAPPERS = (
 """The mappers that see by a laser."""
 STEPS = 3000
 """How long worlds are explored (steps of 0.1 s)."""
+_AGENT, _ODOMETER = "gap-explorer", "poor"
+_WIDTH, _COLOURS = 420, 160
+"""Pixels across a picture of a map, and its colours."""
+_ACROSS = 4
+"""Pictures side by side."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Source:
-    """What mappers are compared on."""
+class RealLog:
+    """A log that mappers are compared on; names of files are those in the data's folder of logs."""
 
     title: str
     """What stands above its table."""
-    words: tuple[str, ...]
-    """What `albot compare` is called with besides; names of files are those in the data's folder
-    of logs."""
+    file: str
+    """The log."""
+    reference: str | None = None
+    """Where the robot was."""
+    relations: str | None = None
+    """True relations between its poses."""
+
+    def read(self, logs: Path) -> list[Source]:
+        """The log."""
+        truth = None if self.reference is None else logs / self.reference
+        relations = None if self.relations is None else logs / self.relations
+        return recorded_sources(str(logs / self.file), range(1), truth, relations, False)
 
 
-def _log(title: str, *words: str) -> Source:
-    return Source(title=title, words=words)
+@dataclass(frozen=True, kw_only=True)
+class RandomOffice:
+    """A random world that is explored once, for all mappers."""
+
+    seed: int
+    """Seed of the world, of the episode and of the mappers."""
+
+    @property
+    def title(self) -> str:
+        """What stands above its table."""
+        return f"Random office {self.seed}, explored for {STEPS // 10} s, odometer `{_ODOMETER}`"
+
+    def read(self, logs: Path) -> list[Source]:
+        """What the explorer sensed."""
+        sensors = {"odometer": _ODOMETER}
+        seeds = range(self.seed, self.seed + 1)
+        return explored_sources("random:office", seeds, _AGENT, STEPS, sensors, 1)
 
 
-def _world(seed: int) -> Source:
-    title = f"Random office {seed}, explored for {STEPS // 10} s with the odometer `poor`"
-    words = (f"random:office:{seed}", "--steps", str(STEPS), "--odometer", "poor")
-    return Source(title=title, words=(*words, "--seeds", str(seed)))
-
-
-SOURCES: Mapping[str, Source] = {
-    "intel": _log(
-        "Intel Research Lab, raw odometry",
-        "intel_raw.json.gz",
-        "--reference",
-        "intel_reference.json.gz",
-        "--relations",
-        "intel.relations",
+SOURCES: Mapping[str, RealLog | RandomOffice] = {
+    "intel": RealLog(
+        title="Intel Research Lab, raw odometry",
+        file="intel_raw.json.gz",
+        reference="intel_reference.json.gz",
+        relations="intel.relations",
     ),
-    "aces": _log("ACES, Austin", "aces-corrected.log.gz"),
-    "freiburg-101": _log("Freiburg, building 101", "freiburg-101-corrected.log.gz"),
-    "wean-1": _log("Wean Hall 1", "wean_robotdata1.log.xz"),
-    "wean-2": _log("Wean Hall 2", "wean_robotdata2.log.xz"),
-    "duke": _log("Duke, loop 5", "duke_loop5.log.xz"),
-    "office-9001": _world(9001),
-    "office-9002": _world(9002),
-    "office-9003": _world(9003),
+    "aces": RealLog(title="ACES, Austin", file="aces-corrected.log.gz"),
+    "freiburg-101": RealLog(title="Freiburg, building 101", file="freiburg-101-corrected.log.gz"),
+    "wean-1": RealLog(title="Wean Hall 1", file="wean_robotdata1.log.xz"),
+    "wean-2": RealLog(title="Wean Hall 2", file="wean_robotdata2.log.xz"),
+    "duke": RealLog(title="Duke, loop 5", file="duke_loop5.log.xz"),
+    "office-9001": RandomOffice(seed=9001),
+    "office-9002": RandomOffice(seed=9002),
+    "office-9003": RandomOffice(seed=9003),
 }
 """The sources by the names of their folders, in the order of the page."""
 _HEAD = """\
 # Mappers side by side
 
-All mappers that see by a laser, each with its default thresholds, on the same readings, by
-`albot compare` ([what each figure is](logs.md#several-mappers-side-by-side)). This page is written
-by one command:
+All mappers that see by a laser, each with its default thresholds, on the same readings, measured as
+by `albot compare` ([what each figure is](logs.md#several-mappers-side-by-side)). This page is
+written by one command, of which `--source` and `--mapper` measure a part anew:
 
 ```
 ALBOT_DATA=FOLDER python scripts/comparison_page.py
@@ -94,9 +120,9 @@ ALBOT_DATA=FOLDER python scripts/comparison_page.py
 
 Errors are of the positions believed online, reading by reading, after rigid alignment; *corrected*
 ones of the positions that a mapper believes at the end, of those that correct earlier ones. Mappers
-that draw random numbers ran once, with one seed. Speeds are of one machine, several runs at a time:
-compare them with each other only. What was tuned on which logs stands on the mappers' own pages.
-The systems of metric SLAM were tuned on Intel alone, and looked at on Wean 1 and 2
+that draw random numbers ran once, with one seed. Speeds are of one machine that was shared with
+other work: compare them with each other only. What was tuned on which logs stands on the mappers'
+own pages. The systems of metric SLAM were tuned on Intel alone, and looked at on Wean 1 and 2
 ([slam.md](slam.md)).
 """
 
@@ -104,49 +130,96 @@ The systems of metric SLAM were tuned on Intel alone, and looked at on Wean 1 an
 @click.command()
 @click.option(
     "--source",
-    "names",
+    "sources",
     multiple=True,
     type=click.Choice(tuple(SOURCES)),
     help="What is measured anew; repeatable.  [default: all]",
 )
-@click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
-def command(names: tuple[str, ...], jobs: int | None) -> None:
+@click.option(
+    "--mapper",
+    "mappers",
+    multiple=True,
+    type=click.Choice(MAPPERS),
+    help="Who is measured anew; repeatable.  [default: all]",
+)
+@click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Processes.")
+@click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew.")
+def command(sources: tuple[str, ...], mappers: tuple[str, ...], jobs: int, page_only: bool) -> None:
     """Compare the mappers, and write docs/comparison.md."""
-    data = os.environ.get("ALBOT_DATA")
-    if not data:
-        raise InputError("ALBOT_DATA", "the folder of real logs", "nothing")
     folder = Path(__file__).parents[1] / "docs" / "comparison"
-    folder.mkdir(exist_ok=True)
-    for name in names or SOURCES:
-        _compare(folder / name, SOURCES[name], Path(data) / "logs", jobs or os.cpu_count() or 1)
+    if not page_only:
+        data = os.environ.get("ALBOT_DATA")
+        if not data:
+            raise InputError("ALBOT_DATA", "the folder of real logs", "nothing")
+        asked = [name for name in MAPPERS if name in (mappers or installed_mappers())]
+        for name in sources or SOURCES:
+            _measure(folder / name, SOURCES[name].read(Path(data) / "logs"), asked, jobs)
     write_text(folder.with_suffix(".md"), _page(folder))
 
 
-def _compare(folder: Path, source: Source, logs: Path, jobs: int) -> None:
-    words = [str(logs / word) if (logs / word).is_file() else word for word in source.words]
-    words += ["--mappers", ",".join(MAPPERS), "--out", str(folder), "--force", "--jobs", str(jobs)]
-    call = [sys.executable, "-m", "albot_cli.main", "compare", *words, "--json"]
-    subprocess.run(call, check=True, stdout=subprocess.DEVNULL)
-    figures = json.loads((folder / FIGURES).read_text())
-    # Names of files say where they lie on this machine.
-    figures |= {"source": source.words[0], "files": {}}
-    write_text(folder / FIGURES, json.dumps(figures, indent=1))
-    (folder / "comparison.md").unlink()
+def _measure(folder: Path, sources: list[Source], mappers: Sequence[str], jobs: int) -> None:
+    """Lead mappers through a source; put their rows and pictures in the place of earlier ones."""
+    choices = [MapperChoice(label=name, name=name) for name in mappers]
+    with closing(compare_mappers(choices, sources, jobs)) as runs:
+        results = list(runs)
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = {row["mapper"]: row for row in _rows(folder)}
+    for row in rows_of(choices, results):
+        rows[row["mapper"]] = row
+        if panels := panels_of([row], results, sources[0]):
+            picture = _picture(folder, row["mapper"])
+            write_pictures(picture, panels)
+            _shrink(picture)
+    log = sources[0].log
+    told: dict[str, Any] = {"readings": len(log.readings), "path_m": log.path_length}
+    told["rows"] = [rows[name] for name in MAPPERS if name in rows]
+    write_text(folder / FIGURES, json.dumps(told, indent=1) + "\n")
+
+
+def _rows(folder: Path) -> list[dict[str, Any]]:
+    """The rows that have been measured."""
+    path = folder / FIGURES
+    rows: list[dict[str, Any]] = json.loads(path.read_text())["rows"] if path.is_file() else []
+    return rows
+
+
+def _picture(folder: Path, mapper: str) -> Path:
+    return folder / f"{mapper}.png"
+
+
+def _shrink(path: Path) -> None:
+    """Make a picture as small as it is shown."""
+    with Image.open(path) as drawn:
+        size = _WIDTH, round(drawn.height * _WIDTH / drawn.width)
+        small = drawn.convert("RGB").resize(size, Image.Resampling.LANCZOS).quantize(_COLOURS)
+    with replacing(path) as stream:
+        small.save(stream, format="png", optimize=True)
 
 
 def _page(folder: Path) -> str:
     """The page, of all figures that are there."""
     parts = [_HEAD]
     for name, source in SOURCES.items():
-        path = folder / name / FIGURES
-        if not path.is_file():
+        rows = _rows(folder / name)
+        if not rows:
             continue
-        told = json.loads(path.read_text())
+        told = json.loads((folder / name / FIGURES).read_text())
         readings = f"{told['readings']:,} readings along {told['path_m']:.0f} m."
-        picture = f"![The maps side by side](comparison/{name}/{PICTURE})"
-        table = as_markdown(told["rows"])
-        parts.append(f"\n## {source.title}\n\n{readings}\n\n{table}\n\n{picture}\n")
+        drawn = [row["mapper"] for row in rows if _picture(folder / name, row["mapper"]).is_file()]
+        pictures = _side_by_side(
+            [f"![{mapper}](comparison/{name}/{mapper}.png)" for mapper in drawn]
+        )
+        parts.append(f"\n## {source.title}\n\n{readings}\n\n{as_markdown(rows)}\n\n{pictures}\n")
     return "".join(parts)
+
+
+def _side_by_side(pictures: Sequence[str]) -> str:
+    """A table of pictures."""
+    lines = ["| " * _ACROSS + "|", "| --- " * _ACROSS + "|"]
+    for first in range(0, len(pictures), _ACROSS):
+        cells = [*pictures[first : first + _ACROSS], *[""] * _ACROSS][:_ACROSS]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines)
 
 
 if __name__ == "__main__":

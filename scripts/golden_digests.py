@@ -38,7 +38,7 @@ from albot_env.tasks.homing.task import HomingConfig
 
 TASKS = ("Explore-v0", "Homing-v0", "PlaceRecognition-v0", "ExploreAndHome-v0")
 ENVIRONMENT_MAPPERS = ("none", "odometry", "albot1", "albot1-thesis")
-LOG_MAPPERS = ("albot1", "albot1-thesis", "odometry")
+LOG_MAPPERS = ("albot1", "albot1-thesis", "albot1-tracked", "odometry")
 OFFICES = "random:office:0..9?rooms=6&people=2&boxes=2&doors=2"
 OTHER_SENSORS = {
     "laser": "short",
@@ -265,7 +265,7 @@ def experiments(digests: Digests, data: Path) -> None:
 def repeat(experiment: str, data: Path, digests: Digests) -> None:
     """Repeat one experiment."""
     name = f"experiments/{experiment}"
-    seeds = str(EXPERIMENT_SEEDS)
+    seeds = f"1000..{999 + EXPERIMENT_SEEDS}"
     with tempfile.TemporaryDirectory() as out:
         report = albot("experiment", "run", experiment, "--seeds", seeds, "--out", out, data=data)
         digests.add_files(f"{name}/files", Path(out))

@@ -1,4 +1,4 @@
-"""The agent: what drives a robot in an environment."""
+"""The agent: it chooses a robot's actions in an environment."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from gymnasium.spaces import Box
 from jaxtyping import Float32
 
 Action = Float32[np.ndarray, "numbers"]
-"""Speed and turn rate as shares of what the environment allows, in [-1, 1], and what else its
-actions hold: in `Albot/Homing-v0` a number that declares home above 0.5, in `Albot/Explore-v0` one
-that claims to know the place."""
+"""Speed and turn rate as shares of what the environment allows, in [-1, 1]. A third number above
+0.5 declares home in `Albot/Homing-v0`, and claims to know the place in `Albot/Explore-v0`."""
 
 
 @runtime_checkable
@@ -26,33 +25,33 @@ class Agent(Protocol):
 
     @property
     def knows_truth(self) -> bool:
-        """Whether it chooses by the truth in the infos: a bound for the others, no rival."""
+        """Whether it uses the ground truth in the infos; such an agent is an upper bound only."""
 
     def reset(self, rng: np.random.Generator, actions: Any) -> None:
-        """Forget everything: a new episode begins.
+        """Begin a new episode: reset all state.
 
         Args:
             rng: The source of all its randomness.
             actions: The space of the environment's actions.
 
         Raises:
-            InputError: It cannot act in such an environment.
+            InputError: The agent cannot act in such an environment.
         """
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
-        """The action after an observation, flat or by part.
+        """Return the action for an observation, which is a flat array or a dict of parts.
 
-        `info` is the environment's for agents that know the truth, and empty for all others.
+        `info` is the environment's info for agents that know the truth, and empty for others.
         """
 
 
 def choose_action(agent: Agent, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
-    """The action of an agent, which is shown the truth only where it says that it knows it."""
+    """Return an agent's action; `info` is passed on only if the agent knows the truth."""
     return agent.act(observation, info if agent.knows_truth else {})
 
 
 def fill_action(driving: Float32[np.ndarray, "2"], actions: Box, *, says: bool = False) -> Action:
-    """Speed and turn rate as an action of this space; `says` goes into a third number."""
+    """Return an action from speed and turn rate; `says` sets the third number to 1, else -1."""
     (length,) = actions.shape
     action = np.full(length, 1.0 if says else -1.0, np.float32)
     action[:2] = driving
@@ -62,9 +61,10 @@ def fill_action(driving: Float32[np.ndarray, "2"], actions: Box, *, says: bool =
 def begin_episode(
     env: gymnasium.Env[Any, Any], agent: Agent, seed: int
 ) -> tuple[Any, dict[str, Any]]:
-    """Reset environment and agent; the first observation and info.
+    """Reset environment and agent; return the first observation and info.
 
-    The environment draws from `seed` itself: the agent must not draw the same numbers.
+    The agent's generator is derived from `seed`, so that it does not draw the same numbers as the
+    environment.
     """
     agent.reset(np.random.default_rng((seed, 1)), env.action_space)
     return env.reset(seed=seed)

@@ -35,7 +35,7 @@ EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
 ROUND_TRIP, PLACES = "Albot/ExploreAndHome-v0", "Albot/PlaceRecognition-v0"
 
 USUAL = ObservationConfig()
-"""How the environments make observations with the sensors that they have by default."""
+"""The observations of the environments with their default sensors."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,29 +45,28 @@ class AgentEntry:
     summary: str
     """What it does, in one line."""
     make: Callable[[ObservationConfig, str | None], Agent]
-    """What makes it, for an environment that makes observations so, and its id where known."""
+    """Makes the agent from the environment's observation config, and its id if known."""
     tasks: tuple[str, ...]
-    """The tasks that it can do, well or badly."""
+    """Ids of the tasks that it can attempt."""
     mapper: str = "albot1"
-    """The mapper that it is evaluated with where no other is asked for."""
+    """The mapper used in evaluations unless another is requested."""
     sensors: Mapping[str, str] = field(default_factory=dict)
-    """The sensors that it is evaluated with where no others are asked for, by the settings' names.
-    """
+    """The sensors used in evaluations unless others are requested, by name of the setting."""
     file: AgentFile | None = None
-    """What it was trained to, of a trained agent."""
+    """The file of a trained agent; None for a scripted one."""
 
     @property
     def observing(self) -> ObservationConfig:
-        """How environments make the observations that it is used to."""
+        """The observation config that the agent expects."""
         return (self.file and self.file.observing) or USUAL
 
     def environment(self, task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
-        """What an environment is made with so that it can act in it.
+        """Return the settings of an environment in which the agent can act.
 
         Args:
             task: Id of the environment.
-            settings: What is wanted besides; it goes before the agent's own, but for what a
-                trained agent sees and what its actions mean.
+            settings: Settings that override the agent's own, except a trained agent's observations
+                and the meaning of its actions.
 
         Raises:
             InputError: The task has no such settings.
@@ -77,9 +76,9 @@ class AgentEntry:
         return self.file.environment(task, settings)
 
     def untrained(self, settings: Mapping[str, Any]) -> tuple[str, ...]:
-        """Which settings are others than those in which a trained agent learnt, in words.
+        """Return in words which settings differ from those in a trained agent's training.
 
-        Another odometer or world is none of them: by these an agent is to be tried out.
+        Odometer and world are not compared: evaluations may vary them.
         """
         if self.file is None:
             return ()
@@ -93,7 +92,7 @@ class AgentEntry:
 
 
 def _driving(kind: Callable[..., Agent]) -> Callable[[ObservationConfig, str | None], Agent]:
-    """What makes a driving agent: its actions claim in exploring, and declare elsewhere."""
+    """Return a maker of a driving agent, which claims places in exploration, else declares home."""
     return lambda observing, task: kind(observing, claims=task == EXPLORE)
 
 
@@ -173,21 +172,21 @@ AGENTS = {
         tasks=(ROUND_TRIP,),
     ),
 }
-"""The scripted agents by name, in the order of the alphabet."""
+"""The scripted agents by name, in alphabetical order."""
 
 
 def agent_names(task: str | None = None) -> tuple[str, ...]:
-    """The names of all agents, or of those that can do a task: scripted ones, then trained ones."""
+    """Return the names of all agents, or of those for a task; scripted ones first, then trained."""
     names = (*AGENTS, *shipped_agents())
     return tuple(name for name in names if task is None or task in find_agent(name).tasks)
 
 
 def find_agent(name: str) -> AgentEntry:
-    """The agent of a name, or the trained one in a file.
+    """Return the entry of an agent by its name, or by the path of a trained agent's file.
 
     Raises:
-        InputError: No agent has this name (the message names the nearest), or the file is no
-            agent's.
+        InputError: No agent has this name (the message suggests the closest one), or the file is
+            not an agent file.
     """
     if name in AGENTS:
         return AGENTS[name]
@@ -202,10 +201,10 @@ def find_agent(name: str) -> AgentEntry:
 
 
 def check_agent(name: str, task: str) -> None:
-    """Raise InputError if an agent is unknown, or not for this task.
+    """Check that an agent exists and is for a task.
 
     Raises:
-        InputError: There is no such agent, or it is not for the task.
+        InputError: The agent is unknown, or not for the task.
     """
     tasks = find_agent(name).tasks
     if task not in tasks:
@@ -214,7 +213,7 @@ def check_agent(name: str, task: str) -> None:
 
 
 def _trained(name: str, path: Path) -> AgentEntry:
-    """The trained agent in a file."""
+    """Return the entry of the trained agent in a file."""
     file = read_agent(path)
     algorithm, mapper = file.training.plan.algorithm, file.settings.get("mapper", "albot1")
     parts = file.settings.get("config", {}).get("observations", {}).get("parts", [])
@@ -231,16 +230,16 @@ def _trained(name: str, path: Path) -> AgentEntry:
 def make_agent(
     name: str, observing: ObservationConfig | None = None, task: str | None = None
 ) -> Agent:
-    """A new agent.
+    """Make an agent.
 
     Args:
         name: One of `agent_names`, or the path of a trained agent's file.
-        observing: How the environment that it is to act in makes observations (its
-            `observing`); by default the environments' usual way, or that in which it was trained.
-        task: Id of that environment. Where it is not known, the agent claims to know no place.
+        observing: The observation config of the agent's environment (its `observing`); by
+            default the usual one, or for a trained agent the one of its training.
+        task: Id of that environment. If None, the agent never claims to know a place.
 
     Raises:
-        InputError: There is no agent of this name, the file is no agent's, or it was
+        InputError: No agent has this name, the file is not an agent file, or the agent was
             trained with other observations.
     """
     entry = find_agent(name)

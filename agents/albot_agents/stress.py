@@ -1,7 +1,7 @@
-"""Stress runs: agents in many worlds, each episode checked after every step.
+"""Stress runs: agents in many worlds, with checks after every step.
 
-`plan_episodes` says which episodes there are, and `StressRunner` runs each in a process of its own:
-that the process dies is a violation too.
+`plan_episodes` lists the episodes, and `StressRunner` runs them in worker processes. A process that
+dies counts as a violation too.
 """
 
 from __future__ import annotations
@@ -39,85 +39,109 @@ from albot_maps import World, load_world
 from albot_maps.generators.spec import KINDS, PREFIX, seeded
 
 ALL_KINDS = "random"
-"""The spec that stands for all kinds of random worlds in turn."""
+"""The spec that means all kinds of random worlds in turn."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Episode:
-    """One agent in one world: the same as `albot play` with these options."""
+    """One agent in one world; the same episode as `albot play` with these options."""
 
     world: str
     """The world's spec."""
     agent: str
     """The agent's name."""
     mapper: str
-    """Name of the mapper inside, or `none`."""
+    """Name of the mapper in the environment, or `none`."""
     seed: int
     """Seed of environment and agent."""
     steps: int
-    """Its length, in control steps."""
+    """Length of the episode (control steps)."""
+    mapper_config: Any = None
+    """The mapper's parameters; None for the defaults."""
+    mapper_config_file: Path | None = None
+    """The YAML file with these parameters."""
 
     def command(self, steps: int) -> str:
-        """The command that shows its first `steps` steps again."""
+        """Return the command that replays the first `steps` steps."""
         options = {
             "world": self.world,
             "agent": self.agent,
             "mapper": self.mapper,
+            "mapper-config": self.mapper_config_file,
             "seed": self.seed,
             "steps": max(1, steps),
         }
-        words = [word for name, value in options.items() for word in (f"--{name}", str(value))]
+        given = {name: str(value) for name, value in options.items() if value is not None}
+        words = [word for name, value in given.items() for word in (f"--{name}", value)]
         return shlex.join(("albot", "play", *words))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Violation:
-    """Something that must not be, and where it was."""
+    """A failed check, and where it failed."""
 
     episode: Episode
     """The episode."""
     step: int
-    """The step after which it was seen; 0 for the reset."""
+    """Number of the step after which the check failed; 0 for the reset."""
     what: str
     """What is wrong, in one line."""
 
     @property
     def command(self) -> str:
-        """The command that shows it again."""
+        """The command that reproduces it."""
         return self.episode.command(self.step)
 
 
 def plan_episodes(
-    spec: str, agents: Sequence[str], *, count: int, first: int, mapper: str, steps: int
+    spec: str,
+    agents: Sequence[str],
+    *,
+    count: int,
+    first: int,
+    mapper: str,
+    steps: int,
+    mapper_config: Any = None,
+    mapper_config_file: Path | None = None,
 ) -> list[Episode]:
-    """Every agent in every world.
+    """Plan an episode for every agent in every world.
 
     Args:
-        spec: `random:KIND` or `random:KIND?…` for as many worlds of the kind, with seeds
-            that count up from `first`; `random` for all kinds in turn; any other world
-            spec for one world.
+        spec: `random:KIND` or `random:KIND?…` for `count` worlds of the kind, with seeds that
+            count up from `first`; `random` for all kinds in turn; any other world spec for
+            one world.
         agents: Names of the agents.
-        count: How many worlds; of one world: how many seeds.
-        first: The first seed; the seeds of the episodes count up from it.
-        mapper: Name of the mapper inside.
-        steps: Length of an episode.
+        count: Number of worlds, or of seeds if there is one world.
+        first: The first seed; the episodes' seeds count up from it.
+        mapper: Name of the mapper in the environment.
+        steps: Length of an episode (control steps).
+        mapper_config: The mapper's parameters; None for the defaults.
+        mapper_config_file: The YAML file with these parameters.
 
     Raises:
-        InputError: There is no such world. Of random worlds the first of each kind is
-            made, to see.
+        InputError: A world cannot be loaded. Of random worlds, the first of each kind and the
+            last are generated to check this.
     """
     worlds = _worlds(spec, count, first)
     for world in dict.fromkeys((*worlds[: len(KINDS)], worlds[-1])):
         load_world(world)
     return [
-        Episode(world=world, agent=agent, mapper=mapper, seed=first + k, steps=steps)
+        Episode(
+            world=world,
+            agent=agent,
+            mapper=mapper,
+            seed=first + k,
+            steps=steps,
+            mapper_config=mapper_config,
+            mapper_config_file=mapper_config_file,
+        )
         for k, world in enumerate(worlds)
         for agent in agents
     ]
 
 
 def _worlds(spec: str, count: int, first: int) -> list[str]:
-    """The worlds' specs, one for each seed."""
+    """Return the worlds' specs, one per seed."""
     body, _, query = spec.partition("?")
     if body == ALL_KINDS:
         if query:
@@ -138,32 +162,32 @@ class Outcome:
     episode: Episode
     """The episode."""
     steps: int
-    """How many steps were taken: it ends where something is wrong."""
+    """Number of steps taken; the episode ends at the first violation."""
     violations: tuple[Violation, ...]
-    """All that was wrong in the last of them."""
+    """All violations of the last step."""
 
 
 class StressRunner(TaskRunner[Episode, Outcome]):
-    """Runs episodes and checks every step; that the process dies is a violation too."""
+    """Runs episodes and checks every step; a process that dies is a violation too."""
 
     def run(self, task: Episode, on_step: Callable[[int], None]) -> Outcome:
         """Run an episode."""
         return run_episode(task, on_step, Limits())
 
     def on_crash(self, task: Episode, step: int, cause: str) -> Outcome:
-        """The outcome of an episode in which the process died."""
+        """Return the outcome of an episode in which the process died."""
         return _violated(task, step, [cause])
 
 
 def run_episode(episode: Episode, on_step: Callable[[int], None], limits: Limits) -> Outcome:
-    """Run an episode to its end, or to the first step after which something is wrong.
+    """Run an episode to its end, or to the first step with a violation.
 
-    An exception in the environment or the agent is something wrong too.
+    An exception in the environment or the agent is a violation too.
 
     Args:
         episode: The episode.
-        on_step: Is called with the number of each step before it is taken, 0 for the reset.
-        limits: What may be.
+        on_step: Called before each step with its number; 0 for the reset.
+        limits: The tolerances of the checks.
     """
     step = 0
     on_step(step)
@@ -173,7 +197,7 @@ def run_episode(episode: Episode, on_step: Callable[[int], None], limits: Limits
                 return _violated(episode, step, wrong)
             step += 1
             on_step(step)
-    except Exception as error:  # noqa: BLE001  (whatever goes wrong in there is a finding)
+    except Exception as error:  # noqa: BLE001  (any exception is a finding)
         frames = traceback.extract_tb(error.__traceback__)
         place = f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else ""
         said = " ".join(str(error).split())
@@ -187,8 +211,10 @@ def _violated(episode: Episode, step: int, wrong: Sequence[str]) -> Outcome:
 
 
 def _checked_steps(episode: Episode, limits: Limits) -> Iterator[list[str]]:
-    """What is wrong after the reset, and after each step."""
+    """Yield what is wrong after the reset, then after each step."""
     asked = {"world": episode.world, "mapper": episode.mapper, "max_episode_steps": episode.steps}
+    if episode.mapper_config is not None:
+        asked["mapper_config"] = episode.mapper_config
     settings = find_agent(episode.agent).environment(ENVIRONMENT, asked)
     env = gymnasium.make(ENVIRONMENT, disable_env_checker=True, **settings)
     try:
@@ -211,13 +237,13 @@ def _checked_steps(episode: Episode, limits: Limits) -> Iterator[list[str]]:
 
 
 class LastMoment:
-    """A recorder that keeps the last moment only: where things are, what the sonars measured."""
+    """A recorder that keeps only the last moment: obstacles and sensor readings."""
 
     def begin(self, header: EpisodeHeader) -> None:
         """Begin an episode."""
 
     def close(self) -> None:
-        """Do nothing: there is no file."""
+        """Do nothing; there is no file."""
 
     def add(self, moment: Moment) -> None:
         """Keep the next moment."""
@@ -228,11 +254,11 @@ class StepChecker:
     """Checks an episode step by step.
 
     Args:
-        world: The world that the robot is in.
+        world: The robot's world.
         recorder: The environment's recorder.
-        space: The space of its observations.
-        observing: How they are made of readings.
-        limits: What may be.
+        space: The environment's observation space.
+        observing: The environment's observation config.
+        limits: The tolerances of the checks.
     """
 
     def __init__(
@@ -250,13 +276,13 @@ class StepChecker:
         self._observing = observing
 
     def after_reset(self, observation: Any, info: dict[str, Any]) -> list[str]:
-        """Check a reset; what is wrong after it."""
+        """Check a reset; return what is wrong."""
         self._keys = all_keys(info)
         self._position = info["pose"][:2].copy()
         return self._check(observation, info)
 
     def after_step(self, observation: Any, reward: float, info: dict[str, Any]) -> list[str]:
-        """Check a step; what is wrong after it."""
+        """Check a step; return what is wrong."""
         return [*check_reward(reward, info["reward_terms"]), *self._check(observation, info)]
 
     def _check(self, observation: Any, info: dict[str, Any]) -> list[str]:
@@ -270,7 +296,7 @@ class StepChecker:
         return self._check_ranges(observation, info["pose"])
 
     def _check_ranges(self, observation: Any, pose: Pose) -> list[str]:
-        """What is wrong with what laser and sonars measured."""
+        """Return what is wrong with the ranges of laser and sonars."""
         moment, observing = self._recorder.last, self._observing
         wrong: list[str] = []
         if moment.reading.laser is not None:

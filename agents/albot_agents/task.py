@@ -19,15 +19,15 @@ PREFIX = "Albot/"
 
 
 def task_names() -> tuple[str, ...]:
-    """The ids of all tasks."""
+    """Return the ids of all tasks."""
     return tuple(sorted(name for name in gymnasium.registry if name.startswith(PREFIX)))
 
 
 def check_task(task: str) -> None:
-    """Raise InputError if the task is unknown.
+    """Check that a task exists.
 
     Raises:
-        InputError: No task has this id; the message names the nearest.
+        InputError: No task has this id; the message suggests the closest one.
     """
     tasks = task_names()
     if task not in tasks:
@@ -36,16 +36,16 @@ def check_task(task: str) -> None:
 
 
 def short_name(task: str) -> str:
-    """What a task is called for short: `explore-and-home` for `Albot/ExploreAndHome-v0`."""
+    """Return the short name of a task: `explore-and-home` for `Albot/ExploreAndHome-v0`."""
     words = re.sub(r"-v\d+$", "", task.removeprefix(PREFIX))
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "-", words).lower()
 
 
 def find_task(name: str) -> str:
-    """The id of a task, of which this is the id or the short name.
+    """Return the id of a task, given its id or its short name.
 
     Raises:
-        InputError: No task has this name; the message names the nearest.
+        InputError: No task has this name; the message suggests the closest one.
     """
     tasks = {known: task for task in task_names() for known in (task, short_name(task))}
     if name not in tasks:
@@ -56,26 +56,26 @@ def find_task(name: str) -> str:
 
 
 def batch_settings(task: str) -> dict[str, Any]:
-    """The settings of a batch of a task's environments: types by name."""
+    """Return the settings of a batch of a task's environments: name to type."""
     return _settings(gymnasium.spec(task).vector_entry_point)
 
 
 def single_settings(task: str) -> dict[str, Any]:
-    """The settings of a single environment of a task: types by name."""
+    """Return the settings of a single environment of a task: name to type."""
     return _settings(gymnasium.spec(task).entry_point)
 
 
 def config_kind(task: str) -> Any:
-    """The dataclass of a task's configuration."""
+    """Return the dataclass of a task's configuration."""
     kinds = get_args(single_settings(task)["config"])
     return next(kind for kind in kinds if kind is not type(None))
 
 
 def read_settings(task: str, data: Any, where: Location) -> dict[str, Any]:
-    """Settings of a batch of a task's environments from plain data.
+    """Parse the settings of a batch of a task's environments from plain data.
 
     Raises:
-        InputError: A setting is unknown, or its value is of another type; it names the place.
+        InputError: A setting is unknown, or its value has the wrong type; with the place.
     """
     known = {
         name: kind
@@ -86,13 +86,13 @@ def read_settings(task: str, data: Any, where: Location) -> dict[str, Any]:
 
 
 def for_one(task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The settings of a batch that a single environment has too."""
+    """Return those settings of a batch that a single environment has too."""
     known = single_settings(task)
     return {name: value for name, value in settings.items() if name in known}
 
 
 def _settings(entry_point: Any) -> dict[str, Any]:
-    """What an environment takes by name: types by name."""
+    """Return an environment's settings: name to type."""
     maker: Any = load_env_creator(entry_point)
     kinds: dict[str, Any] = maker.settings()
     return kinds

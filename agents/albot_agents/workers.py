@@ -1,8 +1,8 @@
-"""Tasks in parallel processes, one of which may die without taking the others along.
+"""Run tasks in parallel processes, where the death of one process does not affect the others.
 
-A pool of the standard library breaks as a whole where one of its processes dies, and does not say
-of what. Here a new process takes the dead one's place, and the task comes back with the step that
-it had reached and the cause.
+In the standard library, a pool breaks as a whole when one of its processes dies, without naming the
+cause. Here, a new process replaces the dead one, and the result names the step that the task had
+reached and the cause.
 """
 
 from __future__ import annotations
@@ -22,43 +22,42 @@ from typing import Any, Generic, TypeVar
 from albot_core.interrupts import INTERRUPTS, interrupts_deferred
 
 _CONTEXT = get_context("spawn")
-"""Processes that begin anew are the same on every system, and inherit no threads."""
+"""Spawned processes behave the same on every system, and inherit no threads."""
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 
 class TaskRunner(ABC, Generic[Task, Result]):
-    """What worker processes do with each task. It is pickled and sent to every process."""
+    """Runs tasks in a worker process. It is pickled and sent to every process."""
 
     @abstractmethod
     def run(self, task: Task, on_step: Callable[[int], None]) -> Result:
-        """Run a task; `on_step` is called with the number of each step before it is taken."""
+        """Run a task; call `on_step` with the number of each step before it is taken."""
 
     @abstractmethod
     def on_crash(self, task: Task, step: int, cause: str) -> Result:
-        """The result of a task in whose step of this number the process died."""
+        """Return the result of a task whose process died in step `step`; `cause` says of what."""
 
 
 def run_parallel(
     runner: TaskRunner[Task, Result], tasks: Iterable[Task], jobs: int, *, fresh: bool = False
 ) -> Generator[Result, None, None]:
-    """The results of tasks, in the order in which they are done.
+    """Yield the results of tasks in the order in which they finish.
 
-    Leaving the iterator ends all processes.
+    Closing the iterator ends all processes.
 
     Args:
-        runner: What is done with each task.
+        runner: Runs each task.
         tasks: The tasks.
-        jobs: How many are done at once.
-        fresh: Whether each task gets a process of its own, so that the memory that it takes can be
-            measured.
+        jobs: Number of processes at a time.
+        fresh: Whether each task gets a new process, so that its memory use can be measured.
     """
     waiting = iter(tasks)
     workers: list[_Worker[Task, Result]] = []
     try:
         for task in islice(waiting, jobs):
-            with interrupts_deferred():  # Or a worker would run on that nobody knows of.
+            with interrupts_deferred():  # Otherwise an unknown worker could keep running.
                 workers.append(_Worker(runner, task))
         while workers:
             ready = wait([worker.link for worker in workers])
@@ -81,10 +80,10 @@ def run_parallel(
 
 
 class _Worker(Generic[Task, Result]):
-    """A process that does one task after another.
+    """A process that runs one task after another.
 
     Args:
-        runner: What it does with each.
+        runner: Runs each task.
         task: The first task.
     """
 
@@ -96,8 +95,8 @@ class _Worker(Generic[Task, Result]):
         self._process = _CONTEXT.Process(target=_serve, args=arguments, daemon=True)
         with _blocked_interrupts():
             self._process.start()
-        other.close()  # The process has its own: when it dies, the link breaks.
-        with suppress(ConnectionError):  # Whoever receives finds that it has died.
+        other.close()  # The process has its own end; when it dies, the link breaks.
+        with suppress(ConnectionError):  # `receive` then finds that it has died.
             self._send(task)
 
     def _send(self, task: Task) -> None:
@@ -106,7 +105,7 @@ class _Worker(Generic[Task, Result]):
         self.link.send(task)
 
     def start(self, task: Task) -> _Worker[Task, Result]:
-        """Start a task; the worker that does it: another one where this has died."""
+        """Start a task; return the worker that runs it: a new one if this process has died."""
         try:
             self._send(task)
         except ConnectionError:
@@ -136,7 +135,7 @@ class _Worker(Generic[Task, Result]):
 
 
 def _serve(runner: TaskRunner[Any, Any], link: Connection, step: Any) -> None:
-    """In the process: run the tasks that come through the link, until there are no more."""
+    """Run, in the worker process, the tasks that arrive through the link until it closes."""
     threading.Thread(target=_die_with_parent, daemon=True).start()
 
     def on_step(number: int) -> None:
@@ -151,7 +150,7 @@ def _serve(runner: TaskRunner[Any, Any], link: Connection, step: Any) -> None:
 
 
 def _die_with_parent() -> None:
-    """End this process, whatever it is doing, when the one that started it is no more."""
+    """End this process, whatever it is doing, when its parent process has ended."""
     parent = parent_process()
     assert parent is not None
     parent.join()
@@ -160,12 +159,12 @@ def _die_with_parent() -> None:
 
 @contextmanager
 def _blocked_interrupts() -> Iterator[None]:
-    """Processes started meanwhile never hear Ctrl-C or `kill`: who started them ends them."""
+    """Block SIGINT and SIGTERM for processes started meanwhile; their parent ends them."""
     if sys.platform == "win32":
         yield
         return
-    # The first process started brings the standard library's tracker of resources along, and
-    # starting that one unblocks the signals again: it has to be there before.
+    # The first process started also starts the standard library's resource tracker, which
+    # unblocks the signals again; so the tracker must already run.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, INTERRUPTS)
     try:

@@ -1,7 +1,7 @@
-"""The activity of an attractor network as messages, and back.
+"""Conversion of an attractor network's activity to messages and back.
 
-An episode file holds it twice, as a map: exactly, in `/albot/activity`, by its active places; and
-as a grid of the network's own frame, as Foxglove draws it.
+Like a map, the activity is in an episode file twice: exactly, in `/albot/activity`, as a list of
+active cells; and as a grid in the network's own frame, for display in Foxglove.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _FIELDS = {
 
 
 def activity_messages(activity: Activity, stamp: float) -> Iterator[Message]:
-    """The messages of the activity at a moment (s)."""
+    """Return the messages of the activity at a time (s)."""
     values, cell = activity.values, activity.cell
     rows, columns = values.shape
     shades = np.rint(255 * values / max(float(values.max()), np.finfo(np.float32).tiny))
@@ -60,10 +60,10 @@ def activity_messages(activity: Activity, stamp: float) -> Iterator[Message]:
 
 
 def activity_from_message(content: Any, where: Location) -> Activity:
-    """The activity of an `/albot/activity` message, which stands there in a file.
+    """Read the activity from an `/albot/activity` message; `where` is its place in the file.
 
     Raises:
-        InputError: The message is not as its schema says; it names the place.
+        InputError: The message violates its schema; the error names the place.
     """
     told = read_record(_FIELDS, content, where)
     for name in ("rows", "columns"):
@@ -76,6 +76,6 @@ def activity_from_message(content: Any, where: Location) -> Activity:
     active = np.array(told["active"], np.int64)
     amounts = read_array((len(active),), told["values"], where.at("values"))
     packet = read_array((3,), told["packet"], where.at("packet"))
-    with where.naming(), np.errstate(over="ignore"):  # What float32 cannot hold is not finite.
+    with where.naming(), np.errstate(over="ignore"):  # Values beyond float32 become infinite.
         values.ravel()[active] = amounts
         return Activity(cell=told["cell"], values=values, packet=packet)

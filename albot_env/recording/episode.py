@@ -1,4 +1,4 @@
-"""An episode as data: its header, then one moment after another."""
+"""An episode as data: a header, followed by moments."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from albot_core.sensing.reading import LaserGeometry, Reading, SonarGeometry
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EpisodeHeader:
-    """What does not change during an episode."""
+    """The constant data of an episode."""
 
     environment: str
     """Id of the environment."""
@@ -26,60 +26,60 @@ class EpisodeHeader:
     walls: Segments
     """The world's walls, world frame."""
     start: Pose
-    """Where the robot truly sets out, world frame: the origin of the map's frame."""
+    """True start pose, world frame: the origin of the map frame."""
     mapper: str
     """Name of the mapper."""
     odometer: str
     """Name of the odometer's preset."""
     seed: int | None
-    """The seed of the reset; None where it had none."""
+    """Seed of the reset; None if none was given."""
     agent: str = ""
-    """Name of the agent; empty where nobody has said."""
+    """Name of the agent; empty if unknown."""
     laser: LaserGeometry | None = None
-    """Where the laser's beams point; None on a robot without a laser."""
+    """Geometry of the laser's beams; None on a robot without a laser."""
     sonar: SonarGeometry | None = None
-    """Where the sonars sit and point; None on a robot without sonars."""
+    """Geometry of the sonars; None on a robot without sonars."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Moment:
-    """What happened in one step, and how things stand after it.
+    """The events of one step, and the state after it.
 
-    The first moment of an episode is how things stand after the reset.
+    The first moment of an episode is the state after the reset.
     """
 
     action: Float64[np.ndarray, "numbers"] | None
-    """The agent's action as it gave it; None in the first moment."""
+    """The agent's action as given; None in the first moment."""
     reward: float
     """The sum of the terms."""
     terms: Mapping[str, float]
     """The reward's terms by name."""
     reading: Reading
-    """What the robot sensed."""
+    """The sensor readings."""
     pose: Pose
-    """Where the robot truly is, world frame."""
+    """True pose, world frame."""
     collided: bool
     """Whether the robot touched something."""
     room: str
     """Name of the room that the robot is truly in; empty between rooms."""
     path_length: float
-    """Distance truly driven since the start (m)."""
+    """True path length since the start (m)."""
     belief: Pose
-    """Where the robot believes to be, map frame."""
+    """Believed pose, map frame."""
     home: Pose
-    """Where home is believed to be, in the robot's present frame."""
+    """Believed pose of home, in the robot's present frame."""
     updates: int
-    """How many readings the mapper has added to its map."""
+    """Number of readings that the mapper has added to its map."""
     matched_reading: int | None
-    """The earlier reading that the mapper believes was taken at the present place, counted from
-    0; None where it recognises nothing."""
+    """Index, from 0, of the earlier reading that the mapper matches with the present place; None
+    for no match."""
     snapshot: MapSnapshot | None
-    """The map, map frame; None where it is that of the moment before."""
+    """The map, map frame; None if unchanged since the previous moment."""
     activity: Activity | None = None
-    """The activity of the mapper's attractor network; None where it is that of the moment before,
-    and where the mapper has none."""
+    """The activity of the mapper's attractor network; None if unchanged since the previous moment,
+    or if the mapper has no network."""
     things: Float64[np.ndarray, "things 4"] = field(default_factory=lambda: np.empty((0, 4)))
-    """The outlines of what moves around the robot, where it is now, world frame."""
+    """Current outlines of the dynamic obstacles around the robot, world frame."""
 
 
 @runtime_checkable
@@ -93,7 +93,7 @@ class Recorder(Protocol):
         """Record the next moment."""
 
     def close(self) -> None:
-        """End the episode; may be called again."""
+        """End the episode; a second call does nothing."""
 
 
 class NullRecorder:

@@ -1,4 +1,4 @@
-"""Parts of Foxglove's messages: times, poses, scenes of lines and texts."""
+"""Parts of Foxglove's messages: times, poses, and scenes of lines and texts."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from albot_core.geometry.types import Pose, Segments
 from albot_env.recording.schemas import PRIMITIVES
 
 Message = tuple[str, dict[str, Any]]
-"""A topic, and a message's content."""
+"""A topic and the content of a message."""
 
 
 def nanoseconds(stamp: float) -> int:
-    """Simulated time (s) in whole nanoseconds."""
+    """Return a simulated time (s) in whole nanoseconds."""
     return round(stamp * 1e9)
 
 
 def time_of(stamp: float) -> dict[str, int]:
-    """A time (s)."""
+    """Return a time (s) as seconds and nanoseconds."""
     sec, nsec = divmod(nanoseconds(stamp), 1_000_000_000)
     return {"sec": sec, "nsec": nsec}
 
 
 def pose_of(pose: Pose) -> dict[str, dict[str, float]]:
-    """A pose on the floor."""
+    """Return a pose on the floor as a 3D pose."""
     x, y, heading = pose.tolist()
     half = heading / 2
     return {
@@ -35,7 +35,7 @@ def pose_of(pose: Pose) -> dict[str, dict[str, float]]:
 
 
 def transform(stamp: float, parent: str, child: str, pose: Pose) -> dict[str, Any]:
-    """Where one frame lies in another."""
+    """Return the transform of a child frame, whose pose in the parent frame is given."""
     placed = pose_of(pose)
     return {
         "timestamp": time_of(stamp),
@@ -47,7 +47,7 @@ def transform(stamp: float, parent: str, child: str, pose: Pose) -> dict[str, An
 
 
 def lines(segments: Segments, colour: dict[str, float]) -> dict[str, Any]:
-    """Line segments, to the millimetre."""
+    """Return line segments, rounded to the millimetre."""
     points = np.round(segments.reshape(-1, 2), 3).tolist()
     return {
         "type": 2,
@@ -62,7 +62,7 @@ def lines(segments: Segments, colour: dict[str, float]) -> dict[str, Any]:
 
 
 def scene(name: str, frame: str, stamp: float, **shapes: list[dict[str, Any]]) -> dict[str, Any]:
-    """A scene of shapes; it replaces the one of the same name."""
+    """Return a scene of shapes; it replaces an earlier one of the same name."""
     entity: dict[str, Any] = {
         "timestamp": time_of(stamp),
         "frame_id": frame,

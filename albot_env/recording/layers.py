@@ -1,7 +1,7 @@
-"""The layers of a map as messages, and back: one function a layer and direction.
+"""Conversion of a map's layers to messages and back: one function per layer and direction.
 
-An episode file holds each layer twice: exactly, in `/albot/map`, which `albot play` reads; and on a
-topic of its own, as Foxglove draws it.
+An episode file holds each layer twice: exactly, in `/albot/map`, which `albot play` reads; and
+on a topic of its own, for display in Foxglove.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ LINK_COLOUR = {"r": 0.57, "g": 0.50, "b": 0.84, "a": 1.0}
 DOORWAY_COLOUR = {"r": 0.97, "g": 0.51, "b": 0.67, "a": 1.0}
 
 UNKNOWN = 255
-"""The byte of a cell of which nothing is known; others are occupied with k / 254."""
+"""Byte value of an unknown cell; other values k stand for the occupancy probability k / 254."""
 
 
 def map_messages(snapshot: MapSnapshot, stamp: float) -> Iterator[Message]:
-    """The messages of a map at a moment (s)."""
+    """Return the messages of a map at a time (s)."""
     for layer in snapshot.layers:
         yield f"/map/{layer.kind}", drawn_layer(layer, stamp)
     yield "/albot/map", {layer.kind: plain_layer(layer) for layer in snapshot.layers}
 
 
 def map_from_message(content: Any, where: Location) -> MapSnapshot:
-    """The map of an `/albot/map` message, which stands there in a file.
+    """Read the map from an `/albot/map` message; `where` is its place in the file.
 
     Raises:
-        InputError: The message is not as its schema says; it names the place.
+        InputError: The message violates its schema; the error names the place.
     """
     layers = []
     for kind, fields in read_fields(dict.fromkeys(_READERS, Any), content, where).items():
@@ -58,13 +58,13 @@ def map_from_message(content: Any, where: Location) -> MapSnapshot:
 
 @singledispatch
 def plain_layer(layer: Layer) -> dict[str, Any]:
-    """A layer as the schema of its kind says."""
+    """Return a layer in the form of its kind's schema."""
     raise NotImplementedError(type(layer).__name__)
 
 
 @singledispatch
 def drawn_layer(layer: Layer, stamp: float) -> dict[str, Any]:
-    """A layer as a message that Foxglove draws."""
+    """Return a layer as a message that Foxglove can draw."""
     raise NotImplementedError(type(layer).__name__)
 
 
@@ -120,7 +120,7 @@ def _read_grid(content: dict[str, Any], where: Location) -> OccupancyGridLayer:
     shape = content["rows"], content["columns"]
     try:
         raw = np.frombuffer(base64.b64decode(content["occupancy"], validate=True), np.uint8)
-        if min(shape) < 0:  # A length of -1 would be worked out.
+        if min(shape) < 0:  # numpy would replace a length of -1 by a computed one.
             raise ValueError
         cells = raw.reshape(shape)
         occupancy = np.where(cells == UNKNOWN, np.nan, cells / 254).astype(np.float32)
@@ -253,12 +253,12 @@ def _read_trajectory(content: dict[str, Any], where: Location) -> TrajectoryLaye
 
 
 def _row(count: int, content: dict[str, Any], name: str, where: Location) -> np.ndarray:
-    """So many numbers."""
+    """Return an array of `count` numbers."""
     return read_array((count,), content[name], where.at(name))
 
 
 def _rows(count: int, content: dict[str, Any], name: str, where: Location) -> np.ndarray:
-    """Rows of so many numbers."""
+    """Return an array of rows of `count` numbers."""
     return read_array((None, count), content[name], where.at(name))
 
 
@@ -273,4 +273,4 @@ _READERS: dict[str, tuple[dict[str, Any], Callable[[dict[str, Any], Location], L
     ParticlesLayer.kind: ({"poses": Any, "weights": Any}, _read_particles),
     TrajectoryLayer.kind: ({"poses": Any}, _read_trajectory),
 }
-"""What a layer of each kind holds, and what makes it of that; `Any` are lists of numbers."""
+"""Fields and reader of each kind of layer; `Any` stands for lists of numbers."""

@@ -1,4 +1,4 @@
-"""An episode as a robot's log, so that other mappers can be led through it."""
+"""Conversion of an episode to a robot's log, on which other mappers can be run."""
 
 from __future__ import annotations
 
@@ -11,53 +11,71 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Ranges
 from albot_core.logs.log import Log
+from albot_core.logs.reader import read_log
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.reader import EpisodeReader
 
 
 class EpisodeLog:
-    """A recorder that keeps what the robot sensed, and where it truly was, in memory."""
+    """A recorder that keeps readings and true poses in memory."""
 
     def __init__(self) -> None:
         self._moments: list[Moment] = []
 
     def begin(self, header: EpisodeHeader) -> None:
-        """Begin an episode, and forget the one before."""
+        """Begin an episode; the previous one is dropped."""
         self._header = header
         self._moments.clear()
 
     def add(self, moment: Moment) -> None:
-        """Keep the next moment."""
+        """Store the next moment."""
         self._moments.append(moment)
 
     def close(self) -> None:
         """Do nothing."""
 
     def log(self, name: str) -> Log:
-        """The episode so far as a log (see `log_of_moments`)."""
+        """Return the episode so far as a log (see `log_of_moments`)."""
         return log_of_moments(name, self._header, self._moments)
 
 
-def read_episode_log(path: Path) -> Log:
-    """The log of a recorded episode; of one that was never closed, of its good beginning.
+EPISODE_SUFFIX = ".mcap"
+"""File name suffix of episodes."""
+
+
+def read_log_or_episode(path: Path, keep_going: bool = False) -> Log:
+    """Read a real robot's log, or a recorded episode if the file's name ends in `.mcap`.
+
+    Args:
+        path: The file.
+        keep_going: Whether to accept the intact beginning of a damaged log.
 
     Raises:
-        InputError: There is no such file, it is no episode, or it is damaged before its end.
+        InputError: As `read_log` and `read_episode_log`.
+    """
+    return read_episode_log(path) if path.suffix == EPISODE_SUFFIX else read_log(path, keep_going)
+
+
+def read_episode_log(path: Path) -> Log:
+    """Return the log of a recorded episode; if the file was never closed, of its intact part.
+
+    Raises:
+        InputError: The file does not exist, is no episode, or is damaged before its end.
     """
     reader = EpisodeReader(path)
     return log_of_moments(path.name, reader.header, reader.moments())
 
 
 def log_of_moments(name: str, header: EpisodeHeader, moments: Iterable[Moment]) -> Log:
-    """The log of an episode. Its reference is where the robot truly was (world frame).
+    """Return the log of an episode. Its reference trajectory is the true one (world frame).
 
     Args:
-        name: What the log is called.
-        header: What does not change in the episode.
-        moments: What happened in it.
+        name: Name of the log.
+        header: Header of the episode.
+        moments: Moments of the episode.
 
     Raises:
-        InputError: There is no moment.
+        InputError: There are no moments.
     """
     stamps: list[float] = []
     scenes: list[int] = []

@@ -1,4 +1,4 @@
-"""Moments as messages. A step's `albot.Step` is written last: with it the step is complete."""
+"""Moments as messages. A step's `albot.Step` is written last and marks the step as complete."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from albot_env.recording.foxglove import Message, lines, pose_of, scene, time_of
 from albot_env.recording.layers import map_messages
 
 FORMAT = 3
-"""Version of our own messages."""
+"""Version of the project's own message formats."""
 
 WALL_COLOUR = {"r": 0.83, "g": 0.85, "b": 0.89, "a": 1.0}
 THING_COLOUR = {"r": 0.83, "g": 0.55, "b": 0.86, "a": 1.0}
@@ -24,7 +24,7 @@ ECHO_COLOUR = {"r": 0.31, "g": 0.72, "b": 0.84, "a": 1.0}
 
 
 def header_messages(header: EpisodeHeader) -> Iterator[Message]:
-    """The messages that begin an episode."""
+    """Return the messages at the beginning of an episode."""
     yield (
         "/albot/header",
         {
@@ -45,7 +45,7 @@ def header_messages(header: EpisodeHeader) -> Iterator[Message]:
 
 
 def moment_messages(moment: Moment, start: Pose) -> Iterator[Message]:
-    """The messages of one step; `start` is where the map's frame lies in the world's."""
+    """Return the messages of one step; `start` is the pose of the map frame (world frame)."""
     stamp = moment.reading.stamp
     yield (
         "/tf",
@@ -96,7 +96,7 @@ def _step(moment: Moment) -> dict[str, Any]:
 
 
 def _scan(stamp: float, scan: LaserScan) -> dict[str, Any]:
-    """JSON knows no infinity: a beam that brought nothing back has range 0."""
+    """Return a laser scan. JSON has no infinity: a beam without a return has range 0."""
     bearings = scan.geometry.bearings
     return {
         "timestamp": time_of(stamp),
@@ -130,12 +130,12 @@ def _sonars(geometry: SonarGeometry) -> dict[str, Any]:
 
 
 def _echoes(scan: SonarScan) -> list[float | None]:
-    """JSON knows no infinity: a sonar that heard nothing has null."""
+    """Return sonar ranges. JSON has no infinity: a sonar without an echo has null."""
     return [reach if math.isfinite(reach) else None for reach in scan.ranges.tolist()]
 
 
 def _arcs(stamp: float, scan: SonarScan) -> dict[str, Any]:
-    """Across the cone of each sonar that heard something, the chord at that range."""
+    """Return, for each sonar with an echo, the chord across its cone at that range."""
     geometry = scan.geometry
     heard = np.isfinite(scan.ranges)
     bearings = np.array(geometry.bearings)[heard, None] + geometry.cone / 2 * np.array((-1, 1))

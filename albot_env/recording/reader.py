@@ -1,4 +1,4 @@
-"""Reads episodes back: whole files, and the good beginning of those that were cut off."""
+"""Reading of episode files: complete ones, and the intact beginning of truncated ones."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from albot_env.recording.layers import map_from_message
 from albot_env.recording.schemas import EPISODE_HEADER
 
 RECORD_LIMIT = 64 << 20
-"""No record of an episode is larger than this, nor does one unpack to more (bytes)."""
+"""Maximum size of a record in an episode, packed and unpacked (bytes)."""
 
 
 _POSES = ("motion", "pose", "belief", "home")
@@ -55,27 +55,27 @@ _STEP = dict.fromkeys(("action", *_POSES), Any) | {
     "updates": int,
     "matched_reading": int | None,
 }
-"""What a step holds; `Any` are lists of numbers."""
+"""Fields of a step; `Any` stands for lists of numbers."""
 
 
 class EpisodeReader:
-    """An episode file.
+    """Reader of an episode file.
 
     Args:
         path: The file.
 
     Raises:
-        InputError: There is no such file, or it does not begin as an episode does.
+        InputError: The file does not exist, or does not begin like an episode.
     """
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.torn = False
-        """Whether the file was never closed, and lacks its end: known once all was read."""
+        """Whether the file was never closed, so that its end is missing; set once all is read."""
         self.header = self._read_header()
 
     def moments(self) -> Iterator[Moment]:
-        """The episode's moments in order. A file cut off gives its good beginning.
+        """Yield the episode's moments in order. A truncated file yields its intact beginning.
 
         Raises:
             InputError: The file is damaged before its end.
@@ -101,7 +101,7 @@ class EpisodeReader:
                 scan, snapshot, activity, things = None, None, None, np.empty((0, 4))
 
     def measure(self) -> tuple[int, float]:
-        """How many steps the file holds, or its good beginning, and the time of the last (s).
+        """Return the number of steps in the file's intact part, and the time of the last (s).
 
         Raises:
             InputError: The file is damaged before its end.
@@ -116,7 +116,7 @@ class EpisodeReader:
         return max(0, len(stamps) - 1), max(stamps, default=0) / 1e9
 
     def _moment(self, step: dict[str, Any], scan: LaserScan | None, where: Location) -> Moment:
-        """A moment as far as its step and its scan tell."""
+        """Return a moment with the data of its step and its scan."""
         poses = {name: read_array((3,), step[name], where.at(name)) for name in _POSES}
         action = step["action"]
         if action is not None:
@@ -206,7 +206,7 @@ class EpisodeReader:
         )
 
     def _messages(self) -> Iterator[tuple[str, Any, Location]]:
-        """Topic and content of every message in the order of the file, and its place for errors."""
+        """Yield topic and content of every message in file order, with its place for errors."""
         channels: dict[int, str] = {}
         for record in self._records():
             if isinstance(record, Channel):
@@ -218,7 +218,7 @@ class EpisodeReader:
                 yield topic, content, Location(self._path, (place,))
 
     def _records(self) -> Iterator[McapRecord]:
-        """The file's records; of one that was never closed the whole ones, and `torn` is set."""
+        """Yield the file's records; if it was never closed, the complete ones, and set `torn`."""
         with self._open() as stream:
             records = _unpacked(
                 StreamReader(
@@ -270,7 +270,7 @@ class EpisodeReader:
 
 
 def _unpacked(records: Iterator[McapRecord]) -> Iterator[McapRecord]:
-    """The records, those in a chunk in its place.
+    """Yield the records, with each chunk replaced by its contents.
 
     Raises:
         ValueError: A chunk would unpack to more than `RECORD_LIMIT`.
@@ -285,7 +285,7 @@ def _unpacked(records: Iterator[McapRecord]) -> Iterator[McapRecord]:
 
 
 def _unpacked_size(chunk: Chunk) -> int:
-    """The bytes to which a chunk unpacks: what it says, or its data, which alone is obeyed."""
+    """Return a chunk's unpacked size: as declared, or as its data implies, which is what counts."""
     if chunk.compression == "zstd":
         told = zstandard.frame_content_size(chunk.data)
         return chunk.uncompressed_size if told < 0 else max(told, chunk.uncompressed_size)
@@ -295,13 +295,13 @@ def _unpacked_size(chunk: Chunk) -> int:
 
 
 _LENGTHS = (MemoryError, OverflowError)
-"""What comes of lengths in a damaged file that the library takes at their word."""
+"""Errors that the library raises for wrong lengths in a damaged file."""
 _LZ4_RATIO = 255
-"""A byte packed by lz4 unpacks to so many at most."""
+"""Maximum compression ratio of lz4."""
 
 
 def _was_closed(stream: BinaryIO) -> bool:
-    """Whether a file ends as MCAP files do: what cannot be read in it was damaged, not cut off."""
+    """Whether a file ends as MCAP files do; if so, unreadable data is damage, not truncation."""
     stream.seek(-len(MCAP0_MAGIC), os.SEEK_END)
     return stream.read() == MCAP0_MAGIC
 

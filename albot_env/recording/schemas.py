@@ -1,6 +1,6 @@
-"""JSON Schemas of the messages in an episode file: Foxglove's, and our own.
+"""JSON Schemas of the messages in an episode file: Foxglove's and the project's own.
 
-Foxglove knows a message by its schema's name and reads the fields that its documentation
+Foxglove identifies a message by its schema's name and reads the fields that its documentation
 lists: https://docs.foxglove.dev/docs/sdk/schemas/introduction
 """
 
@@ -97,7 +97,7 @@ _PRIMITIVES: dict[str, Schema] = {
     ),
 }
 PRIMITIVES = tuple(_PRIMITIVES)
-"""The names of a scene entity's lists of shapes."""
+"""Names of the lists of shapes in a scene entity."""
 
 FRAME_TRANSFORMS = _object(
     "foxglove.FrameTransforms",
@@ -299,4 +299,4 @@ TOPICS: dict[str, Schema] = {
     "/albot/map": MAP,
     "/albot/step": STEP,
 }
-"""The topics of an episode file and what their messages look like."""
+"""The topics of an episode file and the schemas of their messages."""

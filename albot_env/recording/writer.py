@@ -1,4 +1,4 @@
-"""Writes an episode to an MCAP file while it runs."""
+"""Writing of an episode to an MCAP file while it runs."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from albot_env.recording.messages import header_messages, moment_messages
 from albot_env.recording.schemas import TOPICS
 
 CHUNK_MOMENTS = 10
-"""A chunk holds so many moments: a second of an episode at ten steps a second."""
+"""Number of moments per chunk: one second of an episode at ten steps per second."""
 _NO_LIMIT = 1 << 62
 
 
 class EpisodeWriter:
-    """Writes one episode to one file; what was written before a crash can be read.
+    """Writes one episode to one file; after a crash, the data written before can be read.
 
-    The file grows by whole chunks of `CHUNK_MOMENTS` moments. An interrupt never lands within
-    one, and a process that is killed leaves all but the last of them.
+    The file grows by whole chunks of `CHUNK_MOMENTS` moments. An interrupt never splits a chunk,
+    and a killed process loses at most the last one.
 
-    Stamps are simulated time, and nothing in the file tells when, where or with which
-    versions it was written: the same episode gives the same bytes.
+    Stamps are simulated time, and the file does not contain the time, place or software versions
+    of writing: the same episode gives the same bytes.
 
     Args:
-        path: The file to write; it is begun with the episode, not before.
-        overwrite: Whether a file that is there is overwritten.
+        path: The file to write; it is opened by `begin`.
+        overwrite: Whether an existing file is overwritten.
     """
 
     def __init__(self, path: Path, *, overwrite: bool = True) -> None:
@@ -48,13 +48,13 @@ class EpisodeWriter:
         """Open the file and write the header.
 
         Raises:
-            InputError: The file cannot be written, is not to be overwritten, or already holds an
-                episode of this writer: one file holds one episode.
+            InputError: The file cannot be written, exists and must not be overwritten, or already
+                holds an episode of this writer: one file holds one episode.
         """
         if self._header is not None:
             raise InputError(self._path, "one episode a file", "a second reset")
         mode: Literal["wb", "xb"] = "wb" if is_stream(self._path) or self._overwrite else "xb"
-        if self._path.is_fifo():  # Its index needs positions, and a pipe would make us wait.
+        if self._path.is_fifo():  # The index needs positions, and opening a pipe would block.
             raise InputError(self._path, "a file to write", "a pipe")
         with self._disk():
             self._header = header
@@ -74,7 +74,7 @@ class EpisodeWriter:
         if self._header is None or self._stream is None:
             raise InputError(self._path, "an episode that was begun", "none")
         messages = moment_messages(moment, self._header.start)
-        # All of a moment or nothing, whenever an interrupt comes.
+        # All of a moment or nothing, even if an interrupt comes.
         self._waiting.append(_encoded(messages, nanoseconds(moment.reading.stamp)))
         if len(self._waiting) >= CHUNK_MOMENTS:
             with self._disk():
@@ -95,9 +95,9 @@ class EpisodeWriter:
 
     @contextmanager
     def _disk(self) -> Iterator[None]:
-        """Write without interrupts. A failure is an InputError; nothing more is written after it.
+        """Write without interrupts. After a failure, raise InputError and write nothing more.
 
-        What is half in a chunk or in the writer's index would spoil the file when it is closed.
+        A partly written chunk or index entry would corrupt the file when it is closed.
         """
         with interrupts_deferred():
             try:
@@ -126,7 +126,7 @@ class EpisodeWriter:
 
 
 def _encoded(messages: Iterable[Message], time: int) -> list[tuple[str, int, bytes]]:
-    """Topic, time (ns) and data of each message."""
+    """Return topic, time (ns) and data of each message."""
     return [
         (topic, time, json.dumps(content, separators=(",", ":"), allow_nan=False).encode())
         for topic, content in messages

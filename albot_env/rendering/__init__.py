@@ -1,13 +1,13 @@
-"""One frame model, drawn in a window, in an image array, in the terminal and as a picture.
+"""One frame model, drawn in a window, as an image array, in the terminal and as a PNG picture.
 
-- `trace`, `frame`: an episode so far, and what can be drawn of its present moment,
-- `layers`, `shapes`, `scene`: a frame as shapes, which every renderer draws alike,
-- `window`, `canvas`, `terminal`, `picture`: the renderers; `viewer`: what shows frames and hears
-  keys, those of a terminal by `terminal_keyboard`; `controls`: what keys do,
+- `trace`, `frame`: an episode so far, and the data of its present moment,
+- `layers`, `shapes`, `scene`: a frame as shapes, which all renderers draw,
+- `window`, `canvas`, `terminal`, `picture`: the renderers; `viewer`: the interface of window and
+  terminal; `terminal_keyboard`: keys typed in a terminal; `controls`: the effects of keys,
 - `display`: whether there is a screen.
 """
 
 import os
 
-# pygame greets on standard output when first imported, where `--json` promises JSON alone.
+# pygame prints a greeting when first imported, but `--json` promises nothing but JSON.
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")

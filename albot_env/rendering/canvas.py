@@ -1,4 +1,4 @@
-"""Scenes painted with pygame on a surface in memory: no display and no window needed."""
+"""Scenes painted with pygame on a surface in memory, without a display or window."""
 
 from __future__ import annotations
 
@@ -46,17 +46,17 @@ LINE_HEIGHT = 20
 LEGEND_HEIGHT = 18
 BAR_HEIGHT = 4
 SWATCH = 18
-"""Width of the patch of colour in a legend (pixels)."""
+"""Width of the colour patches in a legend (pixels)."""
 
 
 def _font(size: int) -> pygame.font.Font:
-    """A font, made anew each time: a kept one is lost as soon as anybody calls `pygame.quit()`."""
+    """Return a new font each time: `pygame.quit()` would invalidate a cached one."""
     pygame.font.init()
     return pygame.font.Font(None, size)
 
 
 class _View:
-    """From metres to a panel's pixels."""
+    """Transform from metres to a panel's pixels."""
 
     def __init__(self, bounds: tuple[float, float, float, float], area: pygame.Rect) -> None:
         x0, y0, x1, y1 = bounds
@@ -65,7 +65,7 @@ class _View:
         self._centre = np.array(area.center, float)
 
     def metres(self, pixels: Float64[np.ndarray, "*points 2"]) -> Float64[np.ndarray, "..."]:
-        """Where pixels are (m)."""
+        """Return the positions of pixels (m)."""
         return np.asarray(self._middle + (pixels - self._centre) / (self.scale, -self.scale))
 
     def __call__(self, points: Float64[np.ndarray, "*points 2"]) -> Float64[np.ndarray, "..."]:
@@ -73,7 +73,7 @@ class _View:
 
 
 def paint(scene: Scene, canvas: pygame.Surface, footer: Footer | None = None) -> None:
-    """Paint a scene over the whole of `canvas`, and the footer, if any, below it."""
+    """Paint a scene over the whole of `canvas`, and the footer, if given, below it."""
     canvas.fill(BACKGROUND)
     width, height = canvas.get_size()
     texts = [(text, TEXT) for text in scene.captions]
@@ -100,7 +100,7 @@ def paint(scene: Scene, canvas: pygame.Surface, footer: Footer | None = None) ->
 def _write(
     canvas: pygame.Surface, text: str, at: tuple[int, int], colour: Colour, width: int
 ) -> None:
-    """Write a line of text, smaller where it is wider than `width` (pixels)."""
+    """Write a line of text, in a smaller font if it is wider than `width` (pixels)."""
     size = next((size for size in (20, 18, 16, 14) if _font(size).size(text)[0] <= width), 14)
     canvas.blit(_font(size).render(text, True, colour), at)
 
@@ -134,7 +134,7 @@ def _paint_panel(panel: Panel, canvas: pygame.Surface, area: pygame.Rect) -> Non
 
 
 def legend_places(panel: Panel, area: pygame.Rect) -> list[tuple[Shape, pygame.Rect]]:
-    """Where the legend has each shape, in rows from left to right at the foot of a panel."""
+    """Return the place of each shape in the legend: rows, left to right, at a panel's foot."""
     font, rows = _font(18), [[]]  # type: tuple[pygame.font.Font, list[list[tuple[Shape, int]]]]
     left = room = area.width - 2 * MARGIN
     for shape in panel.shapes:
@@ -188,9 +188,9 @@ def _marks(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
 
 
 def _grid(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
-    """Occupied cells light, free ones dark; what is unknown stays as the panel.
+    """Paint occupied cells light and free ones dark; unknown cells keep the panel's colour.
 
-    Each pixel of the box around the grid looks up the cell that it shows.
+    Each pixel of the box around the grid looks up the cell at its position.
     """
     grid = shape.placed_grid
     corners = view(grid.corners)
@@ -214,7 +214,7 @@ def _grid(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
 
 
 def _cells(canvas: pygame.Surface, shape: Shape, view: _View) -> None:
-    """The stronger a square the farther its colour is from the panel's."""
+    """Paint squares: the stronger a square, the more its colour differs from the panel's."""
     corners = view(shape.data[:, :2] + shape.data[:, 2:3] * (-0.5, 0.5))
     panel, colour = np.array(PANEL, float), np.array(PALETTE[shape.style], float)
     colours = (panel + shape.data[:, 3:] * (colour - panel)).astype(int).tolist()
@@ -253,7 +253,7 @@ PAINTERS: dict[str, Callable[[pygame.Surface, Shape, _View], None]] = {
 
 
 def paint_array(scene: Scene, size: tuple[int, int] = (1200, 640)) -> UInt8[np.ndarray, "h w 3"]:
-    """Paint a scene in memory; the image as rows of RGB pixels.
+    """Paint a scene in memory; return the image as rows of RGB pixels.
 
     Args:
         scene: What to paint.

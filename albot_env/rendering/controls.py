@@ -1,4 +1,4 @@
-"""The controls: what keys do to a show, and the lines that say so."""
+"""The controls of a viewer: the effects of keys, and the status lines that describe them."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from albot_env.rendering.frame import clock_time
 from albot_env.rendering.viewer import Footer
 
 Jump = tuple[int, float]
-"""So many steps and so many simulated seconds on, or back where they are negative."""
+"""A seek by a number of steps and by simulated time (s); negative values go back."""
 
 SLOWEST, FASTEST = 1 / 16, 1024.0
-"""Between these times real time the speed is changed by keys."""
+"""Range of speeds that keys can set, as multiples of real time."""
 _FAR = 10.0
-"""A seek goes so far (s)."""
+"""Length of a seek (s)."""
 
 _SEEKS: dict[str, Jump] = {
     "b": (-1, 0.0),
@@ -25,21 +25,21 @@ _SEEKS: dict[str, Jump] = {
 
 
 class Controls:
-    """What the person watching has asked for, by keys.
+    """The state that the user controls by keys.
 
     Args:
-        speed: How many times faster than simulated time it is shown at first.
-        recorded: Whether the episode is recorded: then one can seek in it.
-        more: What other keys do, for the line of keys.
+        speed: Initial speed, as a multiple of simulated time.
+        recorded: Whether the episode is a recording, in which seeking is possible.
+        more: Description of further keys, for the line of keys.
     """
 
     def __init__(self, speed: float, *, recorded: bool, more: str = "") -> None:
         self.speed = speed
-        """How many times faster than simulated time it is shown."""
+        """Speed, as a multiple of simulated time."""
         self.paused = False
-        """Whether it stands still."""
+        """Whether playback is paused."""
         self.closed = False
-        """Whether there is to be no more of it."""
+        """Whether the user has closed the viewer."""
         self._jumps: list[Jump] = []
         self._seeks = _SEEKS if recorded else {}
         seeking = ["b back", "arrows 10 s", "home/end"] if recorded else []
@@ -47,7 +47,7 @@ class Controls:
         self._keys = " · ".join([*([more] if more else []), *parts])
 
     def press(self, key: str) -> None:
-        """A key was pressed; one that does nothing is let go."""
+        """Handle a pressed key; unknown keys are ignored."""
         if key == "q":
             self.closed = True
         elif key == "space":
@@ -64,20 +64,20 @@ class Controls:
             self._jumps.append(self._seeks[key])
 
     def take_jump(self) -> Jump | None:
-        """The next jump that was asked for; None where there is none."""
+        """Return and clear the next requested seek; None if there is none."""
         return self._jumps.pop(0) if self._jumps else None
 
     def footer(
         self, *, step: int, steps: int, time: float, duration: float | None, over: bool
     ) -> Footer:
-        """What stands below the frame.
+        """Return the footer below the frame.
 
         Args:
-            step: Steps shown.
-            steps: Steps of the whole episode, at most.
-            time: Simulated time shown (s).
-            duration: That of the whole episode (s); None where it is not known.
-            over: Whether this is its last moment.
+            step: Current step.
+            steps: Maximum number of steps of the episode.
+            time: Current simulated time (s).
+            duration: Duration of the whole episode (s); None if unknown.
+            over: Whether this is the last moment.
         """
         how = "the end" if over else "paused" if self.paused else "playing"
         whole = "" if duration is None else f" of {clock_time(duration)}"

@@ -1,4 +1,4 @@
-"""Whether there is a screen."""
+"""Detection of a display."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import sys
 
 
 def display_found() -> bool:
-    """Whether there is a screen to open a window on, as far as one can tell without trying."""
+    """Whether a display seems available for a window, judged without opening one."""
     if sys.platform in {"win32", "darwin"}:
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,4 +1,4 @@
-"""The layers of a map as shapes to draw: one function a layer."""
+"""The layers of a map as shapes to draw: one function per layer."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from albot_core.maps.layers import (
 from albot_env.rendering.shapes import Shape
 
 _ASIDE = 0.8
-"""So far to the side of its exit a place is drawn that would else be drawn on it (m)."""
+"""Distance by which a place is drawn beside its exit instead of on it (m)."""
 
 
 @singledispatch
 def layer_shapes(layer: Layer, frame: Pose) -> tuple[Shape, ...]:
-    """The shapes of a layer, from back to front.
+    """Return the shapes of a layer, from back to front.
 
     Args:
         layer: The layer.
-        frame: Where the map's frame is drawn (world frame).
+        frame: Pose of the map frame (world frame).
     """
     raise NotImplementedError(type(layer).__name__)
 
 
 @singledispatch
 def layer_summary(layer: Layer) -> str:
-    """What is in a layer, in two words; empty where there is nothing to count."""
+    """Return a summary of a layer in two words; empty if there is nothing to count."""
     raise NotImplementedError(type(layer).__name__)
 
 
@@ -71,20 +71,24 @@ def _place_graph(layer: PlaceGraph, frame: Pose) -> tuple[Shape, ...]:
     links = [(*middles[numbers[one]], *middles[numbers[other]]) for one, other in layer.links]
     lines = transform_segments(frame, np.reshape(links, (-1, 4)).astype(np.float64))
     doorways = transform_segments(frame, layer.doorways())
-    names = tuple(node.label for node in layer.nodes)
     points = transform_points(frame, middles)
+    if layer.is_dense:
+        places = Shape(kind="dots", style="place", label="places", data=points)
+    else:
+        names = tuple(node.label for node in layer.nodes)
+        places = Shape(kind="marks", style="place", label="places", data=points, names=names)
     shapes = (
         Shape(kind="segments", style="link", label="links", data=lines),
         Shape(kind="segments", style="doorway", label="exits", data=doorways),
-        Shape(kind="marks", style="place", label="places", data=points, names=names),
+        places,
     )
     return tuple(shape for shape in shapes if len(shape.data))
 
 
 def _drawn_at(layer: PlaceGraph) -> Points:
-    """Where places are drawn, in the map's frame (m): in their middles, or beside an exit there.
+    """Return where places are drawn (map frame, m): at their centres, or beside an exit there.
 
-    The middle of a place with one exit is that exit, and as well the middle of the place beyond.
+    The centre of a place with one exit is that exit; so may be that of the place beyond it.
     """
     points = np.array([node.middle for node in layer.nodes])
     numbers = {node.id: k for k, node in enumerate(layer.nodes)}

@@ -1,4 +1,4 @@
-"""The picture: all panels side by side in one PNG, for papers, pages and reports."""
+"""The picture: all panels side by side in one PNG, for papers and reports."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ PALETTE = {
 
 
 def save_picture(frame: Frame, path: Path) -> None:
-    """Draw a frame, its panels from left to right, and save it as a PNG, whole or not at all.
+    """Draw a frame, panels from left to right, and save it as a PNG, completely or not at all.
 
     Raises:
         InputError: The file cannot be written.
@@ -149,7 +149,7 @@ def _draw_shape(axes: Axes, shape: Shape, zorder: int) -> None:
 
 
 def _draw_grid(axes: Axes, shape: Shape) -> None:
-    """Occupied cells black, free ones white; what is unknown is left out."""
+    """Draw occupied cells black and free ones white; unknown cells are not drawn."""
     grid = shape.placed_grid
     (rows, columns), side = grid.occupancy.shape, grid.resolution
     x, y, turn = grid.origin.tolist()
@@ -167,7 +167,7 @@ def _draw_grid(axes: Axes, shape: Shape) -> None:
 
 
 def _draw_cells(axes: Axes, shape: Shape, colour: str, zorder: int) -> None:
-    """Squares, the stronger the less of what is below shows through."""
+    """Draw squares: the stronger a square, the more opaque it is."""
     x, y, side, strength = shape.data[np.argsort(-shape.data[:, 3])].T  # The legend has the first.
     corners = np.array(((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)))
     squares = np.stack((x, y), axis=1)[:, None] + side[:, None, None] * corners

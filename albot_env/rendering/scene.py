@@ -1,4 +1,4 @@
-"""The scene: a frame laid out as panels of shapes that every renderer draws alike."""
+"""The scene: a frame laid out as panels of shapes, which all renderers draw."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from albot_env.rendering.layers import layer_shapes
 from albot_env.rendering.shapes import Shape
 
 _SHARE = 0.6
-"""How wide the network's panel is, to the truth's."""
+"""Width of the network's panel relative to the truth's."""
 _RIM = 0.5
-"""So much more than the network's plane is shown on each side (m)."""
+"""Margin around the network's plane (m)."""
 Bounds = tuple[float, float, float, float]
 """Smallest x, smallest y, largest x, largest y (m)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Panel:
-    """A part of a scene, beside others."""
+    """One panel of a scene."""
 
     title: str
     shapes: tuple[Shape, ...]
-    """From back to front."""
+    """Shapes from back to front."""
     bounds: Bounds
-    """What is shown, in the panel's frame."""
+    """Visible area, in the panel's frame."""
     share: float = 1.0
-    """How wide it is, to the first."""
+    """Width relative to the first panel."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
-    """The truth on the left and the map beside it, at one scale and in the world's frame.
+    """The truth on the left and the map beside it, at one scale and in the world frame.
 
-    Where the mapper has an attractor network its activity is on the right, in the network's own
+    If the mapper has an attractor network, its activity is on the right, in the network's own
     frame.
     """
 
@@ -46,13 +46,13 @@ class Scene:
     map: Panel
     activity: Panel | None
     heading: str
-    """What does not change in the episode."""
+    """Text that does not change during the episode."""
     captions: tuple[str, ...]
-    """The figures of the moment, a line each."""
+    """Numbers of the moment, one line each."""
 
     @property
     def bounds(self) -> Bounds:
-        """What truth and map show, world frame."""
+        """Visible area of the truth and the map, world frame."""
         return self.truth.bounds
 
     @property
@@ -62,7 +62,7 @@ class Scene:
 
 
 def lay_out(frame: Frame) -> Scene:
-    """Lay a frame out as a scene. The map is drawn as if laid down at the true start."""
+    """Lay a frame out as a scene. The map is drawn with its origin at the true start."""
     start = frame.start
     believed = compose(start, frame.belief)
     things = (
@@ -97,17 +97,17 @@ def lay_out(frame: Frame) -> Scene:
 
 
 def _way(style: str, points: Points, frame: Frame) -> Shape:
-    """A path; or the stops of a robot that is led, numbered, of which the first is home."""
+    """Return a path; on a guided tour, return the numbered stops, of which the first is home."""
     if not frame.is_led:
         return Shape(kind="line", style=style, label="path", data=points)
-    if (points[-1] == points[-2]).all():  # The last answer leads nowhere else.
+    if (points[-1] == points[-2]).all():  # The last answer leads to no further stop.
         points = points[:-1]
     names = tuple(str(number) for number in range(2, len(points) + 2))
     return Shape(kind="marks", style=style, label="stops", data=points, names=names)
 
 
 def _activity(activity: Activity, packets: Points) -> Panel:
-    """The network's plane: how active it is, and where its largest packet is and has been."""
+    """Return the panel of the network's plane: activity, and path of the largest packet."""
     values, cell, size = activity.values, activity.cell, np.array(activity.size)
     rows, columns = np.nonzero(values)
     strengths = np.sqrt(values[rows, columns] / values.max(initial=0.0))  # Small packets show, too.
@@ -129,14 +129,14 @@ def _activity(activity: Activity, packets: Points) -> Panel:
 
 
 def _bounds(*shapes: Shape, margin: float = 0.8) -> Bounds:
-    """The box around everything drawn but the laser's dots, `margin` (m) wider on each side."""
+    """Return the box around all shapes but the laser's dots, with a `margin` (m) on each side."""
     points = np.concatenate([shape.points for shape in shapes if shape.style != "laser"])
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     return float(low[0]), float(low[1]), float(high[0]), float(high[1])
 
 
 def scale_bar(width: float) -> float:
-    """A round length (m) of about a fifth of `width` (m), for a scale bar."""
+    """Return a round length (m) of about a fifth of `width` (m), for a scale bar."""
     wanted = width / 5
     magnitude = 10.0 ** np.floor(np.log10(wanted))
     return float(max(f * magnitude for f in (1, 2, 5) if f * magnitude <= wanted * 1.001))

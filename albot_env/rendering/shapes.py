@@ -1,4 +1,4 @@
-"""What renderers draw: shapes that each draws in its own way."""
+"""Shapes, the primitives that every renderer draws."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from albot_core.maps.layers import OccupancyGridLayer
 Kind = Literal["segments", "line", "dots", "marks", "grid", "cells", "home", "robot"]
 
 ROBOT_RADIUS = 0.25
-"""Radius at which the robot is drawn (m): about a Pioneer's."""
+"""Radius at which the robot is drawn (m), about that of a Pioneer."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shape:
-    """Something to draw."""
+    """One thing to draw."""
 
     kind: Kind
-    """How `data` is meant: segments `(n, 4)`; points `(n, 2)` of a line, of small dots or of larger
-    marks; squares `(n, 4)`, each its middle, its side, and how strongly it is drawn, from 0 to 1;
-    or one pose `(3,)`, of a grid its origin."""
+    """Meaning of `data`: segments `(n, 4)`; points `(n, 2)` of a line, of small dots or of larger
+    marks; squares `(n, 4)`: centre x, y, side, and strength from 0 to 1; or one pose `(3,)`, which
+    is the origin of a grid if there is one."""
     style: str
-    """What it stands for; the renderer's palette gives it a colour."""
+    """What the shape stands for; the renderer's palette maps it to a colour."""
     label: str
     """Its name in a legend."""
     data: Float64[np.ndarray, "..."]
     """Coordinates in the panel's frame (m)."""
     names: tuple[str, ...] = ()
-    """What stands beside each mark; nothing where there are none."""
+    """Label beside each mark; empty for no labels."""
     grid: OccupancyGridLayer | None = None
-    """The cells, of a grid; its own origin does not count."""
+    """The cells of a grid; its own origin is ignored."""
 
     @property
     def points(self) -> Float64[np.ndarray, "points 2"]:
-        """Points of its outline (m)."""
+        """Points of the shape's outline (m)."""
         if self.grid is not None:
             return self.placed_grid.corners
         if self.kind == "cells":
@@ -46,7 +46,7 @@ class Shape:
 
     @property
     def placed_grid(self) -> OccupancyGridLayer:
-        """The cells, of a grid, with their origin in the world's frame."""
+        """The cells of a grid with their origin in the world frame."""
         assert self.grid is not None, "only grids have cells"
         return OccupancyGridLayer(
             origin=self.data, resolution=self.grid.resolution, occupancy=self.grid.occupancy

@@ -1,4 +1,4 @@
-"""Scenes drawn in the terminal with braille characters: eight dots a character cell."""
+"""Scenes drawn in the terminal with braille characters of eight dots each."""
 
 from __future__ import annotations
 
@@ -41,18 +41,18 @@ ARROWS = "→↗↑↖←↙↓↘"
 HOME = "⌂"
 MARK = "●"
 SIGNS = {"marks": MARK, "dots": "⠶", "home": HOME, "robot": ARROWS[0]}
-"""What stands before each kind of shape in a legend; a line before others."""
+"""Legend sign of each kind of shape; a line for the others."""
 BETWEEN = " │ "
-"""What parts the panels."""
+"""Separator between panels."""
 THREE = 110
-"""From so many characters on there is room for a third panel."""
+"""Minimum width (characters) for a third panel."""
 FEWEST_ROWS = 10
-"""Something else is left out before panels have fewer rows than these."""
+"""Minimum number of rows of a panel; other lines are omitted first."""
 
 OCCUPIED = 0.65
-"""Cells of an occupancy grid are drawn from this probability on."""
+"""Minimum probability at which a cell of an occupancy grid is drawn."""
 STRONG = 0.1
-"""Other cells are drawn from this strength on."""
+"""Minimum strength at which other cells are drawn."""
 
 DOT_BITS = np.array(((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80)), np.uint8)
 """The bit of each dot in a braille character, by row and column (Unicode block 2800)."""
@@ -77,12 +77,12 @@ class BrailleCanvas:
         self._middle = np.array(((x0 + x1) / 2, (y0 + y1) / 2))
 
     def _place(self, points: Float64[np.ndarray, "*n 2"]) -> Int64[np.ndarray, "*n 2"]:
-        """Column and row of the dot at each point."""
+        """Return column and row of the dot at each point."""
         centred = (points - self._middle) * (self._scale, -self._scale)
         return np.asarray(np.floor(centred + self._dots / 2), np.int64)
 
     def dots(self, points: Float64[np.ndarray, "n 2"], style: str) -> None:
-        """Set the dots nearest to points; those outside the bounds are left out."""
+        """Set the dots nearest to points; points outside the bounds are ignored."""
         placed = self._place(points)
         x, y = placed[((placed >= 0) & (placed < self._dots)).all(axis=1)].T
         np.bitwise_or.at(self._bits, (y // 4, x // 2), DOT_BITS[y % 4, x % 2])
@@ -104,7 +104,7 @@ class BrailleCanvas:
             self._signs[int(y // 4), int(x // 2)] = (character, style)
 
     def line(self, row: int) -> Text:
-        """One row of characters, neighbours of one style joined."""
+        """Return one row of characters; neighbours of the same style are joined."""
         cells = [self._cell(row, column) for column in range(self._bits.shape[1])]
         text = Text(no_wrap=True)
         for style, run in groupby(cells, key=lambda cell: cell[1]):
@@ -112,7 +112,7 @@ class BrailleCanvas:
         return text
 
     def _cell(self, row: int, column: int) -> tuple[str, str]:
-        """A cell's character and style."""
+        """Return a cell's character and style."""
         if (row, column) in self._signs:
             return self._signs[row, column]
         bits = int(self._bits[row, column])
@@ -129,7 +129,7 @@ def _draw(canvas: BrailleCanvas, shape: Shape) -> None:
         canvas.dots(shape.data, style)
     elif shape.kind == "marks":
         for k, point in enumerate(shape.data):
-            # A number of one figure says which it is; there is no room for more.
+            # There is room for one digit only.
             name = shape.names[k].lstrip("P") if shape.names else ""
             canvas.sign(point, name if len(name) == 1 else MARK, style)
     elif shape.kind == "grid":
@@ -151,7 +151,7 @@ def _panel(panel: Panel, columns: int, rows: int) -> list[Text]:
 
 
 def _legend(panel: Panel, columns: int) -> list[Text]:
-    """What each sign of a panel means, in as many lines as it takes."""
+    """Return the meaning of each sign of a panel, in as many lines as needed."""
     lines = [Text(no_wrap=True)]
     for shape in panel.shapes:
         sign = SIGNS.get(shape.kind, "⣿" if shape.kind in ("grid", "cells") else "━")
@@ -167,14 +167,14 @@ def _legend(panel: Panel, columns: int) -> list[Text]:
 def draw_text(frame: Frame, columns: int, lines: int, footer: Footer | None = None) -> Text:
     """Draw a frame as text that fits the terminal.
 
-    Where it is narrow the third panel is left out; where it is low the legend, then the rewards
+    In a narrow terminal the third panel is omitted; in a low one the legend, then the rewards
     and the heading.
 
     Args:
         frame: What to draw.
         columns: Width to fill (characters).
         lines: Height not to exceed (characters).
-        footer: What stands below.
+        footer: Footer below the frame; None for none.
     """
     scene = lay_out(frame)
     panels = scene.panels if columns >= THREE else scene.panels[:2]
@@ -210,7 +210,7 @@ def draw_text(frame: Frame, columns: int, lines: int, footer: Footer | None = No
 
 
 def _beside(columns: Sequence[list[Text]], widths: Sequence[int]) -> list[Text]:
-    """Lines beside each other, all but the last filled up to their widths (characters)."""
+    """Join columns of lines side by side, all but the last padded to their widths (characters)."""
     beside = []
     for row in zip_longest(*columns, fillvalue=Text()):
         line = Text(no_wrap=True)
@@ -223,10 +223,10 @@ def _beside(columns: Sequence[list[Text]], widths: Sequence[int]) -> list[Text]:
 
 
 class TerminalView:
-    """Shows frames in place in a terminal, and hears the keys typed in it.
+    """Shows frames in place in a terminal, and reads the keys typed in it.
 
-    While it is open, what is typed is not echoed and nothing of it is left for the shell. The
-    terminal's settings are put back when it is closed, and at the latest when Python ends.
+    While it is open, typed keys are not echoed and none is left for the shell. The terminal's
+    settings are restored when it is closed, at the latest when Python ends.
 
     Args:
         console: The terminal.
@@ -242,25 +242,25 @@ class TerminalView:
 
     @property
     def lasting(self) -> bool:
-        """Whether somebody can close it by a key."""
+        """Whether the user can close it by a key."""
         return self._keyboard.there
 
     def show(self, frame: Frame, footer: Footer | None = None) -> bool:
-        """Show a frame, as large as the terminal is now."""
+        """Show a frame, fitted to the terminal's current size."""
         if self._console.size != self._size:
             self._size = self._console.size
-            self._console.clear()  # What stood there has been broken into other lines.
+            self._console.clear()  # The old frame was re-wrapped.
         width, height = self._size
-        # The last line stays free, or the terminal would scroll.
+        # The last line stays empty, or the terminal would scroll.
         self._live.update(draw_text(frame, width, height - 1, footer), refresh=True)
         return True
 
     def keys(self) -> Sequence[str]:
-        """The names of the keys that were typed since the last call."""
+        """Return the names of the keys typed since the last call."""
         return self._keyboard.keys()
 
     def held(self) -> frozenset[str]:
-        """The names of the keys typed a moment ago."""
+        """Return the names of the keys typed within `HOLD`."""
         return self._keyboard.held()
 
     def close(self) -> None:

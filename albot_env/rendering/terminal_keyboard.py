@@ -1,4 +1,4 @@
-"""The keyboard of a terminal: keys as they are typed, not echoed, and none left for the shell."""
+"""The keyboard of a terminal: keys are read as typed, not echoed, and not left for the shell."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from typing import Any, NoReturn
 try:
     import termios
     import tty
-except ImportError:  # Windows has neither; there a terminal shows, and hears no keys.
+except ImportError:  # Windows has neither: its terminals show frames but read no keys.
     termios = None  # type: ignore[assignment]
 
 HOLD = 0.6
-"""So long is a key taken to be held (s): terminals tell only that it was typed, and repeat one
-that is held after half a second."""
+"""Time that a key counts as held (s). Terminals report only that a key was typed, and repeat a
+held key after half a second."""
 
 _KEY = re.compile(r"\x1b(?:\[[\d;]*|O)[A-Za-z~]|.", re.DOTALL)
 _UNFINISHED = re.compile(r"\x1b(?:\[[\d;]*|O)?\Z")
@@ -41,11 +41,11 @@ _NAMES = {
     "\r": "enter",
     "\n": "enter",
 }
-"""Our names of what terminals send; `ESC O` stands for `ESC [`."""
+"""Key names for the sequences that terminals send; `ESC O` stands for `ESC [`."""
 
 
 class TerminalKeyboard:
-    """Reads keys from standard input, if that is a terminal, without waiting for them."""
+    """Reads keys from standard input without waiting, if it is a terminal."""
 
     def __init__(self) -> None:
         self._typed_at: dict[str, float] = {}
@@ -56,7 +56,7 @@ class TerminalKeyboard:
             self._stdin = sys.stdin.fileno()
             self._settings = termios.tcgetattr(self._stdin)
             atexit.register(self.close)
-            # By itself it ends a process without a word, and the terminal stays as it is.
+            # By default this signal ends a process at once, without restoring the terminal.
             in_main = threading.current_thread() is threading.main_thread()
             self._ours = in_main and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
             if self._ours:
@@ -65,15 +65,15 @@ class TerminalKeyboard:
 
     @property
     def there(self) -> bool:
-        """Whether there is somebody who can type."""
+        """Whether there is a terminal to read keys from."""
         return self._settings is not None
 
     def keys(self) -> Sequence[str]:
-        """The names of the keys typed since the last call; `q` where the terminal has gone."""
+        """Return the names of the keys typed since the last call; `q` if the terminal is gone."""
         if not self.there or not select.select([self._stdin], [], [], 0)[0]:
             return ()
         typed = b""
-        with suppress(OSError):  # The terminal has gone: as if nothing came any more.
+        with suppress(OSError):  # The terminal is gone: read nothing.
             typed = os.read(self._stdin, 4096)
         if not typed:
             return ("q",)
@@ -82,14 +82,14 @@ class TerminalKeyboard:
         return names
 
     def held(self) -> frozenset[str]:
-        """The names of the keys typed within `HOLD`."""
+        """Return the names of the keys typed within `HOLD`."""
         since = time.monotonic() - HOLD
         return frozenset(name for name, at in self._typed_at.items() if at > since)
 
     def close(self) -> None:
-        """Put the terminal's settings back; what was typed and not read is dropped."""
+        """Restore the terminal's settings; unread keys are dropped."""
         if self._settings is not None:
-            with suppress(termios.error):  # The terminal has gone.
+            with suppress(termios.error):  # The terminal is gone.
                 termios.tcsetattr(self._stdin, termios.TCSAFLUSH, self._settings)
             self._settings = None
             atexit.unregister(self.close)
@@ -97,7 +97,7 @@ class TerminalKeyboard:
                 signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
     def _names(self, typed: str) -> list[str]:
-        """Names of keys; the beginning of one whose end is still to come is kept for later."""
+        """Return the names of keys; an incomplete sequence at the end is kept for later."""
         typed = self._rest + typed
         unfinished = _UNFINISHED.search(typed)
         self._rest = "" if unfinished is None else unfinished[0]
@@ -107,5 +107,5 @@ class TerminalKeyboard:
 
 
 def _leave(number: int, frame: object) -> NoReturn:
-    """End the process as shells know it that a signal has ended, and tidy up on the way."""
+    """Clean up and end the process with the exit status that shells expect after a signal."""
     sys.exit(128 + number)

@@ -1,4 +1,4 @@
-"""The trace: what an episode leaves behind, from which a frame can be drawn at any moment."""
+"""The trace: the history of an episode, from which a frame can be made at any moment."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from albot_env.rendering.frame import Frame
 
 
 class Trace:
-    """Follows an episode, running or recorded, and gives its present frame.
+    """Follows an episode, running or recorded, and makes frames of its present moment.
 
     Args:
-        header: What does not change in the episode.
-        first: How things stood after the reset.
+        header: The constant data of the episode.
+        first: The state after the reset.
     """
 
     def __init__(self, header: EpisodeHeader, first: Moment) -> None:
@@ -29,7 +29,7 @@ class Trace:
         self.add(first)
 
     def add(self, moment: Moment) -> None:
-        """Follow the episode to its next moment."""
+        """Advance to the next moment of the episode."""
         self._moment = moment
         self._path.append((moment.pose[0], moment.pose[1]))
         self._believed.append((moment.belief[0], moment.belief[1]))
@@ -43,7 +43,7 @@ class Trace:
 
     @property
     def frame(self) -> Frame:
-        """The frame of the latest moment."""
+        """Return the frame of the latest moment."""
         moment, header = self._moment, self._header
         laser = moment.reading.laser
         return Frame(

@@ -1,4 +1,4 @@
-"""The viewer: something that frames are shown in, and that hears the keys of who watches."""
+"""The viewer: an interface for showing frames and reading the user's keys."""
 
 from __future__ import annotations
 
@@ -11,36 +11,36 @@ from albot_env.rendering.frame import Frame
 
 @dataclass(frozen=True, kw_only=True)
 class Footer:
-    """What stands below a frame for who watches."""
+    """Text and progress bar below a frame."""
 
     status: str
-    """How the show goes."""
+    """Status of playback."""
     keys: str
-    """What the keys do."""
+    """Description of the keys."""
     share: float
-    """How much of the episode is over, from 0 to 1."""
+    """Progress in the episode, from 0 to 1."""
 
 
 @runtime_checkable
 class Viewer(Protocol):
-    """Shows frames as the episode goes."""
+    """Shows frames during an episode."""
 
     @property
     def lasting(self) -> bool:
-        """Whether somebody can close it, so that the last picture may stay until then."""
+        """Whether the user can close it, so that the last frame may stay until then."""
 
     def show(self, frame: Frame, footer: Footer | None = None) -> bool:
-        """Show a frame; false where the person watching has closed the viewer."""
+        """Show a frame; return False if the user has closed the viewer."""
 
     def keys(self) -> Sequence[str]:
-        """The names of the keys that were pressed since the last call, in their order.
+        """Return the names of the keys that were pressed since the last call, in order.
 
-        A character is its own name; others are `space`, `enter`, `left`, `right`, `up`, `down`,
-        `home` and `end`. `q` also stands for a viewer that was closed.
+        A character is its own name; other names are `space`, `enter`, `left`, `right`, `up`,
+        `down`, `home` and `end`. `q` also reports that the viewer was closed.
         """
 
     def held(self) -> frozenset[str]:
-        """The names of the keys that are held down, or were since the last call."""
+        """Return the names of the keys that are, or since the last call were, held down."""
 
     def close(self) -> None:
         """Release the screen."""
@@ -56,12 +56,12 @@ class NullViewer:
         return True
 
     def keys(self) -> Sequence[str]:
-        """No keys: nobody watches."""
+        """Return no keys."""
         return ()
 
     def held(self) -> frozenset[str]:
-        """No keys."""
+        """Return no keys."""
         return frozenset()
 
     def close(self) -> None:
-        """Do nothing: nothing was opened."""
+        """Do nothing."""

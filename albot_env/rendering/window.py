@@ -1,4 +1,4 @@
-"""The window: scenes on the screen, by pygame, and the keys pressed in it."""
+"""The window: scenes shown on the screen with pygame, and the keys pressed in it."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from albot_env.rendering.viewer import Footer
 SIZE = (1200, 640)
 
 _UNSEEN = frozenset({"dummy", "offscreen"})
-"""SDL's video drivers that show nothing; it takes one of them where no other opens."""
+"""SDL's video drivers that show nothing; SDL falls back to them if no other opens."""
 
 _NAMES = {"return": "enter", "escape": "q", "[+]": "+", "[-]": "-"}
-"""Our names of keys that pygame calls otherwise."""
+"""Key names that differ from pygame's."""
 
 _LOGGER = logging.getLogger(__name__)
 
 
 class Window:
-    """A window of its own, resizable; closing it, Escape or Q end the show.
+    """A resizable window; closing it, Escape and Q end the show.
 
-    Without a display it is drawn in memory, unseen. So do gymnasium's own
-    environments, whose checks open every render mode wherever they run.
+    Without a display it is drawn in memory, unseen, as in gymnasium's own environments: their
+    checks open every render mode on any machine.
 
     Args:
-        title: What stands in the window's bar.
-        rate: At most this many frames a second; the caller waits for the rest.
+        title: Title of the window.
+        rate: Maximum frame rate (1/s); `show` waits to keep it.
 
     Raises:
-        InputError: No window opens.
+        InputError: No window can be opened.
     """
 
     def __init__(self, title: str, rate: float = 30.0) -> None:
@@ -63,18 +63,18 @@ class Window:
 
     @property
     def seen(self) -> bool:
-        """Whether it is on a real screen: one that the environment variables name may be gone."""
+        """Whether it is on a real screen: a display named by the environment may not exist."""
         return pygame.display.get_driver() not in _UNSEEN
 
     @property
     def lasting(self) -> bool:
-        """Whether somebody can close it."""
+        """Whether the user can close it."""
         return True
 
     def show(self, frame: Frame, footer: Footer | None = None) -> bool:
-        """Show a frame; false once the window was closed."""
+        """Show a frame; return False once the window is closed."""
         if self._open and not pygame.display.get_init():
-            self._open_screen()  # Somebody else has called `pygame.quit()`.
+            self._open_screen()  # Other code has called `pygame.quit()`.
         self._listen()
         if self._open:
             paint(lay_out(frame), pygame.display.get_surface(), footer)
@@ -83,14 +83,14 @@ class Window:
         return self._open
 
     def keys(self) -> Sequence[str]:
-        """The names of the keys that were pressed since the last call."""
+        """Return the names of the keys that were pressed since the last call."""
         self._listen()
         pressed = tuple(self._pressed)
         self._pressed.clear()
         return pressed
 
     def held(self) -> frozenset[str]:
-        """The names of the keys that are held down, or were since the last call."""
+        """Return the names of the keys that are, or since the last call were, held down."""
         self._listen()
         held = frozenset(self._held | self._touched)
         self._touched.clear()
@@ -106,7 +106,7 @@ class Window:
             elif event.type == pygame.KEYUP:
                 self._held.discard(_name(event.key))
             elif event.type == pygame.WINDOWFOCUSLOST:
-                self._held.clear()  # Nobody tells us that they were let go.
+                self._held.clear()  # Their release is not reported.
 
     def _press(self, name: str) -> None:
         self._open &= name != "q"
@@ -121,6 +121,6 @@ class Window:
 
 
 def _name(key: int) -> str:
-    """Our name of a key."""
+    """Return the name of a key."""
     name = pygame.key.name(key)
     return _NAMES.get(name, name)

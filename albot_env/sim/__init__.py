@@ -5,13 +5,13 @@
 | one robot, many robots | `simulator`, `batch_simulator` |
 | wheels, body and walls | `drive`, `physics`; compiled: `chipmunk` |
 | what moves | `obstacles`, `obstacle_tables`; compiled: `obstacle_kernels`, `doors`, `walkers` |
-| what a robot senses with | `sensors`; all at once: `sensing` |
+| sensors | `sensors`; all sensors of a batch: `sensing` |
 | laser | `laser`; compiled: `ray_casting` |
 | sonars | `sonar`; compiled: `sonar_kernels`, `sonar_echoes` |
 | odometer, scenes | `odometer`, `scenes` |
 | which walls can be seen from where | `wall_index`; compiled: `visibility` |
 | random numbers, geometry | `noise`, `plane_geometry` |
-| threads, what is kept of worlds | `thread_pool`, `world_cache` |
+| threads, cache of worlds | `thread_pool`, `world_cache` |
 """
 
 from albot_env.sim.drive import PIONEER_3DX, RobotConfig

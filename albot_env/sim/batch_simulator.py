@@ -1,7 +1,7 @@
-"""The batch simulator: many robots, each with sensors of its own, stepped together.
+"""The batch simulator: many robots, each with its own sensors, stepped together.
 
-`Simulator` is a batch of one. What a robot does and senses depends on its own
-world, start, commands and key alone, to the last bit.
+`Simulator` is a batch of one. A robot's motion and readings depend only on its own world,
+start, commands and key; they are bit-identical in any batch.
 """
 
 from __future__ import annotations
@@ -35,34 +35,34 @@ from albot_maps.world import World
 
 
 class RobotSnapshot(NamedTuple):
-    """The state of a robot at rest, and of the obstacles around it."""
+    """State of a robot at rest and of the obstacles around it."""
 
     pose: Pose
-    """Where it is (world frame); the heading is not wrapped."""
+    """Pose in the world frame; the heading is not wrapped."""
     key: int
-    """The key to its noise."""
+    """Key of the robot's noise."""
     readings: int
-    """How many readings it has taken since it was placed."""
+    """Number of readings taken since the robot was placed."""
     counts: Float64[np.ndarray, "counts"]
-    """What its odometer has counted."""
+    """Counts of its odometer (see `odometer`)."""
     obstacles: ObstacleSnapshot
-    """Where the obstacles around it are."""
+    """State of the obstacles around it."""
 
 
 def draw_key(rng: np.random.Generator) -> int:
-    """64 bits from a generator: the key to all of a robot's noise."""
+    """Draw 64 bits from a generator: the key of all of a robot's noise."""
     return int(rng.integers(2**64, dtype=np.uint64))
 
 
 class BatchSimulator:
-    """Robots with the same body and sensors. Place each before it drives; sense to have readings.
+    """Robots with the same body and sensors. Place each before it drives; `sense` takes readings.
 
     Args:
-        robots: How many there are.
+        robots: Number of robots.
         robot: Body and drive of the robots.
-        sensors: What each senses with.
+        sensors: The sensors of each robot.
         threads: Threads that share the work.
-        movables: Whether worlds have their doors, boxes and people; if not, they are left out.
+        movables: Whether the worlds' doors, boxes and people are simulated.
     """
 
     def __init__(
@@ -94,30 +94,30 @@ class BatchSimulator:
 
     @property
     def motions(self) -> Float64[np.ndarray, "robots 3"]:
-        """What the odometers measured at the last sensing."""
+        """Motions that the odometers measured at the last sensing: x, y, heading (m, rad)."""
         return self._sensors.outputs.motions
 
     @property
     def ranges(self) -> Float64[np.ndarray, "robots beams"]:
-        """What the lasers saw at the last sensing (m); infinite where nothing came back.
+        """Ranges of the lasers at the last sensing (m); infinite where no beam came back.
 
-        On robots without, what `Sensors.ground_laser` would have seen.
+        Robots without a laser have the ranges of `Sensors.ground_laser` here.
         """
         return self._sensors.outputs.ranges
 
     @property
     def echoes(self) -> Float64[np.ndarray, "robots sonars"]:
-        """What the sonars heard at the last sensing (m); infinite where nothing came back."""
+        """Ranges of the sonars at the last sensing (m); infinite where no echo came back."""
         return self._sensors.outputs.echoes
 
     @property
     def scenes(self) -> Int64[np.ndarray, "robots"]:
-        """The scenes that the cameras recognised at the last sensing; -1 where none."""
+        """Scenes that the cameras recognised at the last sensing; -1 for none."""
         return self._sensors.outputs.scenes
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
-        """Where the robots are, in the world frame; headings in [-pi, pi)."""
+        """Poses of the robots in the world frame; headings in [-pi, pi)."""
         return self._robots.poses
 
     @property
@@ -144,8 +144,8 @@ class BatchSimulator:
         """Raise InputError if a robot cannot start at a pose.
 
         Raises:
-            InputError: It is not finite, or the robot would touch a wall there, a box, or a
-                door as it swings.
+            InputError: The pose is not finite, cannot be reached from a start of the world, or
+                the robot would touch a wall, a box or the area that a door sweeps.
         """
         if not np.isfinite(pose).all():
             raise InputError("start", "a finite pose", str(pose.tolist()))
@@ -165,14 +165,14 @@ class BatchSimulator:
             raise InputError("start", expected, str(pose.tolist()))
 
     def place(self, row: int, world: World, pose: Pose, key: int) -> None:
-        """Put a robot at rest and begin anew.
+        """Put a robot at rest and start a new episode for it.
 
         Args:
             row: The robot.
-            world: Where. Which world it is goes by the object: robots in one share its
-                spaces and what is known of its walls.
-            pose: Where in the world's frame (see `check_start`).
-            key: 64 bits, of which all its random numbers are a function from now on.
+            world: The world. Worlds are told apart by object identity; robots in the same world
+                share its physics spaces and wall index.
+            pose: Pose in the world frame (see `check_start`).
+            key: 64 bits; all random numbers of the robot are a function of them.
         """
         robots = self._robots
         self._obstacles.remove(row)
@@ -187,7 +187,7 @@ class BatchSimulator:
         self._sensors.begin(row, world, key)
 
     def snapshot(self, row: int) -> RobotSnapshot:
-        """The state of a robot that has come to rest (copies)."""
+        """Return the state of a robot that is at rest (copies)."""
         outputs = self._sensors.outputs
         return RobotSnapshot(
             pose=self.states[row, :3].copy(),
@@ -198,10 +198,10 @@ class BatchSimulator:
         )
 
     def restore(self, row: int, world: World, snapshot: RobotSnapshot) -> None:
-        """Put a robot into the state of one in this world, of this batch or another like it.
+        """Put a robot into the state of a snapshot, from this batch or a similarly configured one.
 
-        What comes next is a function of that alone. Where nothing moves it is to the last bit
-        what would have come; pushed obstacles lose what pymunk remembers of their last contacts.
+        The continuation depends on the snapshot alone. Without dynamic obstacles it is identical to
+        the original one, to the bit; pushed obstacles lose pymunk's memory of their last contacts.
         """
         self.place(row, world, snapshot.pose, snapshot.key)
         self._robots.counts[row] = snapshot.counts
@@ -209,15 +209,15 @@ class BatchSimulator:
         self._obstacles.restore(row, snapshot.obstacles)
 
     def clear_contacts(self) -> None:
-        """From now on a robot counts as collided only when pushed again."""
+        """Reset `collided` to False for all robots."""
         self._robots.touched[:] = False
 
     def drive(
         self, targets: Float64[np.ndarray, "robots 2"], steps: int, *, at_once: bool = False
     ) -> None:
-        """Let some physics steps pass in which the wheels approach speeds left, right (m/s).
+        """Run physics steps in which the wheels approach the speeds left, right (m/s) of `targets`.
 
-        They do so as fast as the motors can, or `at_once`.
+        They approach at the maximum acceleration, or reach them immediately if `at_once`.
         """
         self._robots.targets[:] = targets
         acceleration = np.inf if at_once else self.robot.acceleration
@@ -226,13 +226,13 @@ class BatchSimulator:
     def _move(
         self, acceleration: float, steps: int, spaces: Int64[np.ndarray, "some"], thread: int
     ) -> None:
-        """Let some physics steps pass in some spaces, with the buffers of a thread.
+        """Run physics steps in some spaces, with the buffers of a thread.
 
-        The wheels are accelerated so much (m/s²).
+        `acceleration` is that of the wheels (m/s²).
         """
         obstacles, tables = self._obstacles, self._spaces.tables
         chipmunk = self._buffers[thread].interface
-        # Where obstacles move there is one robot alone in a space.
+        # A space with dynamic obstacles has a single robot.
         among = tables.rows[spaces, 0] if obstacles.most_bodies else spaces[:0]
         among = among[obstacles.present[among]]
         if len(among):
@@ -243,29 +243,29 @@ class BatchSimulator:
             obstacles.observe(among, chipmunk)
 
     def obstacles(self, row: int) -> Segments:
-        """The outlines of the obstacles around a robot, where they are now (world frame)."""
+        """Return the current outlines of the obstacles around a robot (world frame)."""
         return self._obstacles.outlines(row)
 
     def _reserve_buffers(self, bodies: int) -> None:
-        """Have buffers for so many bodies of robots and obstacles in a space."""
+        """Make sure the buffers hold `bodies` robot and obstacle bodies per space."""
         if bodies > self._buffered_bodies:
             self._buffers = [ChipmunkBuffers(bodies) for _ in range(self._threads.size)]
             self._arguments = [ArgumentsCache(self._arrange) for _ in range(self._threads.size)]
             self._buffered_bodies = bodies
 
     def _arrange(self, chipmunk: ChipmunkInterface, tables: SpaceTables) -> tuple[Any, ...]:
-        """The arguments of `advance`."""
+        """Return the arguments of `advance`."""
         return chipmunk, tables, self._robots, self._sensors.odometer, self.robot.wheel_base
 
     def readings(self, stamps: Float64[np.ndarray, "robots"]) -> Readings:
-        """What was sensed last, at these times (s). It is written over at the next sensing."""
+        """Return the latest readings with these stamps (s). The next `sense` overwrites them."""
         return self._sensors.readings(stamps)
 
     def locate(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
-        """Find out where in their buildings all robots, or some, are: before `sense`."""
+        """Find the wall-index cells of all robots, or of some; call it before `sense`."""
         self._sensors.locate(self._all_rows if rows is None else rows)
 
     def sense(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
-        """Take the readings of all robots, or some: `motions`, `ranges` and so on."""
+        """Take the readings of all robots, or of some; fills `motions`, `ranges` and so on."""
         chosen = self._all_rows if rows is None else rows
         self._sensors.sense(chosen, self._obstacles.tables)

@@ -1,9 +1,9 @@
-"""The physics steps of many robots, compiled: Chipmunk is called without Python in between.
+"""Compiled physics steps of many robots: Chipmunk is called without Python in between.
 
-Compiled code calls Chipmunk's C functions by their addresses (an address is an int64 here). It
-calls those alone that take pointers and numbers, which every platform passes alike; structures by
-value, which most of Chipmunk's functions take, each platform passes in its own way. So bodies are
-read and written between two steps as pymunk does it in batches (`pymunk.batch`).
+Compiled code calls Chipmunk's C functions by address (an int64 here). It calls only functions
+that take pointers and numbers, because every platform passes those in the same way. Most of
+Chipmunk's functions take structures by value, which platforms pass in different ways. So bodies
+are read and written between steps with pymunk's batch functions (`pymunk.batch`).
 """
 
 from __future__ import annotations
@@ -34,64 +34,65 @@ _CALLS = (
     "cpBodySetAngularVelocity",
 )
 STEP, EACH_BODY, EACH_CONTACT, GET_BODY, SET_BODY, GET_CONTACT, SET_TURN_RATE = range(7)
-"""Places in `_CALLS` and `ChipmunkInterface.calls`."""
+"""Indices into `_CALLS` and `ChipmunkInterface.calls`."""
 _VELOCITIES = BodyFields.VELOCITY | BodyFields.ANGULAR_VELOCITY
 _STATES = BodyFields.POSITION | BodyFields.ANGLE | _VELOCITIES
 _CONTACTS = ArbiterFields.BODY_A_ID | ArbiterFields.BODY_B_ID | ArbiterFields.TOTAL_IMPULSE
 STATES, VELOCITIES, CONTACTS = range(3)
-"""Places in `ChipmunkInterface.requests`."""
+"""Indices into `ChipmunkInterface.requests`."""
 
 
 class ChipmunkInterface(NamedTuple):
-    """Addresses and buffers with which the kernel drives Chipmunk."""
+    """Addresses and buffers with which compiled code drives Chipmunk."""
 
     calls: np.ndarray
-    """(7,) int64: addresses of functions (see STEP and so on)."""
+    """(7,) int64: addresses of the functions, indexed by STEP to SET_TURN_RATE."""
     requests: np.ndarray
-    """(3,) int64: addresses of pymunk's structures that say what is read or written where."""
+    """(3,) int64: addresses of pymunk's requests: which fields to read or write, and where."""
     buffer: np.ndarray
-    """(6 bodies,) float64: what is read of bodies or written to them."""
+    """(6 bodies,) float64: values read from bodies or to be written to them."""
     filled: np.ndarray
-    """(1,) int32: how much of the buffer is in use, as pymunk counts it."""
+    """(1,) int32: number of entries of `buffer` in use, as pymunk counts them."""
     impulses: np.ndarray
-    """(2,) int64: pymunk's array of the contacts' impulses: its counter (in the low half) and
-    the address of its numbers."""
+    """(2,) int64: pymunk's array of contact impulses: its counter (low half) and the address of
+    its values."""
     bodies: np.ndarray
-    """(2,) int64: the same of the ids of the two bodies of each contact."""
+    """(2,) int64: the same for the ids of the two bodies of each contact."""
 
 
 class RobotArrays(NamedTuple):
-    """The arrays of all robots; a row each."""
+    """State arrays of all robots, one row per robot."""
 
     targets: np.ndarray
-    """(n, 2) float64: wheel speeds left, right to be reached (m/s)."""
+    """(n, 2) float64: target wheel speeds left, right (m/s)."""
     wheels: np.ndarray
     """(n, 2) float64: wheel speeds left, right (m/s)."""
     counts: np.ndarray
-    """(n, COUNTS) float64: what the odometers have counted (see `odometer`)."""
+    """(n, COUNTS) float64: odometer counts (see `odometer`)."""
     states: np.ndarray
-    """(n, 6) float64: x, y, heading, velocity x, y, turn rate (m, rad, s; world frame): what pymunk
-    knows of the bodies."""
+    """(n, 6) float64: x, y, heading, velocity x, y, turn rate (m, rad, s; world frame), as in
+    pymunk's bodies."""
     poses: np.ndarray
-    """(n, 3) float64: x, y, heading, which is in [-pi, pi)."""
+    """(n, 3) float64: x, y, heading in [-pi, pi) (m, rad; world frame)."""
     touched: np.ndarray
-    """(n, 2) bool: pushed back by a wall in the last physics step; in any since cleared."""
+    """(n, 2) bool: pushed by a wall or obstacle in the last physics step; in any step since it was
+    cleared."""
     body_ids: np.ndarray
     """(n,) int64: pymunk's ids of the bodies."""
 
 
 class SpaceTables(NamedTuple):
-    """Which robots drive in which space."""
+    """Assignment of robots to physics spaces."""
 
     spaces: np.ndarray
-    """(spaces, 2) int64: addresses of the space with the robots' bodies, and of the one that
-    holds the bodies that move as their wheels would."""
+    """(spaces, 2) int64: addresses of the space with the robots' bodies, and of the space with the
+    massless bodies that move as the wheels would."""
     robot_counts: np.ndarray
-    """(spaces,) int64: how many robots are in each."""
+    """(spaces,) int64: number of robots in each space."""
     rows: np.ndarray
-    """(spaces, MAX_ROBOTS) int64: which robots, in the order in which pymunk visits them."""
+    """(spaces, MAX_ROBOTS) int64: robots of each space, in pymunk's order of visits."""
     slots: np.ndarray
-    """(n,) int64: for each robot, which of its space's wheels are its own."""
+    """(n,) int64: index of each robot's wheel body in its space."""
 
 
 @KernelDispatcher
@@ -99,10 +100,10 @@ class SpaceTables(NamedTuple):
 def advance(
     chosen: np.ndarray, arguments: KernelArguments, acceleration: float, duration: float, steps: int
 ) -> None:
-    """Let some physics steps (s) pass in the spaces chosen.
+    """Run physics steps of `duration` (s) in the chosen spaces.
 
-    In each the odometers count what the wheels roll, the wheels approach their targets at
-    an acceleration (m/s²), and the bodies move. `arguments` holds `ChipmunkInterface`,
+    In each step the odometers count the wheels' motion, the wheels approach their targets at
+    `acceleration` (m/s²), and the bodies move. `arguments` holds `ChipmunkInterface`,
     `SpaceTables`, `RobotArrays`, the odometer's constants and the wheel base (m).
     """
     chipmunk, tables, robots, errors, base = unpack(arguments)
@@ -117,8 +118,8 @@ def advance(
                 roll_wheels(robots.counts[i], wheels[0], wheels[1], duration, errors)
                 wheels[0], wheels[1] = ramped(wheels[0], wheels[1], target[0], target[1], gain)
                 turn_rate = (wheels[1] - wheels[0]) / base
-                # pymunk moves a body with the velocity that it has and then finds the new
-                # one, so these wheels move it in the physics step after.
+                # pymunk moves a body with its current velocity and then computes the new one, so
+                # these wheel speeds move the body in the next physics step.
                 heading = robots.states[i, 2] + robots.states[i, 5] * duration
                 direction, shortening = chord(heading, turn_rate * duration)
                 speed = (wheels[0] + wheels[1]) / 2 * shortening
@@ -144,14 +145,14 @@ def advance(
 def _note_pushed_robots(
     chipmunk: ChipmunkInterface, rows: np.ndarray, count: int, robots: RobotArrays, space: int
 ) -> None:
-    """Note which robots a wall pushed back in the last physics step."""
+    """Mark the robots that a wall or obstacle pushed in the last physics step."""
     calls, contacts = chipmunk.calls, chipmunk.requests[CONTACTS]
     chipmunk.impulses[0] &= ~0xFFFFFFFF
     chipmunk.bodies[0] &= ~0xFFFFFFFF
     call_with_pointers(calls[EACH_CONTACT], space, calls[GET_CONTACT], contacts)
     for k in range((chipmunk.bodies[0] & 0xFFFFFFFF) // 2):
         impulse, pair = chipmunk.impulses[1] + 16 * k, chipmunk.bodies[1] + 16 * k
-        # The bits of two numbers; but for the sign, a zero has none.
+        # The bits of two floats: a zero has no bit set but its sign.
         if ((load_word(impulse) | load_word(impulse + 8)) << 1) == 0:
             continue
         first, second = load_word(pair), load_word(pair + 8)
@@ -163,7 +164,7 @@ def _note_pushed_robots(
 
 @kernel()
 def read_states(chipmunk: ChipmunkInterface, space: int) -> None:
-    """Fill the buffer with x, y, heading, velocity x, y and turn rate of a space's bodies."""
+    """Read x, y, heading, velocity x, y and turn rate of a space's bodies into the buffer."""
     calls = chipmunk.calls
     chipmunk.filled[0] = 0
     call_with_pointers(calls[EACH_BODY], space, calls[GET_BODY], chipmunk.requests[STATES])
@@ -171,32 +172,32 @@ def read_states(chipmunk: ChipmunkInterface, space: int) -> None:
 
 @kernel()
 def write_velocities(chipmunk: ChipmunkInterface, space: int) -> None:
-    """Give a space's bodies velocity x, y and turn rate from the buffer."""
+    """Write velocity x, y and turn rate from the buffer to a space's bodies."""
     calls = chipmunk.calls
     chipmunk.filled[0] = 0
     call_with_pointers(calls[EACH_BODY], space, calls[SET_BODY], chipmunk.requests[VELOCITIES])
 
 
 def address(pointer: Any) -> int:
-    """The address in one of pymunk's cffi pointers."""
+    """Return the address in one of pymunk's cffi pointers."""
     return int(ffi.cast("intptr_t", pointer))
 
 
 class ChipmunkBuffers:
-    """Owns the buffers through which compiled code and pymunk exchange numbers.
+    """Owner of the buffers through which compiled code and pymunk exchange numbers.
 
     Args:
-        bodies: Most bodies of robots and obstacles in a space.
+        bodies: Maximum number of robot and obstacle bodies in a space.
     """
 
     def __init__(self, bodies: int) -> None:
-        # pymunk also reads the body that the walls belong to, and it asks the system for a
-        # larger array, which this is none of, as soon as one is full: let it never be.
+        # pymunk also reads the body that the walls belong to. It reallocates an array as soon as
+        # it is full, which would fail for this one, so it has room to spare.
         buffer = np.zeros(6 * (bodies + 1) + 1)
         floats = ffi.new("pmFloatArray *")
         floats.arr = ffi.from_buffer("cpFloat[]", buffer)
         floats.max = len(buffer)
-        # There is no telling how many walls robots touch: pymunk's own arrays grow.
+        # The number of contacts is unbounded; pymunk's own arrays grow.
         impulses = ffi.gc(lib.pmFloatArrayNew(16), lib.pmFloatArrayFree)
         pairs = ffi.gc(lib.pmIntArrayNew(16), lib.pmIntArrayFree)
         requests = [_request(fields, floats, pairs) for fields in (_STATES, _VELOCITIES)]
@@ -222,7 +223,7 @@ def _request(fields: Any, floats: Any, integers: Any) -> Any:
 
 
 def _counter_and_address(array: Any) -> np.ndarray:
-    """One of pymunk's arrays as two int64: its counter in the low half, its numbers' address."""
+    """View one of pymunk's arrays as two int64: its counter in the low half, and its address."""
     return np.frombuffer(ffi.buffer(array, 16), np.int64)
 
 
@@ -250,7 +251,7 @@ def _call_with_number(typing: Any, function: Any, pointer: Any, number: Any) -> 
 
 
 def _load_word(typing: Any, address: Any) -> Any:
-    """The 64 bits at an address."""
+    """Load the 64 bits at an address."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return builder.load(builder.inttoptr(values[0], ir.IntType(64).as_pointer()))

@@ -1,4 +1,4 @@
-"""Compiled doors: when they swing, and when they wait because something is in the way."""
+"""Compiled doors: when they swing, and when they wait because something blocks them."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from albot_env.sim.obstacle_tables import ObstacleTables
 from albot_env.sim.plane_geometry import nearest_on_segment
 
 _CLEARANCE = 0.05
-"""How far (m) from what is in its way a leaf stops, at least."""
+"""Minimum distance (m) at which a leaf stops before an obstruction."""
 _ARRIVED = 1e-9
-"""A leaf that lacks no more than this (rad) is where it is to be."""
+"""A leaf within this angle (rad) of its target has arrived."""
 
 
 @kernel()
 def command_doors(
     tables: ObstacleTables, i: int, robot: np.ndarray, radius: float, duration: float
 ) -> None:
-    """Decide how fast the doors of robot i turn in the next while (s).
+    """Set the turn rates of robot i's doors for the next `duration` (s).
 
-    `robot` (6,) is its state: x, y, heading, velocity x, y, turn rate.
+    `robot` (6,) is the robot's state: x, y, heading, velocity x, y, turn rate.
     """
     for d in range(tables.robots[i].doors, tables.robots[i].doors_end):
         door = tables.doors[d]
@@ -47,10 +47,10 @@ def command_doors(
 def place_doors(
     tables: ObstacleTables, i: int, key: np.uint64, counter: int, robot: np.ndarray, radius: float
 ) -> None:
-    """Shut or open the doors of robot i by chance, as an episode begins.
+    """Open or close the doors of robot i at random, at the start of an episode.
 
-    A door that somebody stands in the way of gets the other of both states. `counter`
-    is that of the first door's key.
+    If something blocks a door's drawn state, the door gets the other state. `counter` is the
+    counter of the first door's key.
     """
     for d in range(tables.robots[i].doors, tables.robots[i].doors_end):
         door = tables.doors[d]
@@ -63,13 +63,13 @@ def place_doors(
             door.angle = door.heading + door.opening * door.wanted
         door.draws = 2
         _draw_wait(door)
-        # It has been so for some of that time.
+        # Part of the waiting time has already passed.
         door.wait *= draw_uniform(door.key, 1)
 
 
 @kernel()
 def _draw_wait(door: Any) -> None:
-    """Draw how long a door stays as it is wanted now."""
+    """Draw how long a door stays in its wanted state."""
     least = door.least_open if door.wanted else door.least_shut
     most = door.most_open if door.wanted else door.most_shut
     door.wait = least + (most - least) * draw_uniform(door.key, door.draws)
@@ -86,7 +86,7 @@ def _is_blocked(
     radius: float,
     duration: float,
 ) -> bool:
-    """Whether a door would come too near to something if it turned so far (rad)."""
+    """Whether a door that turns by `turn` (rad) would come too near to something."""
     own = tables.robots[i]
     reach = radius + length_of(robot[3], robot[4]) * duration
     blocked = _comes_near(door, turn, robot[0], robot[1], reach)
@@ -95,7 +95,7 @@ def _is_blocked(
         reach = walker.radius + length_of(walker.vx, walker.vy) * duration
         blocked = blocked or _comes_near(door, turn, walker.x, walker.y, reach)
     for b in range(own.boxes, own.boxes_end):
-        # Discs in a row cover a box.
+        # A row of discs covers a box.
         box = tables.boxes[b]
         long, short = box.half_length, box.half_width
         heading = box.heading
@@ -113,7 +113,7 @@ def _is_blocked(
 
 @kernel()
 def _comes_near(door: Any, turn: float, x: float, y: float, reach: float) -> bool:
-    """Whether a leaf that turns comes too near to a disc, and nearer than it is."""
+    """Whether a turning leaf comes too near to a disc and nearer than it is now."""
     x, y = x - door.hinge_x, y - door.hinge_y
     gap = distance_to_sector(x, y, door.angle, turn, door.width)
     if gap >= reach + _CLEARANCE:
@@ -123,7 +123,7 @@ def _comes_near(door: Any, turn: float, x: float, y: float, reach: float) -> boo
 
 @kernel()
 def distance_to_swept_area(tables: ObstacleTables, i: int, x: float, y: float) -> float:
-    """Distance (m) of a point from all that the doors of robot i ever pass."""
+    """Return the distance (m) of a point from the area that the doors of robot i sweep."""
     gap = np.inf
     for d in range(tables.robots[i].doors, tables.robots[i].doors_end):
         door = tables.doors[d]
@@ -134,7 +134,7 @@ def distance_to_swept_area(tables: ObstacleTables, i: int, x: float, y: float) -
 
 @kernel()
 def distance_to_ray(x: float, y: float, angle: float, length: float) -> float:
-    """Distance of a point from a segment that leaves the origin at an angle."""
+    """Return the distance of a point from a segment that starts at the origin, at an angle."""
     end_x, end_y = length * math.cos(angle), length * math.sin(angle)
     near_x, near_y = nearest_on_segment(x, y, 0.0, 0.0, end_x, end_y)
     return length_of(x - near_x, y - near_y)
@@ -142,7 +142,7 @@ def distance_to_ray(x: float, y: float, angle: float, length: float) -> float:
 
 @kernel()
 def distance_to_sector(x: float, y: float, first: float, turn: float, radius: float) -> float:
-    """Distance of a point from the sector about the origin that a ray sweeps."""
+    """Return the distance of a point from the sector about the origin that a segment sweeps."""
     ahead = (math.atan2(y, x) - first) * (1.0 if turn >= 0.0 else -1.0)
     if ahead % (2.0 * math.pi) <= abs(turn):
         return max(0.0, length_of(x, y) - radius)

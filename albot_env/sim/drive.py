@@ -1,4 +1,4 @@
-"""The drive of a Pioneer 3-DX: what its wheels can do, and how they push the robot."""
+"""The drive of a Pioneer 3-DX: wheel speed limits, acceleration and kinematics."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ GRAVITY = 9.81
 
 
 class Wheels(NamedTuple):
-    """A pair of numbers, one for each driven wheel: speeds (m/s) or distances rolled (m)."""
+    """One number per driven wheel: speeds (m/s) or distances rolled (m)."""
 
     left: float
     right: float
@@ -32,26 +32,26 @@ class RobotConfig:
     """Body and drive of the robot. The defaults are a Pioneer 3-DX that carries a laser.
 
     The top speed is the one in Hossain's thesis (section 3.2); wheel base, mass and top turn
-    rate are nominal. Acceleration, grip, friction and cruising speeds are ours: grip is
-    enough for any curve at any speed, so that only a wall makes the wheels slip.
+    rate are nominal. Acceleration, grip, friction and cruising speeds are our choice. The grip
+    holds in any curve at any speed, so the wheels slip only when a wall blocks the robot.
     """
 
     radius: float = ROBOT_RADIUS
-    """Radius of the body, a disc about the middle of the axle (m)."""
+    """Radius of the body, a disc centred on the middle of the axle (m)."""
     wheel_base: float = 0.33
     """Distance between the two driven wheels (m)."""
     mass: float = 13.5
     """Mass (kg), spread evenly over the disc."""
     max_speed: float = 1.6
-    """Greatest speed of a wheel's rim, so also of the robot (m/s)."""
+    """Maximum speed of a wheel's rim, and so of the robot (m/s)."""
     max_turn_rate: float = 5.2
-    """Greatest turn rate (rad/s), 300°/s."""
+    """Maximum turn rate (rad/s), 300°/s."""
     acceleration: float = 1.0
-    """Greatest change of a wheel's speed in a second (m/s²)."""
+    """Maximum acceleration of a wheel's rim (m/s²)."""
     grip: float = 0.6
-    """Friction coefficient of the tyres on the floor: how hard the wheels can push."""
+    """Friction coefficient of the tyres on the floor; it limits the force of the wheels."""
     hull_friction: float = 0.3
-    """Friction coefficient of the body along walls."""
+    """Friction coefficient between the body and walls."""
     cruise_speed: float = 0.5
     """Top speed of a start-stop move (m/s)."""
     cruise_turn_rate: float = 1.0
@@ -75,10 +75,10 @@ class RobotConfig:
         return 0.5 * self.mass * self.radius**2
 
     def wheels_for(self, speed: float, turn_rate: float) -> Wheels:
-        """The wheel speeds for a (v, ω) command that the robot obeys as well as it can.
+        """Return the wheel speeds for a (v, ω) command, limited to what the robot can do.
 
-        Speed and turn rate are clipped to the robot's; where a wheel would still be too
-        fast both slow down together, so that the robot keeps to its curve.
+        Speed and turn rate are clipped to the robot's limits. If a wheel would still be too fast,
+        both wheels are scaled down together, which keeps the curvature of the path.
         """
         limits = self.max_speed, self.max_turn_rate, self.wheel_base
         return Wheels(*wheels_for(float(speed), float(turn_rate), *limits))
@@ -86,13 +86,13 @@ class RobotConfig:
     def targets_for(
         self, commands: Float64[np.ndarray, "robots 2"]
     ) -> Float64[np.ndarray, "robots 2"]:
-        """The wheel speeds left, right for many (v, ω) commands, each as by `wheels_for`."""
+        """Return the wheel speeds left, right of many (v, ω) commands (see `wheels_for`)."""
         targets = np.empty_like(commands)
         fill_wheel_targets(commands, self.max_speed, self.max_turn_rate, self.wheel_base, targets)
         return targets
 
     def limited(self, wheels: Wheels) -> Wheels:
-        """Wheel speeds clipped to what the motors reach and to the greatest turn rate."""
+        """Return wheel speeds limited to the maximum wheel speed and the maximum turn rate."""
         left, right = _clip(wheels.left, self.max_speed), _clip(wheels.right, self.max_speed)
         turn_rate = abs(right - left) / self.wheel_base
         excess = max(1.0, turn_rate / self.max_turn_rate)
@@ -104,7 +104,7 @@ class RobotConfig:
 
 
 PIONEER_3DX = RobotConfig()
-"""The papers' robot."""
+"""The robot of the papers."""
 
 
 def _clip(value: float, limit: float) -> float:
@@ -115,7 +115,7 @@ def _clip(value: float, limit: float) -> float:
 def wheels_for(
     speed: float, turn_rate: float, top_speed: float, top_turn_rate: float, wheel_base: float
 ) -> tuple[float, float]:
-    """The wheel speeds left, right for a (v, ω) command, both slowed down alike where too fast."""
+    """Return the wheel speeds left, right of a (v, ω) command, both scaled down if too fast."""
     speed = min(max(speed, -top_speed), top_speed)
     half = min(max(turn_rate, -top_turn_rate), top_turn_rate) * wheel_base / 2
     excess = max(1.0, (abs(speed) + abs(half)) / top_speed)
@@ -141,9 +141,9 @@ def fill_wheel_targets(
 def ramped(
     left: float, right: float, to_left: float, to_right: float, possible: float
 ) -> tuple[float, float]:
-    """The wheel speeds, changed by at most `possible` (m/s) towards others.
+    """Return the wheel speeds after a change towards the targets of at most `possible` (m/s).
 
-    Both wheels change in proportion, so that a turn on the spot stays one.
+    Both wheels change in proportion, so that a turn on the spot stays a turn on the spot.
     """
     change = max(abs(to_left - left), abs(to_right - right))
     if change <= possible:
@@ -154,9 +154,9 @@ def ramped(
 
 @kernel()
 def chord(heading: float, turn: float) -> tuple[float, float]:
-    """Direction of an arc's chord, and its length over the arc's.
+    """Return the direction of an arc's chord (rad) and the ratio of chord length to arc length.
 
-    The arc sets out at a heading and turns so far (rad).
+    The arc starts at `heading` (rad) and turns by `turn` (rad).
     """
     half = turn / 2
     return heading + half, math.sin(half) / half if half else 1.0

@@ -1,4 +1,4 @@
-"""The laser: a SICK LMS-200-like scanner whose ranges are noisy and sometimes missing."""
+"""The laser: a scanner like the SICK LMS-200, with range noise and drop-outs."""
 
 from __future__ import annotations
 
@@ -23,16 +23,15 @@ from albot_env.sim.wall_index import Locator, WallIndex
 class LaserConfig:
     """The laser's beams and errors.
 
-    One centimetre of noise stands for all errors of a LMS-200's ranges; the rate of
-    drop-outs is ours.
+    The 1 cm of noise stands for all range errors of an LMS-200; the drop-out rate is our choice.
     """
 
     geometry: LaserGeometry = field(default_factory=LaserGeometry)
-    """Where the beams point, how far they reach, and where the laser sits."""
+    """Beam directions, maximum range and position of the laser."""
     range_noise: float = 0.01
-    """Standard deviation of a range (m)."""
+    """Standard deviation of the range error (m)."""
     dropout: float = 0.001
-    """Probability that a beam which meets a wall brings nothing back."""
+    """Probability that a beam that meets a wall returns nothing."""
 
     def __post_init__(self) -> None:
         check_fields(self, NOT_NEGATIVE, "range_noise")
@@ -40,12 +39,12 @@ class LaserConfig:
 
     @property
     def dropout_threshold(self) -> int:
-        """The drop-out's probability as a share of 2^32, as the compiled laser takes it."""
+        """Drop-out probability times 2^32, as the compiled laser takes it."""
         return round(self.dropout * 2**32)
 
 
 LMS_200 = LaserConfig()
-"""The papers' laser."""
+"""The laser of the papers."""
 
 _FINE = LaserGeometry(beams=361, spacing=np.pi / 360)
 
@@ -58,21 +57,21 @@ LASERS: Mapping[str, LaserConfig] = MappingProxyType(
         "short": LaserConfig(geometry=LaserGeometry(max_range=8.0), range_noise=0.005),
     }
 )
-"""The lasers by name. All see a half turn ahead.
+"""Lasers by name. All have a field of view of 180° ahead.
 
 `ideal`: 181 beams, 30 m, no error.
 
 `lms-200`: 181 beams at 1°, 30 m; `lms-200-fine`: 361 at 0.5°.
 
-`long`: 80 m, as far as a SICK LMS-200 measures at all (Hossain's thesis, section 3.2); with
-30 m, the others stop where dark walls stop it.
+`long`: 80 m, the maximum range of a SICK LMS-200 (Hossain's thesis, section 3.2). The 30 m
+of the others is the range at which it still sees dark walls.
 
-`short`: 8 m and half the noise, as it is when set to measure in millimetres.
+`short`: 8 m and half the noise, as in its millimetre mode.
 """
 
 
 def beam_geometry(geometry: LaserGeometry) -> BeamGeometry:
-    """A laser's beams as the compiled ray caster takes them."""
+    """Return a laser's beams in the form that the compiled ray caster takes."""
     middle = float(geometry.bearings[0] + geometry.bearings[-1]) / 2
     x, y, axis = geometry.mount
     heading = axis + middle
@@ -82,7 +81,7 @@ def beam_geometry(geometry: LaserGeometry) -> BeamGeometry:
     padded[:2, : geometry.beams] = directions
     turns = [pseudo_angle(u, v) for u, v in directions.T.tolist()]
     padded[2] = turns + turns[-1:] * (padded.shape[1] - geometry.beams)
-    # A laser that looks over a half turn at most sees nothing behind the laser (a µm for rounding).
+    # A laser with a field of view of at most 180° sees nothing behind it (1 µm for rounding).
     half_turn = directions[0].min() > -1e-9
     return BeamGeometry(
         number=geometry.beams,
@@ -95,20 +94,20 @@ def beam_geometry(geometry: LaserGeometry) -> BeamGeometry:
 
 
 def laser_wall_index(geometry: LaserGeometry, *, indexed: bool = True) -> WallIndex:
-    """An index of the walls that such a laser can see from where."""
+    """Return an index of the walls that such a laser can see."""
     return WallIndex(geometry.max_range, geometry.mount[:2], grid=indexed)
 
 
 class RayCaster:
     """Casts a laser's beams against a building's static walls.
 
-    Ranges agree with pymunk's `segment_query_first` within a millimetre. As there, a
-    wall whose line runs exactly through the laser is seen edge-on: not at all.
+    Ranges agree with pymunk's `segment_query_first` within a millimetre. As in pymunk, a wall whose
+    line runs exactly through the laser is edge-on and not seen.
 
     Args:
         walls: The walls.
-        geometry: The laser's beams, reach and place on the robot.
-        indexed: Whether to list which walls can be seen from where, as robots come there.
+        geometry: The laser's beams, maximum range and position on the robot.
+        indexed: Whether to index, lazily, which walls can be seen from each cell.
     """
 
     def __init__(self, walls: Segments, geometry: LaserGeometry, *, indexed: bool = True) -> None:
@@ -119,14 +118,14 @@ class RayCaster:
         self._locator = Locator(self._index, WallIndex(0.0, (0.0, 0.0)))
 
     def scan(self, pose: Pose) -> Ranges:
-        """The true ranges (m) of a robot at `pose`; infinite where no wall is in reach."""
+        """Return the true ranges (m) of a robot at `pose`; infinite if no wall is in range."""
         ranges: Ranges = self.scan_batch(pose.reshape(1, 3))[0]
         return ranges
 
     def scan_batch(self, poses: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n beams"]:
-        """The true ranges (m) of robots at `poses`; infinite where no wall is in reach."""
+        """Return the true ranges (m) of robots at `poses`; infinite if no wall is in range."""
         count = len(poses)
-        poses = np.ascontiguousarray(poses, np.float64)  # The kernel takes nothing else.
+        poses = np.ascontiguousarray(poses, np.float64)  # The kernel takes no other layout.
         cells = np.empty(count, np.int64)
         buildings = np.zeros(count, np.int64)
         self._locator.locate(np.arange(count), buildings, poses, cells, cells)

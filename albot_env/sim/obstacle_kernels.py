@@ -1,4 +1,4 @@
-"""Compiled steps of all dynamic obstacles: what they do next, and where they are."""
+"""Compiled steps of all dynamic obstacles: their next motion and their current outlines."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from albot_env.sim.obstacle_tables import SIDES, ObstacleTables
 from albot_env.sim.walkers import command_walkers, place_walkers
 
 _KEYS = 2**62
-"""The counter of the keys of a robot's obstacles, beyond all that its sensors draw."""
+"""First counter of the keys of a robot's obstacles; its sensors never draw that far."""
 
 
 @kernel(nogil=True)
@@ -33,9 +33,9 @@ def command_obstacles(
     radius: float,
     duration: float,
 ) -> None:
-    """Let the doors and walkers of some robots decide what they do in the next while (s).
+    """Set the motion of some robots' doors and walkers for the next `duration` (s).
 
-    `states` (robots, 6) are the robots', `radius` theirs (m).
+    `states` (robots, 6) are the robots' states, `radius` is their radius (m).
     """
     for i in rows:
         own = tables.robots[i]
@@ -59,7 +59,7 @@ def command_obstacles(
 def observe_obstacles(
     rows: np.ndarray, chipmunk: ChipmunkInterface, tables: ObstacleTables
 ) -> None:
-    """Read out where the obstacles of some robots are."""
+    """Read the positions and velocities of some robots' obstacles."""
     for i in rows:
         read_states(chipmunk, tables.robots[i].space)
         _take_states(chipmunk.buffer, tables, i)
@@ -70,9 +70,9 @@ def observe_obstacles(
 def place_obstacles(
     tables: ObstacleTables, i: int, key: np.uint64, robot: np.ndarray, radius: float
 ) -> None:
-    """Choose where the doors and walkers of robot i begin; its boxes are there already.
+    """Choose the starts of robot i's doors and walkers; its boxes are already in place.
 
-    `robot` (6,) is its state: x, y, heading, velocity x, y, turn rate.
+    `robot` (6,) is the robot's state: x, y, heading, velocity x, y, turn rate.
     """
     own = tables.robots[i]
     place_walkers(tables, i, key, _KEYS + own.doors_end - own.doors, robot, radius)
@@ -82,7 +82,7 @@ def place_obstacles(
 
 @kernel()
 def _take_states(buffer: np.ndarray, tables: ObstacleTables, i: int) -> None:
-    """Take positions and speeds from the buffer."""
+    """Copy positions and velocities from the buffer to the tables."""
     own = tables.robots[i]
     for d in range(own.doors, own.doors_end):
         door = tables.doors[d]
@@ -123,12 +123,12 @@ def update_outlines(tables: ObstacleTables, i: int) -> None:
             row += 1
 
 
-# Two sides that meet compute their corner alike, so that no ray slips between them.
+# Adjacent sides compute their shared corner alike, so that no ray slips between them.
 
 
 @kernel()
 def _box_corner(box: Any, k: int) -> tuple[float, float]:
-    """One of a box's four corners, counter-clockwise."""
+    """Return one of a box's four corners, counter-clockwise."""
     along = box.half_length if k == 1 or k == 2 else -box.half_length
     aside = box.half_width if k >= 2 else -box.half_width
     cos, sin = math.cos(box.heading), math.sin(box.heading)

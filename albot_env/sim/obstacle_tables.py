@@ -1,6 +1,6 @@
-"""The tables of all dynamic obstacles of a batch of robots: a record for each obstacle.
+"""Tables of all dynamic obstacles of a batch of robots, with one record per obstacle.
 
-Compiled code passes one table of records more cheaply than a dozen arrays.
+Passing one table of records to compiled code is cheaper than passing a dozen arrays.
 """
 
 from __future__ import annotations
@@ -15,76 +15,76 @@ from albot_maps.world import World
 
 DOOR = np.dtype(
     [
-        ("body_index", np.int64),  # at which pymunk reads out the body
+        ("body_index", np.int64),  # index of the body in pymunk's batched read-out
         ("body_address", np.int64),
-        ("hinge_x", np.float64),  # where it hangs (m)
+        ("hinge_x", np.float64),  # position of the hinge (m)
         ("hinge_y", np.float64),
-        ("heading", np.float64),  # of the shut leaf (rad)
+        ("heading", np.float64),  # of the closed leaf (rad)
         ("width", np.float64),  # of the leaf (m)
-        ("opening", np.float64),  # from shut to open (rad)
-        ("turn_rate", np.float64),  # when it swings (rad/s)
-        ("least_shut", np.float64),  # how long it stays shut (s)
+        ("opening", np.float64),  # from closed to open (rad)
+        ("turn_rate", np.float64),  # while the door swings (rad/s)
+        ("least_shut", np.float64),  # range of the time that it stays closed (s)
         ("most_shut", np.float64),
-        ("least_open", np.float64),  # how long it stays open (s)
+        ("least_open", np.float64),  # range of the time that it stays open (s)
         ("most_open", np.float64),
         ("angle", np.float64),  # direction of the leaf (rad)
-        ("rate", np.float64),  # how fast it turns now (rad/s)
-        ("wanted", np.int64),  # 1 where it is to be open, 0 where shut
-        ("wait", np.float64),  # how much longer it stays, once there (s)
-        ("key", np.uint64),  # to its random numbers
-        ("draws", np.int64),  # how many of them it has used
+        ("rate", np.float64),  # current turn rate (rad/s)
+        ("wanted", np.int64),  # 1 if the door shall be open, 0 if closed
+        ("wait", np.float64),  # remaining time in the wanted state, once reached (s)
+        ("key", np.uint64),  # key of its random numbers
+        ("draws", np.int64),  # how many random numbers it has used
     ]
 )
 BOX = np.dtype(
     [
-        ("body_index", np.int64),  # at which pymunk reads out the body
+        ("body_index", np.int64),  # index of the body in pymunk's batched read-out
         ("half_length", np.float64),  # (m)
         ("half_width", np.float64),
-        ("x", np.float64),  # where it is (m)
+        ("x", np.float64),  # position of the centre (m)
         ("y", np.float64),
-        ("heading", np.float64),  # of its length (rad)
+        ("heading", np.float64),  # direction of its length (rad)
     ]
 )
 WALKER = np.dtype(
     [
-        ("body_index", np.int64),  # at which pymunk reads out the body
+        ("body_index", np.int64),  # index of the body in pymunk's batched read-out
         ("radius", np.float64),  # (m)
-        ("slowest", np.float64),  # speeds when nothing is in the way (m/s)
+        ("slowest", np.float64),  # range of speeds when nothing is in the way (m/s)
         ("fastest", np.float64),
-        ("first", np.int64),  # which of its robot's waypoints is its first
-        ("count", np.int64),  # how many it has
-        ("closed", np.int64),  # 1 where the last is joined to the first, else 0
-        ("speed", np.float64),  # in this episode when nothing is in the way (m/s)
-        ("last", np.int64),  # the waypoint left last, and the next
+        ("first", np.int64),  # index of its first waypoint among its robot's waypoints
+        ("count", np.int64),  # number of its waypoints
+        ("closed", np.int64),  # 1 if the last waypoint is joined to the first, else 0
+        ("speed", np.float64),  # speed in this episode when nothing is in the way (m/s)
+        ("last", np.int64),  # indices of the last waypoint and of the next
         ("next", np.int64),
-        ("sense", np.int64),  # 1 or -1: the way round
-        ("idle", np.float64),  # for how long it has got nowhere (s)
-        ("x", np.float64),  # where it is (m)
+        ("sense", np.int64),  # 1 or -1: direction along the route
+        ("idle", np.float64),  # time without progress (s)
+        ("x", np.float64),  # position (m)
         ("y", np.float64),
-        ("vx", np.float64),  # its velocity (m/s)
+        ("vx", np.float64),  # velocity (m/s)
         ("vy", np.float64),
-        ("wanted_x", np.float64),  # the velocity that it tries to reach (m/s)
+        ("wanted_x", np.float64),  # velocity that it tries to reach (m/s)
         ("wanted_y", np.float64),
     ]
 )
 SIDES = 8
-"""Sides of the regular polygon that a walker is, to contacts and to rays."""
+"""Number of sides of the regular polygon that stands for a walker in contacts and ray casting."""
 TABLES = ("doors", "boxes", "walkers", "waypoints", "walls", "outlines")
-"""The tables in which each robot has rows of its own."""
+"""The tables in which each robot has its own rows."""
 ROBOT = np.dtype(
-    [(field, np.int64) for name in TABLES for field in (name, f"{name}_end")]  # its rows
+    [(field, np.int64) for name in TABLES for field in (name, f"{name}_end")]  # first row, end row
     + [
-        ("space", np.int64),  # addresses of its space, and of that with the walkers' legs
+        ("space", np.int64),  # addresses of its space and of the space with the walkers' legs
         ("leg_space", np.int64),
     ]
 )
 
 
 class ObstacleTables(NamedTuple):
-    """All that moves, and what it moves among."""
+    """All dynamic obstacles, with the walls and waypoints that walkers need."""
 
     robots: np.ndarray
-    """(robots,) of ROBOT: which rows of the others are whose."""
+    """(robots,) of ROBOT: the rows of each robot in the other tables."""
     doors: np.ndarray
     """(n,) of DOOR."""
     boxes: np.ndarray
@@ -92,18 +92,18 @@ class ObstacleTables(NamedTuple):
     walkers: np.ndarray
     """(n,) of WALKER."""
     waypoints: np.ndarray
-    """(n, 2) float64: the routes' (m)."""
+    """(n, 2) float64: waypoints of the walkers' routes (m)."""
     walls: np.ndarray
-    """(n, 4) float64: the walls around those whom walkers meet."""
+    """(n, 4) float64: walls of the worlds that have walkers, x1, y1, x2, y2 (m)."""
     outlines: np.ndarray
-    """(n, 4) float64: the outlines of all obstacles, which is what rays meet."""
+    """(n, 4) float64: outlines of all obstacles, x1, y1, x2, y2 (m), for ray casting."""
 
 
 class ObstacleStore:
-    """Tables in which each robot has a block of rows, as long as any robot's has to be.
+    """Tables in which each robot has a block of rows. All blocks of a table are equally long.
 
     Args:
-        robots: How many robots there are. None is among obstacles at first.
+        robots: Number of robots. At first no robot has obstacles.
     """
 
     def __init__(self, robots: int) -> None:
@@ -119,9 +119,9 @@ class ObstacleStore:
         )
 
     def fill(self, row: int, world: World | None) -> None:
-        """Write the obstacles of a world into a robot's rows, as an episode begins; or none."""
+        """Write the obstacles of a world, as an episode begins, to a robot's rows; None clears."""
         movables = world.movables if world is not None else Movables()
-        # Only walkers need to know where walls are.
+        # Only walkers need the walls.
         walls = world.walls if world is not None and movables.walkers else np.empty((0, 4))
         points = [point for walker in movables.walkers for point in walker.route]
         tables = {
@@ -136,7 +136,7 @@ class ObstacleStore:
             self._put(row, name, tables[name])
 
     def _put(self, row: int, name: str, table: np.ndarray) -> None:
-        """Write a robot's rows of one table, which grows where they are too many."""
+        """Write a robot's rows of one table; the table grows if there are too many."""
         whole: np.ndarray = getattr(self.tables, name)
         room = len(whole) // self._robots
         if len(table) > room:
@@ -161,7 +161,7 @@ class ObstacleStore:
 
 
 def _outlines(movables: Movables) -> int:
-    """How many segments the outlines of obstacles have."""
+    """Return the number of segments in the obstacles' outlines."""
     return len(movables.doors) + 4 * len(movables.boxes) + SIDES * len(movables.walkers)
 
 

@@ -27,38 +27,37 @@ from albot_maps.world import World
 FLOOR_FRICTION = 0.4
 """Friction coefficient of a box on the floor."""
 _FRICTION = 0.3
-"""Friction coefficient of all obstacles against each other, walls and robots."""
+"""Friction coefficient of all obstacles on each other, walls and robots."""
 _WALKER_MASS = 75.0
-"""Mass of somebody who walks (kg)."""
+"""Mass of a walker (kg)."""
 _WALKER_THRUST = 5.0
-"""The acceleration that a walker's legs can bring about (m/s²)."""
+"""Maximum acceleration that a walker's legs can produce (m/s²)."""
 
 Parts = list[pymunk.Body | pymunk.Shape | pymunk.Constraint]
 
 
 class ObstacleSnapshot(NamedTuple):
-    """Where the obstacles around a robot are, and how they move."""
+    """State of the obstacles around a robot."""
 
     tables: dict[str, np.ndarray]
-    """Their records by kind: none where nothing moves."""
+    """Their records by kind; empty without obstacles."""
     bodies: Float64[np.ndarray, "bodies 6"]
     """x, y, heading, velocity x, y, turn rate of their bodies (m, rad, s; world frame)."""
 
 
 _ADDRESS_FIELDS = ("body_index", "body_address", "first")
-"""Fields of records that say where something is kept, which differs from space to space."""
+"""Fields of records that hold indices or addresses, which differ between spaces."""
 
 
 class DynamicObstacles:
-    """Doors, boxes and people around each robot of a batch, in a space that is the robot's own.
+    """Doors, boxes and people around each robot of a batch, in the robot's own space.
 
-    Where they are is a function of the key with which they were placed, of the world, and of
-    what the robot has done since, to the last bit. Use it so: when a robot is put
-    somewhere, `remove` before and `place` after; around physics steps, `command` before and
-    `observe` after.
+    Their motion is a function of the key with which they were placed, of the world, and of the
+    robot's motion since then, to the bit. When a robot is placed, call `remove` before and
+    `place` after; around physics steps, call `command` before and `observe` after.
 
     Args:
-        robots: How many robots there are.
+        robots: Number of robots.
         radius: Radius of the robots (m).
     """
 
@@ -70,22 +69,22 @@ class DynamicObstacles:
         self._legs: list[list[pymunk.Body]] = [[] for _ in range(robots)]
         self._leg_spaces: list[pymunk.Space | None] = [None] * robots
         self.present: Bool[np.ndarray, "robots"] = np.zeros(robots, np.bool_)
-        """Around which robots anything moves."""
+        """Which robots have dynamic obstacles around them."""
         self.most_bodies = 0
-        """How many bodies one space has had of obstacles, at most."""
+        """Maximum number of obstacle bodies that any space has had."""
 
     @property
     def tables(self) -> ObstacleTables:
-        """All tables; others after each `place`."""
+        """All tables; each `place` may replace them."""
         return self._store.tables
 
     def outlines(self, row: int) -> Segments:
-        """Outlines of a robot's obstacles where they are now: what rays meet."""
+        """Return the current outlines of a robot's obstacles, as ray casting uses them."""
         own = self.tables.robots[row]
         return self.tables.outlines[own["outlines"] : own["outlines_end"]].copy()
 
     def _rows_of(self, row: int, kind: str) -> np.ndarray:
-        """A robot's rows of a table."""
+        """Return a robot's rows of a table."""
         own = self.tables.robots[row]
         table: np.ndarray = getattr(self.tables, kind)
         return table[own[kind] : own[f"{kind}_end"]]
@@ -102,16 +101,16 @@ class DynamicObstacles:
         self.present[row] = False
 
     def place(self, row: int, world: World, space: PhysicsSpace, pose: Pose, key: int) -> None:
-        """Put the obstacles of a world where they begin; the robot's last ones are removed.
+        """Put the obstacles of a world at their starts, after `remove` of the robot's last ones.
 
-        Their bodies are made anew: what comes next must not depend on what was before.
+        Their bodies are made anew, so that the motion does not depend on earlier episodes.
 
         Args:
             row: The robot.
-            world: The world that it is in; something moves there.
-            space: Its space, with this robot alone in it.
-            pose: Where it begins, in the world frame.
-            key: 64 bits, of which all their random numbers are a function from now on.
+            world: The world that the robot is in; it has dynamic obstacles.
+            space: The robot's space, with this robot alone in it.
+            pose: Start pose of the robot, in the world frame.
+            key: 64 bits; all random numbers of the obstacles are a function of them.
         """
         self._spaces[row] = space
         self._store.fill(row, world)
@@ -127,7 +126,7 @@ class DynamicObstacles:
         self.most_bodies = max(self.most_bodies, len(bodies))
 
     def snapshot(self, row: int) -> ObstacleSnapshot:
-        """Where a robot's obstacles are now (copies)."""
+        """Return the state of a robot's obstacles (copies)."""
         tables = {kind: self._rows_of(row, kind).copy() for kind in ("doors", "boxes", "walkers")}
         states = [
             (*body.position, body.angle, *body.velocity, body.angular_velocity)
@@ -136,7 +135,7 @@ class DynamicObstacles:
         return ObstacleSnapshot(tables, np.array(states, np.float64).reshape(-1, 6))
 
     def restore(self, row: int, snapshot: ObstacleSnapshot) -> None:
-        """Put a robot's obstacles, which have been placed, where those of another one were."""
+        """Put a robot's obstacles, which have been placed, into the state of a snapshot."""
         for kind, table in snapshot.tables.items():
             own = self._rows_of(row, kind)
             for name in set(own.dtype.names or ()) - set(_ADDRESS_FIELDS):
@@ -151,7 +150,7 @@ class DynamicObstacles:
                 space.space.reindex_shapes_for_body(body)
 
     def _bodies(self, row: int) -> list[pymunk.Body]:
-        """The bodies of a robot's obstacles, doors first, walkers last."""
+        """Return the bodies of a robot's obstacles, doors first, walkers last."""
         return [part for part in self._parts[row] if isinstance(part, pymunk.Body)]
 
     def command(
@@ -161,29 +160,29 @@ class DynamicObstacles:
         states: Float64[np.ndarray, "robots 6"],
         duration: float,
     ) -> None:
-        """Let doors and walkers decide what they do in the next while (s).
+        """Set the motion of doors and walkers for the next `duration` (s).
 
         Args:
-            rows: Robots around which something moves.
-            chipmunk: With room for the bodies of a space.
-            states: All robots': x, y, heading, velocity x, y, turn rate (world frame).
-            duration: Until the next command (s).
+            rows: Robots with dynamic obstacles.
+            chipmunk: Buffers with room for the bodies of a space.
+            states: States of all robots: x, y, heading, velocity x, y, turn rate (world frame).
+            duration: Time until the next command (s).
         """
         command_obstacles(rows, chipmunk, self.tables, states, self._radius, duration)
 
     def observe(self, rows: Int64[np.ndarray, "some"], chipmunk: ChipmunkInterface) -> None:
-        """Read where the obstacles of some robots are."""
+        """Read the positions and velocities of some robots' obstacles from pymunk."""
         observe_obstacles(rows, chipmunk, self.tables)
 
     def _leg_space(self, row: int) -> pymunk.Space:
-        """The space of a robot's walkers' legs, in which no time passes."""
+        """Return the space of a robot's walkers' legs, which is never stepped."""
         space = self._leg_spaces[row]
         if space is None:
             space = self._leg_spaces[row] = pymunk.Space()
         return space
 
     def _reserve_legs(self, row: int, number: int) -> None:
-        """Have legs for so many walkers; those of none move nobody."""
+        """Make legs for `number` walkers; unused legs move nobody."""
         legs = self._legs[row]
         while len(legs) < number:
             legs.append(pymunk.Body(body_type=pymunk.Body.KINEMATIC))
@@ -211,7 +210,7 @@ class DynamicObstacles:
         return [body for body, _ in made]
 
     def _note_order(self, row: int, space: PhysicsSpace, ids: Sequence[int]) -> None:
-        """Note at which indices pymunk reads out the bodies of doors, boxes and walkers."""
+        """Store the indices at which pymunk reads out the bodies of doors, boxes and walkers."""
         order = {id_: index for index, id_ in enumerate(space.body_ids)}
         indices = [order[id_] for id_ in ids]
         for kind in ("doors", "boxes", "walkers"):
@@ -221,7 +220,7 @@ class DynamicObstacles:
 
 
 def door_parts(door: Door, angle: float) -> tuple[pymunk.Body, Parts]:
-    """A leaf at an angle (rad): a segment about its hinge that nothing can push."""
+    """Return a leaf at an angle (rad): a segment about its hinge that nothing can push."""
     body = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
     body.position, body.angle = door.hinge, angle
     leaf = pymunk.Segment(body, (0.0, 0.0), (door.width, 0.0), 0.0)
@@ -230,7 +229,7 @@ def door_parts(door: Door, angle: float) -> tuple[pymunk.Body, Parts]:
 
 
 def box_parts(box: Box, ground: pymunk.Body) -> tuple[pymunk.Body, Parts]:
-    """A box where it begins, with two joints that are its friction on the ground."""
+    """Return a box at its start, with two joints that stand for its friction on the floor."""
     size = box.length, box.width
     body = pymunk.Body(box.mass, pymunk.moment_for_box(box.mass, size))
     body.position, body.angle = box.at, box.heading
@@ -246,9 +245,9 @@ def box_parts(box: Box, ground: pymunk.Body) -> tuple[pymunk.Body, Parts]:
 
 
 def lever(length: float, width: float) -> float:
-    """Mean distance (m) of a rectangle's points from its middle.
+    """Return the mean distance (m) of a rectangle's points from its centre.
 
-    A body that turns on the spot is slowed by friction times its weight times this.
+    The friction torque on a body that turns on the spot is friction times weight times this.
     """
     a, b = length / 2, width / 2
     diagonal = math.hypot(a, b)
@@ -259,7 +258,7 @@ def lever(length: float, width: float) -> float:
 def walker_parts(
     walker: Walker, at: tuple[float, float], legs: pymunk.Body
 ) -> tuple[pymunk.Body, Parts]:
-    """A walker at x, y: a polygon that does not turn, pulled along by its legs' velocity."""
+    """Return a walker at x, y: a polygon that does not turn and that its legs pull along."""
     body = pymunk.Body(_WALKER_MASS, math.inf)
     body.position = at
     angles = [2 * math.pi * k / SIDES for k in range(SIDES)]

@@ -1,12 +1,12 @@
-"""The odometer: what the robot believes about its motion from turning wheels.
+"""The odometer: the robot's motion as measured by its wheel encoders.
 
-A robot's count is a row of COUNTS numbers. `roll_wheels` adds to it in each physics step, without
-random numbers but with all systematic errors; `read_odometer` adds the random ones and begins to
-count anew. It begins an episode with zeros, and the episode with a reading, before the wheels
-turn: that draws what holds for the episode.
+A robot's count is a row of COUNTS numbers. In each physics step `roll_wheels` adds the wheels'
+motion with all systematic errors, without random numbers. `read_odometer` adds the random errors
+and restarts the count. An episode begins with a count of zeros and a reading before the wheels
+turn; that reading draws the episode's constants.
 
-Numbers that few odometers need have counters beyond all that readings take in turn, so that an
-odometer with them draws the same two numbers a reading.
+Random numbers that only some odometers need have counters far beyond those of the readings, so
+that every odometer draws the same two numbers per reading.
 """
 
 from __future__ import annotations
@@ -33,52 +33,52 @@ _SPREAD = Range("a number within [0, 2)", 0.0, math.nextafter(2.0, 0.0))
 
 @dataclass(frozen=True, kw_only=True)
 class OdometerConfig:
-    """Errors of a wheel-encoder odometer; all zero is a perfect one.
+    """Errors of a wheel-encoder odometer; the default (all zero) is a perfect one.
 
-    The systematic errors are those that Borenstein and Feng name (Measurement and
-    correction of systematic odometry errors in mobile robots, IEEE Trans. Robotics and
-    Automation 12(6), 1996): the odometer computes with wheels and a wheel base that
-    the robot does not quite have. The random errors are random walks: their variance
-    grows with the way, however often the odometer is read (Thrun, Burgard and Fox,
-    Probabilistic Robotics, section 5.4; for a wheel of its own: Chong and Kleeman,
-    Accurate odometry and error modelling for a mobile robot, ICRA 1997).
+    The systematic errors are those of Borenstein and Feng (Measurement and correction of
+    systematic odometry errors in mobile robots, IEEE Trans. Robotics and Automation 12(6), 1996):
+    the wheel diameters and the wheel base that the odometer computes with differ from the robot's
+    true ones. The random errors are random walks: their variance grows with the distance, however
+    often the odometer is read (Thrun, Burgard and Fox, Probabilistic Robotics, section 5.4; for
+    each wheel's own error: Chong and Kleeman, Accurate odometry and error modelling for a mobile
+    robot, ICRA 1997).
     """
 
     scale_error: float = 0.0
-    """Both wheels larger than believed: true distance / measured distance - 1."""
+    """Both wheels are larger than believed: true distance / measured distance - 1."""
     wheel_difference: float = 0.0
-    """Right wheel larger than the left: ratio of their true diameters - 1."""
+    """The right wheel is larger than the left: ratio of their true diameters - 1."""
     wheel_base_error: float = 0.0
-    """Wheel base wider than believed: true base / believed base - 1. The robot turns less
+    """The wheel base is wider than believed: true base / believed base - 1. The robot turns less
     than measured."""
     heading_bias: float = 0.0
-    """Turn (rad/s) measured in excess while the wheels turn."""
+    """Excess of the measured turn rate (rad/s) while the wheels turn."""
     distance_noise: float = 0.0
-    """Standard deviation of the distance's random error after one metre (m/√m)."""
+    """Standard deviation of the random distance error after one metre (m/√m)."""
     drift_noise: float = 0.0
-    """Standard deviation of the heading's random error after one metre (rad/√m)."""
+    """Standard deviation of the random heading error after one metre (rad/√m)."""
     turn_noise: float = 0.0
-    """Standard deviation of the heading's random error after one radian (rad/√rad)."""
+    """Standard deviation of the random heading error after one radian (rad/√rad)."""
     wheel_noise: float = 0.0
-    """Standard deviation of each wheel's own random slip after one metre (m/√m): an error of
-    distance and of heading together."""
+    """Standard deviation of each wheel's own random slip after one metre (m/√m): it causes a
+    distance error and a heading error together."""
     tick: float = 0.0
-    """Way of a wheel from one tick of its encoder to the next (m); 0 counts without steps.
-    What is left over from a reading counts in the next."""
+    """Distance that a wheel rolls per encoder tick (m); 0 means no quantisation. The remainder
+    of a reading counts in the next."""
     caster_drag: float = 0.0
-    """How far the swinging caster turns the robot, unmeasured: rad for each rad of swing. It
-    holds turns up at their beginning and throws the tail out when the robot reverses
-    (`caster_angle_after` says how it swings)."""
+    """Unmeasured turn of the robot per rad that the caster swings (rad/rad). It reduces turns
+    at their beginning and swings the tail out when the robot reverses (see
+    `caster_angle_after`)."""
     slip_rate: float = 0.0
-    """How often a wheel spins: times on a metre, on average (1/m), at random."""
+    """Mean number of random wheel slips per metre (1/m)."""
     slip_length: float = 0.0
-    """How far it spins then, which is measured but not driven: mean length (m) of an
-    exponential distribution. Each wheel is as likely."""
+    """Mean length (m) of a slip, exponentially distributed: measured but not driven. Both wheels
+    slip equally often."""
     distance_spread: float = 0.0
-    """Width E of the range [1 - E/2, 1 + E/2] from which an episode's factor of distance is
-    drawn, each number as likely: measured / true."""
+    """Width E of the range [1 - E/2, 1 + E/2] from which an episode's ratio of measured to true
+    distance is drawn uniformly."""
     turn_spread: float = 0.0
-    """The same of the episode's factor of turn."""
+    """The same for the episode's ratio of measured to true turn."""
 
     def __post_init__(self) -> None:
         ratios = "scale_error", "wheel_difference", "wheel_base_error"
@@ -93,13 +93,13 @@ class OdometerConfig:
             raise InputError("OdometerConfig.slip_length", expected, str(self.slip_length))
 
     def constants(self, wheel_base: float) -> Float64[np.ndarray, "15"]:
-        """What the compiled odometer computes with, for wheels so far apart (m).
+        """Return the constants of the compiled odometer, for a wheel base (m).
 
-        Measured over true distance of the left and of the right wheel, wheels of diameter
-        ratio 1 + wheel_difference and given mean diameter; the believed wheel base (m);
-        the heading's bias; the three noises; the wheels' noise; the tick; the caster's drag; the
-        mean way between slips (m) and their mean length; the two spreads; whether any of
-        those after the third noise is not zero.
+        In order: measured over true distance of the left wheel and of the right wheel, whose
+        diameters have the ratio 1 + wheel_difference and the given mean; the believed wheel base
+        (m); the heading bias; the three noises; the wheel noise; the tick; the caster drag; the
+        mean distance between slips (m) and their mean length (m); the two spreads; and whether any
+        value after the third noise is not zero.
         """
         mean, ratio = 1 + self.scale_error, 1 + self.wheel_difference
         left, right = (1 + ratio) / 2 / mean, (1 + ratio) / (2 * ratio) / mean
@@ -151,74 +151,75 @@ ODOMETERS: Mapping[str, OdometerConfig] = MappingProxyType(
 
 `ideal`: no error but that of slipping wheels.
 
-`pioneer`: a calibrated Pioneer on an office floor. After a square of 4 × 25 m it is 4.5 m
-off in the median (1.9 to 8 m in four of five runs), as the robot of Hossain's thesis was
-(4.6 m after about 100 m; experiment 3): the figures are chosen to give that. The
-systematic part, wheels that differ by 0.04 % and a base 0.5 % too wide, makes up less
-than half; the rest is random, 1.3° of heading after a metre, 13° after 100 m.
+`pioneer`: a calibrated Pioneer on an office floor. Its median error after a square of 4 × 25 m
+is 4.5 m (1.9 to 8 m in four of five runs). The values are chosen to match the robot of
+Hossain's thesis (4.6 m after about 100 m; experiment 3). The systematic part, wheels that
+differ by 0.04 % and a base 0.5 % too wide, is less than half of the error; the rest is random:
+1.3° of heading after a metre, 13° after 100 m.
 
-`poor`: worn wheels of unequal pressure and a base out of calibration: 10 to 13 m off after
-the same square, by errors of some percent in distance and turn, the order of the
-Stage simulator's default `odom_error` (0.03 0.03 0.00 0.05).
+`poor`: unequally worn wheels and an uncalibrated base. The error after the same square is 10 to
+13 m, from errors of some percent in distance and turn, like the Stage simulator's default
+`odom_error` (0.03 0.03 0.00 0.05).
 
-`carpet`: the same Pioneer on carpet, with encoders of 128 ticks a millimetre (nominal), a
-caster that costs a degree at the beginning of a turn and two at a reversal, some slip
-of each wheel, and twice in 100 m one that spins for centimetres. The last three are ours.
+`carpet`: the same Pioneer on carpet, with encoders of 128 ticks per millimetre (nominal), a
+caster that costs one degree at the beginning of a turn and two at a reversal, some slip of
+each wheel, and, twice per 100 m, a wheel that spins for centimetres. Caster, slip and spin are
+our choice.
 
-`albot1-disturbed`: what Hossain added in experiment 3, 0.1 m and 1° between consecutive
-views, for views a metre apart, on top of `pioneer`.
+`albot1-disturbed`: `pioneer` plus the errors that Hossain added in experiment 3, 0.1 m and 1°
+between consecutive views, for views one metre apart.
 
-`stage`: the default of the Stage simulator's position model: proportional errors of
-distance and turn, drawn for an episode and then constant, evenly within ±1.5 % and ±2.5 %
+`stage`: the default of the Stage simulator's position model: proportional errors of distance
+and turn, drawn once per episode, uniformly within ±1.5 % and ±2.5 %
 (its manual: https://player-stage-manual.readthedocs.io/en/latest/WORLDFILES/, `odom_error
-[0.03 0.03 0.00 0.05]`; y and z do not concern a robot on two wheels). A world file's own
-`odom_error` Stage takes for the errors themselves, and its fourth number for degrees,
-whatever its manual says.
+[0.03 0.03 0.00 0.05]`; y and z do not concern a robot on two wheels). Stage treats an
+`odom_error` in a world file differently from its manual: as the errors themselves, with the
+fourth number in degrees.
 
 `bias-1.5`, `bias-3`, `bias-6`: the constant biases (°/s) of Milford, Prasser and Wyeth's
 simulated loops (Experience mapping, ACRA 2005, section 5.2; figures 8 to 10), and no other
-error. Measured turns to the left are too large by them; the paper does not say which way.
+error. They make measured left turns too large; the paper does not give the direction.
 """
 
 
 X, Y, HEADING, WAY, TURNING, LEFT_WAY, RIGHT_WAY = range(7)
-"""Counted since the last reading: position and heading in the robot's frame then (m, rad),
-distance and turning without sign (m, rad), and the two wheels' ways without sign (m)."""
+"""Counted since the last reading: position and heading in the robot's frame at that reading
+(m, rad), absolute distance and turning (m, rad), and the absolute distance of each wheel (m)."""
 LEFT_REST, RIGHT_REST, CASTER, SLIPS, ROLLED, NEXT_SLIP, DISTANCE, TURN = range(7, 15)
-"""Kept over the episode: what the wheels rolled beyond their last ticks (m); the caster's
-angle (rad); slips so far, the way rolled so far and that at the next slip (m); and the
-factors of distance and turn, zero before they are drawn."""
+"""Kept over the episode: the remainder of each wheel after its last tick (m); the caster's angle
+(rad); the number of slips, the distance so far and the distance at the next slip (m); and the
+ratios of distance and turn, zero until they are drawn."""
 COUNTS = 15
-"""Length of a count."""
+"""Number of values in a count."""
 
 LEFT, RIGHT, BASE, BIAS, ALONG_NOISE, DRIFT_NOISE, TURN_NOISE = range(7)
 WHEEL_NOISE, TICK, CASTER_DRAG, SLIP_GAP, SLIP_LENGTH = range(7, 12)
 DISTANCE_SPREAD, TURN_SPREAD, MORE = range(12, 15)
-"""Places in `errors`, the numbers of `OdometerConfig.constants`."""
+"""Indices into `errors`, the numbers of `OdometerConfig.constants`."""
 
 ODOMETER_DRAWS = 2
-"""Random numbers that a reading draws."""
+"""Number of random numbers that a reading draws."""
 
 _EPISODE: Any = np.int64(2**62)
-"""The counter of the episode's two numbers."""
+"""Counter of the episode's two random numbers."""
 _SLIPS: Any = np.int64(2**62 + 2)
-"""The first counter of the slips' numbers: three for each."""
+"""First counter of the slips' random numbers: three per slip."""
 
 CASTER_PIVOT = 0.2
-"""L: distance of the pivot behind the axle (m); nominal, as of a Pioneer 3-DX."""
+"""Distance L of the caster's pivot behind the axle (m); nominal, as of a Pioneer 3-DX."""
 CASTER_TRAIL = 0.03
-"""c: distance of the wheel behind the pivot (m); nominal."""
+"""Distance c of the caster's wheel behind the pivot (m); nominal."""
 _CASTER_SKEW = math.radians(1.0)
-"""A caster does not trail quite straight, so that reversing straight on it does not balance."""
+"""Angle by which a caster does not trail quite straight, so reversing straight is unstable."""
 _CASTER_STEP = 0.2
-"""The equation is solved in steps of at most this angle (rad)."""
+"""Maximum step (rad) in which the caster's equation is integrated."""
 
 
 @kernel()
 def roll_wheels(
     count: np.ndarray, left: float, right: float, duration: float, errors: np.ndarray
 ) -> None:
-    """Add what the wheels roll at these speeds (m/s) for a while (s)."""
+    """Add the wheels' motion at these speeds (m/s) for `duration` (s) to the count."""
     if left == 0.0 and right == 0.0:
         return
     left *= duration * errors[LEFT]
@@ -234,7 +235,7 @@ def roll_wheels(
 def _roll_with_rarer_errors(
     count: np.ndarray, left: float, right: float, duration: float, errors: np.ndarray
 ) -> None:
-    """Add what the wheels roll on these ways (m) in a while (s), with the rarer errors too."""
+    """Add the wheels' measured distances (m) in `duration` (s), with the rarer errors too."""
     if errors[TICK] > 0.0:
         left = _whole_ticks(count, LEFT_REST, left, errors[TICK])
         right = _whole_ticks(count, RIGHT_REST, right, errors[TICK])
@@ -253,7 +254,7 @@ def _roll_with_rarer_errors(
 
 @kernel()
 def _whole_ticks(count: np.ndarray, rest: int, way: float, tick: float) -> float:
-    """The way (m) of whole ticks that pass as a wheel rolls on; the rest is kept."""
+    """Return the distance (m) of the whole ticks that a wheel passes; keep the remainder."""
     count[rest] += way
     whole: float = math.floor(count[rest] / tick) * tick
     count[rest] -= whole
@@ -262,18 +263,18 @@ def _whole_ticks(count: np.ndarray, rest: int, way: float, tick: float) -> float
 
 @kernel()
 def caster_angle_after(angle: float, distance: float, turn: float) -> float:
-    """The caster's angle after the robot drives so far (m) while it turns so much (rad).
+    """Return the caster's angle after the robot drives `distance` (m) and turns by `turn` (rad).
 
-    The wheel's point of contact moves only where the wheel points. With the caster's pivot a
-    length L behind the axle, its wheel a length c behind the pivot, and the robot driving at v
-    and turning at ω, the caster's angle ψ (rad, counter-clockwise, 0 as it trails when the
-    robot drives on) obeys
+    The wheel's contact point moves only in the wheel's direction. Let the caster's pivot be a
+    length L behind the axle and its wheel a length c behind the pivot, and let the robot drive at
+    v and turn at ω. Then the caster's angle ψ (rad, counter-clockwise, 0 when it trails straight
+    behind a robot that drives forwards) obeys
 
         ψ' = -(v sin ψ + ω L cos ψ) / c - ω
 
     (Campion, Bastin and D'Andréa-Novel, Structural properties and classification of kinematic
     and dynamic models of wheeled mobile robots, IEEE Trans. Robotics and Automation 12(1),
-    1996: the constraint of a castor wheel). When the robot reverses, it swings right round.
+    1996: the constraint of a castor wheel). When the robot reverses, the caster swings round.
     """
     steps = math.ceil(
         (abs(distance) / CASTER_TRAIL + abs(turn) * (1 + CASTER_PIVOT / CASTER_TRAIL))
@@ -287,14 +288,14 @@ def caster_angle_after(angle: float, distance: float, turn: float) -> float:
 
 @kernel()
 def _caster_rate(angle: float, distance: float, turn: float) -> float:
-    """How fast the caster swings, as the whole motion takes one unit of time."""
+    """Return the caster's rate, if the whole motion takes one unit of time."""
     along = distance * math.sin(angle - math.copysign(_CASTER_SKEW, distance))
     return -(along + turn * CASTER_PIVOT * math.cos(angle)) / CASTER_TRAIL - turn
 
 
 @kernel()
 def _move(count: np.ndarray, distance: float, turn: float) -> None:
-    """Add an arc of this length (m) and turn (rad)."""
+    """Add an arc of length `distance` (m) and angle `turn` (rad)."""
     half = turn / 2
     length = distance * math.sin(half) / half if half else distance
     count[X] += length * math.cos(count[HEADING] + half)
@@ -308,7 +309,7 @@ def _move(count: np.ndarray, distance: float, turn: float) -> None:
 def read_odometer(
     count: np.ndarray, errors: np.ndarray, key: np.uint64, counter: int, motion: np.ndarray
 ) -> None:
-    """Write the motion measured, with its random error, and begin to count anew."""
+    """Write the measured motion, with its random error, and restart the count."""
     if count[DISTANCE] == 0.0:
         _begin_episode(count, errors, key)
     noise_along, noise_heading = draw_normals(key, counter)
@@ -316,7 +317,7 @@ def read_odometer(
     if errors[SLIP_LENGTH] > 0.0:
         excess, turn = _wheel_slip(count, errors, key)
         along, error = along + excess, error + turn
-    # The heading's error grew on the way: half of it bends the way itself.
+    # The heading error grew on the way: half of it turns the displacement, too.
     cos, sin = math.cos(error / 2), math.sin(error / 2)
     x, y = count[X], count[Y]
     reach = length_of(x, y)
@@ -330,7 +331,7 @@ def read_odometer(
 
 @kernel()
 def _begin_episode(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> None:
-    """Draw the episode's factors of distance and turn, and the way to the first slip."""
+    """Draw the episode's ratios of distance and turn, and the distance to the first slip."""
     count[DISTANCE] = 1.0 + errors[DISTANCE_SPREAD] * (draw_uniform(key, _EPISODE) - 0.5)
     count[TURN] = 1.0 + errors[TURN_SPREAD] * (draw_uniform(key, _EPISODE + 1) - 0.5)
     count[NEXT_SLIP] = errors[SLIP_GAP] * _draw_exponential(key, _SLIPS)
@@ -340,15 +341,15 @@ def _begin_episode(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> Non
 def _random_errors(
     count: np.ndarray, errors: np.ndarray, noise_along: float, noise_heading: float
 ) -> tuple[float, float]:
-    """The random errors of distance (m) and heading (rad) from two normal numbers."""
+    """Return random errors of distance (m) and heading (rad) from two standard normal numbers."""
     along = errors[ALONG_NOISE] * math.sqrt(count[WAY])
     drift = math.sqrt(
         errors[DRIFT_NOISE] ** 2 * count[WAY] + errors[TURN_NOISE] ** 2 * count[TURNING]
     )
     if errors[WHEEL_NOISE] == 0.0:
         return along * noise_along, noise_heading * drift
-    # Half the sum and the difference of the two wheels' errors, which go together where
-    # one wheel rolls farther than the other.
+    # Half the sum and the difference of the two wheels' errors are correlated if one wheel rolls
+    # farther than the other.
     left = errors[WHEEL_NOISE] ** 2 * count[LEFT_WAY]
     right = errors[WHEEL_NOISE] ** 2 * count[RIGHT_WAY]
     base = errors[BASE]
@@ -360,7 +361,7 @@ def _random_errors(
 
 @kernel()
 def _wheel_slip(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> tuple[float, float]:
-    """Distance (m) and heading (rad) measured in excess as a wheel spun since the last reading."""
+    """Return excess distance (m) and heading (rad) from wheel slips since the last reading."""
     count[ROLLED] += (count[LEFT_WAY] + count[RIGHT_WAY]) / 2
     along = turn = 0.0
     while count[ROLLED] >= count[NEXT_SLIP]:
@@ -376,5 +377,5 @@ def _wheel_slip(count: np.ndarray, errors: np.ndarray, key: np.uint64) -> tuple[
 
 @kernel()
 def _draw_exponential(key: np.uint64, counter: int) -> float:
-    """An exponentially distributed number of mean 1: how long one waits for what is rare."""
+    """Draw from the exponential distribution of mean 1: the waiting time for a rare event."""
     return -math.log(1.0 - draw_uniform(key, counter))

@@ -1,4 +1,4 @@
-"""The physics: robots and the walls that stop them, in pymunk spaces."""
+"""The physics: robots and the walls that stop them, as bodies in pymunk spaces."""
 
 from __future__ import annotations
 
@@ -16,40 +16,41 @@ from albot_env.sim.drive import GRAVITY, RobotConfig
 from albot_maps.world import World
 
 PHYSICS_STEP = 0.05
-"""Duration of one step of the physics (s). In it the robot goes 8 cm at most, far less than
-its radius, so that it cannot jump over a wall."""
+"""Duration of one physics step (s). In it a robot moves 8 cm at most, far less than its
+radius, so it cannot jump through a wall."""
 
 _ALLOWED_OVERLAP = 0.001
-"""How deep (m) a body may rest in a wall before it is pushed out."""
+"""Depth (m) to which a body may overlap a wall before it is pushed out."""
 _OVERLAP_LEFT = 0.2
-"""Share of an overlap that is left after one physics step."""
+"""Share of an overlap that remains after one physics step."""
 _PASSES = 4
-"""Passes over all joints and contacts in which pymunk solves them, of its usual ten. A robot that
-rolls freely needs one. Where it pushes against a wall, its wheels' grip and the wall agree a step
-or two later than with more: it ends up millimetres from where it would."""
+"""Number of pymunk's solver iterations over joints and contacts (its default is ten). A robot
+that rolls freely needs one. With four, a robot that pushes against a wall settles a step or two
+later and ends up millimetres from where it would with ten."""
 _ROBOTS = pymunk.ShapeFilter(group=1)
-"""Robots in one space meet the walls and not each other."""
+"""Robots in one space collide with walls but not with each other."""
 MAX_ROBOTS = 16
-"""Most robots in a space: bodies that overlap, though they never touch, cost pymunk time."""
+"""Maximum number of robots in a space: overlapping bodies cost pymunk time even if they do
+not collide."""
 _EMPTY_SPACES_KEPT = 64
-"""Empty spaces that are kept for whoever comes to their worlds next."""
+"""Number of empty spaces kept for robots that enter their worlds later."""
 _NONE = -1
-"""The space of a robot that is in none, and the robot in a slot that is free."""
+"""Marks a robot without a space, and a free slot."""
 
 Parts = tuple[pymunk.Body | pymunk.Shape | pymunk.Constraint, ...]
 
 
 class PhysicsSpace:
-    """A building's static walls in a pymunk space, and robots that drive there.
+    """A building's static walls in a pymunk space, and the robots that drive there.
 
-    A robot is a disc that two wheels carry along and walls stop. A second, massless body
-    moves as the wheels would without slip. Two joints pull the disc along with it, a pivot
-    its velocity and a gear its turn rate, as hard as the tyres grip the ground. pymunk
-    solves them together with the contacts, so that a robot that pushes against a wall
-    slides along it or stops, while its wheels slip.
+    A robot is a disc that two wheels move and walls stop. A second, massless body moves as the
+    wheels would without slip. Two joints pull the disc along with it, limited by the tyres'
+    grip: a pivot joint for the velocity and a gear joint for the turn rate. pymunk solves them
+    together with the contacts, so a robot that pushes against a wall slides along it or stops
+    while its wheels slip.
 
-    It is empty at first. The bodies of the wheels are kept in a space of their own, in which
-    no time passes: pymunk can write the velocities of all bodies of a space at once.
+    The space is empty at first. The wheel bodies are in a separate space that is never stepped,
+    because pymunk can write the velocities of all bodies of a space at once.
 
     Args:
         walls: The walls.
@@ -60,8 +61,8 @@ class PhysicsSpace:
         self._config = robot
         self.space = pymunk.Space()
         self.space.iterations = _PASSES
-        # Contacts are forgotten as soon as they part: the shortest memory that pymunk
-        # has (with 0 it drops them before they are solved, and nothing collides).
+        # Contacts are forgotten as soon as they part: the shortest memory that pymunk supports
+        # (with 0 it drops them before they are solved, and nothing collides).
         self.space.collision_persistence = 1
         self.space.collision_slop = _ALLOWED_OVERLAP
         self.space.collision_bias = _OVERLAP_LEFT ** (1 / PHYSICS_STEP)
@@ -77,38 +78,37 @@ class PhysicsSpace:
 
     @property
     def addresses(self) -> tuple[int, int]:
-        """Addresses of the space and of the one with the wheels, for the compiled steps."""
+        """Addresses of this space and of the wheels' space, for the compiled steps."""
         return address(self.space._space), address(self._wheel_space._space)
 
     @property
     def order(self) -> list[tuple[int, int]]:
-        """The robots in the order in which pymunk visits their bodies, and the bodies' ids.
+        """Robots in the order in which pymunk visits their bodies, each with the body's id.
 
-        Both are others after each `place` and `remove`. The body that the walls belong to
-        comes after all of them, and so do obstacles that were put there after the robots.
+        Both change with each `place` and `remove`. The walls' body comes after all robots, and
+        so do obstacles that were added after them.
         """
         return [(self._robots[id_], id_) for id_ in self.body_ids if id_ in self._robots]
 
     @property
     def body_ids(self) -> list[int]:
-        """Pymunk's ids of all bodies in the order in which it visits them."""
+        """Pymunk's ids of all bodies, in the order in which pymunk visits them."""
         buffer = Buffer()
         get_space_bodies(self.space, BodyFields.BODY_ID, buffer)
         ids: list[int] = memoryview(buffer.int_buf()).cast("P").tolist()
         return ids
 
     def clearance(self, pose: Pose, reach: float) -> float:
-        """Distance (m) from a pose to the nearest wall; infinite where none is within reach."""
+        """Return the distance (m) from a pose to the nearest wall; infinite if beyond `reach`."""
         x, y, _ = pose.tolist()
         nearest = self.space.point_query_nearest((x, y), reach, _ROBOTS)
         return nearest.distance if nearest else math.inf
 
     def place(self, robot: int, pose: tuple[float, float, float]) -> None:
-        """Put a robot at rest at x, y (m) and heading (rad): a new one, or one that is here.
+        """Put a robot, new or already in the space, at rest at x, y (m) and heading (rad).
 
-        Robots are numbered from 0. The body is made anew: pymunk keeps impulses of past
-        steps in joints and contacts, and what comes next must not depend on where the robot
-        was before.
+        Robots are numbered from 0. The body is made anew: pymunk keeps impulses of past steps in
+        joints and contacts, and the motion must not depend on where the robot was before.
         """
         config = self._config
         body = pymunk.Body(config.mass, config.moment)
@@ -126,7 +126,7 @@ class PhysicsSpace:
         pull.max_force = grip
         twist = pymunk.GearJoint(wheels, body, 0.0, 1.0)
         twist.max_force = grip * config.wheel_base / 2
-        # The joints carry velocities over, never positions.
+        # The joints transfer velocities, never positions.
         pull.error_bias = twist.error_bias = 1.0
 
         self._robots[body.id] = robot
@@ -134,7 +134,7 @@ class PhysicsSpace:
         self.space.add(*self._robot_parts[robot])
 
     def remove(self, robot: int) -> None:
-        """Take a robot out of the space, if it is there."""
+        """Take a robot out of the space if it is there."""
         while len(self._wheels) <= robot:
             wheels = pymunk.Body(body_type=pymunk.Body.KINEMATIC)
             self._wheels.append(wheels)
@@ -146,15 +146,15 @@ class PhysicsSpace:
 
 
 class PhysicsSpaces:
-    """Which robot drives in which space.
+    """Assignment of robots to physics spaces.
 
-    Robots in one and the same world (which goes by the object) share spaces. Where obstacles
-    move, a robot has a space of its own, for the obstacles are there for it alone.
+    Robots in the same world (the same object) share spaces. In a world with dynamic obstacles
+    each robot has its own space, because its obstacles exist for it alone.
 
     Args:
-        robots: How many robots there are. None is anywhere at first.
-        robot: Body and drive of all of them.
-        movables: Whether worlds have their doors, boxes and people; if not, they are left out.
+        robots: Number of robots. At first no robot is in a space.
+        robot: Body and drive of all robots.
+        movables: Whether the worlds' doors, boxes and people are simulated.
     """
 
     def __init__(self, robots: int, robot: RobotConfig, *, movables: bool) -> None:
@@ -162,11 +162,11 @@ class PhysicsSpaces:
         self._movables = movables
         self._worlds: list[World | None] = []
         self._spaces: list[PhysicsSpace | None] = []
-        self._slots: list[list[int]] = []  # by space: which robots are in it
+        self._slots: list[list[int]] = []  # by space: the robots in it
         self._open: dict[int, list[int]] = {}  # by world: its spaces with room for more
         self._empty: OrderedDict[int, None] = OrderedDict()
         self.space_of: Int64[np.ndarray, "robots"] = np.full(robots, _NONE)
-        """The space that each robot is in."""
+        """The space of each robot."""
         self.occupied: Int64[np.ndarray, "spaces"] = np.zeros(0, np.int64)
         """The spaces with robots in them."""
         self.tables = SpaceTables(
@@ -177,25 +177,25 @@ class PhysicsSpaces:
         )
 
     def clearance(self, world: World, pose: Pose, reach: float) -> float:
-        """Distance (m) from a pose to the world's nearest wall; infinite if none is in reach."""
+        """Return the distance (m) from a pose to the nearest wall; infinite if beyond `reach`."""
         space = self._spaces[self._space_with_room(world)]
         assert space is not None
         return space.clearance(pose, reach)
 
     def moves(self, world: World) -> bool:
-        """Whether anything moves in a world."""
+        """Whether a world has dynamic obstacles."""
         return self._movables and bool(world.movables)
 
     def place(
         self, row: int, world: World, pose: Pose, ids: Int64[np.ndarray, "robots"]
     ) -> PhysicsSpace:
-        """Put a robot at rest at a pose in a world; return the space that it is in now.
+        """Put a robot at rest at a pose in a world; return its space.
 
         Args:
             row: The robot.
             world: The world.
-            pose: Where in the world's frame.
-            ids: Takes pymunk's ids of the robots' bodies.
+            pose: Pose in the world frame.
+            ids: Filled with pymunk's ids of the robots' bodies.
         """
         number = int(self.space_of[row])
         if number == _NONE or self._worlds[number] is not world:
@@ -242,7 +242,7 @@ class PhysicsSpaces:
         return len(slots) == most and _NONE not in slots
 
     def _space_with_room(self, world: World) -> int:
-        """A space of this world with room for one more robot."""
+        """Return a space of this world with room for one more robot."""
         numbers = self._open.setdefault(id(world), [])
         if not numbers:
             numbers.append(self._make_space(world))
@@ -274,7 +274,7 @@ class PhysicsSpaces:
         self._spaces[number] = self._worlds[number] = None
 
     def _grow_tables(self) -> None:
-        """Make room in the tables for all spaces, twice as much as there was."""
+        """Make room for all spaces in the tables; at least double their length."""
         old, room = self.tables, len(self.tables.robot_counts)
         if len(self._spaces) <= room:
             return
@@ -287,7 +287,7 @@ class PhysicsSpaces:
         )
 
     def _update_order(self, number: int, ids: Int64[np.ndarray, "robots"]) -> None:
-        """Note in which order pymunk now visits a space's robots, and as whom it knows them."""
+        """Update the order in which pymunk visits a space's robots, and the ids of their bodies."""
         space = self._spaces[number]
         assert space is not None
         order = space.order

@@ -1,4 +1,4 @@
-"""Compiled geometry of the plane: transforms with cosine and sine at hand, and segments."""
+"""Compiled geometry of the plane: transforms with precomputed cosine and sine, and segments."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from albot_core.geometry.pose_kernels import rotate, transform_point
 from albot_core.kernels.compiled import kernel
 
 Transform = tuple[float, float, float, float]
-"""Where something is: x, y (m), and the cosine and sine of its heading."""
+"""Pose with precomputed heading terms: x, y (m), cosine and sine of the heading."""
 
 
 @kernel()
 def transform_of(pose: np.ndarray) -> Transform:
-    """The transform of a pose x, y, heading (m, rad)."""
+    """Return the transform of a pose x, y, heading (m, rad)."""
     return pose[0], pose[1], math.cos(pose[2]), math.sin(pose[2])
 
 
 @kernel()
 def transform_from(transform: Transform, x: float, y: float) -> tuple[float, float]:
-    """A point given in the frame of a transform, outside it."""
+    """Transform a point from the frame of a transform to the parent frame."""
     origin_x, origin_y, cos, sin = transform
     return transform_point((origin_x, origin_y, 0.0), cos, sin, x, y)
 
 
 @kernel()
 def compose_transforms(first: Transform, second: Transform) -> Transform:
-    """The transform of what is at `second` in the frame of `first`: first ⊕ second."""
+    """Return first ⊕ second: the parent-frame transform of `second`, given in `first`'s frame."""
     x, y = transform_from(first, second[0], second[1])
     cos, sin = rotate(first[2], first[3], second[2], second[3])
     return x, y, cos, sin
@@ -38,7 +38,7 @@ def compose_transforms(first: Transform, second: Transform) -> Transform:
 def nearest_on_segment(
     x: float, y: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float]:
-    """The point of a segment that is nearest to a point."""
+    """Return the point of a segment that is nearest to a point."""
     along_x, along_y = x2 - x1, y2 - y1
     squared = along_x * along_x + along_y * along_y
     share = ((x - x1) * along_x + (y - y1) * along_y) / squared if squared > 0.0 else 0.0

@@ -1,12 +1,12 @@
-"""Compiled ray casting: where a laser's beams meet walls, and with which errors it says so.
+"""Compiled ray casting: the ranges of a laser's beams to walls, and their measurement errors.
 
-With wall ends a and b in the frame of the laser, a clockwise of b, a beam in direction u
-meets the wall where u is between a and b, and there the inverse range is linear in u:
+Let a and b be the ends of a wall in the laser's frame, a clockwise of b. A beam of direction u
+meets the wall if u is between a and b, and its inverse range is then linear in u:
 1/r = (u × (b - a)) / (a × b). The nearest wall along each beam is a running maximum of
-multiply-adds over the beams that may meet it: nothing is divided, and no angle computed, once
-a wall's coefficients are known. Directions are compared by their pseudo-angles. That of an end
-which two walls share is the same for both, so that no beam slips between them. Beams are taken
-in blocks, each with the walls that reach into it.
+multiply-adds over the walls that the beam may meet: once a wall's coefficients are known, no
+division and no angle is computed. Directions are compared by their pseudo-angles. An end that
+two walls share has the same pseudo-angle in both, so no beam slips between them. Beams are
+processed in blocks, each with the walls that reach into it.
 """
 
 from __future__ import annotations
@@ -32,43 +32,43 @@ from albot_env.sim.plane_geometry import Transform, compose_transforms, transfor
 from albot_env.sim.visibility import WallTables
 
 _GRAZING = 1000.0
-"""Float32 costs less than 0.2 mm while range² / distance to the wall's line is below (m)."""
+"""Float32 is used while range² / distance to the wall's line is below this (m): error < 0.2 mm."""
 _EDGE_ON = 1e-12
-"""A wall is seen edge-on where it subtends an angle (rad) below: it may be nothing but rounding."""
+"""A wall that subtends a smaller angle (rad) is edge-on: the angle may be a rounding error."""
 _STRIP: Any = np.int64(64)
-"""Walls that are taken together: a word has a bit for each."""
+"""Number of walls processed together: one bit of a word for each."""
 
 
 class BeamGeometry(NamedTuple):
-    """A laser's beams, in a frame whose x axis points along the middle one."""
+    """A laser's beams, in a frame whose x axis points along the middle beam."""
 
     number: int
-    """How many they are."""
+    """Number of beams."""
     directions: np.ndarray
-    """(2, beams) float64: cosine and sine of the beams' bearings from the middle."""
+    """(2, beams) float64: cosine and sine of the beams' bearings from the middle beam."""
     padded: np.ndarray
-    """(3, blocks × LANES32) float32: the same, and the beams' pseudo-angles, filled up
-    to whole blocks: no range is read along what follows the last beam."""
+    """(3, blocks × LANES32) float32: `directions` and the beams' pseudo-angles, padded to whole
+    blocks. Ranges of the padding are never read."""
     max_range: float
-    """Distance at and beyond which a range is infinite (m)."""
+    """Ranges at or beyond this distance are reported as infinite (m)."""
     mount: Transform
-    """Where on the robot the laser is, and where the middle of the beams points."""
+    """Position of the laser on the robot, and direction of the middle beam."""
     behind: float
-    """Nothing with both ends at x below this (m) is in any beam's way."""
+    """A wall whose ends both have an x below this (m) meets no beam."""
 
 
 class ScanBuffers(NamedTuple):
-    """Room to work in while scanning."""
+    """Scratch buffers for scanning."""
 
     rays: np.ndarray
-    """(4, blocks × LANES32) float32: the beams' directions, as vectors and as pseudo-angles,
-    and the inverse ranges along them."""
+    """(4, blocks × LANES32) float32: the beams' directions as vectors and as pseudo-angles, and
+    their inverse ranges."""
     walls: np.ndarray
-    """(4, room) float64: the ends x, y of the walls in question, a column each (m)."""
+    """(4, room) float64: ends x, y of the walls to test, one wall per column (m)."""
     lines: np.ndarray
-    """(4, room) float32: their lines (see P and so on)."""
+    """(4, room) float32: line coefficients of the walls (see P, Q, FROM, TO)."""
     bits: np.ndarray
-    """(beams,) uint64: random bits for the errors of the beams."""
+    """(beams,) uint64: random bits for the range errors."""
 
 
 U, V, W, NEAREST = range(4)
@@ -76,18 +76,18 @@ U, V, W, NEAREST = range(4)
 AX, AY, BX, BY = range(4)
 """Rows of `ScanBuffers.walls`, in the frame of the laser."""
 P, Q, FROM, TO = range(4)
-"""Rows of `ScanBuffers.lines`: 1/r along the laser's axes; and between which directions beams meet
-a wall (pseudo-angles), which are none where float32 is too coarse for it, or it is seen edge-on."""
+"""Rows of `ScanBuffers.lines`: 1/r along the laser's axes, and the pseudo-angles between which
+beams meet the wall. That interval is empty if float32 is too coarse or the wall is edge-on."""
 
 
 @kernel(arrays=True)
 def make_scan_buffers(beams: BeamGeometry, room: int) -> ScanBuffers:
-    """Buffers for so many walls."""
+    """Allocate buffers for `room` walls."""
     rays = np.empty((4, beams.padded.shape[1]), np.float32)
-    for row in range(NEAREST):  # An assignment of the whole takes seconds to compile.
+    for row in range(NEAREST):  # Assigning the whole array takes seconds to compile.
         for k in range(rays.shape[1]):
             rays[row, k] = beams.padded[row, k]
-    columns = 2 * padded_length(room) + _STRIP  # Some are taken twice, and a strip is asked whole.
+    columns = 2 * padded_length(room) + _STRIP  # Some walls appear twice; strips are read whole.
     walls, lines = np.empty((4, columns)), np.empty((4, columns), np.float32)
     return ScanBuffers(rays, walls, lines, np.empty(beams.number, np.uint64))
 
@@ -96,7 +96,7 @@ def make_scan_buffers(beams: BeamGeometry, room: int) -> ScanBuffers:
 def scan_poses(
     beams: BeamGeometry, index: WallTables, cells: np.ndarray, poses: np.ndarray, ranges: np.ndarray
 ) -> None:
-    """Fill `ranges` (n, beams) with what robots at `poses` (n, 3) in `cells` (n,) see."""
+    """Fill `ranges` (n, beams) with the true ranges (m) at `poses` (n, 3) in cells `cells` (n,)."""
     nothing = np.empty((0, 4))
     buffers = make_scan_buffers(beams, index.walls.shape[0])
     for i in range(poses.shape[0]):
@@ -117,16 +117,16 @@ def scan(
 ) -> None:
     """Fill `ranges` (beams,) with the true ranges (m) of a robot in a cell of the index.
 
-    It sees the cell's walls, and the segments first to last of `obstacles` (n, 4).
+    The laser sees the cell's walls and the segments `first` to `last` of `obstacles` (n, 4).
     """
     laser = compose_transforms(robot, beams.mount)
-    # The walls and obstacles before the laser, in its frame.
+    # The walls and obstacles in front of the laser, in its frame.
     count = ZERO
     for m in index.members[index.spans[cell, 0] : index.spans[cell, 1]]:
         count += _transform_segment(index.walls, m, laser, beams.behind, buffers.walls, count)
     for j in range(first, last):
         count += _transform_segment(obstacles, j, laser, beams.behind, buffers.walls, count)
-    # Inverse ranges begin at the horizon, and each wall raises those of the beams that meet it.
+    # Inverse ranges start at 1 / max_range; each wall raises those of the beams that meet it.
     horizon = np.float32(1.0 / beams.max_range)
     for k in range(buffers.rays.shape[1]):
         buffers.rays[NEAREST, k] = horizon
@@ -142,7 +142,7 @@ def scan(
 def _transform_segment(
     segments: np.ndarray, k: int, laser: Transform, behind: float, walls: np.ndarray, count: int
 ) -> int:
-    """Write a segment's ends, seen from x, y, cosine, sine, into column `count`; 0 if behind."""
+    """Write a segment's ends, in the laser's frame, into column `count`; return 0 if behind it."""
     x, y, cos, sin = laser
     sx, sy = rotate_back(cos, sin, segments[k, 0] - x, segments[k, 1] - y)
     ex, ey = rotate_back(cos, sin, segments[k, 2] - x, segments[k, 3] - y)
@@ -152,14 +152,14 @@ def _transform_segment(
 
 @kernel()
 def _find_lines(beams: BeamGeometry, count: int, buffers: ScanBuffers) -> int:
-    """Find the lines of the first walls of the buffers; how many these are.
+    """Find the lines of the first `count` walls in the buffers; return the number of lines.
 
-    A wall that passes behind the laser has two, one for each side. Beams are held at once against
-    walls for which float32 is too coarse.
+    A wall that passes behind the laser gets two lines, one for each side. Walls for which float32
+    is too coarse are tested against the beams at once.
     """
     walls, lines = buffers.walls, buffers.lines
     lined_up = padded_length(count)
-    for k in range(count, lined_up):  # Points are seen edge-on.
+    for k in range(count, lined_up):  # A single point counts as edge-on.
         walls[AX, k] = walls[AY, k] = walls[BX, k] = walls[BY, k] = 0.0
     squared = (beams.max_range * beams.max_range,)
     for first in range(0, count, LANES):
@@ -168,7 +168,7 @@ def _find_lines(beams: BeamGeometry, count: int, buffers: ScanBuffers) -> int:
             lane = lowest_bit(odd)
             odd &= odd - 1
             j = first + lane % LANES
-            if lane < LANES:  # too coarse
+            if lane < LANES:  # float32 is too coarse
                 _raise_grazing(buffers.rays, beams.directions, walls, j)
                 continue
             lines[P, lined_up], lines[Q, lined_up] = lines[P, j], lines[Q, j]
@@ -184,10 +184,11 @@ def _find_lines(beams: BeamGeometry, count: int, buffers: ScanBuffers) -> int:
 def _lines_of_walls(
     walls: FloatTable, lines: FloatTable, max_range_squared: FloatVector
 ) -> tuple[FloatVector, FloatVector]:
-    """Order the ends of walls, and find their lines.
+    """Sort the ends of walls and compute their lines.
 
-    Given is the square of the laser's range (m²). Answered is for which of them float32 is too
-    coarse, and of the others which pass behind the laser: their lines are those to its left.
+    `max_range_squared` is the square of the laser's range (m²). The first mask marks walls for
+    which float32 is too coarse. The second marks, among the others, walls that pass behind the
+    laser; their lines are those of the left side.
     """
     sx, sy, ex, ey = (walls[row] for row in (AX, AY, BX, BY))
     one, other = sx * ey, sy * ex
@@ -211,7 +212,7 @@ def _lines_of_walls(
 
 
 def _pseudo_angles(u: FloatVector, v: FloatVector) -> FloatVector:
-    """The pseudo-angles of directions, as `pseudo_angle` has them."""
+    """Return the pseudo-angles of directions, as `pseudo_angle` defines them."""
     part = v / (u.abs() + v.abs()).maximum(1e-300)
     behind = (2.0 - part).where(-2.0 - part, v >= 0.0)
     return part.where(behind, u >= 0.0)
@@ -219,7 +220,7 @@ def _pseudo_angles(u: FloatVector, v: FloatVector) -> FloatVector:
 
 @kernel()
 def _cast_strip(start: int, count: int, buffers: ScanBuffers) -> None:
-    """Raise the inverse ranges to those of the lines of a strip, or of so many if fewer."""
+    """Raise the inverse ranges to those of the lines in a strip of at most `count` lines."""
     rays, lines = buffers.rays, buffers.lines
     for first in range(0, rays.shape[1], LANES32):
         between = rays[W, first], rays[W, first + LANES32 - 1]
@@ -229,7 +230,7 @@ def _cast_strip(start: int, count: int, buffers: ScanBuffers) -> None:
         if count < _STRIP:
             walls &= (1 << count) - 1
         while walls:
-            # Four walls at a time.
+            # Process four walls at a time.
             i, walls = _next_wall(walls, ZERO)
             j, walls = _next_wall(walls, i)
             k, walls = _next_wall(walls, j)
@@ -241,15 +242,15 @@ def _cast_strip(start: int, count: int, buffers: ScanBuffers) -> None:
 
 @float32_predicate
 def _walls_between(lines: FloatTable, first: FloatVector, last: FloatVector) -> FloatVector:
-    """Which walls do beams meet that lie between two directions."""
+    """Return which walls are met by beams between two pseudo-angles."""
     return (lines[FROM] <= last) & (lines[TO] >= first)
 
 
 @kernel()
 def _next_wall(walls: int, before: int) -> tuple[int, int]:
-    """The first of some walls, and the others; the one before where none is left.
+    """Return the lowest wall of a bit set and the remaining set; `before` if the set is empty.
 
-    To take one twice changes nothing, and costs less than to ask whether one is left.
+    Processing a wall twice changes nothing and is cheaper than a test for an empty set.
     """
     return lowest_bit(walls) if walls else before, walls & (walls - 1)
 
@@ -261,7 +262,7 @@ def _line(lines: np.ndarray, k: int) -> tuple[float, float, float, float]:
 
 @float32_predicate
 def _raise_inverse_ranges(rays: FloatTable, *lines: FloatVector) -> FloatVector:
-    """Raise the inverse ranges along a block of beams to those of walls, where they meet them."""
+    """Raise the inverse ranges of a block of beams to those of the walls that the beams meet."""
     u, v, w, nearest = rays[U], rays[V], rays[W], rays[NEAREST]
     for k in range(0, len(lines), 4):
         p, q, first, last = lines[k : k + 4]
@@ -273,7 +274,7 @@ def _raise_inverse_ranges(rays: FloatTable, *lines: FloatVector) -> FloatVector:
 
 @kernel()
 def _raise_grazing(rays: np.ndarray, directions: np.ndarray, walls: np.ndarray, j: int) -> None:
-    """Take in, with float64, a wall seen so edge-on that float32 is too coarse."""
+    """Raise the inverse ranges, in float64, for a nearly edge-on wall (float32 is too coarse)."""
     ax, ay, bx, by = walls[AX, j], walls[AY, j], walls[BX, j], walls[BY, j]
     area = ax * by - ay * bx
     p, q = (by - ay) / area, (ax - bx) / area
@@ -293,7 +294,7 @@ def add_range_errors(
     max_range: float,
     bits: np.ndarray,
 ) -> None:
-    """Make of a laser's true `ranges` (m) what it reports; `bits` (beams,) is room to work in."""
+    """Turn true `ranges` (m) into measured ones; `bits` (beams,) is a scratch buffer."""
     for k in range(ranges.shape[0]):
         bits[k] = draw(key, counter + k)
     for k in range(ranges.shape[0]):

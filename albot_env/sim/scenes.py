@@ -1,4 +1,4 @@
-"""The scene sensor: RatSLAM's simulated camera, which gives numbers of visual scenes."""
+"""The scene sensor: RatSLAM's simulated camera, which returns numbers of visual scenes."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ _COUNT = Range("a whole number from 1", 1.0, whole=True)
 
 @dataclass(frozen=True, kw_only=True)
 class SceneConfig:
-    """How scenes are numbered, and how wrongly they are seen.
+    """How scenes are numbered, and with which errors they are recognised.
 
-    After the simulator of Milford, Prasser and Wyeth (Experience mapping, ACRA 2005, section
-    5.1): noisy, ambiguous scene numbers made from the robot's pose, and at random times a
-    false match. Its algorithm is not given; this one is ours. The world is cut into square
-    places, and each is viewed in equal sectors of the heading. A view has a number
-    that depends on the world's extent only, and may share it with views elsewhere.
+    It follows the simulator of Milford, Prasser and Wyeth (Experience mapping, ACRA 2005, section
+    5.1): noisy, ambiguous scene numbers computed from the robot's pose, with false matches at
+    random times. The paper does not give its algorithm; this one is ours. The world is divided into
+    square cells, and the headings in each cell into equal sectors. Each pair of cell and sector is
+    a view. A view's number depends only on the world's extent, and distant views may share it.
     """
 
     cell: float = 1.0
-    """Side of a place (m)."""
+    """Side of a cell (m)."""
     sectors: int = 8
-    """How many views a place has, all round."""
+    """Number of views per cell, all round."""
     sharing: int = 1
-    """How many views share a number; they lie scattered over the world."""
+    """Number of views that share a scene number; they are scattered over the world."""
     position_noise: float = 0.0
-    """Standard deviation of x and of y (m) when it is decided which place is seen."""
+    """Standard deviation of the errors of x and y (m) that decide which cell is seen."""
     heading_noise: float = 0.0
-    """Standard deviation of the heading (rad) when it is decided which view is seen."""
+    """Standard deviation of the heading error (rad) that decides which sector is seen."""
     missed_rate: float = 0.0
-    """Probability that a look recognises no scene."""
+    """Probability that a reading recognises no scene."""
     false_rate: float = 0.0
-    """Probability that a look recognises any scene of the world instead, each as likely."""
+    """Probability that a reading recognises a random scene of the world, all equally likely."""
 
     def __post_init__(self) -> None:
         check_fields(self, _COUNT, "sectors", "sharing")
@@ -51,14 +51,14 @@ class SceneConfig:
         check_fields(self, SHARE, "missed_rate", "false_rate")
 
     def constants(self, bounds: tuple[float, float, float, float]) -> SceneConstants:
-        """What the compiled scenes compute with in a world of these bounds (`World.bounds`)."""
+        """Return the constants of the compiled scenes for a world's bounds (`World.bounds`)."""
         left, bottom, right, top = bounds
         columns = max(math.ceil((right - left) / self.cell), 1)
         rows = max(math.ceil((top - bottom) / self.cell), 1)
         views = columns * rows * self.sectors
         scenes = math.ceil(views / self.sharing)
-        # Coprime, so that no two views of a share meet; near the golden section, so that
-        # neighbours' numbers lie far apart there.
+        # Coprime, so that no two views of a share get the same number; near the golden section, so
+        # that neighbours' numbers are far apart.
         stride = max(round(scenes * _GOLDEN), 1)
         while math.gcd(stride, scenes) > 1:
             stride += 1
@@ -97,61 +97,61 @@ SCENES: Mapping[str, SceneConfig] = MappingProxyType(
         ),
     }
 )
-"""The scene sensors by name.
+"""Scene sensors by name.
 
-`ideal`: every view has a number of its own, and is always recognised.
+`ideal`: every view has its own number and is always recognised.
 
-`paper`: some of everything that the paper names. Places of 1 m seen in 8 sectors make
-about 4,500 views of its floor of 43 × 13 m, the few thousand that it speaks of (section 3.4);
-the rates, which it does not give, are ours.
+`paper`: some of every error that the paper names. Cells of 1 m with 8 sectors make about 4,500
+views of its floor of 43 × 13 m, as the paper's few thousand (section 3.4). The paper does
+not give the rates; they are our choice.
 
-`ambiguous`: a building whose rooms look alike.
+`ambiguous`: a building with rooms that look alike.
 """
 
 
 SCENE_DRAWS = 6
-"""Random numbers that a look draws."""
+"""Number of random numbers that a reading draws."""
 
 
 class SceneConstants(NamedTuple):
-    """What the compiled scenes compute with; see `SceneConfig.constants`."""
+    """Constants of the compiled scenes; see `SceneConfig.constants`."""
 
     left: float
-    """Left and lower edge of the places (m)."""
+    """Left and lower edge of the cells (m)."""
     bottom: float
     cell: float
-    """Side of a place (m)."""
+    """Side of a cell (m)."""
     columns: int
     rows: int
     sectors: int
-    """Views of a place; the first begins along x."""
+    """Views per cell; the first starts at heading 0."""
     scenes: int
-    """How many scenes there are."""
+    """Number of scenes."""
     stride: int
-    """How far the numbers of neighbouring views are apart where numbers are given once more."""
+    """Distance between the numbers of neighbouring views when numbers are used again."""
     position_noise: float
     """Standard deviation of x and of y (m)."""
     heading_noise: float
     """Standard deviation of the heading (rad)."""
     missed: int
-    """Probability that no scene is seen, times 2^32."""
+    """Probability that no scene is recognised, times 2^32."""
     false: int
-    """Probability that a scene is seen falsely, times 2^32."""
+    """Probability of a false recognition, times 2^32."""
 
 
 @kernel(nogil=True)
 def recognise_scene(
     x: float, y: float, heading: float, scenes: SceneConstants, key: np.uint64, counter: int
 ) -> int:
-    """The number of the scene that a robot sees; -1 where none.
+    """Return the number of the scene that a robot recognises; -1 for none.
 
     Args:
-        x: Where the robot is, world frame (m).
-        y: Where the robot is, world frame (m).
-        heading: Its heading (rad).
+        x: Position of the robot, world frame (m).
+        y: Position of the robot, world frame (m).
+        heading: Heading of the robot (rad).
         scenes: The scenes.
-        key: Key to the robot's random numbers.
-        counter: Counter of the first of the SCENE_DRAWS numbers that a look draws.
+        key: Key of the robot's random numbers.
+        counter: Counter of the first of the SCENE_DRAWS random numbers of this reading.
     """
     bits = draw(key, counter)
     if np.int64(bits & np.uint64(0xFFFFFFFF)) < scenes.missed:
@@ -166,15 +166,15 @@ def recognise_scene(
 
 @kernel()
 def scene_at(x: float, y: float, heading: float, scenes: SceneConstants) -> int:
-    """The number of the scene that is truly there; outside all places, that at their edge."""
+    """Return the number of the true scene at a pose; outside all cells, that of an edge cell."""
     column = min(max(math.floor((x - scenes.left) / scenes.cell), 0), scenes.columns - 1)
     row = min(max(math.floor((y - scenes.bottom) / scenes.cell), 0), scenes.rows - 1)
     share = heading / (2 * math.pi)
     sector = min(math.floor((share - math.floor(share)) * scenes.sectors), scenes.sectors - 1)
     view = (row * scenes.columns + column) * scenes.sectors + sector
-    # As many views as there are numbers take them in order, the next as many scattered, and so on,
-    # each time otherwise: were all in the same order, a whole part of the world would look like
-    # another, view by view along any way.
+    # The first views take the numbers in order, as many views as there are numbers. The next take
+    # them in a scattered order, and so on, each time in another order. With one order for all, a
+    # whole part of the world would look like another, view by view along any path.
     number = view % scenes.scenes
     for _ in range(view // scenes.scenes):
         number = number * scenes.stride % scenes.scenes

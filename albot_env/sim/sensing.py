@@ -1,8 +1,8 @@
-"""Sensing: what the odometer, laser, sonars and camera of many robots report.
+"""Sensing: odometer, laser, sonar and camera readings of many robots.
 
-Each reading of a robot has counters of its own for its random numbers, whatever the ranges
-are: the odometer's and then one for each beam; and, far away from these, one for each sonar,
-and the camera's.
+Each reading uses fixed counters for its random numbers, whatever the ranges are. The odometer's
+come first, then one per beam. The sonars' and the camera's start at SONAR_COUNTER and
+CAMERA_COUNTER.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ from albot_env.sim.world_cache import WorldCache
 from albot_maps.world import World
 
 SONAR_COUNTER, CAMERA_COUNTER = 2**40, 2**41
-"""The first counters of the sonars' and the camera's random numbers."""
+"""First counters of the sonars' and of the camera's random numbers."""
 
 
 class SensorSuite:
-    """The sensors of a batch of robots, which share what is known of a world's walls.
+    """The sensors of a batch of robots. Robots in the same world share its wall index.
 
     Args:
-        sensors: What each senses with.
+        sensors: The sensors of each robot.
         robot: Body and drive of the robots.
-        robots: Where they are, kept up to date by whoever moves them.
+        robots: State arrays of the robots; the caller keeps them up to date.
     """
 
     def __init__(self, sensors: Sensors, robot: RobotConfig, robots: RobotArrays) -> None:
@@ -75,7 +75,7 @@ class SensorSuite:
             echoes=np.full((count, len(self._constants.sonars.mounts)), np.inf),
             scenes=np.full(count, -1),
         )
-        """What the robots sensed last."""
+        """The latest sensor outputs."""
         self._laser_index = laser_wall_index(laser.geometry)
         self._sonar_index = sonar_wall_index(sonar)
         self._locator = Locator(self._laser_index, self._sonar_index)
@@ -84,18 +84,18 @@ class SensorSuite:
 
     @property
     def odometer(self) -> Float64[np.ndarray, "constants"]:
-        """The errors of the odometers (see `OdometerConfig.constants`)."""
+        """Error constants of the odometers (see `OdometerConfig.constants`)."""
         return self._constants.odometer
 
     def begin(self, row: int, world: World, key: int) -> None:
-        """Let a robot be in a world and begin its readings anew; `key` decides all their noise."""
+        """Put a robot into a world and restart its readings; `key` decides all their noise."""
         for other, building in self._worlds.enter(row, world):
             self.outputs.buildings[other] = building
         self.outputs.keys[row] = key
         self.outputs.readings[row] = 0
 
     def readings(self, stamps: Float64[np.ndarray, "robots"]) -> Readings:
-        """What was sensed last, at these times (s). It is written over at the next sensing."""
+        """Return the latest readings with these stamps (s). The next `sense` overwrites them."""
         sensors, outputs = self._sensors, self.outputs
         return Readings(
             stamps=stamps,
@@ -108,14 +108,14 @@ class SensorSuite:
         )
 
     def locate(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Find out where in their buildings some robots are: before `sense`."""
+        """Find the wall-index cells of some robots; call it before `sense`."""
         outputs, poses = self.outputs, self._robots.poses
         self._locator.locate(
             rows, outputs.buildings, poses, outputs.laser_cells, outputs.sonar_cells
         )
 
     def sense(self, rows: Int64[np.ndarray, "some"], obstacles: ObstacleTables) -> None:
-        """Take the readings of some robots, among obstacles."""
+        """Take the readings of some robots among dynamic obstacles."""
         walls = self._laser_index.tables, self._sonar_index.tables
         sense(rows, self._arguments.arguments(*walls, obstacles, self._constants))
 
@@ -126,7 +126,7 @@ class SensorSuite:
         obstacles: ObstacleTables,
         constants: SensorConstants,
     ) -> tuple[Any, ...]:
-        """The arguments of `sense`."""
+        """Return the arguments of `sense`."""
         world = SensedWorld(
             laser_walls=laser_walls,
             sonar_walls=sonar_walls,
@@ -138,7 +138,7 @@ class SensorSuite:
         return self._robots.poses, self._robots.counts, world, constants, self.outputs
 
     def _add_world(self, world: World) -> int:
-        """Note what there is to be sensed in a world; return its building's number."""
+        """Add a world to the wall indexes and scenes; return its building number."""
         if self._sensors.sonar is not None:
             self._sonar_index.add(world.walls)
         if self._sensors.scenes is not None:
@@ -154,70 +154,70 @@ class SensorSuite:
 
 
 class SensorConstants(NamedTuple):
-    """What the sensors are like."""
+    """Constants of the sensors."""
 
     odometer: np.ndarray
-    """The odometer's errors (see `OdometerConfig.constants`)."""
+    """Error constants of the odometer (see `OdometerConfig.constants`)."""
     beams: BeamGeometry
     """The laser's beams."""
     normals: np.ndarray
-    """(NORMALS,) float64: the errors (m) that a beam may have, each as likely as the others."""
+    """(NORMALS,) float64: equally likely range errors of a beam (m)."""
     dropout: int
     """The probability that a beam is lost, times 2^32."""
     sonars: SonarConstants
-    """The sonars; none of them on a robot without."""
+    """The sonars; empty if the robots have none."""
     scenes: np.ndarray
-    """(buildings, fields) float64: the fields of `SceneConstants` for each building; no building at
-    all where the robots have no cameras."""
+    """(buildings, fields) float64: the fields of `SceneConstants` for each building; empty if the
+    robots have no cameras."""
 
 
 class SensedWorld(NamedTuple):
-    """What there is around the robots to be sensed."""
+    """What the robots can sense around them."""
 
     laser_walls: WallTables
-    """The walls that lasers see, listed by where they are seen from."""
+    """The walls that lasers see, listed by the cell that they are seen from."""
     sonar_walls: WallTables
-    """All walls, listed by where they are near enough to be heard."""
+    """All walls, listed by the cell that they are in sonar range of."""
     obstacles: np.ndarray
-    """(n, 4) float64: outlines of what moves x1, y1, x2, y2 (m)."""
+    """(n, 4) float64: outlines of the dynamic obstacles, x1, y1, x2, y2 (m)."""
     first: np.ndarray
-    """(robots,) int64: which of them are around each robot: from here…"""
+    """(robots,) int64: first row of `obstacles` that belongs to each robot."""
     last: np.ndarray
-    """(robots,) int64: … up to here, without it."""
+    """(robots,) int64: row of `obstacles` after the last that belongs to each robot."""
     max_walls: int
-    """Walls of the building that has most."""
+    """Number of walls in the largest building."""
 
 
 class SensorOutputs(NamedTuple):
-    """What the robots sense; a row each."""
+    """Sensor outputs, one row per robot."""
 
     keys: np.ndarray
-    """(n,) uint64: the keys to their noise."""
+    """(n,) uint64: keys of the robots' noise."""
     readings: np.ndarray
-    """(n,) int64: how many readings each has taken."""
+    """(n,) int64: number of readings taken so far."""
     buildings: np.ndarray
-    """(n,) int64: the building that each is in."""
+    """(n,) int64: building that each robot is in."""
     laser_cells: np.ndarray
-    """(n,) int64: the cell of the laser's walls that each is in."""
+    """(n,) int64: cell of each robot in the laser's wall index."""
     sonar_cells: np.ndarray
-    """(n,) int64: the cell of the sonars' walls that each is in."""
+    """(n,) int64: cell of each robot in the sonars' wall index."""
     motions: np.ndarray
-    """(n, 3) float64: what the odometers measured."""
+    """(n, 3) float64: motions measured by the odometers: x, y, heading (m, rad)."""
     ranges: np.ndarray
-    """(n, beams) float64: what the lasers saw (m)."""
+    """(n, beams) float64: ranges of the lasers (m)."""
     echoes: np.ndarray
-    """(n, sonars) float64: what the sonars heard (m)."""
+    """(n, sonars) float64: ranges of the sonars (m)."""
     scenes: np.ndarray
-    """(n,) int64: the scenes that the cameras recognised; -1 for none."""
+    """(n,) int64: scenes recognised by the cameras; -1 for none."""
 
 
 @KernelDispatcher
 @kernel(arrays=True, nogil=True)
 def sense(rows: np.ndarray, arguments: KernelArguments) -> None:
-    """Read the sensors of the robots `rows`, whose cells are known.
+    """Read the sensors of the robots `rows`, whose cells have been located.
 
-    `arguments` holds `poses` (n, 3), where they are; `counts` (n, …), what their odometers have
-    counted; `SensedWorld`; `SensorConstants`; and `SensorOutputs`.
+    `arguments` holds `poses` (n, 3), the world-frame poses; `counts` (n, COUNTS), the odometer
+    counts; `SensedWorld`; `SensorConstants`; and `SensorOutputs`.
     """
     _, _, world, constants, _ = unpack(arguments)
     most = 0
@@ -235,7 +235,7 @@ def _sense_all(
     scan_buffers: ScanBuffers,
     sonar_buffers: SonarBuffers,
 ) -> None:
-    """`sense`, with room to work in."""
+    """Run `sense` with its scratch buffers."""
     poses, counts, world, constants, outputs = unpack(arguments)
     beams, sonars, sonar_walls = constants.beams, constants.sonars, world.sonar_walls
     draws, count = ODOMETER_DRAWS + beams.number, sonars.mounts.shape[0]
@@ -268,7 +268,7 @@ def _sense_all(
 
 @kernel()
 def _scene_constants(fields: np.ndarray) -> SceneConstants:
-    """The scenes of one building."""
+    """Return the scene constants of one building from its row of `SensorConstants.scenes`."""
     left, bottom, cell, columns, rows, sectors, scenes, stride, position, heading, missed, false = (
         fields
     )

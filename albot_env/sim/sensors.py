@@ -1,4 +1,4 @@
-"""What a robot senses with: one configuration of each sensor, chosen by name."""
+"""The sensors of a robot: one configuration for each, chosen by name."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from albot_env.sim.scenes import SCENES, SceneConfig
 from albot_env.sim.sonar import SONARS, SonarConfig
 
 NONE = "none"
-"""The name of the sensor that a robot does not carry."""
+"""Name that stands for a sensor that the robot does not carry."""
 
 Config = TypeVar("Config")
 
@@ -28,22 +28,22 @@ class Sensors:
     odometer: OdometerConfig = ODOMETERS["pioneer"]
     """Errors of the odometer."""
     sonar: SonarConfig | None = None
-    """Places and errors of the sonars; None without sonars."""
+    """Positions and errors of the sonars; None without sonars."""
     scenes: SceneConfig | None = None
-    """How scenes are numbered and seen; None without a camera."""
+    """Scene numbering and errors of the camera; None without a camera."""
 
     @property
     def ground_laser(self) -> LaserConfig:
-        """The laser that tells what ground came into sight; an LMS-200 on a robot without a laser.
+        """The laser that decides which ground is covered; an LMS-200 if the robot has no laser.
 
-        By it the environments judge what is covered, and who drives the outward journeys finds the
-        way. A robot without a laser does not see by it.
+        Environments use it to measure coverage, and the driver of the outward journeys uses it to
+        find the way. A robot without a laser does not get its ranges.
         """
         return self.laser or LMS_200
 
     @property
     def available(self) -> frozenset[Sensor]:
-        """Which sensors the robot carries besides the odometer."""
+        """Sensors that the robot carries besides the odometer."""
         sensors: set[Sensor] = set()
         if self.laser is not None:
             sensors.add("laser")
@@ -62,17 +62,17 @@ def choose_sensors(
     scenes: str = NONE,
     source: str = "sensors",
 ) -> Sensors:
-    """The sensors of these names.
+    """Return the sensors with these names.
 
     Args:
         laser: One of `LASERS`, or `none`.
         odometer: One of `ODOMETERS`.
         sonar: One of `SONARS`, or `none`.
         scenes: One of `SCENES`, or `none`.
-        source: Whose choice it is, for the error.
+        source: Name of the caller, for the error message.
 
     Raises:
-        InputError: A name is not known; it says which there are, and which may be meant.
+        InputError: A name is unknown; the message lists the known names and suggests one.
     """
     return Sensors(
         laser=None if laser == NONE else _chosen(LASERS, laser, source, "laser", NONE),
@@ -85,7 +85,7 @@ def choose_sensors(
 def _chosen(
     presets: Mapping[str, Config], name: str, source: str, place: str, *others: str
 ) -> Config:
-    """The preset of this name."""
+    """Return the preset of this name; raise InputError if it is unknown."""
     if isinstance(name, str) and name in presets:
         return presets[name]
     names = [*others, *presets]

@@ -23,27 +23,27 @@ SUBSTEPS = 2
 CONTROL_STEP = SUBSTEPS * PHYSICS_STEP
 """Duration of a control step (s)."""
 LONGEST_MANOEUVRE = 1000.0
-"""Greatest distance (m) of a start-stop move, and angle (rad) of a turn."""
+"""Largest distance (m) of a start-stop move and largest angle (rad) of a start-stop turn."""
 
 _USUAL = Sensors()
 
 _PATIENCE = 3 * SUBSTEPS
-"""Physics steps without progress after which a move is given up: 0.3 s."""
+"""Number of physics steps without progress after which a move or turn ends (0.3 s)."""
 _PROGRESS = 0.1
-"""Share of the wheels' way that counts as progress of a robot in touch with a wall."""
+"""Minimum ratio of body speed to wheel speed that counts as progress while touching a wall."""
 
 
 class Simulator:
-    """One Pioneer 3-DX in a world. Begin with `reset`; everything else gives a reading.
+    """One Pioneer 3-DX in a world. Call `reset` first; each command returns a reading.
 
-    The same world, configuration, generator state, start and commands give the same
-    readings to the last bit.
+    The same world, configuration, generator state, start and commands give bit-identical
+    readings.
 
     Args:
-        world: The world; its walls are what is sensed and what the robot bumps into.
+        world: The world; its walls are sensed by the sensors and stop the robot.
         robot: Body and drive of the robot.
-        sensors: What it senses with.
-        movables: Whether the world has its doors, boxes and people; if not, they are left out.
+        sensors: The sensors that the robot carries.
+        movables: Whether the world's doors, boxes and people are simulated.
     """
 
     def __init__(
@@ -67,12 +67,12 @@ class Simulator:
 
     @property
     def start(self) -> Pose:
-        """Where the robot was at the last reset, in the world frame."""
+        """Pose of the robot at the last reset, in the world frame."""
         return self._start.copy()
 
     @property
     def pose(self) -> Pose:
-        """Where the robot truly is, in the world frame."""
+        """True pose of the robot, in the world frame."""
         pose: Pose = self._batch.poses[0].copy()
         return pose
 
@@ -91,27 +91,27 @@ class Simulator:
 
     @property
     def obstacles(self) -> Segments:
-        """The outlines of what moves around the robot, where it is now (world frame)."""
+        """Current outlines of the dynamic obstacles around the robot (world frame)."""
         return self._batch.obstacles(0)
 
     @property
     def collided(self) -> bool:
-        """Whether a wall or an obstacle pushed the robot in the last step, move or turn."""
+        """Whether a wall or an obstacle pushed the robot during the last step, move or turn."""
         return bool(self._batch.collided[0])
 
     def reset(self, rng: np.random.Generator, start: Pose | None = None) -> Reading:
-        """Put the robot at rest at `start` and begin anew.
+        """Put the robot at rest at `start` and start a new episode.
 
         Args:
-            rng: One number is drawn from it, which decides all noise until the next reset.
-            start: Pose in the world frame; by default the first start of the world.
+            rng: One number is drawn from it; that number decides all noise until the next reset.
+            start: Pose in the world frame; default: the world's first start.
 
         Returns:
-            The first reading; its motion is that of an odometer that has not moved.
+            The first reading; its odometer motion is zero.
 
         Raises:
-            InputError: The start is not finite, or the robot would touch a wall there, a box,
-                or a door as it swings.
+            InputError: `start` is not finite, or the robot would touch a wall, a box or the area
+                that a door sweeps.
         """
         pose = self.world.starts[0] if start is None else np.asarray(start, dtype=np.float64)
         self._batch.check_start(self._world, pose)
@@ -125,36 +125,36 @@ class Simulator:
         """Drive for one control step of 0.1 s.
 
         Args:
-            speed: Speed wanted (m/s), forwards positive.
-            turn_rate: Turn rate wanted (rad/s), counter-clockwise positive. Both are
+            speed: Commanded speed (m/s), positive forwards.
+            turn_rate: Commanded turn rate (rad/s), positive counter-clockwise. Both commands are
                 limited to what the robot can do.
 
         Raises:
-            InputError: A command is not finite, or there was no reset.
+            InputError: A command is not finite, or `reset` was not called.
         """
         _check_finite("step", speed=speed, turn_rate=turn_rate)
         return self._control(self._batch.robot.wheels_for(speed, turn_rate))
 
     def step_wheels(self, left: float, right: float) -> Reading:
-        """Drive for one control step of 0.1 s with wheel speeds (m/s), limited as in `step`.
+        """Drive for one control step of 0.1 s at given wheel speeds (m/s), limited as in `step`.
 
         Raises:
-            InputError: A command is not finite, or there was no reset.
+            InputError: A command is not finite, or `reset` was not called.
         """
         _check_finite("step_wheels", left=left, right=right)
         return self._control(self._batch.robot.limited(Wheels(left, right)))
 
     def move(self, distance: float) -> Reading:
-        """Start, go straight on for `distance` (m, backwards if negative) and stop.
+        """Start, drive straight for `distance` (m, negative is backwards) and stop.
 
-        The wheels turn for that distance. A robot that a wall holds up gives up when it
-        makes no progress for 0.3 s.
+        The distance is measured at the wheels. If a wall blocks the robot, the move ends after
+        0.3 s without progress.
 
         Returns:
             One reading for the whole move.
 
         Raises:
-            InputError: The distance is not within ±1000 m, or there was no reset.
+            InputError: `distance` is not within ±1000 m, or `reset` was not called.
         """
         _check_manoeuvre("move", "distance", distance)
         config = self._batch.robot
@@ -169,7 +169,7 @@ class Simulator:
             One reading for the whole turn.
 
         Raises:
-            InputError: The angle is not within ±1000 rad, or there was no reset.
+            InputError: `angle` is not within ±1000 rad, or `reset` was not called.
         """
         _check_manoeuvre("turn", "angle", angle)
         config = self._batch.robot
@@ -179,14 +179,14 @@ class Simulator:
         return self._manoeuvre(Wheels(-direction * v, direction * v) for v in speeds)
 
     def _control(self, target: Wheels) -> Reading:
-        """One control step towards the wheel speeds `target`."""
+        """Run one control step towards the wheel speeds `target`."""
         self._check_reset()
         self._batch.clear_contacts()
         self._advance(target, SUBSTEPS)
         return self._read()
 
     def _manoeuvre(self, commands: Iterator[Wheels]) -> Reading:
-        """Drive through wheel speeds from standstill to standstill, or until held up."""
+        """Run wheel speeds from standstill to standstill; stop early if the robot is blocked."""
         self._check_reset()
         self._batch.clear_contacts()
         self._brake()
@@ -200,17 +200,17 @@ class Simulator:
         return self._read()
 
     def _brake(self) -> None:
-        """Ramp the wheels down until they stand."""
+        """Ramp the wheel speeds down to zero."""
         while self._batch.wheels.any():
             self._advance(STANDSTILL, 1)
 
     def _advance(self, wheels: Wheels, steps: int, *, at_once: bool = False) -> None:
-        """Some physics steps in which the wheels approach these speeds."""
+        """Run `steps` physics steps in which the wheels approach these speeds."""
         self._batch.drive(np.array((wheels,)), steps, at_once=at_once)
         self._ticks += steps
 
     def _held_up(self) -> bool:
-        """Whether a wall keeps the body from making a fair part of the wheels' way."""
+        """Whether a wall keeps the body far slower than its wheels (see `_PROGRESS`)."""
         batch = self._batch
         rolled = batch.robot.motion_of(Wheels(*batch.wheels[0].tolist()))[0]
         return bool(batch.pushed[0]) and abs(self.velocity[0]) < _PROGRESS * abs(rolled)
@@ -226,11 +226,11 @@ class Simulator:
 
 
 def _start_stop(distance: float, top_speed: float, acceleration: float) -> Iterator[float]:
-    """Wheel speeds, one for each physics step, that add up to `distance` and end at rest.
+    """Yield one wheel speed per physics step; they add up to `distance` and end at rest.
 
-    Accelerates to the top speed, keeps it, and slows down as late as the acceleration
-    allows: v = -a dt/2 + sqrt((a dt/2)² + 2 a r) is the greatest speed from which, after
-    one more step, the rest of the way r can still be used to stop.
+    Accelerate to the top speed, keep it, and brake as late as the acceleration allows:
+    v = -a dt/2 + sqrt((a dt/2)² + 2 a r) is the highest speed from which, after one more
+    step, the robot can still stop within the remaining distance r.
     """
     gain = acceleration * PHYSICS_STEP
     speed, rest = 0.0, distance
@@ -255,7 +255,7 @@ def _check_manoeuvre(method: str, name: str, value: float) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class StartStop:
-    """How far the robot is sent at a time before it stops and looks (thesis, section 3.1.2)."""
+    """Longest move and largest turn between two stops (thesis, section 3.1.2)."""
 
     move: float = 1.0
     """Longest move (m)."""
@@ -268,13 +268,13 @@ class StartStop:
 
 
 THESIS_STEPS = StartStop()
-"""A metre or 45° at a time."""
+"""At most one metre or 45° between two stops."""
 
 
 def follow_leg(simulator: Simulator, waypoint: Points, steps: StartStop) -> Iterator[Reading]:
-    """Turn towards a waypoint and go there, step by step (thesis, section 3.1.2).
+    """Turn towards a waypoint and drive there in start-stop steps (thesis, section 3.1.2).
 
-    The robot turns, goes straight, stops and looks: one reading a step.
+    Yields one reading each time the robot stops.
     """
     to = waypoint - simulator.pose[:2]
     turn = float(wrap_angle(math.atan2(to[1], to[0]) - simulator.pose[2]))

@@ -1,4 +1,4 @@
-"""The sonars: a ring of ultrasonic rangers that hear the nearest echo in a wide cone."""
+"""The sonars: a ring of ultrasonic rangers that report the nearest echo in a wide cone."""
 
 from __future__ import annotations
 
@@ -16,38 +16,38 @@ from albot_env.sim.noise import normal_table
 from albot_env.sim.wall_index import WallIndex
 
 _HAIR = 1e-6
-"""More than rounding can move a wall by (m)."""
+"""Tolerance (m) that exceeds any rounding error of a wall's position."""
 _SPECULAR = Range("a number within (0, pi/2]", 0.0, math.pi / 2, beyond=True)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SonarConfig:
-    """The sonars' places, what echoes, and their errors.
+    """Positions, echo model and errors of the sonars.
 
-    A sonar reports the nearest point that lies in its cone, echoes, and is not hidden. A
-    wall echoes where it is hit within the specular limit of its perpendicular; a wall
-    hit more aslant throws the sound away, and still hides what is behind it. Corners
-    and edges are points that echo by rules of their own (`sonar_echoes`).
+    A sonar reports the nearest point that lies in its cone, echoes, and is not hidden. A wall
+    echoes where it is hit within the specular limit of its perpendicular. A wall hit at a larger
+    angle reflects the sound away, and still hides what is behind it. Corners and edges are
+    points that echo by their own rules (`sonar_echoes`).
     """
 
     geometry: SonarGeometry = field(default_factory=SonarGeometry)
-    """Where the sonars sit and point, their cone, and how far they reach."""
+    """Positions and directions of the sonars, their cone and their range limits."""
     specular_limit: float = math.pi / 2
-    """Greatest angle from a wall's perpendicular at which it echoes (rad); pi/2 from anywhere."""
+    """Maximum angle from a wall's perpendicular at which it echoes (rad); pi/2 for any angle."""
     corner_reach: float = 0.0
-    """Distance (m) up to which concave corners of about a right angle echo; 0 not at all."""
+    """Distance (m) up to which concave, nearly right-angled corners echo; 0 for no echo."""
     edge_reach: float = 0.0
-    """Distance (m) up to which convex corners and the ends of walls echo; 0 not at all."""
+    """Distance (m) up to which convex corners and the ends of walls echo; 0 for no echo."""
     range_noise: float = 0.0
-    """Standard deviation of a range (m)."""
+    """Standard deviation of the constant part of the range error (m)."""
     proportional_noise: float = 0.0
-    """Standard deviation of a further, independent error of a range, as a share of it."""
+    """Standard deviation of a second, independent range error, as a share of the range."""
     crosstalk: float = 0.0
-    """Probability that at a reading a sonar listens while a neighbour's pulse is under way.
+    """Probability, per reading, that a sonar listens while a neighbour's pulse is under way.
 
-    Each neighbour is as likely; one that a sonar at the ring's end lacks sends none. The
-    sonar then hears the neighbour's echo too, after half the way from the neighbour to the
-    point that echoes to it and on to this sonar, and reports the first of both (Borenstein
+    Both neighbours are equally likely; a missing neighbour at the ring's end sends no pulse.
+    The sonar then also hears the neighbour's echo, at half the path from the neighbour to its
+    echoing point and on to this sonar, and reports the nearer of the two (Borenstein
     and Koren, Error eliminating rapid ultrasonic firing for mobile robot obstacle
     avoidance, IEEE Trans. Robotics and Automation 11(1), 1995, on the direct path).
     """
@@ -63,7 +63,7 @@ class SonarConfig:
 
     @property
     def constants(self) -> SonarConstants:
-        """What the compiled sonars compute with."""
+        """The constants of the compiled sonars."""
         geometry = self.geometry
         bearings = np.array(geometry.bearings)
         directions = np.stack((np.cos(bearings), np.sin(bearings)), axis=1)
@@ -87,9 +87,9 @@ class SonarConfig:
         )
 
     def _behind(self) -> float:
-        """What no cone reaches farther behind than: an x in the robot's frame (m)."""
+        """Return the lowest x in the robot's frame that any cone reaches (m)."""
         geometry = self.geometry
-        # What is in a cone and in reach lies within a triangle, as long as the reach.
+        # The part of a cone in range lies within a triangle whose height is the maximum range.
         bearings, side = np.array(geometry.bearings), math.tan(geometry.cone / 2)
         turns = np.cos(bearings) - np.abs(np.sin(bearings)) * side
         corners = np.minimum(geometry.max_range * turns, 0.0)
@@ -97,18 +97,18 @@ class SonarConfig:
 
 
 class SonarConstants(NamedTuple):
-    """What the compiled sonars compute with; see `SonarConfig.constants`."""
+    """Constants of the compiled sonars; see `SonarConfig.constants`."""
 
     mounts: np.ndarray
-    """(sonars, 4) float64: x, y (m), cosine and sine of the bearing, robot's frame."""
+    """(sonars, 4) float64: x, y (m), cosine and sine of the bearing, in the robot's frame."""
     horizon: float
-    """Distance (m) from the robot's middle beyond which no sonar hears."""
+    """Distance (m) from the robot's centre beyond which no sonar hears anything."""
     behind: float
-    """Nothing with both ends at x below this (m), robot's frame, is in any sonar's cone."""
+    """A surface whose ends both have an x below this (m, robot's frame) is in no sonar's cone."""
     slope: float
     """Tangent of half the cone."""
     min_range: float
-    """Nearer echoes are reported as this (m)."""
+    """Nearer echoes are reported at this range (m)."""
     max_range: float
     """Farther echoes are not heard (m)."""
     cos_limit: float
@@ -119,23 +119,23 @@ class SonarConstants(NamedTuple):
     edge_reach: float
     """Distance (m) up to which edges and wall ends echo."""
     noise: float
-    """Standard deviation of a range (m)."""
+    """Standard deviation of the constant part of the range error (m)."""
     proportional_noise: float
-    """Standard deviation of a range as a share of it."""
+    """Standard deviation of the proportional range error, as a share of the range."""
     crosstalk: int
     """Probability of hearing a neighbour's pulse, times 2^25."""
     dropout: int
     """Probability of missing an echo, times 2^26."""
     normals: np.ndarray
-    """(4096,) float64: normal numbers of deviation 1, each as likely as the others."""
+    """(NORMALS,) float64: equally likely standard normal numbers."""
 
 
 NO_SONARS = SonarConfig().constants._replace(mounts=np.empty((0, 4)))
-"""The sonars of a robot without any."""
+"""The constants for a robot without sonars."""
 
 
 def sonar_wall_index(sonar: SonarConfig | None) -> WallIndex:
-    """An index of what such sonars can hear from where."""
+    """Return an index of the walls that such sonars can hear."""
     if sonar is None:
         return WallIndex(0.0, (0.0, 0.0))
     spread = max(math.hypot(x, y) for x, y in sonar.geometry.places)
@@ -165,14 +165,14 @@ SONARS: Mapping[str, SonarConfig] = MappingProxyType(
         ),
     }
 )
-"""The sonars by name.
+"""Sonars by name.
 
-`ideal`: the nearest surface in the cone, from whatever angle, exactly.
+`ideal`: the exact distance of the nearest surface in the cone, hit at any angle.
 
-`pioneer`: on painted walls, with the one percent of range error that rangers of the
-Polaroid kind are sold with. Where the specular limit lies depends on the wall; 25°, the
-rates of misses and cross-talk, and the edges' reach are ours.
+`pioneer`: painted walls, with the range error of 1 % that is specified for rangers of the
+Polaroid kind. The specular limit depends on the wall; its 25°, the rates of misses and
+cross-talk, and the edges' reach are our choice.
 
-`poor`: smooth walls, which echo only when hit within the half of the cone, and sonars that
-fire too fast and hear each other.
+`poor`: smooth walls, which echo only within 15° of their perpendicular, and sonars that fire
+too fast and hear each other.
 """

@@ -1,17 +1,17 @@
-"""Compiled search for the nearest echo inside a sonar's cone, exactly: of walls, and of corners.
+"""Compiled exact search for the nearest echo, of walls and of corners, in a sonar's cone.
 
-In a sonar's frame, x along its axis, the direction u = (1, t) stands for the bearing whose
-tangent is t. Of a wall with ends a and b, a clockwise of b, what a sonar may hear is an
-interval of t, each bound of it linear in t: the ends (a × u >= 0, u × b >= 0), the cone
-(|t| <= tan half), and the two bearings at the specular limit from the wall's
-perpendicular. Where another wall hides it is the same: its ends, and that it is nearer,
-for 1/range = n · u / area with n = (b.y - a.y, a.x - b.x) and area = a × b. So no angle
-is computed, and nothing is divided but for walls inside the cone.
+In a sonar's frame, x along its axis, the direction u = (1, t) stands for the bearing with tangent
+t. For a wall with ends a and b, a clockwise of b, the part that a sonar may hear is an interval
+of t whose bounds are linear in t: the ends (a × u >= 0, u × b >= 0), the cone
+(|t| <= tan half), and the two bearings at the specular limit from the wall's perpendicular. The
+part that another wall hides is such an interval, too: that wall's ends, and the condition that
+it is nearer, with 1/range = n · u / area, n = (b.y - a.y, a.x - b.x) and area = a × b. So no
+angle is computed, and divisions are needed only for walls inside the cone.
 
-The nearest point of a wall in an interval is the one nearest to the foot of the
-perpendicular. Walls are tried in the order of that point's distance, and where it is
-hidden, the search goes on from it to either side, behind what hides it; the first wall
-whose point is nearer than all others' is the echo.
+The nearest point of a wall in an interval is the point nearest to the foot of the
+perpendicular. Walls are tried in order of that point's distance. If the point is hidden, the
+search continues from it to either side, past the walls that hide it. The first wall whose point
+is nearer than all others' points is the echo.
 """
 
 from __future__ import annotations
@@ -36,43 +36,43 @@ from albot_env.sim.sonar import SonarConstants
 
 
 class SonarBuffers(NamedTuple):
-    """The surfaces in the cones of a robot's sonars, and room for them."""
+    """Surfaces in the cones of a robot's sonars, and scratch space."""
 
     table: np.ndarray
-    """(ROWS, columns) float64: all surfaces around the robot, and those in the cones."""
+    """(ROWS, columns) float64: all surfaces around the robot, and the surfaces in the cones."""
     bounds: np.ndarray
-    """(sonars + 1,) int64: in which column those in each sonar's cone begin; where one's end, the
-    next one's begin."""
+    """(sonars + 1,) int64: first column of the surfaces in each sonar's cone, which is also the end
+    of the previous sonar's."""
     echoes: np.ndarray
-    """(sonars, 2) float64: each one's nearest echo, as range (m), infinite where there is none, and
-    tangent of its bearing."""
+    """(sonars, 2) float64: nearest echo of each sonar: range (m), infinite without an echo, and
+    tangent of the bearing."""
 
 
 X1, Y1, X2, Y2, SQUARED, NEAREST, FILLED, BLOCKED = range(8)
-"""Rows of the table, of all surfaces around the robot: both ends, relative to its middle (m); the
-square of the distance from there; that of the nearest from the block on; and, of those that fill
-a sonar's cone, the area and by what to divide it for how far they let the sonar hear."""
+"""Rows of the table for all surfaces around the robot: both ends, relative to its centre (m);
+the squared distance from there; the minimum squared distance from this block on; and, for
+surfaces that fill a sonar's cone, the area and its divisor in the range that they limit."""
 AX, AY, BX, BY, AREA, LOW, HIGH, TANGENT, RANGE = range(8, 17)
-"""Rows of the table, of the surfaces in the sonars' cones: ends and area in the sonar's frame;
-between which tangents they would echo, and where nearest (see `_find_nearest_points`)."""
+"""Rows of the table for the surfaces in the cones: ends and area in the sonar's frame; the
+interval of tangents that echoes, and its nearest point (see `_find_nearest_points`)."""
 ROWS = 17
-"""How many they are."""
+"""Number of rows of the table."""
 Span = tuple[int, int]
-"""The surfaces in one sonar's cone: their first column, and the one behind their last."""
+"""Surfaces in one sonar's cone: first column, and one past the last."""
 _MIN_GAP = 1e-7
-"""A gap narrower than this, as a difference of tangents, lets no sound through."""
+"""A gap between walls narrower than this, as a difference of tangents, lets no sound through."""
 OCCLUSION_MARGIN = 1.0 + 1e-12
-"""A wall hides another where that is this much farther: more than by rounding."""
+"""A wall hides another that is farther by more than this factor, which exceeds rounding."""
 _POINT_MARGIN = 1.0 + 1e-9
-"""A wall is between when the point is this much farther, so not one that touches it."""
+"""A wall hides a point that is farther by more than this factor, so not a point that it touches."""
 _TOUCH = 1e-6
-"""A wall that passes a point no farther than this (m) touches it."""
+"""A wall that passes a point within this distance (m) touches the point."""
 
 
 @kernel(arrays=True)
 def make_sonar_buffers(surfaces: int, sonars: int) -> SonarBuffers:
-    """Room for so many surfaces around a robot, and so many sonars."""
-    # What is put together in the last columns spills over.
+    """Allocate buffers for so many surfaces around a robot and so many sonars."""
+    # A packed store into the last columns writes a whole vector.
     columns = max(sonars, 1) * padded_length(surfaces) + LANES
     bounds, echoes = np.zeros(sonars + 1, np.int64), np.empty((sonars, 2))
     return SonarBuffers(np.empty((ROWS, columns)), bounds, echoes)
@@ -80,7 +80,7 @@ def make_sonar_buffers(surfaces: int, sonars: int) -> SonarBuffers:
 
 @kernel()
 def find_echoes(buffers: SonarBuffers, sonars: SonarConstants) -> None:
-    """Find the nearest echo of each sonar, whose surfaces have been put together."""
+    """Find the nearest echo of each sonar, whose surfaces have been packed."""
     for first in range(0, buffers.bounds[-1], LANES):
         beam = sonars.slope, sonars.cos_limit, sonars.sin_limit
         _find_nearest_points(buffers.table, first, beam)
@@ -91,10 +91,10 @@ def find_echoes(buffers: SonarBuffers, sonars: SonarConstants) -> None:
 
 @kernel()
 def _find_echo(table: np.ndarray, cone: Span, sonars: SonarConstants) -> tuple[float, float]:
-    """Range (m) of the nearest echo, infinite where there is none, and tangent of its bearing."""
+    """Return the nearest echo: range (m), infinite without an echo, and tangent of its bearing."""
     best, best_tangent = sonars.max_range, 0.0
     while True:
-        # The nearest of the walls that were not tried yet, if it is nearer than the best.
+        # The nearest of the walls not tried yet, if it is nearer than the best echo so far.
         reach, nearest = best, -1
         for first in range(cone[0], cone[1], LANES):
             nearer = _nearest_walls(table, first, (reach, float(cone[1] - first)))
@@ -117,29 +117,29 @@ def _find_echo(table: np.ndarray, cone: Span, sonars: SonarConstants) -> tuple[f
 
 @kernel()
 def _wall(table: np.ndarray, j: int) -> tuple[float, float, float, float, float]:
-    """A wall's ends a and b, and its area."""
+    """Return a wall's ends a and b, and its area."""
     return table[AX, j], table[AY, j], table[BX, j], table[BY, j], table[AREA, j]
 
 
 @float64_predicate
 def _find_nearest_points(table: FloatTable, *beam: FloatVector) -> FloatVector:
-    """Find of each wall where it echoes nearest if nothing hides it; which do so at all.
+    """Find the nearest echo of each wall if nothing hides it; return which walls echo.
 
-    Written are the tangents between which it could be heard (low >= high where it could not), and
-    the nearest point's tangent and range, infinite where there is none. `beam` is the tangent of
-    half the cone, and the cosine and sine of the specular limit.
+    Writes the interval of tangents in which the wall echoes (low >= high if it is empty), and
+    the nearest point's tangent and range, infinite if it is empty. `beam` is the tangent of half
+    the cone, and the cosine and sine of the specular limit.
     """
     slope, cos, sin = beam
     ax, ay, bx, by, area = (table[row] for row in (AX, AY, BX, BY, AREA))
     nx, ny = by - ay, ax - bx
     low, high = -slope, slope
-    # Both ends; and u from the perpendicular turned clockwise by the limit to it turned the
-    # other way.
+    # The bounds by both ends, and by the two directions at the specular limit from the
+    # perpendicular.
     low, high = _clip_interval(low, high, ax, -ay)
     low, high = _clip_interval(low, high, -bx, by)
     low, high = _clip_interval(low, high, nx * cos + ny * sin, nx * sin - ny * cos)
     low, high = _clip_interval(low, high, ny * sin - nx * cos, ny * cos + nx * sin)
-    # With the perpendicular's foot behind the sonar, the nearer end of the span.
+    # If the perpendicular's foot is behind the sonar, take the nearer end of the interval.
     behind = low.where(high, ny < 0.0)
     foot = (ny / nx).where(behind, nx > 0.0)
     tangent = foot.maximum(low).minimum(high)
@@ -152,7 +152,7 @@ def _find_nearest_points(table: FloatTable, *beam: FloatVector) -> FloatVector:
 
 @float64_predicate
 def _nearest_walls(table: FloatTable, reach: FloatVector, count: FloatVector) -> FloatVector:
-    """Which walls of the first so many echo nearest, if nearer than a reach."""
+    """Return which of the first `count` walls echo nearest, and nearer than `reach`."""
     ranges = table[RANGE]
     ranges = ranges.where(np.inf, ranges.lane_numbers() < count)
     return (ranges < reach) & (ranges <= ranges.reduce_min())
@@ -161,7 +161,7 @@ def _nearest_walls(table: FloatTable, reach: FloatVector, count: FloatVector) ->
 def _clip_interval(
     low: FloatVector, high: FloatVector, slope: FloatVector, offset: FloatVector
 ) -> tuple[FloatVector, FloatVector]:
-    """The part of intervals of t in which slope t + offset >= 0."""
+    """Return the part of intervals of t in which slope t + offset >= 0."""
     bound = -offset / slope
     may = (slope < 0.0) | (slope > 0.0) | (offset >= 0.0)
     low = low.maximum(bound).where(low, slope > 0.0)
@@ -171,12 +171,12 @@ def _clip_interval(
 
 @kernel()
 def _nearest_visible_point(table: np.ndarray, cone: Span, j: int) -> tuple[float, float]:
-    """Range and tangent of a wall's nearest point that echoes and is not hidden; or infinite."""
+    """Return range and tangent of a wall's nearest visible echo; the range is infinite if none."""
     ax, ay, bx, by, area = _wall(table, j)
     low, high, tangent = table[LOW, j], table[HIGH, j], table[TANGENT, j]
     nx, ny = by - ay, ax - bx
     best, best_tangent = np.inf, 0.0
-    # Where the nearest point is hidden, the wall may come out on either side of what hides it.
+    # If the nearest point is hidden, the wall may be visible on either side of what hides it.
     for side in (1.0, -1.0):
         end = high if side > 0.0 else low
         visible = _end_of_occlusion(table, cone, j, (tangent, side, end))
@@ -193,10 +193,11 @@ def _nearest_visible_point(table: np.ndarray, cone: Span, j: int) -> tuple[float
 def _end_of_occlusion(
     table: np.ndarray, cone: Span, wall: int, way: tuple[float, float, float]
 ) -> float:
-    """From a tangent on to one side (1 or -1), the first where nothing hides the wall.
+    """Return the first tangent, from a start to one side (1 or -1), where the wall is visible.
 
-    `way` is that tangent, the side, and the tangent at which the wall ends. At or beyond that where
-    there is none. A gap narrower than _MIN_GAP, as between walls that touch, is none.
+    `way` is the start, the side, and the tangent at which the wall ends. If there is none, the
+    result is at or beyond the wall's end. Gaps narrower than _MIN_GAP, as between touching walls,
+    are ignored.
     """
     tangent, side, end = way
     ax, ay, bx, by, area = _wall(table, wall)
@@ -217,7 +218,7 @@ def _end_of_occlusion(
 def _first_occluder(
     table: np.ndarray, cone: Span, wall: int, probe: tuple[float, float, float, float]
 ) -> int:
-    """The first wall that hides another at a tangent, or -1; `probe` is what `_occluders` takes."""
+    """Return the first wall that hides another at `probe` (see `_occluders`), or -1."""
     for first in range(cone[0], cone[1], LANES):
         hiding = _occluders(table, first, probe) & first_bits(cone[1] - first)
         if first <= wall < first + LANES:
@@ -231,7 +232,7 @@ def _first_occluder(
 def _occluders(
     table: FloatTable, tangent: FloatVector, nx: FloatVector, ny: FloatVector, area: FloatVector
 ) -> FloatVector:
-    """Which walls are nearer at a tangent than the one with this normal and area."""
+    """Return which walls are nearer, at a tangent, than the wall with this normal and area."""
     ax, ay, bx, by, its_area = (table[row] for row in (AX, AY, BX, BY, AREA))
     share = its_area * OCCLUSION_MARGIN
     cx, cy = (by - ay) * area - nx * share, (ax - bx) * area - ny * share
@@ -241,7 +242,7 @@ def _occluders(
 
 @kernel()
 def _leaving_tangent(slope: float, offset: float, side: float) -> float:
-    """Where, going to one side, slope t + offset >= 0 ends to hold: side times that t."""
+    """Return side times the t where slope t + offset >= 0 ceases to hold towards that side."""
     return -side * offset / slope if slope * side < 0.0 else np.inf
 
 
@@ -249,21 +250,21 @@ def _leaving_tangent(slope: float, offset: float, side: float) -> float:
 def _nearest_corner_echo(
     table: np.ndarray, cone: Span, sonars: SonarConstants, best: tuple[float, float]
 ) -> tuple[float, float]:
-    """Range (m) and tangent of the nearest corner or edge that echoes, or else the best so far.
+    """Return range (m) and tangent of the nearest corner or edge echo, else the best so far.
 
-    Corners and edges are the points where walls meet or end. What a point echoes depends on its
+    Corners and edges are points where walls meet or end. The echo of a point depends on its
     opening: the angle, on the sonar's side, between the two walls next to the line of sight. A
-    right angle sends sound back the way it came, off one wall and then the other, from wherever
-    it comes; a corner that is off a right angle by δ sends it 2 δ off, as a wall does that is hit
-    δ from its perpendicular, so that the same limit holds. Beyond a half turn the point is an
-    edge or a wall's end, which sound bends around: weakly, so that it is heard from near only
-    (Kuc and Siegel, Physically based simulation model for acoustic sensor robot navigation, IEEE
-    Trans. Pattern Analysis and Machine Intelligence 9(6), 1987: echoes of planes and
-    right-angled corners alike, those of edges far weaker).
+    right angle returns sound to where it came from, off one wall and then the other, from any
+    direction. A corner that differs from a right angle by δ returns it 2 δ off, like a wall hit
+    δ from its perpendicular, so the same limit applies. If the opening exceeds a half turn, the
+    point is an edge or a wall's end. Sound bends around these weakly, so they are heard only from
+    near (Kuc and Siegel, Physically based simulation model for acoustic sensor robot navigation,
+    IEEE Trans. Pattern Analysis and Machine Intelligence 9(6), 1987: planes and right-angled
+    corners echo alike, edges far more weakly).
 
     Args:
         table: The surfaces in the sonars' cones (see `SonarBuffers`).
-        cone: Which of them are in this sonar's.
+        cone: Columns of the surfaces in this sonar's cone.
         sonars: The sonars.
         best: Range (m) of the nearest echo so far, and tangent of its bearing.
     """
@@ -292,7 +293,7 @@ def _nearest_corner_echo(
 def _ends_in(
     table: FloatTable, slope: FloatVector, bound: FloatVector
 ) -> tuple[FloatVector, FloatVector]:
-    """Which surfaces' ends a, and b, are in the cone, nearer than the square root of the bound."""
+    """Return which ends a, and which b, are in the cone with a squared distance below `bound`."""
     return _is_in(table[AX], table[AY], slope, bound), _is_in(table[BX], table[BY], slope, bound)
 
 
@@ -303,7 +304,7 @@ def _is_in(x: FloatVector, y: FloatVector, slope: FloatVector, bound: FloatVecto
 
 @float64_predicate
 def _ends_at(table: FloatTable, x: FloatVector, y: FloatVector) -> tuple[FloatVector, FloatVector]:
-    """Which surfaces' ends a, and b, are the point (x, y)."""
+    """Return which ends a, and which ends b, are the point (x, y)."""
     return _is_at(table[AX], table[AY], x, y), _is_at(table[BX], table[BY], x, y)
 
 
@@ -315,7 +316,7 @@ def _is_at(x: FloatVector, y: FloatVector, px: FloatVector, py: FloatVector) -> 
 def _corner_reach(
     across: float, along: float, specular: tuple[float, float], reaches: tuple[float, float]
 ) -> float:
-    """From how far (m) a point is heard, by the sine and cosine of its opening, times an area."""
+    """Return the distance (m) up to which a point is heard, from its opening's sine and cosine."""
     if along < 0.0 and abs(across) <= -_TOUCH * along:
         return 0.0  # a straight wall
     if across > 0.0:
@@ -327,13 +328,13 @@ def _corner_reach(
 def _opening_angle(
     table: np.ndarray, cone: Span, block: int, x: float, y: float
 ) -> tuple[float, float]:
-    """The angle, on the sonar's side, between the walls that touch a wall's end (x, y).
+    """Return the opening at a wall's end (x, y), on the sonar's side, between the touching walls.
 
-    Told by its sine and cosine, times the lengths of both (m²). A full turn at the end of a
-    single wall; both 0 where one before those of a block, given by its first, ends there too: with
-    that the point was looked at.
+    Returns its sine and cosine, times both walls' lengths (m²). The opening is a full turn at the
+    end of a single wall. Both are 0 if a wall in a column before `block` ends there too, because
+    the point was then handled with that wall.
     """
-    # The next walls counter-clockwise and clockwise of the line to the sonar.
+    # The nearest walls counter-clockwise and clockwise of the line to the sonar.
     left, left_x, left_y = np.inf, 0.0, 0.0
     right, right_x, right_y = -np.inf, 0.0, 0.0
     for first in range(cone[0], cone[1], LANES):
@@ -357,7 +358,7 @@ def _opening_angle(
 
 @float64_predicate
 def _touching(table: FloatTable, x: FloatVector, y: FloatVector) -> FloatVector:
-    """Which surfaces pass the point (x, y) no farther than _TOUCH (m)."""
+    """Return which surfaces pass the point (x, y) within _TOUCH (m)."""
     ax, ay, bx, by = table[AX] - x, table[AY] - y, table[BX] - x, table[BY] - y
     dx, dy, across = bx - ax, by - ay, ax * by - ay * bx
     beside = (ax.minimum(bx) <= _TOUCH) & (ax.maximum(bx) >= -_TOUCH)
@@ -376,7 +377,7 @@ def _is_occluded(table: np.ndarray, cone: Span, x: float, y: float) -> bool:
 
 @float64_predicate
 def _point_occluders(table: FloatTable, x: FloatVector, y: FloatVector) -> FloatVector:
-    """Which surfaces stand between the sonar and the point (x, y)."""
+    """Return which surfaces stand between the sonar and the point (x, y)."""
     ax, ay, bx, by, area = (table[row] for row in (AX, AY, BX, BY, AREA))
     between = (ax * y >= ay * x) & (by * x >= bx * y) & (area > 0.0)
     return between & ((by - ay) * x + (ax - bx) * y > area * _POINT_MARGIN)

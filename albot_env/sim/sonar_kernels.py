@@ -1,10 +1,10 @@
-"""Compiled sonars: what the sonars of a robot report, with cross-talk, noise and misses.
+"""Compiled sonars: the reported ranges of a robot's sonars, with cross-talk, noise and misses.
 
-Surfaces are gathered once for a robot, in a table with a column for each, relative to the robot
-(m) and turned as the world is. For each sonar, those that matter are turned into the sonar's
-frame, x along its axis: end a clockwise of end b, and area = a × b. In other rows of the table
-they are put together: mostly they fit into one block of columns then. There `sonar_echoes` finds
-the nearest echo.
+Surfaces are gathered once per robot, in a table with one column for each: positions relative to
+the robot (m), axes parallel to the world's. For each sonar, the relevant surfaces are turned
+into the sonar's frame, x along its axis: end a clockwise of end b, and area = a × b. They are
+packed into other rows of the table, where they mostly fit into one block of columns.
+`sonar_echoes` then finds the nearest echo.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ from albot_env.sim.sonar_echoes import (
 )
 
 _FAR = 1e9
-"""Where surfaces are put that are none (m)."""
+"""Coordinate of the surfaces that pad a block (m); it is out of any sonar's reach."""
 SONAR_DRAWS = 1
-"""Random numbers that each sonar draws at a reading."""
+"""Number of random numbers that each sonar draws per reading."""
 
 
 @kernel()
@@ -61,14 +61,14 @@ def measure_echoes(
 
     Args:
         walls: All walls of the world (n, 4) float64, world frame (m).
-        nearby: Which of them may be in reach (int32).
-        obstacles: Surfaces that move (k, 4) float64, world frame (m).
-        robot: Where the robot is, world frame.
+        nearby: Indices of the walls that may be in reach (int32).
+        obstacles: Surfaces of dynamic obstacles (k, 4) float64, world frame (m).
+        robot: Pose of the robot, world frame.
         sonars: The sonars.
-        key: Key to the robot's random numbers.
-        counter: Counter of the first that the reading draws: SONAR_DRAWS for each sonar.
-        buffers: Room for so many surfaces, to work in.
-        echoes: Filled; infinite where nothing came back.
+        key: Key of the robot's random numbers.
+        counter: Counter of the reading's first random number; each sonar draws SONAR_DRAWS.
+        buffers: Scratch buffers with room for all of these surfaces.
+        echoes: Filled with the ranges; infinite where there is no echo.
     """
     _, _, cos, sin = robot
     count = _gather_surfaces(walls, nearby, obstacles, robot, sonars.behind, buffers.table)
@@ -98,10 +98,9 @@ def _gather_surfaces(
     behind: float,
     table: np.ndarray,
 ) -> int:
-    """Write the surfaces that may be in a cone of a robot's sonars into their table; how many.
+    """Write the surfaces that may be in a sonar's cone into the table; return their number.
 
-    Left out is what lies with both ends farther behind the robot than `behind`, told as an x in its
-    frame (m).
+    Surfaces whose ends both have an x below `behind` (m, robot's frame) are omitted.
     """
     count = ZERO
     for j in nearby:
@@ -123,7 +122,7 @@ def _gather_surfaces(
 def _translate_surface(
     surfaces: np.ndarray, k: int, robot: Transform, behind: float, table: np.ndarray, column: int
 ) -> int:
-    """Write a surface into a column; 0 if it is behind."""
+    """Write a surface into a column; return 0 if it is behind the robot, else 1."""
     x, y, cos, sin = robot
     x1, y1 = surfaces[k, 0] - x, surfaces[k, 1] - y
     x2, y2 = surfaces[k, 2] - x, surfaces[k, 3] - y
@@ -133,11 +132,11 @@ def _translate_surface(
 
 @float64_predicate
 def _measure_distances(table: FloatTable) -> FloatVector:
-    """Write the squares of the distances from the robot's middle."""
+    """Write the squared distances from the robot's centre."""
     x1, y1, x2, y2 = (table[row] for row in (X1, Y1, X2, Y2))
     dx, dy = x2 - x1, y2 - y1
     along = -(x1 * dx + y1 * dy) / (dx * dx + dy * dy)
-    along = along.maximum(0.0).minimum(1.0)  # Where both ends are one point it is NaN, and 0 then.
+    along = along.maximum(0.0).minimum(1.0)  # NaN if both ends coincide; this makes it 0.
     x, y = x1 + along * dx, y1 + along * dy
     squared = x * x + y * y
     table[SQUARED], table[NEAREST] = squared, squared.reduce_min()
@@ -146,7 +145,7 @@ def _measure_distances(table: FloatTable) -> FloatVector:
 
 @kernel()
 def _sonar_transform(mounts: np.ndarray, s: int, cos: float, sin: float) -> Transform:
-    """Where a sonar is, from the robot's middle, and points to; both turned as the world is."""
+    """Return a sonar's position and direction relative to the robot's centre, in world axes."""
     mount = mounts[s, 0], mounts[s, 1], mounts[s, 2], mounts[s, 3]
     return compose_transforms((0.0, 0.0, cos, sin), mount)
 
@@ -155,10 +154,10 @@ def _sonar_transform(mounts: np.ndarray, s: int, cos: float, sin: float) -> Tran
 def _select_surfaces(
     buffers: SonarBuffers, s: int, count: int, sonar: Transform, sonars: SonarConstants
 ) -> None:
-    """Turn the surfaces that matter in sonar s's cone, and put them behind those of sonar s - 1.
+    """Pack the relevant surfaces of sonar s, in its frame, after those of sonar s - 1.
 
-    What lies behind a surface that fills all of the cone does not matter, so that it goes
-    fastest with the near ones first.
+    Surfaces behind one that fills the whole cone are irrelevant, so the search is fastest with
+    the near ones first.
     """
     table, end = buffers.table, buffers.bounds[s]
     x, y, cos, sin = sonar
@@ -167,7 +166,7 @@ def _select_surfaces(
     for first in range(0, count, LANES):
         far = reach + rim
         if table[NEAREST, first] > far * far:
-            break  # Nor is anything after it in reach.
+            break  # All later surfaces are out of reach, too.
         answers = _turn_into_cone(table, (first, end), (far * far, x, y, cos, sin, slope))
         closing = answers >> LANES
         end += popcount(answers ^ closing << LANES)
@@ -184,10 +183,10 @@ def _select_surfaces(
 def _turn_into_cone(
     table: FloatTable, together: FloatTable, *view: FloatVector
 ) -> tuple[FloatVector, FloatVector]:
-    """Turn surfaces into a sonar's frame, and put those together that are in its cone.
+    """Turn surfaces into a sonar's frame and pack those that are in its cone.
 
-    Answered is which these are: which are in reach and have an end ahead of the sonar, one within
-    each side of the cone; and which of them fill it.
+    The first mask marks the surfaces in the cone: in reach, with an end ahead of the sonar and an
+    end within each side of the cone. The second marks those that fill the cone.
     """
     far2, x, y, cos, sin, slope = view
     x1, y1, x2, y2 = table[X1] - x, table[Y1] - y, table[X2] - x, table[Y2] - y
@@ -211,9 +210,9 @@ def _turn_into_cone(
 
 @kernel()
 def _crosstalk_range(sonar: Transform, neighbour: Transform, out: float, tangent: float) -> float:
-    """Range (m) at which one sonar hears another's echo, which that hears at `out`.
+    """Return the range (m) at which a sonar hears a neighbour's echo of range `out` (m).
 
-    Half the way from the other to the point that echoes and on to this sonar.
+    It is half the path from the neighbour to the echoing point and on to this sonar.
     """
     if out == np.inf:
         return np.inf
@@ -224,7 +223,7 @@ def _crosstalk_range(sonar: Transform, neighbour: Transform, out: float, tangent
 
 @kernel()
 def _reported_range(reach: float, bits: np.uint64, sonars: SonarConstants) -> float:
-    """What a sonar reports of an echo at this range: noise, misses, and both limits."""
+    """Return the reported range of an echo: with noise, misses and the range limits applied."""
     if np.int64(bits & np.uint64(0x3FFFFFF)) < sonars.dropout:
         return np.inf
     share = sonars.proportional_noise * reach

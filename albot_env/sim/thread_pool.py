@@ -1,4 +1,4 @@
-"""The thread pool: threads that share work on arrays, each doing some of the rows."""
+"""The thread pool: threads that share work on arrays; each processes some of the rows."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from albot_core.errors import InputError
 from albot_core.ranges import Range
 
 MIN_ROWS_PER_THREAD = 32
-"""Rows below which a thread of its own costs more than it brings."""
+"""Minimum number of rows for which an extra thread pays off."""
 _SIZES = Range("a whole number from 1", 1.0, whole=True)
 
 
 class ThreadPool:
-    """Threads that share work. Compiled code lets go of Python's lock, so they run at once.
+    """Threads that share work. Compiled code releases the GIL, so the threads run in parallel.
 
     Args:
-        size: How many threads; None for as many as this process may use processors.
+        size: Number of threads; None for the number of processors that this process may use.
 
     Raises:
-        InputError: No whole number, or fewer than one.
+        InputError: `size` is not a whole number from 1.
     """
 
     def __init__(self, size: int | None) -> None:
         if size is not None and size not in _SIZES:
             raise InputError("threads", f"{_SIZES.expected}, or None", str(size))
-        self.size = size or _processors()
+        self.size = size or processors()
         self._pool: ThreadPoolExecutor | None = None
         self._owner = 0
 
@@ -40,18 +40,18 @@ class ThreadPool:
         work: Callable[[Int64[np.ndarray, "some"], int], None],
         min_rows: int = 1,
     ) -> None:
-        """Let every thread work on some of the rows: `work(rows, number of the thread)`.
+        """Split the rows among the threads and call `work(rows, thread number)` in each.
 
         Args:
-            rows: The rows; which thread gets which makes no difference to what comes of it.
-            work: The work. What it raises is raised here.
-            min_rows: Fewest rows for which a thread of its own pays.
+            rows: The rows. Results must not depend on which thread gets which rows.
+            work: The work. An exception that it raises is raised here.
+            min_rows: Minimum number of rows for which an extra thread pays off.
         """
         threads = min(self.size, max(1, len(rows) // min_rows))
         if threads == 1:
             work(rows, 0)
             return
-        if self._pool is None or self._owner != os.getpid():  # A fork leaves threads behind.
+        if self._pool is None or self._owner != os.getpid():  # A fork does not copy threads.
             self._owner = os.getpid()
             self._pool = ThreadPoolExecutor(self.size - 1, thread_name_prefix="albot")
         parts = np.array_split(rows, threads)
@@ -70,8 +70,8 @@ class ThreadPool:
         self._pool = None
 
 
-def _processors() -> int:
-    """How many processors this process may use."""
+def processors() -> int:
+    """Return the number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -1,12 +1,12 @@
-"""Which walls may be seen from where: a list for each cell of a grid, never too short.
+"""Potentially visible walls: a list per grid cell that contains every wall visible from there.
 
-Such lists are known as potentially visible sets. A wall is left out of a cell's list only where
-it is out of reach, or where every piece of it is hidden from all of the cell by others that hang
-together. Seen from the cell, what lies beyond a wall's line and between the two lines that touch
-the cell and one end of the wall each is in the wall's shadow: three half-planes. Where the next
-wall of a chain goes on sideways without going beyond the line, the shadow reaches as far as the
-chain: each beam towards something beyond the line meets the chain before. A wall that ends at the
-one that hides it is hidden, too: where both are equally far, either will do.
+Such lists are known as potentially visible sets. A cell's list omits a wall only if it is out of
+reach, or if every piece of it is hidden from the whole cell by chains of other walls. The shadow
+of a wall is the intersection of three half-planes: beyond the wall's line, and between two lines
+that touch the cell, one through each end of the wall. If the next wall of a chain continues
+sideways without crossing the line, the shadow extends to the end of the chain, because every
+beam to a point beyond the line meets the chain first. A wall whose end touches the wall that
+hides it counts as hidden: both are equally far there, and either gives the same range.
 """
 
 from __future__ import annotations
@@ -31,50 +31,50 @@ from albot_core.kernels.simd import (
 from albot_env.sim.plane_geometry import compose_transforms, nearest_on_segment, transform_of
 
 BLOCK = 8
-"""Cells along each side of a block. A cell's list is chosen from its block's, which is far shorter
-than the building's."""
+"""Cells along each side of a block. A cell's list is chosen from its block's list, which is far
+shorter than the building's."""
 _MARGIN = 1e-6
-"""How far (m) the cell must stay before a wall's line for the wall to cast a shadow, and how far
-beyond it what is in the shadow must come."""
+"""Minimum distance (m) of the cell from a wall's line for the wall to cast a shadow, and
+minimum depth (m) beyond the line for a wall to be hidden by it."""
 _TOUCH = 1e-9
-"""A wall that begins where the one before it ends is in its shadow from there on (m)."""
+"""Tolerance (m) by which a wall that starts at the end of another lies in that one's shadow."""
 
 HalfPlane = tuple[float, float, float]
 """The points p with n · p >= offset: n.x, n.y (of length 1), offset (m)."""
 
 
 class WallTables(NamedTuple):
-    """The walls of many buildings, one after another, and their lists, for compiled code."""
+    """The concatenated walls of many buildings, and their lists, for compiled code."""
 
     walls: np.ndarray
     """(walls, 4) float64: ends x1, y1, x2, y2 (m)."""
     neighbours: np.ndarray
-    """(walls, 2) int64: for either end, an end of another wall at the same point, as twice its
-    number plus 0 or 1; -1 where there is none."""
+    """(walls, 2) int64: for either end, an end of another wall at the same point, as twice the
+    wall's number plus 0 or 1; -1 if there is none."""
     frames: np.ndarray
-    """(buildings, 8) float64: the grid's corner x, y (m), cell size (m), columns and rows;
-    its first cell, its first wall, and the one behind its last wall."""
+    """(buildings, 8) float64: corner x, y of the grid (m), cell size (m), columns and rows; its
+    first cell, its first wall, and one past its last wall."""
     spans: np.ndarray
-    """(cells, 2) int64: where in `members` a cell's list begins and ends; -1 before it is
-    made. Behind each building's cells, one more stands for everywhere else, and then come the
-    blocks of its cells."""
+    """(cells, 2) int64: where a cell's list begins and ends in `members`; -1 before the list is
+    made. A building's cells are followed by one cell for everywhere outside the grid, and by
+    the blocks."""
     members: np.ndarray
-    """(room,) int32: walls, list after list."""
+    """(room,) int32: wall numbers, list after list."""
     used: np.ndarray
-    """(1,) int64: how much of `members` is in use."""
+    """(1,) int64: number of entries of `members` in use."""
 
 
 class IndexParameters(NamedTuple):
-    """What the lists of an index are made with."""
+    """Parameters that the lists of an index are made with."""
 
     walls: WallTables
     """The buildings' walls and their lists."""
     reach: float
     """Walls farther away than this are not listed (m)."""
     spread: float
-    """How far from the mount, in any direction, a sensor may be (m)."""
+    """Maximum distance of a sensor from the mount, in any direction (m)."""
     mount: tuple[float, float]
-    """Where on the robot the mount is (m)."""
+    """Position of the mount on the robot, x, y (m)."""
 
 
 @KernelDispatcher
@@ -88,20 +88,20 @@ def locate_and_list(
     laser_cells: np.ndarray,
     sonar_cells: np.ndarray,
 ) -> int:
-    """Find the cells of robots, and list the walls of cells that have no list yet.
+    """Find the robots' cells, and list the walls of cells that have no list yet.
 
     Args:
         rows: The robots.
-        arguments: An `IndexParameters` of the lasers, and one of the sonars; either may
-            be of no building at all, and is left alone then.
-        done: How many of the robots are done.
-        buildings: The building of each robot (n,).
-        poses: Where each is (n, 3), in the building's frame (m, rad).
-        laser_cells: Filled with the cell of each (n,) by the first parameters…
-        sonar_cells: …and by the second.
+        arguments: An `IndexParameters` for the lasers and one for the sonars; an index
+            without buildings is skipped.
+        done: Number of `rows` already processed.
+        buildings: Building of each robot (n,).
+        poses: Pose of each robot (n, 3), in the building's frame (m, rad).
+        laser_cells: Filled with each robot's cell (n,) in the lasers' index.
+        sonar_cells: Filled with each robot's cell (n,) in the sonars' index.
 
     Returns:
-        How many of the rows are done: fewer than all when `members` is full.
+        Number of `rows` processed; fewer than all if `members` is full.
     """
     laser, sonar = unpack(arguments)
     for k in range(done, rows.shape[0]):
@@ -119,11 +119,11 @@ def locate_and_list(
 
 @kernel()
 def _list_cell(parameters: IndexParameters, building: int, pose: np.ndarray) -> int:
-    """The cell of a pose in a building, whose walls are listed now; -1 without room for them."""
+    """Return the cell of a pose, after listing its walls; -1 if `members` has no room for them."""
     index, (ahead, aside) = parameters.walls, parameters.mount
     left, bottom, size, columns, rows, first_cell, first_wall, end = index.frames[building]
     x, y = pose[0], pose[1]
-    if ahead != 0.0 or aside != 0.0:  # Sines and cosines cost more than all else here.
+    if ahead != 0.0 or aside != 0.0:  # Sine and cosine are the most expensive part here.
         x, y, _, _ = compose_transforms(transform_of(pose), (ahead, aside, 1.0, 0.0))
     column, row = math.floor((x - left) / size), math.floor((y - bottom) / size)
     inside = 0 <= column < columns and 0 <= row < rows
@@ -138,7 +138,7 @@ def _list_cell(parameters: IndexParameters, building: int, pose: np.ndarray) -> 
         x, y = left + size * (column + 0.5), bottom + size * (row + 0.5)
         reach = parameters.reach, parameters.spread
         _list_visible(index, index.members[start:stop], x, y, size, reach)
-    else:  # Outside the grid, and where there is none, every wall matters.
+    else:  # Outside the grid, or without one, every wall is listed.
         index.spans[cell, 0] = index.used[0]
         for j in range(int(first_wall), int(end)):
             index.members[index.used[0]] = j
@@ -151,9 +151,9 @@ def _list_cell(parameters: IndexParameters, building: int, pose: np.ndarray) -> 
 def _list_block(
     parameters: IndexParameters, building: int, column: int, row: int
 ) -> tuple[int, int]:
-    """Where in `members` the list of a block of a building's cells is, which is made if need be.
+    """Return where a block's list begins and ends in `members`; make the list if it is missing.
 
-    What does not matter in all of the block does not in any of its cells.
+    A wall that is hidden from the whole block is hidden from each of its cells.
     """
     index = parameters.walls
     left, bottom, size, columns, rows, first_cell, first_wall, end = index.frames[building]
@@ -179,7 +179,7 @@ def _list_from_all(
     cell: float,
     reach: tuple[float, float],
 ) -> None:
-    """`_list_visible` with all walls of a building, the first to the last, to choose from."""
+    """Run `_list_visible` with the walls `first` to `last` of a building as candidates."""
     _list_visible(index, np.arange(np.int32(first), np.int32(last)), x, y, cell, reach)
 
 
@@ -192,8 +192,8 @@ def _list_visible(
     cell: float,
     reach: tuple[float, float],
 ) -> None:
-    """List those walls of some that may matter in the cell about (x, y), near to far."""
-    # Those in reach of the cell, near to far.
+    """List the candidates that may be visible in the cell about (x, y), near to far."""
+    # The candidates within reach of the cell, near to far.
     half, limit = cell / 2 + reach[1], reach[0] + cell * math.sqrt(0.5)
     near, distances = np.empty(len(candidates), np.int64), np.empty(len(candidates))
     count = 0
@@ -204,7 +204,7 @@ def _list_visible(
         count += distances[count] <= limit
     order = np.empty(count, np.int64)
     _sort(distances, order)
-    # Each casts a shadow, unless it is in the shadows of nearer ones itself.
+    # Each wall casts a shadow unless it lies in the shadows of nearer walls.
     shadows = np.empty((9, padded_length(count)))
     in_use = ZERO
     for k in order:
@@ -218,7 +218,7 @@ def _list_visible(
 
 @kernel()
 def _sort(keys: np.ndarray, order: np.ndarray) -> None:
-    """Fill `order` with the indices of the keys, ascending (Shell's method).
+    """Fill `order` with the indices that sort the keys in ascending order (Shell sort).
 
     numba takes seconds to compile its own sort.
     """
@@ -237,7 +237,7 @@ def _sort(keys: np.ndarray, order: np.ndarray) -> None:
 
 @kernel()
 def _is_occluded(wall: np.ndarray, shadows: np.ndarray, count: int) -> bool:
-    """Whether all of the wall, piece by piece, lies in the first of the shadows."""
+    """Whether each piece of the wall lies in one of the first `count` shadows."""
     done = 0.0
     while done < 1.0:
         x, y = wall[0] + done * (wall[2] - wall[0]), wall[1] + done * (wall[3] - wall[1])
@@ -258,9 +258,9 @@ def _is_occluded(wall: np.ndarray, shadows: np.ndarray, count: int) -> bool:
 def _shadows_over(
     shadows: FloatTable, x: FloatVector, y: FloatVector, *wall: FloatVector
 ) -> FloatVector:
-    """In which shadows a point of a wall is.
+    """Return which shadows contain a point of a wall.
 
-    A wall that goes along a shadow's line, as those of the chain may that casts the shadow, is not.
+    A wall along a shadow's line does not count, because it may belong to the chain that casts it.
     """
     x1, y1, x2, y2 = wall
     beyond = (_depth(shadows, 0, x1, y1) > _MARGIN) | (_depth(shadows, 0, x2, y2) > _MARGIN)
@@ -270,14 +270,14 @@ def _shadows_over(
 
 
 def _depth(shadows: FloatTable, plane: int, x: FloatVector, y: FloatVector) -> FloatVector:
-    """How deep in a half-plane a point is (m)."""
+    """Return the depth of a point inside a half-plane (m)."""
     nx, ny, offset = (shadows[3 * plane + row] for row in range(3))
     return nx * x + ny * y - offset
 
 
 @kernel()
 def _end_of_shadow(shadows: np.ndarray, s: int, wall: np.ndarray) -> float:
-    """The share of a wall's length up to which it is in a shadow, once it is there."""
+    """Return the share of a wall's length at which it leaves a shadow that it is in."""
     end = 1.0
     for plane in range(0, 9, 3):
         nx, ny, offset = shadows[plane, s], shadows[plane + 1, s], shadows[plane + 2, s] - _TOUCH
@@ -298,16 +298,16 @@ def _cast_shadow(
     shadows: np.ndarray,
     column: int,
 ) -> int:
-    """Write a wall's shadow into a column of the shadows; 0 where it casts none, else 1.
+    """Write a wall's shadow into a column of `shadows`; return 0 if it casts none, else 1.
 
-    It casts none where the cell about (x, y) does not lie on one side of the wall.
+    A wall casts no shadow unless the whole cell about (x, y) lies on one side of it.
     """
     sx, sy, ex, ey = walls[wall, 0], walls[wall, 1], walls[wall, 2], walls[wall, 3]
     left = 0
     if _left_of(sx, sy, ex, ey, x, y) > 0.0:
         sx, sy, ex, ey = ex, ey, sx, sy
         left = 1
-    # Now the cell is to the right of the way from s to e: from it, s is the left end.
+    # Now the cell lies right of the line from s to e; seen from the cell, s is the left end.
     line = _half_plane(ex - sx, ey - sy, sx, sy)
     for k in range(4):
         cx, cy = _corner(x, y, half, k)
@@ -315,8 +315,8 @@ def _cast_shadow(
             return 0
     lx, ly = _follow_chain(walls, neighbours, 2 * wall + left, 1.0, (ex, ey), line, x, y, half)
     rx, ry = _follow_chain(walls, neighbours, 2 * wall + 1 - left, -1.0, (lx, ly), line, x, y, half)
-    # The shadow lies right of the most clockwise of the lines through the left end, and
-    # left of the most counter-clockwise of those through the right end.
+    # The shadow lies right of the most clockwise line through the left end, and left of the most
+    # counter-clockwise line through the right end.
     sides = line, _tangent(lx, ly, 1.0, x, y, half), _tangent(rx, ry, -1.0, x, y, half)
     for side in range(3):
         for row in range(3):
@@ -336,10 +336,10 @@ def _follow_chain(
     y: float,
     half: float,
 ) -> tuple[float, float]:
-    """How far the chain of walls from an end on goes on to one side (1 left, -1 right).
+    """Return how far the chain of walls continues from an end to one side (1 left, -1 right).
 
-    It must not go beyond the line, nor back, and from every corner of the cell must span
-    less than a half turn from the point `other`.
+    The chain must not cross the line or turn back, and from every corner of the cell it must
+    span less than a half turn from the point `other`.
     """
     px, py = walls[end // 2, 2 * (end % 2)], walls[end // 2, 2 * (end % 2) + 1]
     for _ in range(len(walls)):
@@ -363,7 +363,7 @@ def _follow_chain(
 
 @kernel()
 def _tangent(px: float, py: float, side: float, x: float, y: float, half: float) -> HalfPlane:
-    """The half-plane to the right (side 1) or left (-1) of all lines from the cell through p."""
+    """Return the half-plane right (side 1) or left (-1) of all lines from the cell through p."""
     dx = dy = 0.0
     for k in range(4):
         cx, cy = _corner(x, y, half, k)
@@ -374,13 +374,13 @@ def _tangent(px: float, py: float, side: float, x: float, y: float, half: float)
 
 @kernel()
 def _corner(x: float, y: float, half: float, k: int) -> tuple[float, float]:
-    """Corner k of a cell about (x, y)."""
+    """Return corner k of a cell about (x, y)."""
     return x + half * (2 * (k % 2) - 1), y + half * (2 * (k // 2) - 1)
 
 
 @kernel()
 def _half_plane(dx: float, dy: float, x: float, y: float) -> HalfPlane:
-    """What lies left of the line through (x, y) in direction (dx, dy)."""
+    """Return the half-plane left of the line through (x, y) in direction (dx, dy)."""
     length = length_of(dx, dy)
     nx, ny = -dy / length, dx / length
     return nx, ny, nx * x + ny * y
@@ -388,5 +388,5 @@ def _half_plane(dx: float, dy: float, x: float, y: float) -> HalfPlane:
 
 @kernel()
 def _left_of(ax: float, ay: float, bx: float, by: float, px: float, py: float) -> float:
-    """Positive where p is left of the way from a to b."""
+    """Return a positive number if p is left of the line from a to b."""
     return (bx - ax) * (py - ay) - (by - ay) * (px - ax)

@@ -1,12 +1,11 @@
 """Compiled walkers: the social force model of Helbing and Molnár.
 
 D. Helbing and P. Molnár, "Social force model for pedestrian dynamics", Physical Review E 51,
-4282 (1995); equation numbers are that paper's, and so are the constants but where it says
-so. Three things differ. A walker follows the straight legs of a route and looks a metre
-ahead along them, so that what pushes it aside cannot lead it into a dead end. It is a disc
-and not a point: distances are reduced by the radii. And it steps to the side of whoever
-stands in its way, for which the paper has random fluctuations, and turns round where it
-gets nowhere.
+4282 (1995). Equation numbers are that paper's, and so are the constants unless noted. We depart
+from it in three ways. A walker follows the straight legs of a route and aims at a point one
+metre ahead along them, so that a push aside cannot lead it into a dead end. It is a disc, not a
+point: distances are reduced by the radii. And instead of the paper's random fluctuations, it
+steps to the side of anyone in its way and turns round when it makes no progress.
 """
 
 from __future__ import annotations
@@ -24,45 +23,45 @@ from albot_env.sim.obstacle_tables import ObstacleTables
 from albot_env.sim.plane_geometry import nearest_on_segment
 
 _RELAXATION = 0.5
-"""Time in which a walker reaches its speed (s), τ."""
+"""Relaxation time, in which a walker reaches its speed (s), τ."""
 _MAX_SPEED_RATIO = 1.3
-"""Greatest speed over the one wanted, equation (11)."""
+"""Ratio of maximum speed to desired speed, equation (11)."""
 _REPULSION, _RANGE = 2.1, 0.3
-"""Potential (m²/s²) and range (m) of the repulsion from others, V⁰ and σ, equation (13)."""
+"""Potential (m²/s²) and range (m) of the repulsion between walkers, V⁰ and σ, equation (13)."""
 _LOOK_AHEAD_TIME = 2.0
-"""For how long the others' steps are foreseen (s), Δt, equation (4)."""
+"""Time over which the others' steps are predicted (s), Δt, equation (4)."""
 _WALL_REPULSION, _WALL_RANGE = 1.4, 0.1
-"""The same of walls, U⁰ and R. The paper's 10 m²/s² and 0.2 m bar a door of 75 cm; these
-push as hard at a touch."""
+"""The same for walls, U⁰ and R. The paper's 10 m²/s² and 0.2 m would block a door of 75 cm;
+ours push less far and as hard on contact."""
 _FIELD_OF_VIEW = math.cos(math.radians(100.0))
-"""Who is outside the field of view of 200°, 2φ, …"""
+"""Cosine of half the field of view of 200° (2φ)."""
 _OUT_OF_SIGHT = 0.5
-"""… counts for so much, c, equation (8)."""
+"""Weight of a repulsion from outside the field of view, c, equation (8)."""
 _SIDESTEP = 0.5
-"""Share of the repulsion that acts sideways when somebody stands ahead."""
+"""Share of the repulsion that acts sideways when the other is ahead."""
 _MAX_ACCELERATION = 5.0
-"""The greatest acceleration that a walker asks of its legs (m/s²)."""
+"""Maximum acceleration that a walker demands (m/s²)."""
 _LOOK_AHEAD = 1.0
-"""How far ahead on its leg a walker looks (m)."""
+"""Distance from the walker to the point on its leg that it aims at (m)."""
 _ARRIVED = 0.3
-"""How near to its end a leg counts as walked (m)."""
+"""Distance from the end of a leg at which the next leg begins (m)."""
 _STUCK_SPEED = 0.2
-"""Slower than this share of its speed a walker gets nowhere …"""
+"""Share of its speed below which a walker makes no progress."""
 _STUCK_TIME = 3.0
-"""… and turns round after so long (s)."""
+"""Time without progress after which a walker turns round (s)."""
 _TRIES = 32
-"""How many places a walker's beginning is chosen from."""
+"""Number of places from which a walker's start is chosen."""
 _START_CLEARANCE = 0.5
-"""How far (m) from the robot it begins, where there is a choice."""
+"""Desired distance (m) of a walker's start from the robot."""
 
 
 @kernel()
 def command_walkers(
     tables: ObstacleTables, i: int, robot: np.ndarray, radius: float, duration: float
 ) -> None:
-    """Decide the velocities that the walkers of robot i try to reach in the next while (s).
+    """Set the velocities that robot i's walkers try to reach in the next `duration` (s).
 
-    `robot` (6,) is its state: x, y, heading, velocity x, y, turn rate.
+    `robot` (6,) is the robot's state: x, y, heading, velocity x, y, turn rate.
     """
     own = tables.robots[i]
     waypoints = tables.waypoints[own.waypoints : own.waypoints_end]
@@ -71,7 +70,7 @@ def command_walkers(
         x, y, size, speed = walker.x, walker.y, walker.radius, walker.speed
         _turn_round_if_stuck(walker, duration)
         ex, ey = _follow_route(walker, waypoints)
-        # Eq. (2): acceleration towards the velocity wanted.
+        # Eq. (2): acceleration towards the desired velocity.
         fx, fy = (speed * ex - walker.vx) / _RELAXATION, (speed * ey - walker.vy) / _RELAXATION
         for v in range(own.walkers - 1, own.walkers_end):
             if v == w:
@@ -87,7 +86,7 @@ def command_walkers(
             fx, fy = fx + gx, fy + gy
         gx, gy = _wall_repulsion(tables, i, x, y, size)
         fx, fy = _clipped(fx + gx, fy + gy, _MAX_ACCELERATION)
-        # Eq. (10) and (11): the velocity, at most so much over the one wanted.
+        # Eq. (10) and (11): the velocity, limited relative to the desired speed.
         vx, vy = walker.vx + fx * duration, walker.vy + fy * duration
         walker.wanted_x, walker.wanted_y = _clipped(vx, vy, _MAX_SPEED_RATIO * speed)
 
@@ -102,24 +101,24 @@ def _clipped(x: float, y: float, most: float) -> tuple[float, float]:
 def _repulsion(
     x: float, y: float, vx: float, vy: float, sizes: float, ex: float, ey: float
 ) -> tuple[float, float]:
-    """The repulsion from another, eq. (3), (4), (8), of a walker who wants to go along ex, ey.
+    """Return the repulsion, eq. (3), (4), (8), of a walker who wants to go along ex, ey.
 
-    x, y is the walker's place as seen from the other, who moves with vx, vy.
+    x, y is the walker's position relative to the other, whose velocity is vx, vy.
     """
     from_x, from_y = x - vx * _LOOK_AHEAD_TIME, y - vy * _LOOK_AHEAD_TIME
     far, near = max(length_of(x, y), 1e-6), max(length_of(from_x, from_y), 1e-6)
     stride = length_of(vx, vy) * _LOOK_AHEAD_TIME
     b = max(math.sqrt(max((far + near) ** 2 - stride**2, 0.0)) / 2, 1e-6)
-    # The gradient of b; the potential falls by exp(-b / σ).
+    # The gradient of b; the potential decays as exp(-b / σ).
     slope = (far + near) / (4 * b)
     gx, gy = slope * (x / far + from_x / near), slope * (y / far + from_y / near)
     strength = _REPULSION / _RANGE * math.exp(-max(b - sizes, 0.0) / _RANGE)
-    # The other is seen in the direction opposite to the push.
+    # The other is in the direction opposite to the push.
     ahead = -(ex * x + ey * y) / far
     strength *= 1.0 if ahead >= _FIELD_OF_VIEW else _OUT_OF_SIGHT
     gx, gy = _clipped(strength * gx, strength * gy, _MAX_ACCELERATION)
     if ahead > 0.0:
-        # One who stands to the left, or straight ahead, is passed on the right.
+        # Pass on the right of someone who stands to the left or straight ahead.
         side = 1.0 if ex * y - ey * x <= 1e-9 else -1.0
         push = _SIDESTEP * ahead * length_of(gx, gy)
         gx, gy = gx + side * push * ey, gy - side * push * ex
@@ -130,10 +129,10 @@ def _repulsion(
 def _wall_repulsion(
     tables: ObstacleTables, i: int, x: float, y: float, size: float
 ) -> tuple[float, float]:
-    """The repulsion, eq. (5), from the nearest of walls, doors and boxes."""
+    """Return the repulsion, eq. (5), from the nearest wall, door or box."""
     own = tables.robots[i]
     gap, near_x, near_y = _nearest(tables.walls, own.walls, own.walls_end, x, y)
-    # A robot's outlines are those of its doors, of its boxes, and then of the walkers.
+    # A robot's outlines are those of its doors, then of its boxes, then of its walkers.
     last = own.outlines + own.doors_end - own.doors + 4 * (own.boxes_end - own.boxes)
     other, other_x, other_y = _nearest(tables.outlines, own.outlines, last, x, y)
     if other < gap:
@@ -147,7 +146,7 @@ def _wall_repulsion(
 def _nearest(
     segments: np.ndarray, first: int, last: int, x: float, y: float
 ) -> tuple[float, float, float]:
-    """Distance of the nearest point of some segments, and that point."""
+    """Return the distance of the nearest point of some segments, and that point."""
     least, near_x, near_y = np.inf, 0.0, 0.0
     for k in range(first, last):
         x1, y1, x2, y2 = segments[k]
@@ -160,7 +159,7 @@ def _nearest(
 
 @kernel()
 def _follow_route(walker: Any, waypoints: np.ndarray) -> tuple[float, float]:
-    """The direction to a point a little ahead on its leg; at the end it begins the next one."""
+    """Return the direction to the point ahead on the leg; start the next leg at its end."""
     along, length, x1, y1, x2, y2 = _progress(walker, waypoints)
     if along > length - min(_ARRIVED, length / 2):
         _start_next_leg(walker)
@@ -175,7 +174,7 @@ def _follow_route(walker: Any, waypoints: np.ndarray) -> tuple[float, float]:
 def _progress(
     walker: Any, waypoints: np.ndarray
 ) -> tuple[float, float, float, float, float, float]:
-    """How far along its leg a walker is, the leg's length, and its ends (m)."""
+    """Return a walker's progress along its leg, the leg's length, and its ends (m)."""
     last, onward = walker.first + walker.last, walker.first + walker.next
     x1, y1, x2, y2 = (
         waypoints[last, 0],
@@ -190,7 +189,7 @@ def _progress(
 
 @kernel()
 def _start_next_leg(walker: Any) -> None:
-    """Make for the waypoint after the next; at the end of an open route turn round."""
+    """Head for the next waypoint; turn round at the end of an open route."""
     after = walker.next + walker.sense
     if walker.closed:
         after %= walker.count
@@ -203,7 +202,7 @@ def _start_next_leg(walker: Any) -> None:
 
 @kernel()
 def _turn_round_if_stuck(walker: Any, duration: float) -> None:
-    """Turn round one who has got nowhere for a while."""
+    """Turn a walker round if it has made no progress for a while."""
     slow = length_of(walker.vx, walker.vy) < _STUCK_SPEED * walker.speed
     walker.idle = walker.idle + duration if slow else 0.0
     if walker.idle > _STUCK_TIME:
@@ -218,10 +217,10 @@ def _turn_round_if_stuck(walker: Any, duration: float) -> None:
 def place_walkers(
     tables: ObstacleTables, i: int, key: np.uint64, counter: int, robot: np.ndarray, radius: float
 ) -> None:
-    """Put the walkers of robot i on their routes by chance.
+    """Put the walkers of robot i on their routes at random.
 
-    They begin clear of it, of each other and of the doors where that can be had. `counter` is
-    that of the first walker's key.
+    They start clear of the robot, of each other and of the doors where that is possible.
+    `counter` is the counter of the first walker's key.
     """
     own = tables.robots[i]
     waypoints = tables.waypoints[own.waypoints : own.waypoints_end]
@@ -233,7 +232,7 @@ def place_walkers(
         walker.idle = walker.vx = walker.vy = walker.wanted_x = walker.wanted_y = 0.0
         legs = walker.count if walker.closed else walker.count - 1
         best, best_leg, best_share = -np.inf, 0, 0.0
-        # At last the waypoints: the farthest of them is off the robot, wherever that is.
+        # The last candidates are the waypoints: the farthest one is always clear of the robot.
         for k in range(_TRIES + legs + 1):
             leg, share = int(legs * draw_uniform(mine, 2 + 2 * k)), draw_uniform(mine, 3 + 2 * k)
             if k >= _TRIES:
@@ -249,7 +248,7 @@ def place_walkers(
 
 @kernel()
 def _put_on_leg(walker: Any, waypoints: np.ndarray, leg: int, share: float) -> None:
-    """Put a walker on a leg, to walk it in the sense that it has."""
+    """Put a walker on a leg, facing the direction of its `sense`."""
     walker.last, walker.next = leg, (leg + 1) % walker.count
     _, _, x1, y1, x2, y2 = _progress(walker, waypoints)
     walker.x, walker.y = x1 + share * (x2 - x1), y1 + share * (y2 - y1)
@@ -259,7 +258,7 @@ def _put_on_leg(walker: Any, waypoints: np.ndarray, leg: int, share: float) -> N
 
 @kernel()
 def _free_space(tables: ObstacleTables, i: int, w: int, robot: np.ndarray, radius: float) -> float:
-    """How much more than needed a walker has to all sides (m); far below 0 on the robot."""
+    """Return a walker's clearance beyond what it needs (m); far below 0 on the robot."""
     walker = tables.walkers[w]
     size: float = walker.radius
     gap = length_of(walker.x - robot[0], walker.y - robot[1]) - radius - size

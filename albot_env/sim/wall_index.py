@@ -1,4 +1,4 @@
-"""The index of walls: for every place in many buildings, the walls that matter there."""
+"""The wall index: for every place in many buildings, the walls that can be sensed there."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from albot_env.sim.visibility import BLOCK, IndexParameters, WallTables, locate_
 CELL_SIZE = 0.25
 """Side of the cells for which walls are listed (m)."""
 MAX_CELLS = 16384
-"""Larger buildings get larger cells."""
+"""Maximum number of cells of a grid; larger buildings get larger cells."""
 _NOT_LISTED = -1
 
 
 class WallIndex:
-    """Lists, for each cell of a grid over each building, the walls that may matter from there.
+    """Lists, for each cell of a grid over each building, the walls that may be sensed there.
 
-    A wall does not matter where it is out of reach or where others hide it from all of the
-    cell. A cell's list is made when a robot first comes there.
+    A wall is omitted if it is out of reach or if other walls hide it from the whole cell. A
+    cell's list is made when a robot first enters the cell.
 
     Args:
-        reach: Walls farther from there than this do not matter (m).
-        mount: Where on the robot the sensor is, for which walls matter: x, y (m).
-        spread: How far from there it may be, where there are several (m).
-        grid: Whether to list by cells at all; if not, every wall matters everywhere.
+        reach: Walls farther away than this are omitted (m).
+        mount: Position of the sensor on the robot, x, y (m).
+        spread: Maximum distance of a sensor from `mount`, if there are several (m).
+        grid: Whether to list walls by cell; if not, every wall is listed everywhere.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class WallIndex:
     def clear(self) -> None:
         """Forget all buildings."""
         self.max_walls = 0
-        """Walls of the building that has most."""
+        """Number of walls in the largest building."""
         self.tables = WallTables(
             walls=np.empty((0, 4)),
             neighbours=np.empty((0, 2), np.int64),
@@ -55,7 +55,7 @@ class WallIndex:
         )
 
     def add(self, walls: Segments) -> int:
-        """Take in a building; return its number."""
+        """Add a building; return its number."""
         self.max_walls = max(self.max_walls, len(walls))
         old = self.tables
         first = len(old.walls)
@@ -73,7 +73,7 @@ class WallIndex:
         return len(old.frames)
 
     def _grid_over(self, walls: Segments) -> tuple[float, float, float, int, int]:
-        """Corner x, y, cell size, columns and rows of a grid over walls."""
+        """Return corner x, y, cell size, columns and rows of a grid over the walls."""
         if not (self._gridded and len(walls)):
             return 0.0, 0.0, CELL_SIZE, 0, 0
         ends = walls.reshape(-1, 2)
@@ -83,11 +83,11 @@ class WallIndex:
         return left, bottom, cell, math.ceil(width / cell), math.ceil(height / cell)
 
     def parameters(self, walls: WallTables) -> IndexParameters:
-        """What lists are made with; `walls` are its own `tables`."""
+        """Return the parameters that lists are made with; `walls` are its own `tables`."""
         return IndexParameters(walls, float(self._reach), float(self._spread), self._mount)
 
     def reserve(self) -> None:
-        """Let there be room for the lists of one more cell and block, whatever the building."""
+        """Make room for the lists of one more cell and block of any building."""
         members = self.tables.members
         if len(members) - self.tables.used[0] < 2 * self.max_walls:
             larger = np.empty(2 * (len(members) + self.max_walls), np.int32)
@@ -96,11 +96,11 @@ class WallIndex:
 
 
 class Locator:
-    """Finds the cells that robots are in, in two indexes at once.
+    """Finds the cells of robots in two indexes at once.
 
     Args:
-        laser: The index of what lasers see.
-        sonar: The index of what sonars hear.
+        laser: Index of the walls that lasers see.
+        sonar: Index of the walls that sonars hear.
     """
 
     def __init__(self, laser: WallIndex, sonar: WallIndex) -> None:
@@ -128,7 +128,7 @@ class Locator:
 
 
 def _neighbours(walls: Segments) -> Int64[np.ndarray, "walls 2"]:
-    """For either end of each wall, an end of another at the same point: 2 wall + 0 or 1, or -1."""
+    """Return, per wall end, another wall's end at the same point: 2 wall + 0 or 1, or -1."""
     found = np.full(2 * len(walls), -1)
     if len(walls):
         _, groups = np.unique(walls.reshape(-1, 2), axis=0, return_inverse=True)

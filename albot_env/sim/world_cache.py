@@ -1,4 +1,4 @@
-"""The world cache: what is made of the worlds that robots are in, once for each world."""
+"""The world cache: objects computed once per world, for the worlds that robots are in."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Generic, TypeVar
 from albot_maps.world import World
 
 KEPT = 64
-"""Worlds that are kept beside those with robots in them, for whoever comes there next."""
+"""Number of worlds kept for later, besides those with robots in them."""
 
 Made = TypeVar("Made")
 
 
 class WorldCache(Generic[Made]):
-    """Keeps what is made of worlds. Which world it is goes by the object.
+    """Cache of objects computed from worlds. Worlds are told apart by object identity.
 
     Args:
-        robots: How many robots there are.
-        make: Makes it for a world.
-        clear: Forgets all that was made. What robots still need is then made anew.
+        robots: Number of robots.
+        make: Computes the object of a world.
+        clear: Called before the cache is emptied; objects still in use are then made anew.
     """
 
     def __init__(
@@ -31,9 +31,9 @@ class WorldCache(Generic[Made]):
         self._made: dict[int, tuple[World, Made]] = {}
 
     def enter(self, row: int, world: World) -> Iterator[tuple[int, Made]]:
-        """Put a robot into a world; yield the rows that have changed, with what is made for them.
+        """Put a robot into a world; yield the rows that have changed, each with its object.
 
-        Mostly the robot's own row alone; all of them where the cache was cleared.
+        Usually that is the robot's own row; after a clearing it is every row.
         """
         self._worlds[row] = world
         rows = [row]

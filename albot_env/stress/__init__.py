@@ -1,1 +1,1 @@
-"""What must hold after every step of an episode, checked from outside."""
+"""Checks that must hold after every step of an episode, independent of the simulator."""

@@ -1,6 +1,6 @@
-"""What is wrong after a step: each check is a function of numbers, and says it in a line.
+"""Checks of the state after a step. Each check returns its findings, one line for each.
 
-An empty list says that nothing is.
+An empty list means that nothing is wrong.
 """
 
 from __future__ import annotations
@@ -28,44 +28,44 @@ from albot_env.stress.geometry import (
 from albot_maps.world import ROBOT_RADIUS
 
 _TURN_ASIDE = 1e-4
-"""A beam that meets a surface, and none when turned by so little (rad), only grazes it."""
+"""A beam that misses a surface when turned by this angle (rad) only grazes the surface."""
 _DIRECTIONS = (31, 1001)
-"""In how many directions the farthest surface in a cone is looked for, at first, and where
-that leaves a doubt: gaps of 2 mm at 4 m are missed."""
+"""Number of directions in which the farthest surface in a cone is searched: at first, and again
+if a doubt remains. Gaps of 2 mm at 4 m are missed."""
 _SLACK = 0.01
-"""How much farther a surface may be between two directions, as a share: at most 0.8 % on a
-wall that is hit within 25° of its perpendicular."""
+"""Relative allowance for a surface between two directions: at most 0.8 % on a wall that is hit
+within 25° of its perpendicular."""
 _REACH = 1.1
-"""Surfaces this many times as far from the robot's middle as sonars reach are not heard."""
+"""Surfaces beyond this multiple of the sonars' range, from the robot's centre, are not heard."""
 _ROUNDING = 1e-6
-"""How far off the simulator's arithmetic may be (m)."""
+"""Tolerance for the simulator's rounding errors (m)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """What a step may show. The defaults are those of the default robot and its laser."""
+    """Limits of the checks. The defaults are those of the default robot and its laser."""
 
     radius: float = ROBOT_RADIUS
     """Radius of the robot's body (m)."""
     overlap: float = 0.055
-    """How deep the body may be in a wall (m). Chipmunk finds a contact only once bodies
-    overlap: at the 1 m/s that actions ask for at most, 5 cm after one step of 0.05 s."""
+    """Maximum overlap of the body with a wall (m). Chipmunk finds a contact only once bodies
+    overlap: at the maximum speed of actions, 1 m/s, by up to 5 cm after one step of 0.05 s."""
     obstacle_overlap: float = 0.125
-    """How deep the body may be in something that moves (m). Both come at each other: a robot
-    at 1 m/s and a person at 1.4 m/s, 12 cm in one step of 0.05 s."""
+    """Maximum overlap of the body with a dynamic obstacle (m). Both may approach each other: a
+    robot at 1 m/s and a person at 1.4 m/s, by 12 cm in one step of 0.05 s."""
     range_error: float = 0.04
-    """Greatest error of a range (m): the outermost of the laser's 4096 errors of 1 cm
-    standard deviation is 3.7 cm."""
+    """Maximum error of a range (m): the largest of the laser's 4096 errors of 1 cm standard
+    deviation is 3.7 cm."""
     max_range: float = 30.0
-    """Range shown where nothing came back (m)."""
+    """Range reported for no return (m)."""
     dropout: float = 0.001
-    """Probability that a beam which meets a wall brings nothing back."""
+    """Probability that a beam that meets a wall returns nothing."""
     echo_noise: float = 0.005
-    """Standard deviation of a sonar's range (m)…"""
+    """Standard deviation of the constant part of a sonar's range error (m)."""
     echo_share: float = 0.01
-    """…and of a further error of it, as a share of the range."""
+    """Standard deviation of the proportional part, as a share of the range."""
     echo_deviations: float = 3.7
-    """Greatest error of a sonar's range, in standard deviations: the outermost of 4096."""
+    """Maximum error of a sonar's range, in standard deviations: the largest of 4096."""
 
     def __post_init__(self) -> None:
         check_fields(self, NOT_NEGATIVE, *vars(self))
@@ -73,12 +73,12 @@ class Limits:
             raise InputError("Limits.dropout", "below 1", str(self.dropout))
 
     def echo_error(self, ranges: Ranges) -> Ranges:
-        """Greatest error (m) of echoes from these distances (m)."""
+        """Return the maximum error (m) of echoes from these distances (m)."""
         finite = np.where(np.isfinite(ranges), ranges, 0.0)
         return self.echo_deviations * np.hypot(self.echo_noise, self.echo_share * finite)
 
     def most_lost(self, beams: int) -> int:
-        """How many of so many beams may be lost by chance: more is less likely than 1e-12."""
+        """Return how many beams may be lost by chance; the probability of more is below 1e-12."""
         odds = self.dropout / (1 - self.dropout)
         share = (1 - self.dropout) ** beams
         beyond, lost = 1 - share, 0
@@ -89,7 +89,7 @@ class Limits:
 
 
 def check_observation(observation: Any, space: spaces.Space[Any]) -> list[str]:
-    """The observation lies in its space."""
+    """Check that the observation lies in its space."""
     wrong = [f"observation {line}" for line in _not_finite(observation)]
     if not wrong and not space.contains(observation):
         wrong.append("the observation lies outside its space")
@@ -97,7 +97,7 @@ def check_observation(observation: Any, space: spaces.Space[Any]) -> list[str]:
 
 
 def check_info(info: Mapping[str, Any], keys: frozenset[str]) -> list[str]:
-    """The info is finite, and its keys are those of the reset (see `all_keys`)."""
+    """Check that the info is finite and has the keys of the reset (see `all_keys`)."""
     wrong = [f"info {line}" for line in _not_finite(info)]
     found = all_keys(info)
     wrong += [f"info lacks the key {key} of the reset" for key in sorted(keys - found)]
@@ -106,7 +106,7 @@ def check_info(info: Mapping[str, Any], keys: frozenset[str]) -> list[str]:
 
 
 def all_keys(info: Mapping[str, Any]) -> frozenset[str]:
-    """The keys of an info and of the mappings in it, as `reward_terms.room`."""
+    """Return the keys of an info and of the mappings in it, such as `reward_terms.room`."""
     inner = (
         f"{key}.{name}"
         for key, value in info.items()
@@ -117,7 +117,7 @@ def all_keys(info: Mapping[str, Any]) -> frozenset[str]:
 
 
 def check_reward(reward: Any, terms: Mapping[str, Any]) -> list[str]:
-    """The reward is finite, and the sum of its terms."""
+    """Check that the reward is finite and the sum of its terms."""
     number, total = float(reward), float(sum(terms.values()))
     if not np.isfinite(number):
         return [f"the reward is {number}"]
@@ -127,16 +127,16 @@ def check_reward(reward: Any, terms: Mapping[str, Any]) -> list[str]:
 
 
 def check_body(walls: Segments, before: Point, after: Point, limits: Limits) -> list[str]:
-    """The robot overlaps no wall by more than it may, and has crossed none.
+    """Check that the robot overlaps no wall by more than allowed, and has crossed none.
 
     Args:
         walls: The walls.
-        before: Where it was after the step before (m).
-        after: Where it is (m).
-        limits: Greatest errors and overlaps.
+        before: Position after the previous step (m).
+        after: Position now (m).
+        limits: Maximum errors and overlaps.
     """
     if not np.isfinite(after).all():
-        return []  # There is no such place; the check of the info tells it.
+        return []  # There is no position to check; `check_info` reports it.
     wrong = [
         f"went through {_named(walls, wall)}, from {_position(before)} to {_position(after)}"
         for wall in np.flatnonzero(walls_crossed(walls, before, after)).tolist()
@@ -150,12 +150,12 @@ def check_body(walls: Segments, before: Point, after: Point, limits: Limits) -> 
 
 
 def check_obstacles(obstacles: Segments, place: Point, limits: Limits) -> list[str]:
-    """The robot overlaps nothing that moves by more than it may.
+    """Check that the robot overlaps no dynamic obstacle by more than allowed.
 
     Args:
-        obstacles: Outlines of what moves, where it is.
-        place: Where the robot is (m).
-        limits: Greatest errors and overlaps.
+        obstacles: Current outlines of the dynamic obstacles.
+        place: Position of the robot (m).
+        limits: Maximum errors and overlaps.
     """
     if not len(obstacles) or not np.isfinite(place).all():
         return []
@@ -168,17 +168,17 @@ def check_obstacles(obstacles: Segments, place: Point, limits: Limits) -> list[s
 def check_laser(
     surfaces: Segments, pose: Pose, bearings: Ranges, ranges: Ranges, limits: Limits
 ) -> list[str]:
-    """Every range is the way to the nearest surface, but for its error and drop-outs.
+    """Check that every range is that of the nearest surface, within errors and drop-outs.
 
     Args:
-        surfaces: The walls, and what moves.
+        surfaces: The walls and the outlines of dynamic obstacles.
         pose: True pose of the laser (world frame).
-        bearings: Where the beams point (rad).
-        ranges: What the laser says (m); `limits.max_range` where nothing came back.
-        limits: Greatest errors and overlaps.
+        bearings: Bearings of the beams (rad).
+        ranges: Reported ranges (m); `limits.max_range` for no return.
+        limits: Maximum errors and overlaps.
     """
     if not np.isfinite(pose).all():
-        return []  # There is no such place; the check of the info tells it.
+        return []  # There is no position to check; `check_info` reports it.
     ways = ray_ranges(surfaces, pose, bearings)
     silent = ranges >= limits.max_range * (1 - 1e-6)
     least, most = _ranges_beside(surfaces, pose, bearings, ranges, ways, limits)
@@ -200,7 +200,7 @@ def check_laser(
 def _ranges_beside(
     surfaces: Segments, pose: Pose, bearings: Ranges, ranges: Ranges, ways: Ranges, limits: Limits
 ) -> tuple[Ranges, Ranges]:
-    """The least and the most that beams may see: those that are off are turned a little."""
+    """Return minimum and maximum ranges of the beams; beams that are off are turned slightly."""
     least, most = ways.copy(), ways.copy()
     off = np.flatnonzero(~(np.abs(ranges - ways) <= limits.range_error))
     for turn in (-_TURN_ASIDE, _TURN_ASIDE) if len(off) else ():
@@ -210,23 +210,23 @@ def _ranges_beside(
 
 
 def check_sonar(surfaces: Segments, pose: Pose, scan: SonarScan, limits: Limits) -> list[str]:
-    """Every echo comes from a surface that the sonar or a neighbour may hear, or from none.
+    """Check that every echo is from a surface that the sonar or a neighbour may hear.
 
-    A sonar hears a surface that lies in its cone and is not hidden. So its echo is no nearer
-    than the nearest surface in the cone, and no farther than the farthest that is to be seen in
-    it. With cross-talk it may hear its neighbour's echo instead: half the way from the
-    neighbour to a point that the neighbour's bounds hold for, and on to this sonar. By the
-    triangle's inequality the way on is the way out, give or take the distance between both
-    sonars; half the way is the neighbour's range, give or take half of it.
+    A sonar hears a surface that lies in its cone and is not hidden. So its echo is no nearer than
+    the nearest surface in the cone, and no farther than the farthest visible one. With cross-talk
+    it may hear its neighbour's echo instead, at half the path from the neighbour to a point within
+    the neighbour's bounds and on to this sonar. By the triangle inequality, the return path equals
+    the outward path up to the distance between both sonars, so the reported range equals the
+    neighbour's up to half of that distance.
 
     Args:
-        surfaces: The walls, and what moves (world frame).
+        surfaces: The walls and the outlines of dynamic obstacles (world frame).
         pose: True pose of the robot (world frame).
-        scan: What the sonars say.
-        limits: Greatest errors and overlaps.
+        scan: The sonars' ranges.
+        limits: Maximum errors and overlaps.
     """
     if not np.isfinite(pose).all():
-        return []  # There is no such place; the check of the info tells it.
+        return []  # There is no position to check; `check_info` reports it.
     geometry, echoes = scan.geometry, scan.ranges
     near = surfaces[wall_distances(surfaces, pose[:2]) < _REACH * geometry.max_range]
     sonars = compose(pose, np.column_stack((np.array(geometry.places), geometry.bearings)))
@@ -237,7 +237,7 @@ def check_sonar(surfaces: Segments, pose: Pose, scan: SonarScan, limits: Limits)
         f"sonar {k} hears {echoes[k]:.3f} m, nothing is before {nearest[k]:.3f} m"
         for k in heard[echoes[heard] < least[heard]].tolist()
     ]
-    for directions in _DIRECTIONS:  # Most need not be looked at closely.
+    for directions in _DIRECTIONS:  # Few need the finer search.
         farthest = _with_neighbours(sonars, _farthest_in_cones(near, sonars, half, directions), 1.0)
         most = np.maximum(farthest * (1 + _SLACK) + limits.echo_error(farthest), geometry.min_range)
         beyond = heard[echoes[heard] > np.minimum(most, geometry.max_range)[heard]]
@@ -250,7 +250,7 @@ def check_sonar(surfaces: Segments, pose: Pose, scan: SonarScan, limits: Limits)
 
 
 def _with_neighbours(sonars: Poses, own: Ranges, sign: float) -> Ranges:
-    """The bound of every sonar and its neighbours: the least with sign -1, the most with 1."""
+    """Return each sonar's bound combined with its neighbours': minimum (sign -1) or maximum (1)."""
     apart = np.hypot(*np.diff(sonars[:, :2], axis=0).T)
     bounds = sign * own
     bounds[:-1] = np.maximum(bounds[:-1], sign * own[1:] + apart / 2)
@@ -261,13 +261,13 @@ def _with_neighbours(sonars: Poses, own: Ranges, sign: float) -> Ranges:
 def _farthest_in_cones(
     surfaces: Segments, sonars: Poses, half_angle: float, directions: int
 ) -> Float64[np.ndarray, "sonars"]:
-    """Distance (m) to the farthest surface to be seen in every cone, in so many directions."""
+    """Return the distance (m) of the farthest surface visible in each cone, by ray casting."""
     bearings = np.linspace(-half_angle, half_angle, directions)
     return np.array([ray_ranges(surfaces, sonar, bearings).max() for sonar in sonars])
 
 
 def _not_finite(value: Any, name: str = "") -> Iterator[str]:
-    """What in a value, however nested, is not finite."""
+    """Yield the names of values, however nested, that are not finite."""
     if isinstance(value, Mapping):
         for key, inner in value.items():
             yield from _not_finite(inner, f"{name}.{key}" if name else str(key))

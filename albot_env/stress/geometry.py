@@ -1,4 +1,4 @@
-"""Surfaces in plain numpy: slow, and independent of the simulator's ray casting and physics."""
+"""Geometry in plain numpy, slow and independent of the simulator's ray casting and physics."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Point = Float64[np.ndarray, "2"]
 
 
 def wall_distances(walls: Segments, point: Point) -> Float64[np.ndarray, "walls"]:
-    """Distance (m) from a point to every wall."""
+    """Return the distance (m) from a point to every wall."""
     starts, ways = walls[:, :2] - point, walls[:, 2:] - walls[:, :2]
     along = -(starts * ways).sum(axis=1) / (ways * ways).sum(axis=1)
     nearest = starts + np.clip(along, 0, 1)[:, np.newaxis] * ways
@@ -19,28 +19,28 @@ def wall_distances(walls: Segments, point: Point) -> Float64[np.ndarray, "walls"
 
 
 def walls_crossed(walls: Segments, before: Point, after: Point) -> Bool[np.ndarray, "walls"]:
-    """Which walls the straight way between two points crosses."""
+    """Return which walls are crossed by the straight line between two points."""
     way = after - before
     starts, ends = walls[:, :2] - before, walls[:, 2:] - before
-    # On which side of the way a wall's ends lie, and of the wall the way's.
+    # The sides of the line on which a wall's ends lie, and vice versa.
     apart = _cross(way, starts) * _cross(way, ends) < 0
     between = _cross(starts, ends) * _cross(starts - way, ends - way) < 0
     return np.asarray(apart & between)
 
 
 def ray_ranges(walls: Segments, pose: Pose, bearings: Ranges) -> Ranges:
-    """Distance (m) along every beam to the nearest wall; infinite where none is met.
+    """Return the distance (m) along every beam to the nearest wall; infinite if it meets none.
 
     Args:
         walls: The walls (world frame).
-        pose: Where the beams begin (world frame), and their bearings count from.
-        bearings: Where they point (rad).
+        pose: Origin of the beams, and reference of their bearings (world frame).
+        bearings: Bearings of the beams (rad).
     """
     angles = pose[2] + bearings
     across = np.stack((-np.sin(angles), np.cos(angles)), axis=-1)
     starts, ends = walls[:, :2] - pose[:2], walls[:, 2:] - pose[:2]
-    # A wall's ends lie on two sides of a beam that meets it: d × a and d × b differ in
-    # sign, and the beam meets it after a × b / (d × (b - a)).
+    # The ends of a wall lie on two sides of a beam that meets it: d × a and d × b differ in sign.
+    # The beam meets it at the distance a × b / (d × (b - a)).
     of_start, of_end = across @ starts.T, across @ ends.T
     with np.errstate(divide="ignore", invalid="ignore"):
         ways = _cross(starts, ends) / (of_end - of_start)
@@ -51,19 +51,19 @@ def ray_ranges(walls: Segments, pose: Pose, bearings: Ranges) -> Ranges:
 def nearest_in_cones(
     surfaces: Segments, sonars: Poses, half_angle: float
 ) -> Float64[np.ndarray, "sonars"]:
-    """Distance (m) from every sonar to the nearest surface in its cone; infinite where none is.
+    """Return the distance (m) from every sonar to the nearest surface in its cone, or infinity.
 
-    Nothing hides the nearest: what hid it would be in the cone, and nearer.
+    Occlusion does not matter: a surface that hides another in the cone is nearer.
 
     Args:
         surfaces: The surfaces (world frame).
-        sonars: Where the cones begin and point (world frame).
+        sonars: Poses of the cones' apexes and axes (world frame).
         half_angle: Angle (rad) from a cone's axis to its edge, below a right angle.
     """
     starts = _in_frames(sonars, surfaces[:, :2])
     ways = _in_frames(sonars, surfaces[:, 2:]) - starts
-    # The cone is where sin h · x ± cos h · y >= 0; along a surface each is linear, and the
-    # share of its way that lies inside runs from `first` to `last`.
+    # The cone is where sin h · x ± cos h · y >= 0. Along a surface both are linear, and the share
+    # of its length inside runs from `first` to `last`.
     first, last = np.zeros(starts.shape[:2]), np.ones(starts.shape[:2])
     for side in (-1.0, 1.0):
         inward = np.array((np.sin(half_angle), side * np.cos(half_angle)))
@@ -80,7 +80,7 @@ def nearest_in_cones(
 
 
 def _in_frames(sonars: Poses, points: Points) -> Float64[np.ndarray, "sonars points 2"]:
-    """Points in the frame of every sonar."""
+    """Return points in the frame of every sonar."""
     away = points[np.newaxis] - sonars[:, np.newaxis, :2]
     cos, sin = np.cos(sonars[:, 2:]), np.sin(sonars[:, 2:])
     ahead = cos * away[..., 0] + sin * away[..., 1]

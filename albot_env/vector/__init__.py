@@ -1,4 +1,4 @@
-"""Batched environments for stable-baselines3, and how its threads wait."""
+"""Batched environments for stable-baselines3, and the spin time of torch's threads."""
 
 TRAINING_EXTRA = "in a clone of the project: pip install -c constraints.txt '.[train]'"
-"""How to install what learners need."""
+"""Command that installs the learners' dependencies."""

@@ -1,4 +1,4 @@
-"""Batched environments for stable-baselines3, which takes no gymnasium vector environment.
+"""Batched environments for stable-baselines3, which does not accept gymnasium vector environments.
 
 Needs the extra `train`.
 """
@@ -29,15 +29,15 @@ _SOURCE = "stable-baselines3"
 
 
 def make_sb3(environment: str, num_envs: int, **settings: Any) -> VecMonitor:
-    """Many environments in one, for stable-baselines3's learners.
+    """Make many environments in one, for stable-baselines3's learners.
 
-    They are monitored: a learner reports the means of returns and lengths of its episodes
-    (`ep_rew_mean`, `ep_len_mean`). Who wants a file of the episodes as well wraps `make_batch` in
-    a `VecMonitor` with a name.
+    They are monitored: a learner reports the mean returns and lengths of its episodes
+    (`ep_rew_mean`, `ep_len_mean`). To also write a file of the episodes, wrap `make_batch` in a
+    `VecMonitor` with a file name.
 
     Args:
         environment: Id, such as `Albot/Explore-v0`.
-        num_envs: How many.
+        num_envs: Number of environments.
         settings: As for `gymnasium.make_vec`.
 
     Raises:
@@ -47,23 +47,23 @@ def make_sb3(environment: str, num_envs: int, **settings: Any) -> VecMonitor:
 
 
 def make_batch(environment: str, num_envs: int, **settings: Any) -> BatchedVecEnv:
-    """What `make_sb3` makes, without a monitor."""
+    """Make the environments of `make_sb3` without a monitor."""
     settings = {"autoreset_mode": AutoresetMode.SAME_STEP, **settings}
     return BatchedVecEnv(gymnasium.make_vec(environment, num_envs=num_envs, **settings))
 
 
 class BatchedVecEnv(VecEnv):
-    """A batch in stable-baselines3's form.
+    """Adapter from a batch of environments to stable-baselines3's `VecEnv`.
 
-    The infos of most steps are empty. That of an episode's last step holds
-    `terminal_observation`, `TimeLimit.truncated`, the numbers and names of the final info
-    and, where the task knows of success, `is_success`.
+    Most steps have empty infos. The info of an episode's last step holds `terminal_observation`,
+    `TimeLimit.truncated`, the numbers and names of the final info and, if the task has a success
+    criterion, `is_success`.
 
     Args:
-        batch: The batch; it must reset in the same step, as stable-baselines3 expects.
+        batch: The batch; its autoreset mode must be `SameStep`, as stable-baselines3 expects.
 
     Raises:
-        InputError: The batch resets in another way.
+        InputError: The batch has another autoreset mode.
     """
 
     def __init__(self, batch: VectorEnv[Any, Any, np.ndarray]) -> None:
@@ -76,13 +76,13 @@ class BatchedVecEnv(VecEnv):
         super().__init__(batch.num_envs, batch.single_observation_space, batch.single_action_space)
 
     def reset(self) -> VecEnvObs:
-        """Reset all, with the seeds of `seed` and the options of `set_options`.
+        """Reset all environments, with the seeds of `seed` and the options of `set_options`.
 
         Raises:
             InputError: The options differ between environments.
         """
         given, seeds = self._options, list(self._seeds)
-        # They are for one reset, also for one that fails.
+        # They apply to one reset, even if it fails.
         self._reset_seeds()
         self._reset_options()
         if any(options != given[0] for options in given):
@@ -93,7 +93,7 @@ class BatchedVecEnv(VecEnv):
         return observations
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Keep the actions for `step_wait`."""
+        """Store the actions for `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> VecEnvStepReturn:
@@ -113,11 +113,11 @@ class BatchedVecEnv(VecEnv):
         self.batch.close()
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """The batch's attribute, once for each environment asked for."""
+        """Return the batch's attribute, once for each selected environment."""
         return [getattr(self.batch, attr_name)] * len(self._chosen(indices))
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
-        """Refused: the environments of a batch have no attributes of their own.
+        """Raise AttributeError: the environments of a batch have no attributes of their own.
 
         Raises:
             AttributeError: Always.
@@ -127,7 +127,7 @@ class BatchedVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **_: Any
     ) -> list[Any]:
-        """Refused: the environments of a batch have no methods of their own.
+        """Raise AttributeError: the environments of a batch have no methods of their own.
 
         Raises:
             AttributeError: Always.
@@ -139,7 +139,7 @@ class BatchedVecEnv(VecEnv):
         wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]],
         indices: VecEnvIndices = None,
     ) -> list[bool]:
-        """False for all: the environments of a batch are not wrapped."""
+        """Return False for all: the environments of a batch are not wrapped."""
         return [False] * len(self._chosen(indices))
 
     def _chosen(self, indices: VecEnvIndices) -> Sequence[int]:
@@ -147,7 +147,7 @@ class BatchedVecEnv(VecEnv):
 
 
 def _single(batched: dict[str, Any], index: int) -> dict[str, Any]:
-    """The info of one environment out of a batch's."""
+    """Return the info of one environment out of a batch's."""
     return {
         key: _single(value, index) if isinstance(value, dict) else value[index]
         for key, value in batched.items()

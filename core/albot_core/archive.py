@@ -1,8 +1,8 @@
-"""Files of arrays: a zip archive of numbers and one JSON header, and nothing that could be run.
+"""Files of arrays: a zip archive of numeric arrays and one JSON header, without executable code.
 
-An archive holds `header.json` with the format's name and version and what else its writer
-says, and `NAME.npy` for every array. The same content gives the same bytes. Reading takes
-nothing else: no pickled object, no member that unpacks to more than it says.
+An archive holds `header.json`, with the format's name and version and further data of its
+writer, and `NAME.npy` for every array. The same content gives the same bytes. Reading accepts
+nothing else: no pickled object, and no member that unpacks to more than it declares.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ HEADER = "header.json"
 """The member with the header."""
 
 _EPOCH = (1980, 1, 1, 0, 0, 0)
-"""The date of every member: the earliest that a zip archive knows."""
+"""Date of every member: the earliest that a zip archive can store."""
 _PLAIN = re.compile(r"[A-Za-z0-9_.-]{1,200}")
-"""Names of members: no folders, nothing that points out of one."""
+"""Allowed names of members: no folders, no paths."""
 _MOST_MEMBERS = 10_000
 
 _TORN = (
@@ -48,35 +48,35 @@ _TORN = (
     TypeError,
     tokenize.TokenError,
 )
-"""What zipfile and numpy raise where bytes are lost or changed."""
+"""What zipfile and numpy raise for truncated or corrupt files."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArchiveFormat:
-    """A kind of file of arrays."""
+    """The format of a kind of file."""
 
     name: str
-    """What stands in the header as `format`."""
+    """Value of `format` in the header."""
     version: int
-    """What stands in the header as `version`; no other is read."""
+    """Value of `version` in the header; other versions are not read."""
     kind: str
-    """What errors call such a file."""
+    """Name of such a file in error messages."""
     largest: int
-    """Bytes to which a file may unpack; more is refused before it is unpacked."""
+    """Largest unpacked size of a file (bytes); it is checked before unpacking."""
 
     def write(
         self, path: Path, header: Mapping[str, Any], arrays: Mapping[str, np.ndarray]
     ) -> None:
-        """Write a file, whole or not at all.
+        """Write a file atomically.
 
         Args:
-            path: Where.
-            header: What the header says besides format and version; plain data.
-            arrays: Arrays of numbers by name.
+            path: The file.
+            header: Content of the header besides format and version, as plain data.
+            arrays: Numeric arrays by name.
 
         Raises:
-            InputError: Nothing can be written there.
-            OSError: There is no room left.
+            InputError: The file cannot be written.
+            OSError: The disk is full.
         """
         head = {"format": self.name, "version": self.version, **header}
         with replacing(path) as stream, zipfile.ZipFile(stream, "w") as archive:
@@ -87,17 +87,17 @@ class ArchiveFormat:
                 _add(archive, f"{name}.npy", content.getvalue())
 
     def read(self, path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-        """The header, without format and version, and the arrays by name.
+        """Read a file; return the header, without format and version, and the arrays by name.
 
         Raises:
-            InputError: The file is missing, torn or too large, is of another format or
-                version, or holds anything but JSON and arrays of numbers.
+            InputError: The file is missing, truncated or too large, has another format or version,
+                or holds anything but JSON and numeric arrays.
         """
         header, arrays = _unpacked(path, self.kind, self.largest)
         return self._header(path, header), arrays
 
     def _header(self, path: Path, content: bytes | None) -> dict[str, Any]:
-        """What the header says, once it is known to be one that we can read."""
+        """Parse the header and check format and version."""
         header = None if content is None else parse_json(content, path, HEADER)
         if not isinstance(header, dict) or header.get("format") != self.name:
             raise InputError(path, f"a header of format {self.name!r}", "none", place=HEADER)
@@ -108,15 +108,16 @@ class ArchiveFormat:
 
 
 def read_arrays(path: Path, kind: str, largest: int) -> dict[str, np.ndarray]:
-    """The arrays by name in a file that `numpy.savez` wrote.
+    """Read the arrays in a file written by `numpy.savez`, by name.
 
     Args:
         path: The file.
-        kind: What errors call such a file.
-        largest: Bytes to which it may unpack.
+        kind: Name of such a file in error messages.
+        largest: Largest unpacked size (bytes).
 
     Raises:
-        InputError: The file is missing, torn or too large, or holds anything but arrays of numbers.
+        InputError: The file is missing, truncated or too large, or holds anything but numeric
+            arrays.
     """
     header, arrays = _unpacked(path, kind, largest)
     if header is not None:
@@ -125,7 +126,7 @@ def read_arrays(path: Path, kind: str, largest: int) -> dict[str, np.ndarray]:
 
 
 def _unpacked(path: Path, kind: str, largest: int) -> tuple[bytes | None, dict[str, np.ndarray]]:
-    """The header, if there is one, and the arrays by name."""
+    """Return the header, None if there is none, and the arrays by name."""
     header, arrays = None, {}
     try:
         with zipfile.ZipFile(io.BytesIO(read_bytes(path, largest))) as archive:
@@ -145,7 +146,7 @@ def _unpacked(path: Path, kind: str, largest: int) -> tuple[bytes | None, dict[s
 
 
 def _check_members(path: Path, members: list[zipfile.ZipInfo], largest: int) -> None:
-    """Refuse, before anything is unpacked, what is too much or not as we write it."""
+    """Raise InputError, before unpacking, for too many or too large members, or invalid names."""
     names = [member.filename for member in members]
     size = sum(member.file_size for member in members)
     if len(members) > _MOST_MEMBERS or size > largest:
@@ -167,7 +168,7 @@ def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
 
 
 def _array(path: Path, name: str, content: bytes) -> np.ndarray:
-    """The array of numbers in a member, which must be of just the size that it declares."""
+    """Return the numeric array in a member, which must have exactly the size that it declares."""
     stream = io.BytesIO(content)
     try:
         version = np.lib.format.read_magic(stream)

@@ -1,4 +1,4 @@
-"""The error that bad input raises, and how it names what may have been meant."""
+"""The error for bad input, and suggestions for misspelled names."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from collections.abc import Callable, Iterable
 from functools import partial
 
 _LONGEST = 200
-"""Characters of what was found, and of its place, that errors quote…"""
+"""Largest number of characters of a found value, or of its place, in a message."""
 _LONGEST_SOURCE = 1000
-"""…and of the source, which may be the path of a file."""
+"""Largest number of characters of the source, which may be the path of a file."""
 
 
 class InputError(ValueError):
-    """Input from outside (a file, an option, an action) that cannot be used.
+    """Invalid input from outside: a file, an option, an action.
 
     The message is one line that names the source, the place in it, what was expected
     and what was found: `intel.log, line 37: expected 180 ranges, found 112`.
     The command prints it and exits with status 2.
 
     Args:
-        source: The file, option or argument that is wrong.
-        expected: What should have stood there.
-        found: What stood there instead; empty where there is nothing to quote.
-        place: Where in the source (`line 37`, `walls[3]`); empty where the whole is meant.
+        source: The invalid file, option or argument.
+        expected: What was expected.
+        found: What was found instead; empty if there is nothing to quote.
+        place: Place in the source (`line 37`, `walls[3]`); empty for the whole source.
     """
 
     def __init__(self, source: object, expected: str, found: str = "", *, place: str = "") -> None:
@@ -36,12 +36,12 @@ class InputError(ValueError):
         super().__init__(f"{where}: expected {self.expected}{tail}")
 
     def __reduce__(self) -> tuple[Callable[..., InputError], tuple[str, ...]]:
-        """What worker processes send of it."""
+        """Return what pickling needs, to send the error from worker processes."""
         return partial(InputError, place=self.place), (self.source, self.expected, self.found)
 
 
 class MissingFileError(InputError):
-    """The error where there is no file of the name given: `intel.log: file not found`.
+    """The error for a missing file: `intel.log: file not found`.
 
     Args:
         source: The file.
@@ -52,12 +52,12 @@ class MissingFileError(InputError):
         self.args = (f"{self.source}: file not found",)
 
     def __reduce__(self) -> tuple[Callable[..., InputError], tuple[str, ...]]:
-        """What worker processes send of it."""
+        """Return what pickling needs, to send the error from worker processes."""
         return MissingFileError, (self.source,)
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
-    """` (did you mean …?)` with the known name nearest to this one; empty where none is near."""
+    """Return ` (did you mean …?)` with the most similar known name; empty if none is similar."""
     near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.5)
     return f" (did you mean {near[0]}?)" if near else ""
 
@@ -67,5 +67,5 @@ def _shortened(text: str, longest: int = _LONGEST) -> str:
 
 
 def _one_line(told: object) -> str:
-    """As text, in which nothing begins a new line."""
+    """Return a value as one line of text, with unprintable characters escaped."""
     return "".join(part if part.isprintable() else repr(part)[1:-1] for part in str(told))

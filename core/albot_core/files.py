@@ -1,4 +1,4 @@
-"""Reading compressed text and writing files whole or not at all."""
+"""Read compressed files, and write files atomically."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from albot_core.errors import InputError, MissingFileError
 from albot_core.interrupts import interrupts_deferred
 
 _PACKED = {b"\x1f\x8b": ".gz", b"\xfd7zXZ\x00": ".xz"}
-"""How files begin that are packed, and how their names end."""
+"""First bytes and name suffix of compressed files."""
 _PIECE = 4096
-"""How many unpacked bytes are asked for at a time."""
+"""Number of unpacked bytes read at a time."""
 LARGEST = 128 << 20
-"""Bytes to which a file may unpack whose format sets no bound of its own: no robot's log is larger.
-A few kilobytes can unpack to more than any memory holds."""
+"""Default limit of a file's unpacked size (bytes); no robot's log is larger. A file of a few
+kilobytes can unpack to more than fits in memory."""
 
 
 def _open_plain(path: Path) -> io.BufferedIOBase:
@@ -43,7 +43,7 @@ _OPENERS: dict[str, Callable[[Path], io.BufferedIOBase]] = {".gz": _open_gzip, "
 
 
 def exists(path: Path) -> bool:
-    """Whether something is there; nothing is under a name that the system does not take."""
+    """Return whether a file or folder exists; false for a name that the system does not allow."""
     try:
         return path.exists()
     except OSError:
@@ -51,14 +51,15 @@ def exists(path: Path) -> bool:
 
 
 def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
-    """The content of a file, unpacked where its name ends in `.gz` or `.xz`.
+    """Read a file; unpack it if its name ends in `.gz` or `.xz`.
 
     Args:
         path: The file.
-        largest: How many bytes it may hold or unpack to.
+        largest: Largest size of the file, packed and unpacked (bytes).
 
     Raises:
-        InputError: The file is missing, unreadable or too large, or its compression is torn.
+        InputError: The file is missing, unreadable or too large, or the compressed data is
+            damaged.
     """
     content, torn = read_beginning(path, largest)
     if torn is not None:
@@ -67,7 +68,7 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
 
 
 def read_beginning(path: Path, largest: int = LARGEST) -> tuple[bytes, InputError | None]:
-    """What `read_bytes` returns, or as much of it as unpacks and the error that ends it.
+    """Read a file like `read_bytes`; return the content up to a damage, and the error or None.
 
     Raises:
         InputError: The file is missing, unreadable or too large.
@@ -75,7 +76,7 @@ def read_beginning(path: Path, largest: int = LARGEST) -> tuple[bytes, InputErro
     pieces: list[bytes] = []
     torn = None
     try:
-        for piece in _pieces(path, largest):  # What precedes a tear is kept.
+        for piece in _pieces(path, largest):  # Pieces before the damage are kept.
             pieces.append(piece)  # noqa: PERF402
     except InputError:
         raise
@@ -87,7 +88,7 @@ def read_beginning(path: Path, largest: int = LARGEST) -> tuple[bytes, InputErro
         torn = InputError(path, f"whole {path.suffix[1:]} data", str(error))
     except OSError as error:
         raise InputError(path, "a readable file", error.strerror or str(error)) from None
-    except ValueError as error:  # A name that no system has: one with a zero byte in it.
+    except ValueError as error:  # A name with a zero byte, which no system allows.
         raise InputError(path, "a file that exists", str(error)) from None
     for start, suffix in _PACKED.items():
         if path.suffix not in _OPENERS and pieces and pieces[0].startswith(start):
@@ -96,7 +97,7 @@ def read_beginning(path: Path, largest: int = LARGEST) -> tuple[bytes, InputErro
 
 
 def _pieces(path: Path, largest: int) -> Iterator[bytes]:
-    """The content of a file, unpacked, piece by piece."""
+    """Yield the unpacked content of a file in pieces."""
     expected = f"{largest:,} bytes at most"
     if (size := path.stat().st_size) > largest:
         raise InputError(path, expected, f"{size:,}")
@@ -110,11 +111,11 @@ def _pieces(path: Path, largest: int) -> Iterator[bytes]:
 
 
 def is_stream(path: Path) -> bool:
-    """Whether what is written to `path` goes to a pipe or a device, not into a file.
+    """Return whether `path` is a pipe or a device rather than a file.
 
     Raises:
-        InputError: Nothing can be written there: it is a folder or something else that takes
-            no bytes, or the folder that it would stand in does not exist.
+        InputError: `path` cannot be written: it is a folder, a disk or a socket, or its folder
+            does not exist.
     """
     expected = "a file to write"
     try:
@@ -135,15 +136,15 @@ def is_stream(path: Path) -> bool:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[IO[bytes]]:
-    """Open a temporary neighbour of `path` that takes its place when the block ends well.
+    """Open a temporary file beside `path` that replaces it when the block ends without an error.
 
-    A reader sees the old file or the whole new one, never a part. Where `path` is a symbolic
-    link, that is true of the file it points to. A pipe or a device gets all bytes at the end.
-    When the block raises, or is interrupted, nothing is left behind.
+    A reader sees the old file or the complete new one, never a part. If `path` is a symbolic link,
+    the file that it points to is replaced. A pipe or a device gets all bytes at the end. When the
+    block raises or is interrupted, the temporary file is removed.
 
     Raises:
-        InputError: Nothing can be written there, see `is_stream`.
-        OSError: There is no room left; it names `path`.
+        InputError: The file cannot be written; see `is_stream`.
+        OSError: The disk is full; the error names `path`.
     """
     if is_stream(path):
         content = io.BytesIO()
@@ -166,13 +167,13 @@ def replacing(path: Path) -> Iterator[IO[bytes]]:
         if beside is not None:
             beside.unlink(missing_ok=True)
             if isinstance(error, OSError) and error.filename in (None, str(beside)):
-                error.filename = str(path)  # What was to be written, not the neighbour.
+                error.filename = str(path)  # Not the temporary file.
         raise
 
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """A folder of our own for the time of the block, gone after it, interrupted or not."""
+    """Yield a temporary folder that is removed after the block, even if it is interrupted."""
     folder: Path | None = None
     try:
         with interrupts_deferred():
@@ -185,10 +186,10 @@ def scratch_folder() -> Iterator[Path]:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder where there is none; the one that it stands in has to exist.
+    """Make a folder if it does not exist; its parent must exist.
 
     Raises:
-        InputError: It cannot be made.
+        InputError: The folder cannot be made.
     """
     try:
         folder.mkdir(exist_ok=True)
@@ -208,7 +209,7 @@ def _refused_as_input(path: Path) -> Iterator[None]:
 
 
 def _permissions(target: Path) -> int:
-    """Those of the file that is there; those of a new file where there is none."""
+    """Return the permissions of the existing file, or those of a new file."""
     if target.exists():
         return stat.S_IMODE(target.stat().st_mode)
     umask = os.umask(0)
@@ -217,6 +218,6 @@ def _permissions(target: Path) -> int:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write UTF-8 text to `path`, whole or not at all."""
+    """Write UTF-8 text to `path`, atomically; raises as `replacing`."""
     with replacing(path) as stream:
         stream.write(text.encode())

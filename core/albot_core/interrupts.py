@@ -1,4 +1,4 @@
-"""Signals that end a program wait until a short piece of work is done."""
+"""Defer signals that end a program until a short piece of work is done."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from types import FrameType
 INTERRUPTS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
-"""What ends a program and can be heard: Ctrl-C, `kill`, a terminal that is closed."""
+"""Signals that end a program and can be handled: Ctrl-C, `kill`, a closed terminal."""
 
 
 @contextmanager
 def interrupts_deferred() -> Iterator[None]:
-    """Let what the block does be done whole: a signal that comes meanwhile is heard at its end.
+    """Defer signals that arrive in the block to its end, so that the block completes.
 
-    For short work only, such as one write. Python hears signals in the main thread alone, so
-    elsewhere this does nothing, and need not.
+    Use it for short work only, such as one write. Python handles signals only in the main thread,
+    so in other threads this does nothing and is not needed.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -30,7 +30,7 @@ def interrupts_deferred() -> Iterator[None]:
 
 @contextmanager
 def _deferred(first: signal.Signals, *others: signal.Signals) -> Iterator[None]:
-    """Defer one signal after the other, so that each comes back whatever another one breaks off."""
+    """Defer signals in nested blocks, so that each handler is restored even if another raises."""
     heard = False
 
     def note(number: int, frame: FrameType | None) -> None:
@@ -38,7 +38,7 @@ def _deferred(first: signal.Signals, *others: signal.Signals) -> Iterator[None]:
         heard = True
 
     handler = signal.getsignal(first)
-    if handler is not None:  # One that is not Python's is left alone.
+    if handler is not None:  # A handler that is not Python's is kept.
         signal.signal(first, note)
     try:
         if others:

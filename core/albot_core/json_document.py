@@ -1,4 +1,4 @@
-"""JSON read strictly: finite numbers of a common length, nested a few levels."""
+"""Strict reading of JSON: finite numbers of limited length, limited nesting."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ from albot_core.errors import InputError
 from albot_core.files import read_bytes
 
 LARGEST = 16 << 20
-"""Bytes of a file of JSON that are read; a house or a page of results has some thousand."""
+"""Largest size of a JSON file (bytes); a house or a page of results has a few thousand."""
 _DIGITS = 40
-"""Digits of a whole number: as many as 128 bits take, and no more than a float can hold."""
+"""Largest number of digits of an integer: enough for 128 bits, and within a float's range."""
 _DEPTH = 100
-"""How deep lists and objects may stand in each other."""
+"""Largest depth of nested lists and objects."""
 
 
 def read_json(path: Path) -> Any:
-    """The value in a file.
+    """Read the value in a file.
 
     Raises:
-        InputError: The file cannot be read, is larger than `LARGEST`, or is no such JSON.
+        InputError: The file cannot be read, is larger than `LARGEST`, or as for `parse_json`.
     """
     return parse_json(read_bytes(path, LARGEST), path)
 
 
 def parse_json(content: bytes | str, source: object, place: str = "") -> Any:
-    """The value that a text stands for.
+    """Parse a JSON text.
 
     Args:
         content: The text.
-        source: What errors name as the place it came from.
-        place: Where in the source it stands, for errors.
+        source: Origin of the text, for errors.
+        place: Place of the text in the source, for errors.
 
     Raises:
-        InputError: The text is no JSON or no UTF-8, is nested too deep, or holds a number that is
-            not finite or too long.
+        InputError: The text is not JSON or not UTF-8, is nested too deeply, or holds a number that
+            is not finite or too long.
     """
     try:
         value = json.loads(content, parse_int=_whole, parse_float=_finite, parse_constant=_finite)
@@ -74,7 +74,7 @@ def _finite(text: str) -> float:
 
 
 def _is_deeper(value: Any, levels: int) -> bool:
-    """Whether lists and objects stand in each other more than so many levels deep."""
+    """Return whether lists and objects are nested more than `levels` deep."""
     holders = [value] if isinstance(value, dict | list) else []
     for _ in range(levels):
         items = (each.values() if isinstance(each, dict) else each for each in holders)

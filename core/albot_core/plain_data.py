@@ -1,9 +1,9 @@
-"""Configurations from plain data, such as YAML and JSON hold, and back.
+"""Convert configurations from plain data, such as that of YAML and JSON, and back.
 
-A configuration is a frozen dataclass. What its fields may hold stands in their types. A value of
-another type is refused, never converted (cattrs makes 3 of 3.9 and of True), and so is an unknown
-key (msgspec lets it pass). The error names the file, the place in it, what was expected and what
-was found.
+A configuration is a frozen dataclass whose type hints say what its fields may hold. A value of
+another type is an error and never converted (cattrs turns 3.9 and True into integers), and so is an
+unknown key (which msgspec ignores). The error names the file, the place in it, what was expected
+and what was found.
 """
 
 from __future__ import annotations
@@ -29,29 +29,29 @@ _NONE: Mapping[str, Any] = types.MappingProxyType({})
 
 @dataclass(frozen=True)
 class Location:
-    """Where in a file plain data stands, for errors."""
+    """The place of plain data in a file, for errors."""
 
     source: object
     """The file."""
     path: Steps = ()
     """Keys and indices from the top."""
     place: Callable[[Steps], str] = field(default=dotted)
-    """How errors name a path."""
+    """Turns a path into the text for errors."""
 
     def at(self, *steps: str | int) -> Location:
-        """The location of a key or an index within this one."""
+        """Return the location of a key or an index within this one."""
         return dataclasses.replace(self, path=(*self.path, *steps))
 
     def error(self, expected: str, found: str) -> InputError:
-        """The error that something else was expected here."""
+        """Return an error for this location."""
         return InputError(self.source, expected, found, place=self.place(self.path))
 
     @contextmanager
     def naming(self, names: Collection[str] | None = None) -> Iterator[None]:
-        """Let errors of a dataclass that is made of what stands here name its place in the file.
+        """Let errors raised by a dataclass in the block name the place in the file.
 
         Args:
-            names: The fields that stand here; None where all do.
+            names: The fields of the data at this location; None for all fields.
         """
         try:
             yield
@@ -64,18 +64,18 @@ class Location:
 def read_config(
     kind: type[Config], data: Any, where: Location, base: Config | None = None
 ) -> Config:
-    """A configuration of a kind from a mapping of its fields.
+    """Parse a configuration from a mapping of its fields.
 
     Args:
         kind: The dataclass.
-        data: The mapping. Fields that it leaves out, and those of configurations inside, stay
-            as they are in `base`.
-        where: Where the data stands.
-        base: A configuration to begin with; by default one with the defaults of all fields.
+        data: The mapping. Missing fields, also those of nested configurations, are taken from
+            `base`.
+        where: Location of the data.
+        base: The configuration to start from; by default, the defaults of all fields.
 
     Raises:
-        InputError: The data is no mapping, leaves out a field that has no default, or holds a key
-            that is no field or a value that its field does not take; it names the place.
+        InputError: The data is not a mapping, lacks a field without a default, or has an unknown
+            key or an invalid value; the error names the place.
     """
     hints = typing.get_type_hints(kind)
     fields = [each for each in dataclasses.fields(kind) if each.init]  # type: ignore[arg-type]
@@ -98,7 +98,7 @@ def read_config(
 def read_fields(
     known: Mapping[str, Any], data: Any, where: Location, bases: Mapping[str, Any] = _NONE
 ) -> dict[str, Any]:
-    """The values of a mapping whose keys are known, each of the type that is known of it.
+    """Parse the values of a mapping; `known` gives the type of each allowed key.
 
     Raises:
         InputError: As for `read_config`.
@@ -118,13 +118,13 @@ def read_fields(
 def read_record(
     known: Mapping[str, Any], data: Any, where: Location, *, others: bool = False
 ) -> dict[str, Any]:
-    """The values of a mapping that must hold all the keys that are known of it.
+    """Parse the values of a mapping that must have all known keys.
 
     Args:
-        known: The types of the values.
+        known: The types of the values, by key.
         data: The mapping.
-        where: Where it stands.
-        others: Whether it may hold other keys too, which are passed over.
+        where: Location of the data.
+        others: Whether other keys are allowed, which are ignored.
 
     Raises:
         InputError: As for `read_config`; or a key is missing.
@@ -139,18 +139,18 @@ def read_record(
 
 
 LARGEST = 1e12
-"""No coordinate, length or time of a robot is larger (m, rad, s)."""
+"""Largest absolute coordinate, length, angle or time (m, rad, s)."""
 
 
 def read_array(
     shape: tuple[int | None, ...], data: Any, where: Location
 ) -> Float64[np.ndarray, "..."]:
-    """Numbers of a robot's, finite and within ±`LARGEST`, as an array.
+    """Parse nested lists of finite numbers within ±`LARGEST` as an array.
 
     Args:
-        shape: The lengths of its axes; None for any.
-        data: Numbers in lists.
-        where: Where it stands.
+        shape: The lengths of the axes; None for any length.
+        data: The nested lists.
+        where: Location of the data.
 
     Raises:
         InputError: The data is anything else.
@@ -172,10 +172,10 @@ def read_array(
 
 
 def read_value(kind: Any, data: Any, where: Location, base: Any = None) -> Any:
-    """A value of a type; a configuration's fields that are left out are those of `base`.
+    """Parse a value of a type; missing fields of a configuration are taken from `base`.
 
     Raises:
-        InputError: The data is of another type.
+        InputError: The data has another type.
     """
     origin = get_origin(kind)
     if origin in (typing.Union, types.UnionType, typing.Literal):
@@ -208,7 +208,7 @@ def read_value(kind: Any, data: Any, where: Location, base: Any = None) -> Any:
 
 
 def _read_choice(values: tuple[Any, ...], data: Any, where: Location, _: Any) -> Any:
-    """One of some values."""
+    """Parse one of several values."""
     if any(type(data) is type(value) and data == value for value in values):
         return data
     found = f"{shown(data)}{did_you_mean(data, map(str, values))}"
@@ -216,13 +216,13 @@ def _read_choice(values: tuple[Any, ...], data: Any, where: Location, _: Any) ->
 
 
 def _read_union(kinds: Iterable[Any], data: Any, where: Location, base: Any) -> Any:
-    """A value of the first of these types that takes it."""
+    """Parse a value of the first type that fits."""
     kinds = [kind for kind in kinds if kind is not type(None)]
     if data is None:
         return None
     nested = [kind for kind in kinds if dataclasses.is_dataclass(kind)]
     if isinstance(data, Mapping) and len(nested) == 1:
-        # Its error says more than that of them all.
+        # Its error is more specific than that of the union.
         return read_value(nested[0], data, where, base)
     for kind in kinds:
         try:
@@ -246,7 +246,7 @@ def _read_tuple(kinds: tuple[Any, ...], data: Any, where: Location) -> tuple[Any
 
 
 def to_plain(value: Any) -> Any:
-    """A configuration, or a value in one, as plain data; `read_config` undoes it."""
+    """Convert a configuration, or a value in one, to plain data; `read_config` is the inverse."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {
             each.name: to_plain(getattr(value, each.name)) for each in dataclasses.fields(value)
@@ -259,7 +259,7 @@ def to_plain(value: Any) -> Any:
 
 
 def changed_fields(config: Any, default: Any) -> dict[str, Any]:
-    """The fields in which a configuration differs from another of its class, as plain data."""
+    """Return the fields that differ from another configuration of the class, as plain data."""
     changed: dict[str, Any] = {}
     for each in dataclasses.fields(config):
         mine, its = getattr(config, each.name), getattr(default, each.name)
@@ -272,7 +272,7 @@ def changed_fields(config: Any, default: Any) -> dict[str, Any]:
 
 
 def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
-    """Plain data with other plain data laid over it, mapping by mapping."""
+    """Return plain data overridden by other plain data, recursively for mappings."""
     both = {
         key: merged(base[key], value)
         if isinstance(value, Mapping) and isinstance(base.get(key), Mapping)
@@ -283,7 +283,7 @@ def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def differences(one: Any, other: Any, path: Steps = ()) -> list[str]:
-    """Where plain data differs from other plain data: `home_range 50, not 100`."""
+    """Return the differences between plain data as text: `home_range 50, not 100`."""
     if isinstance(one, Mapping) and isinstance(other, Mapping):
         return [
             line
@@ -298,7 +298,7 @@ def _listed(known: Iterable[str]) -> str:
 
 
 def _name(kind: Any) -> str:
-    """A type in words."""
+    """Return the name of a type for errors."""
     if get_origin(kind) in (typing.Union, types.UnionType):
         return " or ".join(_name(each) for each in get_args(kind) if each is not type(None))
     if get_origin(kind) is typing.Literal:

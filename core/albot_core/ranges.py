@@ -1,4 +1,4 @@
-"""Ranges that numbers of a configuration must lie in."""
+"""Ranges of numeric fields of configurations."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ class Range:
     """Finite numbers from `least` to `most`."""
 
     expected: str
-    """The range in words, for the error."""
+    """The range as text, for the error."""
     least: float
-    """No number is below it."""
+    """Smallest number."""
     most: float = math.inf
-    """No number is above it."""
+    """Largest number."""
     beyond: bool = False
     """Whether `least` itself is excluded."""
     whole: bool = False
-    """Whether only whole numbers are allowed."""
+    """Whether only integers are allowed."""
 
     def __contains__(self, value: object) -> bool:
         if not isinstance(value, Integral if self.whole else Real):
             return False
         try:
             number = float(value)
-        except OverflowError:  # A whole number beyond all floats.
+        except OverflowError:  # An integer too large for a float.
             return False
         within = self.least < number <= self.most or (number == self.least and not self.beyond)
         return math.isfinite(number) and within
@@ -43,15 +43,15 @@ SHARE = Range("a number within [0, 1]", 0.0, 1.0)
 
 
 def check_fields(config: object, allowed: Range, *names: str) -> None:
-    """Raise InputError if a number of a configuration is out of range.
+    """Check that fields of a configuration are numbers within a range.
 
     Args:
         config: The configuration, a dataclass.
-        allowed: What the numbers may be.
-        names: Its fields with these numbers.
+        allowed: The range.
+        names: Names of the fields.
 
     Raises:
-        InputError: A field is no number or out of range; it names the first.
+        InputError: A field is not a number or out of range; the error names the first.
     """
     for name in names:
         value = getattr(config, name)

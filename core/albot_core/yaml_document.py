@@ -1,4 +1,4 @@
-"""YAML read strictly, remembering on which line everything stands."""
+"""Strict reading of YAML, with the line of every value."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from albot_core.errors import InputError
 from albot_core.files import read_bytes
 
 LARGEST = 4 << 20
-"""Bytes of YAML that are read; a large building, traced cell by cell, takes two million."""
+"""Largest size of a YAML file (bytes); a large building traced from a grid has two million."""
 
 Steps = tuple[str | int, ...]
-"""The way to a value from the top of a document: keys and indices."""
+"""The path to a value from the top of a document: keys and indices."""
 
 
 _COLLECTIONS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
 
 
 class _Loader(yaml.BaseLoader):
-    """PyYAML with the scalars of YAML 1.2: 1e-3 is a number, no and 1:30 are text."""
+    """PyYAML with the scalars of YAML 1.2: `1e-3` is a number, `no` and `1:30` are text."""
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        """Refuse aliases: a few lines of them can stand for a document without end."""
+        """Raise for aliases, a few lines of which can expand to an endless document."""
         if self.check_event(yaml.AliasEvent):
             raise yaml.composer.ComposerError(
                 problem="an alias, which is not read", problem_mark=self.get_mark()
@@ -47,15 +47,15 @@ for _tag, _pattern in {
 
 
 class YamlDocument:
-    """Plain data from YAML text, and the line on which each value begins.
+    """Plain data from YAML text, with the line on which each value begins.
 
     Args:
         text: The text.
-        source: What errors name as the place it came from.
+        source: Origin of the text, for errors.
 
     Raises:
-        InputError: The text is no YAML, holds a key twice, a key that is no text, an
-            anchor's alias, a tag, or is nested without end.
+        InputError: The text is not YAML, holds a duplicate key, a key that is not text, an alias
+            or a tag, or is nested too deeply.
     """
 
     def __init__(self, text: str, source: object) -> None:
@@ -76,7 +76,7 @@ class YamlDocument:
             raise InputError(source, "a document nested a few levels", "too many") from None
 
     def place(self, path: Sequence[str | int]) -> str:
-        """A place as errors name it: `line 7, walls[3]`."""
+        """Return the text for a path in errors: `line 7, walls[3]`."""
         known = tuple(path)
         while known and known not in self._lines:
             known = known[:-1]
@@ -103,7 +103,7 @@ class YamlDocument:
         return self._scalar(node, line)
 
     def _entry(self, pair: tuple[yaml.Node, yaml.Node]) -> tuple[str, yaml.Node, int]:
-        """A mapping's key, the value it leads to, and the key's line."""
+        """Return an entry's key, its value, and the key's line."""
         key, value = pair
         if not isinstance(key, yaml.ScalarNode):
             raise self._error(_line(key), "a key that is text", "a collection")
@@ -134,10 +134,10 @@ def _line(node: yaml.Node) -> int:
 
 
 def read_yaml(path: Path) -> YamlDocument:
-    """The document in a file.
+    """Read the document in a file.
 
     Raises:
-        InputError: The file cannot be read, is larger than `LARGEST`, or is no UTF-8 text or YAML.
+        InputError: The file cannot be read, is larger than `LARGEST`, or is not UTF-8 or YAML.
     """
     content = read_bytes(path, LARGEST)
     try:
@@ -149,14 +149,14 @@ def read_yaml(path: Path) -> YamlDocument:
 
 
 def dotted(path: Sequence[str | int]) -> str:
-    """A path as text: `exits[2].rooms`."""
+    """Return a path as text: `exits[2].rooms`."""
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)[
         1 if path and isinstance(path[0], str) else 0 :
     ]
 
 
 def shown(value: Any) -> str:
-    """A value as errors quote it: on one line, and shortened where it is long."""
+    """Return a value as text for errors: on one line, and shortened if it is long."""
     try:
         dumped = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, width=10**9)
     except (yaml.YAMLError, ValueError, RecursionError):

@@ -1,4 +1,4 @@
-"""Drawing a world as a floor plan. Imported only where a picture is wanted: it is slow to load."""
+"""Draw a world as a floor plan. Import it only where a picture is needed: it is slow to load."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ _TINTS = ("#e6f0fb", "#fdf1df", "#e5f5e9", "#f4e9f7", "#fdeae6", "#f2f1dc")
 _LONGER_SIDE = 11.0
 """The picture's longer side (inches)."""
 _PLAN_SIDE = 4.0
-"""Side of a plan on a sheet of many (inches)."""
+"""Side of one plan on a sheet with several (inches)."""
 _MOST_WITH_NAMES = 4
-"""On a sheet of more plans the names would cover each other."""
+"""Largest number of plans on a sheet that still get names; with more, names overlap."""
 _HAIR = 1e-3
-"""Half the width (m) of a wall where the floor between walls is filled."""
+"""Half the wall width (m) used to find the regions of floor to fill."""
 
 
 def save_picture(world: World, path: Path, *, tours: Iterable[str] = ()) -> None:
-    """Write the plan of a world, with the tours named, to a PNG file."""
+    """Write the plan of a world, with the tours named in `tours`, to a PNG file."""
     x_min, y_min, x_max, y_max = world.bounds
     size = np.array([x_max - x_min, y_max - y_min])
     figure = Figure(figsize=tuple(np.maximum(size / size.max() * _LONGER_SIDE, 3.0)))
@@ -45,7 +45,7 @@ def save_picture(world: World, path: Path, *, tours: Iterable[str] = ()) -> None
 
 
 def save_sheet(worlds: Sequence[World], path: Path) -> None:
-    """Write the plans of many worlds, each under its source, to one PNG file."""
+    """Write the plans of several worlds, each titled with its source, to one PNG file."""
     columns = math.isqrt(len(worlds) - 1) + 1
     rows = -(-len(worlds) // columns)
     figure = Figure(figsize=(_PLAN_SIDE * columns, _PLAN_SIDE * rows), layout="tight")
@@ -58,10 +58,10 @@ def save_sheet(worlds: Sequence[World], path: Path) -> None:
 
 
 def draw_world(world: World, axes: Axes, *, tours: Iterable[str] = (), names: bool = True) -> None:
-    """Draw floor, rooms, walls, exits, movable things, starts, a scale bar and the tours named.
+    """Draw floor, rooms, walls, exits, movables, starts, a scale bar and the tours in `tours`.
 
-    Light blue is glass. Grey is what walls shut off: the inside of furniture and of thick
-    walls, closed rooms.
+    Light blue is glass. Grey is what the robot cannot reach behind walls: the inside of
+    furniture and of thick walls, and closed rooms.
     """
     _draw_floor(world, axes, names)
     for walls, colour in ((world.opaque, _WALL), (world.walls[world.glass], _GLASS)):
@@ -78,7 +78,7 @@ def draw_world(world: World, axes: Axes, *, tours: Iterable[str] = (), names: bo
 
 
 def _draw_floor(world: World, axes: Axes, names: bool) -> None:
-    """Shade what is shut off, and tint and name each room's part of the robot's floor."""
+    """Shade what walls close off; tint and name the part of each room that the robot can reach."""
     space = FreeSpace(world.walls, _HAIR)
     floor = space.region_at(world.starts[0, :2])
     shut = [
@@ -126,7 +126,7 @@ def _text_size(world: World) -> float:
 
 
 def _frame(world: World, axes: Axes) -> None:
-    """Set the limits, with room below for a bar that shows the scale."""
+    """Set the axes' limits and draw a scale bar below the plan."""
     x_min, y_min, x_max, y_max = world.bounds
     margin = 0.04 * max(x_max - x_min, y_max - y_min)
     axes.set_xlim(x_min - margin, x_max + margin)
@@ -151,7 +151,7 @@ _DOOR, _BOX, _WALKER = "#8a5a2b", "#c9a36b", "#7b3fa0"
 
 
 def draw_movables(movables: Movables, axes: Axes) -> None:
-    """Draw doors shut with the way they swing, boxes, and walkers on their routes."""
+    """Draw closed doors with the arc they sweep, boxes, and walkers with their routes."""
     for door in movables.doors:
         _draw_door(door, axes)
     for box in movables.boxes:

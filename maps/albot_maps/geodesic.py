@@ -1,4 +1,4 @@
-"""Geodesic distances: how far it is home for a robot that cannot drive through walls."""
+"""Geodesic distances: lengths of shortest paths for a robot that cannot pass through walls."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from albot_maps.lattice import Lattice
 
 
 class DistanceField:
-    """The length of the shortest way to a goal from everywhere, for a disc of `radius` (m).
+    """Lengths of the shortest paths from every point to a goal, for a disc of `radius` (m).
 
-    Ways lead straight over a lattice from anchor to anchor, which are points at which they
-    turn, and from the last one to the goal. Where the goal is in sight the length is exact;
-    at each corner on the way it is a few centimetres too long. Ways keep to points of the lattice
-    that are at least the radius away from walls. So a gap less than a cell wider than the disc may
-    be closed. With `tight` no gap that the disc can pass is closed, but some are open that are
-    up to a cell and a half too narrow.
+    A path runs straight from anchor to anchor (the points at which it turns) over a lattice, and
+    from the last anchor to the goal. The length is exact where the goal is in sight, and a few
+    centimetres too long at each corner. Paths use only lattice points that are at least the
+    radius away from walls, so a gap that is less than one cell wider than the disc may count as
+    closed. With `tight`, every gap that the disc can pass is open, but so are some gaps that are
+    up to one and a half cells too narrow.
 
     Args:
         walls: Everything the disc must not touch.
-        radius: Its radius (m).
-        goal: Where ways lead (m).
-        tight: Whether no gap that the disc can pass may be closed.
+        radius: The disc's radius (m).
+        goal: Where the paths end (m).
+        tight: Whether every gap that the disc can pass must be open.
     """
 
     def __init__(
@@ -40,21 +40,21 @@ class DistanceField:
     ) -> None:
         lattice = Lattice(walls)
         self.corner = lattice.corner
-        """Where the lattice's first point lies (m)."""
+        """Position of the lattice's first point (m)."""
         self.cell = lattice.cell
-        """Distance of its points (m)."""
+        """Distance between neighbouring lattice points (m)."""
         self.columns, self.rows = lattice.shape
         state = lattice.blocked(radius - (self.cell * math.sqrt(0.5) if tight else 0.0))
         anchors = np.empty((len(state) + 1, 4))
         self.anchor_of: Int32[np.ndarray, "points"] = np.empty(len(state), np.int32)
-        """The first anchor on the way from each point; `FAR` where there is no way."""
+        """The first anchor on the path from each point; `FAR` where there is no path."""
         x, y = ((goal - self.corner) / self.cell).tolist()
         count = search_any_angle(state, self.columns, self.rows, x, y, anchors, self.anchor_of)
         self.anchors: Float64[np.ndarray, "anchors 4"] = anchors[:count].copy()
-        """x, y of each anchor, its distance from the goal (cells), and the next one."""
+        """Per anchor: x, y (cells), distance from the goal (cells), index of the next anchor."""
 
     def distance(self, place: Float64[np.ndarray, "2"]) -> float:
-        """Length (m) of the shortest way from a place (m) to the goal; infinite without one."""
+        """Return the shortest path's length (m) from a position (m); infinite if there is none."""
         anchor = self._anchor(place)
         if anchor == FAR:
             return math.inf
@@ -63,7 +63,10 @@ class DistanceField:
         return float((ahead[2] + length_of(x - ahead[0], y - ahead[1])) * self.cell)
 
     def way(self, place: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "turns 2"]:
-        """Where the shortest way from a place (m) turns, the goal last; empty without one."""
+        """Return the turning points (m) of the shortest path from a position (m).
+
+        The goal is the last. The array is empty if there is no path.
+        """
         anchor, turns = self._anchor(place), []
         while anchor > 0:
             turns.append(self.anchors[anchor, :2])

@@ -1,4 +1,4 @@
-"""The lattice of points laid over a floor, and where on it a robot surely gets to."""
+"""A lattice of points over a floor, and which of them a robot can certainly reach."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from albot_core.kernels.compiled import kernel
 from albot_core.planning.grid_search import BLOCKED, REACHED, flood_fill
 
 _CELL = 0.1
-"""Distance (m) of the lattice's points on floors of an ordinary size."""
+"""Distance (m) between lattice points, on floors of ordinary size."""
 _MOST_POINTS = 2_000_000
-"""On a larger floor the points lie further apart."""
+"""Largest number of lattice points; on larger floors they lie further apart."""
 _ROUNDING = 1e-9
-"""How far (m) inside a room the disc must lie, lest rounding decide."""
+"""Margin (m) by which the disc must lie inside a room, so that rounding does not decide."""
 
 
 class Lattice:
-    """Points a cell apart, column by column, over everything that the walls enclose.
+    """Points one cell apart, column by column, over the rectangle around all walls.
 
     Args:
         walls: The walls.
@@ -32,15 +32,15 @@ class Lattice:
         corner, far = ends.min(axis=0), ends.max(axis=0)
         self._walls = walls
         self.corner: Float64[np.ndarray, "2"] = corner
-        """Where the first point lies (m)."""
+        """Position of the first point (m)."""
         self.cell = max(_CELL, float(np.sqrt(np.prod(far - corner) / _MOST_POINTS)))
-        """Distance of neighbouring points (m)."""
+        """Distance between neighbouring points (m)."""
         columns, rows = np.ceil((far - corner) / self.cell) + 1
         self.shape = int(columns), int(rows)
-        """How many columns, and points in each."""
+        """Number of columns, and of points per column."""
 
     def blocked(self, clearance: float) -> UInt8[np.ndarray, "points"]:
-        """`BLOCKED` for each point nearer than this (m) to a wall, 0 for all others."""
+        """Return `BLOCKED` for each point closer to a wall than `clearance` (m), 0 for others."""
         ends = (self._walls.reshape(-1, 2, 2) - self.corner) / self.cell
         low = np.maximum(np.ceil(ends.min(axis=1) - clearance / self.cell), 0)
         high = np.floor(ends.max(axis=1) + clearance / self.cell)
@@ -53,13 +53,13 @@ class Lattice:
         return state
 
     def nearest(self, point: Float64[np.ndarray, "2"]) -> tuple[int, int] | None:
-        """Column and row of the point nearest to a place (m); None where it is off the lattice."""
+        """Return column and row of the point nearest to a position (m); None off the lattice."""
         column, row = np.round((point - self.corner) / self.cell).astype(int).tolist()
         inside = 0 <= column < self.shape[0] and 0 <= row < self.shape[1]
         return (column, row) if inside else None
 
     def places(self, axis: int, low: float, high: float) -> slice:
-        """The columns (axis 0) or rows (axis 1) from `low` to `high` (m)."""
+        """Return the columns (axis 0) or rows (axis 1) from `low` to `high` (m)."""
         begin = float(self.corner[axis])
         first = max(0, math.ceil((low - begin) / self.cell))
         return slice(first, max(first, math.floor((high - begin) / self.cell) + 1))
@@ -76,18 +76,18 @@ def _block(
     cell: float,
     clearance: float,
 ) -> None:
-    """Mark the lattice points nearer to a wall than `clearance`.
+    """Mark the lattice points closer to a wall than `clearance`.
 
     Args:
-        state: Zeros, column by column, filled in.
-        rows: How many there are in a column.
+        state: Zeros, column by column; written in place.
+        rows: Number of points per column.
         walls: Segments (n, 4).
-        boxes: For each wall the points to look at (n, 4): the first and the last column,
-            the first and the last row.
-        corner_x: Where the first column lies.
-        corner_y: Where the first row lies.
-        cell: Distance of neighbouring points.
-        clearance: How near a wall may be.
+        boxes: For each wall the points to check (n, 4): first and last column, first and
+            last row.
+        corner_x: x of the first column (m).
+        corner_y: y of the first row (m).
+        cell: Distance between neighbouring points (m).
+        clearance: Smallest allowed distance to a wall (m).
     """
     for index in range(len(walls)):
         x1, y1 = walls[index, 0], walls[index, 1]
@@ -108,20 +108,20 @@ def _block(
 
 
 class FloodFill:
-    """Where a disc of `radius` (m) surely gets to from a start: a quick proof, by flood fill.
+    """Where a disc of `radius` (m) certainly gets from a start: a quick proof by flood fill.
 
-    It errs on the safe side: what the fill reaches, the disc reaches. What it does not reach may
-    still be open, and only the exact `FreeSpace` can tell.
+    The disc reaches every point that the fill reaches. A point that the fill does not reach
+    may still be reachable; only the exact `FreeSpace` can tell.
 
-    No point of the plane is further than cell / √2 from the lattice's nearest. A lattice
-    point is open where the walls are at least the radius and that much away, so the
-    straight ways from it to its four neighbours, and to any point to which it is the
-    nearest, are clear of walls.
+    Every point near the walls is within cell / √2 of its nearest lattice point. A lattice point
+    is open if walls are at least the radius plus cell / √2 away. The straight lines from it to
+    its four neighbours, and to every point whose nearest lattice point it is, are therefore
+    clear of walls.
 
     Args:
         walls: Everything the disc must not touch.
-        radius: Its radius (m).
-        start: Where it sets out (m).
+        radius: The disc's radius (m).
+        start: Where the disc starts (m).
     """
 
     def __init__(self, walls: Segments, radius: float, start: Float64[np.ndarray, "2"]) -> None:
@@ -133,7 +133,7 @@ class FloodFill:
             return
         clearance = radius + lattice.cell * np.sqrt(0.5)
         state = lattice.blocked(clearance)
-        # A point may be put on the list by each of its four neighbours.
+        # Each of a point's four neighbours may add it to the list.
         waiting = np.empty(4 * state.size + 1, dtype=np.int64)
         rows = lattice.shape[1]
         waiting[0] = first[0] * rows + first[1]
@@ -141,12 +141,12 @@ class FloodFill:
         self._state = state.reshape(lattice.shape)
 
     def reaches(self, point: Float64[np.ndarray, "2"]) -> bool:
-        """Whether the disc's middle surely gets to a point (m)."""
+        """Return whether the disc's centre certainly reaches a point (m)."""
         nearest = self._lattice.nearest(point)
         return nearest is not None and bool(self._state[nearest] == REACHED)
 
     def enters(self, outline: Points) -> bool:
-        """Whether the disc surely gets to stand wholly inside an outline (m)."""
+        """Return whether the disc certainly reaches a position completely inside an outline (m)."""
         lattice = self._lattice
         (left, bottom), (right, top) = outline.min(axis=0).tolist(), outline.max(axis=0).tolist()
         if _is_rectangle(outline):
@@ -163,7 +163,7 @@ class FloodFill:
 
 
 def _is_rectangle(outline: Points) -> bool:
-    """Whether an outline is four corners whose sides run along x and y in turn."""
+    """Return whether an outline is a rectangle with sides parallel to the axes."""
     if len(outline) != 4:
         return False
     (x1, y1), (x2, y2), (x3, y3), (x4, y4) = outline.tolist()

@@ -1,6 +1,6 @@
-"""Worlds by their spec, the one string that names a world everywhere, and sets of worlds.
+"""Load worlds, and sets of worlds, by their spec: the string that names a world everywhere.
 
-A spec is the name of a world of the catalogue, a file of any format, or a random building.
+A spec is a name from the catalogue, a file in any supported format, or a random building.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ _CATALOGUE = resources.files("albot_maps") / "catalogue"
 _YAML = {".yaml", ".yml"}
 _PICTURES = {".pgm", ".png"}
 KEPT = 256
-"""Worlds of a set that are kept once they were needed; others are made again."""
+"""Number of a set's most recently used worlds that stay in memory; others are loaded again."""
 
 _MOST = 1_000_000_000
-"""Largest set of random worlds."""
+"""Largest number of random worlds in a set."""
 _RANGE = re.compile(
     re.escape(PREFIX) + r"(?P<kind>[^:?]*):(?P<first>\d+)\.\.(?P<last>\d+)(?P<rest>\?.*)?"
 )
 
 
 def catalogue_names() -> tuple[str, ...]:
-    """The names of the worlds that come with the project."""
+    """Return the names of the worlds that come with the project."""
     files = (entry.name for entry in _CATALOGUE.iterdir())
     return tuple(sorted(name.removesuffix(".yaml") for name in files if name.endswith(".yaml")))
 
 
 def load_world(spec: str | Path) -> World:
-    """The world that a spec names: one of the catalogue's, a file's, or a random one.
+    """Return the world that a spec names: from the catalogue, from a file, or a random one.
 
-    A random world's spec is `random:KIND:SEED`, followed where wanted by its parameters:
+    A random world's spec is `random:KIND:SEED`, optionally followed by parameters:
     `random:office:42?rooms=12&clutter=0.3`.
 
     Raises:
-        InputError: There is no such world, its file is wrong, or no such world can be made.
+        InputError: There is no such world, its file is invalid, or it cannot be generated.
     """
     spec = str(spec)
     if spec.startswith(PREFIX):
@@ -63,20 +63,18 @@ def load_world(spec: str | Path) -> World:
 
 
 def read_world(path: Path) -> World:
-    """The world in a file: our own YAML or a foreign format, told by the file's ending.
+    """Return the world in a file. The file's suffix selects the format.
 
-    Foreign are a ROS map (its YAML or its picture), a plan's XML, a HouseExpo house (JSON)
-    and a Stage world.
-
-    Any of them may be compressed (`.gz`, `.xz`).
+    Formats are `albot-world` YAML, a ROS map (its YAML or its picture), a floor plan in XML, a
+    HouseExpo house (JSON) and a Stage world. Any of them may be compressed (`.gz`, `.xz`).
 
     Raises:
-        InputError: The file cannot be read, its format is not known, or it is wrong.
+        InputError: The file cannot be read, its format is unknown, or its content is invalid.
     """
     kind = Path(path.stem).suffix if path.suffix in {".gz", ".xz"} else path.suffix
     if kind in _YAML:
         return _read_yaml_world(path)
-    # The readers of foreign formats are imported when they are needed: they are slow to load.
+    # The readers of other formats are imported only when needed: they are slow to load.
     if kind == ".xml":
         from albot_maps.formats.plan_xml import read_plan_xml
 
@@ -106,7 +104,7 @@ def _read_yaml_world(path: Path) -> World:
 
 
 def _description_of(picture: Path) -> Path:
-    """The YAML beside a ROS map's picture."""
+    """Return the path of the YAML file beside a ROS map's picture."""
     if not exists(picture):
         raise MissingFileError(picture)
     stem = picture.name.split(".")[0]
@@ -118,13 +116,13 @@ def _description_of(picture: Path) -> Path:
 
 
 class WorldSet:
-    """Worlds by their number. A world is loaded or made when it is first asked for.
+    """Worlds by number. A world is loaded or generated when it is first accessed.
 
     Args:
         worlds: The worlds, or their specs.
 
     Raises:
-        InputError: There is no world, or the first one is wrong.
+        InputError: `worlds` is empty, or the first one is invalid.
     """
 
     def __init__(self, worlds: Sequence[str | Path | World]) -> None:
@@ -132,21 +130,21 @@ class WorldSet:
             raise InputError("worlds", "at least one world", "none")
         self._worlds = worlds
         self._loaded: OrderedDict[int, World] = OrderedDict()
-        self[0]  # A wrong spec raises now, not in the middle of a training.
+        self[0]  # An invalid spec raises now, not during a training run.
 
     def __len__(self) -> int:
-        """How many worlds there are."""
+        """Return the number of worlds."""
         return len(self._worlds)
 
     def __iter__(self) -> Iterator[World]:
-        """The worlds in turn."""
+        """Iterate over the worlds in order."""
         return (self[number] for number in range(len(self)))
 
     def __getitem__(self, number: int) -> World:
-        """The world of a number from 0 on.
+        """Return a world by its number, from 0.
 
         Raises:
-            InputError: No world has that number, or it is wrong.
+            InputError: No world has that number, or it is invalid.
         """
         if not 0 <= number < len(self):
             expected = f"a world's number below {len(self)}"
@@ -161,13 +159,13 @@ class WorldSet:
 
 
 def load_worlds(spec: str | Path | World | WorldSet) -> WorldSet:
-    """The worlds that a spec names.
+    """Return the worlds that a spec names.
 
-    A spec with a range of seeds names as many random worlds: `random:office:0..99?rooms=8`
-    those of the seeds 0 to 99. Any other names one world (see `load_world`).
+    A spec with a range of seeds names one random world per seed: `random:office:0..99?rooms=8`
+    names those of seeds 0 to 99. Any other spec names one world (see `load_world`).
 
     Raises:
-        InputError: As `load_world`; or the range holds no seed, or the spec is of another type.
+        InputError: As `load_world`; or the range is empty or too large, or `spec` has another type.
     """
     if isinstance(spec, WorldSet):
         return spec
@@ -185,7 +183,7 @@ def load_worlds(spec: str | Path | World | WorldSet) -> WorldSet:
 
 
 class _Specs(Sequence[str]):
-    """The specs of the random worlds of a range of seeds."""
+    """The specs of the random worlds for a range of seeds."""
 
     def __init__(self, kind: str, seeds: range, rest: str) -> None:
         self._kind, self._seeds, self._rest = kind, seeds, rest

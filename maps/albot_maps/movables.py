@@ -1,4 +1,4 @@
-"""What moves in a world (doors, boxes to push, people who walk), and what must hold of it."""
+"""Doors, pushable boxes and walkers of a world, and the checks that they must pass."""
 
 from __future__ import annotations
 
@@ -18,42 +18,42 @@ from albot_maps.freespace import FreeSpace, wall_lines
 Point = tuple[float, float]
 """x, y (m)."""
 Span = tuple[float, float]
-"""The least and the greatest value of what is drawn for each episode."""
+"""Smallest and largest value of a random draw."""
 
 NARROWEST_LEAF, WIDEST_LEAF = 0.3, 3.0
 """Widths of a door's leaf (m)."""
 SMALLEST_SIDE = 0.3
-"""Of a box (m): one much thinner could be pushed through a wall in one physics step."""
+"""Smallest side of a box (m): a much thinner one could pass through a wall in a physics step."""
 SHORTEST_LEG = 0.1
-"""Of a walker's route (m)."""
+"""Shortest leg of a walker's route (m)."""
 _ARC = math.radians(5)
-"""The arc that a leaf sweeps is drawn by chords of at most so much (rad)."""
+"""Largest angle (rad) of a chord with which a leaf's arc is approximated."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Door:
-    """A leaf that swings about its hinge, open for a while and shut for a while.
+    """A door leaf that swings about its hinge and is open and shut in turn.
 
-    It opens by itself. Where somebody or something is in its way it waits.
+    It opens and shuts by itself, and waits while something is in its way.
 
     Raises:
         InputError: A number is not finite or out of its range; the place is the field.
     """
 
     hinge: Point
-    """Where it hangs (m)."""
+    """Position of the hinge (m)."""
     heading: float
-    """Direction of the shut leaf as seen from the hinge (rad)."""
+    """Direction of the shut leaf from the hinge (rad)."""
     width: float
-    """From the hinge to the leaf's other end (m)."""
+    """Length of the leaf from the hinge to its other end (m)."""
     opening: float = math.pi / 2
-    """How far it opens (rad), counter-clockwise positive; at most half a turn."""
+    """Opening angle (rad), counter-clockwise positive; at most half a turn."""
     turn_rate: float = 1.0
-    """How fast it swings (rad/s)."""
+    """Angular speed of the leaf (rad/s)."""
     open_for: Span = (5.0, 20.0)
-    """How long it stays open (s), drawn each time."""
+    """Range of the time that it stays open (s), drawn each time."""
     shut_for: Span = (5.0, 20.0)
-    """How long it stays shut (s), drawn each time."""
+    """Range of the time that it stays shut (s), drawn each time."""
 
     def __post_init__(self) -> None:
         _check_finite("Door", hinge=self.hinge, heading=self.heading)
@@ -67,7 +67,7 @@ class Door:
 
     @property
     def sweep(self) -> shapely.Polygon:
-        """All that the leaf passes between shut and open."""
+        """The area that the leaf sweeps between shut and open."""
         steps = max(2, math.ceil(abs(self.opening) / _ARC) + 1)
         angles = self.heading + np.linspace(0.0, self.opening, steps)
         arc = np.stack((np.cos(angles), np.sin(angles)), axis=1) * self.width + self.hinge
@@ -83,9 +83,9 @@ class Box:
     """
 
     at: Point
-    """Its middle when an episode begins (m)."""
+    """Position of its centre when an episode begins (m)."""
     heading: float = 0.0
-    """Direction of its length (rad)."""
+    """Direction of the side `length` (rad)."""
     length: float = 0.5
     """One side (m)."""
     width: float = 0.5
@@ -109,13 +109,13 @@ class Box:
 
     @property
     def outline(self) -> shapely.Polygon:
-        """The floor that it covers when an episode begins."""
+        """The area that it covers when an episode begins."""
         return shapely.Polygon(self.corners)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Walker:
-    """Somebody who walks along a route, to and fro or round and round.
+    """A person who walks along a route, back and forth or round in a loop.
 
     Raises:
         InputError: A number is not finite or out of its range; the place is the field.
@@ -124,9 +124,10 @@ class Walker:
     route: tuple[Point, ...]
     """Waypoints (m) joined by straight legs."""
     closed: bool = False
-    """Whether the last waypoint is joined to the first; else it is walked to and fro."""
+    """Whether the last waypoint is joined to the first; otherwise the route is walked back and
+    forth."""
     speed: Span = (0.8, 1.4)
-    """Speed when nothing is in the way (m/s), drawn for each episode."""
+    """Range of the speed on a free path (m/s), drawn for each episode."""
     radius: float = 0.25
     """Radius of the body (m)."""
 
@@ -144,7 +145,7 @@ class Walker:
 
     @property
     def legs(self) -> Segments:
-        """The legs of the route (n, 4): x1, y1, x2, y2 (m)."""
+        """The legs of the route, (n, 4): x1, y1, x2, y2 (m)."""
         points = np.array(self.route)
         ahead = np.roll(points, -1, axis=0) if self.closed else points[1:]
         legs: Segments = np.concatenate((points[: len(ahead)], ahead), axis=1)
@@ -153,7 +154,7 @@ class Walker:
 
 @dataclass(frozen=True, kw_only=True)
 class Movables:
-    """All that moves in a world."""
+    """Everything that moves in a world."""
 
     doors: tuple[Door, ...] = ()
     boxes: tuple[Box, ...] = ()
@@ -163,9 +164,10 @@ class Movables:
         return bool(self.doors or self.boxes or self.walkers)
 
     def gap(self, x: float, y: float) -> float:
-        """Distance (m) of a point from where no robot may begin.
+        """Return the distance (m) of a point to the areas in which no robot may start.
 
-        That is what doors sweep and where boxes stand at first.
+        These are the areas that doors sweep and those that boxes cover at first. Without
+        any, the distance is infinite.
         """
         here = shapely.Point(x, y)
         return min((here.distance(shape) for shape in self._barred), default=math.inf)
@@ -197,29 +199,29 @@ def _check_span(kind: str, name: str, span: Span, least: float, most: float, uni
 
 
 TOLERANCE = 0.01
-"""How deep (m) the leaf of a door may reach into a wall or another's way; and how far a box
-stands from all else."""
+"""Depth (m) to which a door's leaf may reach into a wall or another door's sweep; also the
+smallest distance (m) of a box from everything else."""
 _WAY_OUT = 1.0
-"""How far (m) a robot gets from a start before it must push a box."""
+"""Distance (m) that a robot must be able to drive from a start without pushing a box."""
 
 
 class Fault(NamedTuple):
-    """What is wrong with a thing."""
+    """A check that a movable does not pass."""
 
     place: str
-    """As `movables.doors[0]`."""
+    """Path of the movable or start, such as `movables.doors[0]`."""
     expected: str
     found: str
 
 
 class Surroundings(NamedTuple):
-    """What the things stand among."""
+    """The walls and starts with which movables must be compatible."""
 
     walls: Segments
     starts: Points
-    """Where robots begin (m)."""
+    """Positions where robots start (m)."""
     radius: float
-    """Theirs (m)."""
+    """The robots' radius (m)."""
 
     @property
     def extent(self) -> shapely.Polygon:
@@ -228,7 +230,7 @@ class Surroundings(NamedTuple):
 
 
 def faults(movables: Movables, around: Surroundings) -> Iterator[Fault]:
-    """What is wrong with the things of a world, in the order of doors, boxes and walkers."""
+    """Yield what is wrong with the movables of a world: doors, boxes, walkers, then starts."""
     lines = wall_lines(around.walls)
     shapely.prepare(lines)
     yield from _door_faults(movables, around, lines)
@@ -297,7 +299,7 @@ def _walker_faults(
     if clearance < walker.radius:
         expected = f"a route {walker.radius:g} m clear of walls and boxes"
         yield expected, f"one at {clearance:.3g} m"
-    # Wherever the robot begins, some waypoint is then free.
+    # Then some waypoint is free wherever the robot starts.
     points = np.array(walker.route)
     spread = float(np.hypot(*(points[:, np.newaxis] - points).T).max())
     least = 2 * (around.radius + walker.radius + TOLERANCE)
@@ -306,10 +308,10 @@ def _walker_faults(
 
 
 def _walled_in(movables: Movables, around: Surroundings) -> Iterator[Fault]:
-    """The starts from which a robot gets nowhere unless it pushes a box."""
+    """Yield the starts from which a robot cannot drive away without pushing a box."""
     outlines = shapely.union_all([box.outline for box in movables.boxes])
     for index, start in enumerate(around.starts):
-        # An empty shape is at no distance (nan).
+        # The distance to an empty shape is nan.
         if not shapely.Point(start).distance(outlines) < _WAY_OUT + around.radius:
             continue
         sides = [_sides(box.corners) for box in movables.boxes]
@@ -325,6 +327,6 @@ def _sides(corners: Points) -> Segments:
 
 
 def _reach(space: FreeSpace, start: np.ndarray) -> float:
-    """How far from a start the disc gets (m)."""
+    """Return the largest straight-line distance (m) that the disc gets from a start."""
     here = shapely.Point(start)
     return float(shapely.hausdorff_distance(space.region_at(start).exterior, here))

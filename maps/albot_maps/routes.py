@@ -1,4 +1,4 @@
-"""Ways for a robot over a world's floor: the tours of worlds that come without any."""
+"""Plan routes for a robot through a world: tours for worlds that come without any."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ from albot_maps.freespace import FreeSpace
 from albot_maps.world import World
 
 CLEARANCE = 0.35
-"""How far routes keep the robot's middle from the walls, as the catalogue's tours do (m)."""
+"""Distance (m) that routes keep between the robot's centre and walls, as in the catalogue."""
 
 _Stops = Float64[np.ndarray, "stops 2"]
 _Waypoints = Float64[np.ndarray, "waypoints 2"]
 
 _CELL = 0.1
-"""Distance of neighbouring lattice points (m)."""
+"""Distance between neighbouring lattice points (m)."""
 _STEPS = ((1, 0), (0, 1), (1, 1), (1, -1))
 
 
 class Routes:
-    """Short ways over the floor of a world, at a distance from its walls.
+    """Short routes through a world that keep a distance from its walls.
 
-    A shortest way over a lattice of points 0.1 m apart is pulled straight: each waypoint is
-    the last one that can be reached in a straight line from the one before.
+    A shortest path over a lattice of points 0.1 m apart is straightened: each waypoint is the
+    last lattice point on the path in a straight free line from the waypoint before.
 
     Args:
-        world: The world; what moves in it is passed over.
-        clearance: How far the robot's middle keeps from every wall (m).
+        world: The world; its movables are ignored.
+        clearance: Distance of the robot's centre from every wall (m).
     """
 
     def __init__(self, world: World, clearance: float = CLEARANCE) -> None:
@@ -44,10 +44,10 @@ class Routes:
         shapely.prepare(self._floor)
 
     def through(self, stops: _Stops) -> _Waypoints:
-        """The waypoints (m) of a short way through the stops in turn, the stops included.
+        """Return the waypoints (m) of a short route through the stops in order, stops included.
 
         Raises:
-            InputError: Fewer than two stops, or one that is too near to a wall or out of reach.
+            InputError: There are fewer than two stops, or one is unreachable or too near a wall.
         """
         if len(stops) < 2:
             raise InputError(self._world.source, "two stops or more", str(len(stops)))
@@ -62,15 +62,17 @@ class Routes:
         return np.concatenate([stops[:1], *(leg[1:] for leg in legs)])
 
     def through_rooms(self, names: list[str]) -> _Waypoints:
-        """A way from room to room, to where each has most space.
+        """Return the waypoints (m) of a route from room to room.
+
+        The stop in each room is the centre of its largest disc of free floor.
 
         Raises:
-            InputError: There is no such room, or the robot does not get in.
+            InputError: There is no such room, or the robot cannot enter it.
         """
         return self.through(np.array([self._middle(name) for name in names]))
 
     def _middle(self, name: str) -> tuple[float, float]:
-        """The middle of the largest disc of free floor in a room (m)."""
+        """Return the centre of the largest disc of free floor in a room (m)."""
         for room in self._world.rooms:
             if room.name == name:
                 floor = self._floor.intersection(shapely.Polygon(room.boundary))
@@ -81,7 +83,7 @@ class Routes:
         raise InputError(self._world.source, "a room of this world", repr(name))
 
     def _way(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """The points of a shortest way over the lattice, the ends put before and behind."""
+        """Return the points of a shortest path over the lattice, with `start` and `end` added."""
         first, last = (int(np.hypot(*(self._lattice - at).T).argmin()) for at in (start, end))
         _, before = dijkstra(self._graph, directed=False, indices=first, return_predecessors=True)
         way = [last]
@@ -101,7 +103,7 @@ class Routes:
 
     @cached_property
     def _lattice(self) -> np.ndarray:
-        """(n, 2): the free points of the lattice (m)."""
+        """The free points of the lattice, (n, 2) (m)."""
         x, y = self._axes
         return np.stack((x[self._free], y[self._free]), axis=-1)
 
@@ -119,7 +121,7 @@ class Routes:
 
     @cached_property
     def _graph(self) -> csr_matrix:
-        """The lattice's free points, each joined to its free neighbours."""
+        """The graph that joins each free lattice point to its free neighbours."""
         free = self._free
         index = np.full(free.shape, -1)
         index[free] = np.arange(np.count_nonzero(free))

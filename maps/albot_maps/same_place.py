@@ -1,16 +1,16 @@
-"""Whether two positions of a robot are one place: the truth by which recognition is judged.
+"""Whether two positions of a robot are the same place: the ground truth for recognition.
 
-It must suit a mapper whose places are rooms as well as one whose places are half a metre wide, so
-it is told of two positions, not of a mapper's places. Two positions are the same place where
+It must suit a mapper whose places are rooms as well as one whose places are half a metre wide.
+So it compares two positions, not a mapper's places. Two positions are the same place if
 
 - they are in the same room; or
-- nothing lies between them, no wall and no doorway: corridors that open into each other as wide as
-  they are cannot be told apart by what is seen; or
-- they are within `NEAR` of each other with no wall between: half a metre this side of a doorway
-  and half a metre beyond look the same.
+- no wall and no doorway lies between them: two corridors that meet at their full width cannot be
+  told apart by what is seen; or
+- they are within `NEAR` of each other with no wall between: half a metre before a doorway and half
+  a metre behind it look the same.
 
-In a world that lists no openings, where a doorway may be missing, the second does not count. Where
-neither rooms nor walls are known, as of a real robot's log, distance alone tells
+The second rule does not apply in a world that lists no exits, because a doorway may be missing.
+Where neither rooms nor walls are known, as for a real robot's log, only the distance counts
 (`albot_core.evaluation.recognition.NEAR`).
 """
 
@@ -26,27 +26,27 @@ from albot_core.kernels.compiled import kernel
 from albot_maps.world import World
 
 NEAR = 1.0
-"""Positions nearer than this with no wall between are one place (m)."""
+"""Positions closer than this (m) with no wall between are the same place."""
 DOORWAY = 1.5
-"""Wider openings between rooms are no doorways (m)."""
+"""Largest width of a doorway (m); wider exits are not doorways."""
 
 
 class Barriers(NamedTuple):
-    """What parts the places of worlds: their walls and doorways, one world after the other."""
+    """What separates places: the walls and doorways of several worlds, one world after another."""
 
     lines: np.ndarray
     """(all, 4) float64: line segments (m)."""
     spans: np.ndarray
-    """(worlds, 3) int64: where each world's walls begin, where they end and its doorways begin, and
-    where these end. Without any doorway listed the last is -1."""
+    """(worlds, 3) int64, per world: index of the first wall, of the first doorway (the end of the
+    walls), and the end of the doorways. The last is -1 if the world lists no exits."""
 
 
 NO_BARRIERS = Barriers(np.empty((0, 4)), np.empty((0, 3), np.int64))
-"""Those of no world."""
+"""The barriers of zero worlds."""
 
 
 def with_barriers(barriers: Barriers, world: World) -> Barriers:
-    """The barriers of one world more."""
+    """Return `barriers` with those of one more world appended."""
     openings = np.reshape([opening.segment for opening in world.exits], (-1, 4)).astype(float)
     doorways = openings[np.hypot(*(openings[:, 2:] - openings[:, :2]).T) <= DOORWAY]
     walls = len(barriers.lines) + len(world.walls)
@@ -60,7 +60,7 @@ def with_barriers(barriers: Barriers, world: World) -> Barriers:
 
 @kernel()
 def is_between(x1: float, y1: float, x2: float, y2: float, line: np.ndarray) -> bool:
-    """Whether a line segment cuts, or touches, the way from one point to another (m)."""
+    """Return whether `line` cuts or touches the segment from (x1, y1) to (x2, y2) (m)."""
     dx, dy = x2 - x1, y2 - y1
     ex, ey = line[2] - line[0], line[3] - line[1]
     one = dx * (line[1] - y1) - dy * (line[0] - x1)
@@ -85,9 +85,10 @@ def is_same_place(
     world: int,
     barriers: Barriers,
 ) -> bool:
-    """Whether two positions (m) are the same place; rooms are -1 between rooms.
+    """Return whether two positions (m) are the same place.
 
-    `world` is the number of the world among those of the barriers.
+    `room1` and `room2` are room numbers, -1 outside all rooms. `world` is the row of the world
+    in `barriers.spans`.
     """
     if room1 == room2 and room1 >= 0:
         return True
@@ -117,11 +118,11 @@ def _compare(points: np.ndarray, rooms: np.ndarray, barriers: Barriers) -> np.nd
 def same_places(
     world: World, points: Points, rooms: Int64[np.ndarray, "points"]
 ) -> Bool[np.ndarray, "points points"]:
-    """Which of some positions in a world are the same place.
+    """Return for each pair of positions in a world whether they are the same place.
 
     Args:
         world: The world.
         points: The positions (world frame, m).
-        rooms: The number of the room at each, -1 between rooms.
+        rooms: Number of the room at each position; -1 outside all rooms.
     """
     return _compare(np.ascontiguousarray(points), rooms, with_barriers(NO_BARRIERS, world))

@@ -18,19 +18,19 @@ from albot_maps.freespace import FreeSpace, wall_lines
 from albot_maps.movables import Movables, Surroundings, faults
 
 ROBOT_RADIUS = 0.25
-"""Radius (m) of the disc that stands for the Pioneer 3-DX wherever a world is checked."""
+"""Radius (m) of the disc that represents the Pioneer 3-DX in the checks of a world."""
 
 LARGEST_COORDINATE = 10_000.0
-"""A coordinate beyond this (m) is not a building in metres."""
+"""Largest absolute coordinate (m); larger ones are probably not in metres."""
 
 SHORTEST_WALL = 1e-6
-"""A wall no longer than this (m) is a point."""
+"""A wall of this length (m) or less counts as a point, and is an error."""
 
 _ROUNDING = 0.002
-"""How far (m) outside the free space drawn with polygons a point may be and still be free."""
+"""Distance (m) outside the polygonal free space at which a point still counts as free."""
 
 METRES = f"finite numbers in metres, within ±{LARGEST_COORDINATE:g}"
-"""What errors expect of coordinates."""
+"""Text for coordinates in error messages: what is expected."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,7 +51,7 @@ class Exit:
 
     name: str
     segment: Float64[np.ndarray, "4"]
-    """The line across the opening x1, y1, x2, y2 (m)."""
+    """The line across the opening: x1, y1, x2, y2 (m)."""
     rooms: tuple[str, str]
     """Names of the rooms on its two sides."""
 
@@ -61,36 +61,35 @@ class Exit:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class World:
-    """A building's floor. World frame: x right, y up on the plan, in metres.
+    """One floor of a building. World frame: x right, y up on the plan, in metres.
 
-    A world that exists is valid: every number is finite and in metres, no wall is a
-    point, names are unique, every start is free at the robot's radius, every room can be
-    entered from the first start by a disc of that radius (doors open, boxes give way),
-    every tour keeps it clear of the walls, movable things have room. Its arrays are
-    read-only copies of those given.
+    Every instance is valid: all numbers are finite and in metres, no wall is a point, names are
+    unique, a robot of radius `ROBOT_RADIUS` fits at every start, can enter every room from the
+    first start (with doors open and boxes pushed away) and follows every tour clear of the walls,
+    and movables have room. Arrays are read-only copies of the arguments.
 
     Raises:
-        InputError: One of these does not hold; the place is as `walls[3]`, `exits[0]`.
+        InputError: One of these does not hold; its place is such as `walls[3]` or `exits[0]`.
     """
 
     name: str
     walls: Segments
-    """Everything the robot meets: walls and furniture."""
+    """All fixed obstacles, walls and furniture, as segments: x1, y1, x2, y2 (m)."""
     starts: Poses
-    """Poses at which an episode may begin; the first is the default."""
+    """Poses (x, y, heading; m and rad) at which an episode may start; the first is the default."""
     glass: Bool[np.ndarray, "panes"] = field(default_factory=lambda: np.zeros(0, np.bool_))
-    """Which walls are glass: light goes through, the robot and sound do not. One for each wall;
-    none given, none is."""
+    """Whether each wall is glass: light passes, the robot and sound do not. One value per wall;
+    an empty array means no glass."""
     rooms: tuple[Room, ...] = field(default=())
     exits: tuple[Exit, ...] = field(default=())
     tours: Mapping[str, Points] = field(default_factory=dict)
     """Routes by name: waypoints (m) joined by straight legs that a robot can drive."""
     notes: tuple[str, ...] = ()
-    """What a reader of a foreign format left out or decided, one sentence each."""
+    """What the reader of another format left out or assumed, one sentence each."""
     movables: Movables = field(default_factory=Movables)
-    """Doors that open and close, boxes that can be pushed, people who walk."""
+    """Doors that open and close, boxes that can be pushed, and walkers."""
     source: str = ""
-    """Where the world came from: a file, a catalogue name, a generator's spec."""
+    """Origin of the world: a file, a catalogue name or a generator's spec."""
 
     def __post_init__(self) -> None:
         self._freeze()
@@ -104,46 +103,46 @@ class World:
 
     @cached_property
     def opaque(self) -> Segments:
-        """The walls that stop light: all but those of glass."""
+        """The walls that stop light: all except glass."""
         return _read_only(self.walls[~self.glass])
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
-        """The smallest rectangle around the walls: x_min, y_min, x_max, y_max (m)."""
+        """Bounding rectangle of the walls: x_min, y_min, x_max, y_max (m)."""
         points = self.walls.reshape(-1, 2)
         (x_min, y_min), (x_max, y_max) = points.min(axis=0), points.max(axis=0)
         return float(x_min), float(y_min), float(x_max), float(y_max)
 
     @cached_property
     def free_space(self) -> FreeSpace:
-        """Where the middle of a robot of radius `ROBOT_RADIUS` can be."""
+        """Where the centre of a robot of radius `ROBOT_RADIUS` can be."""
         return FreeSpace(self.walls, ROBOT_RADIUS)
 
     @cached_property
     def closed(self) -> bool:
-        """Whether the walls keep a robot that sets out from the first start inside them."""
+        """Whether walls keep a robot that starts at the first start inside the building."""
         return self.free_space.is_enclosed(self.starts[0, :2])
 
     @cached_property
     def reachable_area(self) -> float:
-        """The ground that a robot's body can touch, coming from the starts (m²)."""
+        """Area of the floor that the robot's body can cover, coming from the starts (m²)."""
         middle = self.free_space.region_at(self.starts[0, :2])
         return float(shapely.buffer(middle, ROBOT_RADIUS).area)
 
     @cached_property
     def reachable_rooms(self) -> tuple[Room, ...]:
-        """The rooms in which a robot's middle can be, coming from the starts."""
+        """The rooms that the robot's centre can reach from the starts."""
         middle = self.free_space.region_at(self.starts[0, :2])
         within = [shapely.area(shapely.intersection(middle, each)) for each in self._outlines]
         return tuple(room for room, area in zip(self.rooms, within, strict=True) if area > 0)
 
     def reaches(self, point: Float64[np.ndarray, "2"]) -> bool:
-        """Whether a robot's middle can come to a point (m) from the starts."""
+        """Return whether the robot's centre can reach a point (m) from the starts."""
         middle = self.free_space.region_at(self.starts[0, :2])
         return bool(middle.distance(shapely.Point(point)) < _ROUNDING)
 
     def room_at(self, x: float, y: float) -> str | None:
-        """Name of the room in which the point (m) lies; None outside all rooms.
+        """Return the name of the room that contains the point (m); None outside all rooms.
 
         A point on the line between two rooms belongs to the one listed first.
         """
@@ -173,7 +172,7 @@ class World:
         object.__setattr__(self, "tours", MappingProxyType(tours))
 
     def __getstate__(self) -> dict[str, Any]:
-        """The fields, as the pickle of a world sent to another process needs them."""
+        """Return the fields as plain data, so that a world can be sent to another process."""
         state = {item.name: getattr(self, item.name) for item in fields(self)}
         return state | {"tours": dict(self.tours)}
 
@@ -274,7 +273,7 @@ class World:
                 )
 
     def _is_surely_reachable(self) -> bool:
-        """Whether a quick proof spares the exact and slow check."""
+        """Return whether a quick proof makes the exact, slow check unnecessary."""
         if not self.rooms and len(self.starts) == 1:
             return True
         from albot_maps.lattice import FloodFill  # compiled code is slow to load

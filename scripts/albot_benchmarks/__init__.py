@@ -1,1 +1,1 @@
-"""How fast the parts are, each timed beside a baseline in the same minute."""
+"""Speed benchmarks; each part is timed beside a baseline in the same minute."""

@@ -1,4 +1,4 @@
-"""What the environments are compared with: a loop over pymunk, and ir-sim's laser.
+"""Baselines for the environments: a Python loop over pymunk, and ir-sim's laser.
 
 ir-sim needs the extra `bench`.
 """
@@ -32,14 +32,14 @@ _ROBOT = pymunk.ShapeFilter(group=1)
 
 
 class PymunkLoopEnv:
-    """The environment that one would write first, by pymunk's manual.
+    """A naive environment, written by pymunk's manual.
 
-    A disc among walls, stepped as our robots are (`SUBSTEPS` of `PHYSICS_STEP`), and a laser with
-    one query a beam. It has no odometer, no map, no reward and no checks.
+    A disc among walls, stepped like our robots (`SUBSTEPS` of `PHYSICS_STEP`), and a laser with one
+    query per beam. It has no odometer, no map, no reward and no checks.
 
     Args:
-        world: Walls and start.
-        geometry: Where the laser's beams point.
+        world: The world, for its walls and its first start.
+        geometry: The beam geometry of the laser.
     """
 
     def __init__(self, world: World, geometry: LaserGeometry) -> None:
@@ -47,7 +47,7 @@ class PymunkLoopEnv:
         self._bearings = geometry.bearings.tolist()
         self._rng = np.random.default_rng(0)
         self._space = pymunk.Space()
-        # By default pymunk parts what overlaps so late that robots drive through walls.
+        # By default pymunk separates overlapping shapes so slowly that robots drive through walls.
         self._space.collision_slop = 0.001
         self._space.collision_bias = _OVERLAP_LEFT ** (1 / PHYSICS_STEP)
         for x1, y1, x2, y2 in world.walls.tolist():
@@ -62,7 +62,7 @@ class PymunkLoopEnv:
         self._body.position, self._body.angle = (x, y), heading
 
     def step(self, action: Float32[np.ndarray, "2"]) -> Float32[np.ndarray, "beams"]:
-        """Drive for 0.1 s at a speed and a turn rate of 1 m/s and 2 rad/s at most; the scan."""
+        """Drive for 0.1 s at shares of 1 m/s and 2 rad/s, and return the scan (m)."""
         speed, turn_rate = action.tolist()
         body = self._body
         for _ in range(SUBSTEPS):
@@ -73,7 +73,7 @@ class PymunkLoopEnv:
         return self.scan()
 
     def scan(self) -> Float32[np.ndarray, "beams"]:
-        """The ranges (m): one query for each beam."""
+        """Return the ranges (m), with one query per beam."""
         reach = self._geometry.max_range
         (x, y), heading = self._body.position, self._body.angle
         ranges = []
@@ -91,16 +91,16 @@ Scan = Callable[[], Float64[np.ndarray, "beams"]]
 
 
 def irsim_found() -> bool:
-    """Whether ir-sim is installed."""
+    """Return whether ir-sim is installed."""
     return importlib.util.find_spec("irsim") is not None
 
 
 def irsim_laser(world: World, geometry: LaserGeometry) -> Scan:
-    """ir-sim's 2D laser at the world's first start, with noise as ours.
+    """Return ir-sim's 2D laser at the world's first start, with the same noise as ours.
 
-    The laser alone: a step of ir-sim also looks for collisions of every wall.
+    Only the laser is timed, because a step of ir-sim also checks every wall for collisions.
     """
-    # It says on stdout which windows it cannot open.
+    # ir-sim prints on stdout which windows it cannot open.
     with contextlib.redirect_stdout(io.StringIO()), tempfile.TemporaryDirectory() as folder:
         irsim = importlib.import_module("irsim")
         path = Path(folder) / "world.yaml"
@@ -118,7 +118,7 @@ def irsim_laser(world: World, geometry: LaserGeometry) -> Scan:
 
 
 def _scene(world: World, geometry: LaserGeometry) -> dict[str, Any]:
-    """The world as ir-sim's YAML says it: every wall is an obstacle."""
+    """Return the world as data for ir-sim's YAML; every wall is an obstacle."""
     x_min, y_min, x_max, y_max = world.bounds
     laser = {
         "name": "lidar2d",

@@ -1,4 +1,4 @@
-"""How many steps a second the environments take, compared with simple baselines."""
+"""Steps per second of the environments, compared with simple baselines."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ WORLD = "random:office:3?rooms=10"
 """An office floor of 200 walls."""
 
 SENSORS = "laser", "sonar", "motion"
-"""What a robot observes that makes nothing of its readings."""
+"""Parts of the observation that come directly from the sensors."""
 
 _ENDLESS = 10**9
 _HOLD = 10
 _ACTIONS = 500
-"""Steps after which a robot's actions come again."""
+"""Steps after which a robot's actions repeat."""
 _RUN_IN = 100
-"""Steps of each environment before the first that is timed: 10 s."""
+"""Steps of each environment before timing starts: 10 s."""
 
 Row = dict[str, float | int | str | None]
 
@@ -44,16 +44,15 @@ class Case:
     """An environment to be timed."""
 
     mapper: str | None
-    """Name of the mapper inside, or `none`; None where there is none to have."""
+    """Name of the mapper, or `none`; None for baselines, which cannot have one."""
     num_envs: int = 1
-    """How many environments step together; 1 is one of `gymnasium.make`."""
+    """Number of environments stepped together; 1 means a single one from `gymnasium.make`."""
     steps: int = 2000
-    """Steps in a turn, of all environments together."""
+    """Steps per turn, summed over all environments."""
     threads: int | None = 1
-    """Threads that share the work of a batch; None for as many as there are processors."""
+    """Threads that share the work of a batch; None for one per processor."""
     parts: tuple[str, ...] | None = None
-    """What is observed (see `ObservationConfig.parts`); None for what the environment usually
-    shows."""
+    """Parts of the observation (see `ObservationConfig.parts`); None for the default parts."""
 
     @property
     def mode(self) -> str:
@@ -62,7 +61,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        """A name of its own."""
+        """A unique name."""
         return f"{self.mode} {self.num_envs} {self.mapper} {self.threads} {self.parts}"
 
 
@@ -84,27 +83,27 @@ CASES = (
 )
 
 PROCESS_CASE = Case(mapper="none", num_envs=256, steps=4096)
-"""The batch that is stepped in several processes at once."""
+"""The batch that several processes step at once."""
 
 
 def measure_environments(rounds: int, cases: Sequence[Case] = CASES) -> list[Row]:
-    """Time robots that wander about in `Albot/Explore-v0`, alone and in batches.
+    """Time randomly acting robots in `Albot/Explore-v0`, alone and in batches.
 
-    On one core, and the largest batches on all cores, too; and batches that observe nothing but
-    what their sensors say. Turns take some tenths of a second, so that in one of them the machine
-    may be left alone by its neighbours.
+    They run on one core, the largest batches also on all cores, and some batches observe only
+    sensor readings. A turn takes a few tenths of a second, so that other load on the machine is
+    likely to spare one of them.
 
-    In the same rounds: the same robot and laser as a loop over pymunk's queries, and, where
-    it is installed, ir-sim's laser alone.
+    The baselines run in the same rounds: the same robot and laser as a Python loop over pymunk's
+    queries, and ir-sim's laser alone if it is installed.
 
     Returns:
-        For each `id`, `mode` (single or vector), `num_envs`, `threads`, `mapper` (None where
-        there is none to have), `parts` (what is observed, None for what usually is), `segments`
-        (walls of the world), `steps_per_second` of all environments together (the best of
-        `rounds` turns, compiled), `steps_per_cpu_second` (the same by the time that a processor
-        really worked: where it is greater, the machine was busy), and `ratio`, that over the
-        naive loop's. Of the batch of 256 with `albot1` also `memory_mib`, by how much the
-        process grew (where the system tells; else 0).
+        One row per case: `id`, `mode` (single or vector), `num_envs`, `threads`, `mapper` (None
+        for baselines), `parts` (of the observation; None for the default), `segments` (walls of
+        the world), `steps_per_second` of all environments together (the best of `rounds` turns,
+        without compiling), `steps_per_cpu_second` (the same per second of processor time; if it
+        is larger, the machine was busy), and `ratio`, the latter over that of the pymunk loop.
+        The batch of 256 with `albot1` also has `memory_mib`, the growth of the process (0 if the
+        system does not report it).
     """
     world = load_world(WORLD)
     workloads, memory = _workloads(cases, world)
@@ -123,10 +122,10 @@ def measure_environments(rounds: int, cases: Sequence[Case] = CASES) -> list[Row
 
 
 def _workloads(cases: Sequence[Case], world: World) -> tuple[dict[str, Workload], dict[str, float]]:
-    """Turns of the cases by name, and of the heaviest how much memory it takes (MiB)."""
+    """Return the cases' workloads by name, and the memory of the heaviest by name (MiB)."""
     workloads: dict[str, Workload] = {}
     memory: dict[str, float] = {}
-    # The heaviest comes first: those after it use what others have given back.
+    # The heaviest comes first; later ones reuse memory that earlier ones have freed.
     for case in sorted(cases, key=lambda case: case != HEAVIEST):
         before = _resident_mib()
         workloads[case.name] = make_workload(case, world)
@@ -140,7 +139,7 @@ _PYMUNK, _IRSIM = "pymunk in a Python loop", "ir-sim, its laser alone"
 
 
 def _baselines(world: World) -> dict[str, Workload]:
-    """What the environments are compared with."""
+    """Return the baselines' workloads by name."""
     naive = PymunkLoopEnv(world, LaserGeometry())
     baselines = {_PYMUNK: _workload(naive.step, _actions(2), 1, 100)}
     if irsim_found():
@@ -150,9 +149,10 @@ def _baselines(world: World) -> dict[str, Workload]:
 
 
 def make_workload(case: Case, world: World) -> Workload:
-    """A turn of a case: random actions, from where the turn before has led.
+    """Return a case's workload: random actions that continue where the last turn ended.
 
-    What comes before the first has led away from the start: maps are not empty any more.
+    The environments are run in first, so that the robots have left the start and maps are not
+    empty.
     """
     count = case.num_envs
     env = make_single(case, world) if case.mode == "single" else make_batch(case, world)
@@ -163,7 +163,7 @@ def make_workload(case: Case, world: World) -> Workload:
 
 
 def make_single(case: Case, world: World) -> Any:
-    """One environment, without an end."""
+    """Make a single environment whose episode never ends."""
     return gymnasium.make(
         ENVIRONMENT,
         world=world,
@@ -174,7 +174,7 @@ def make_single(case: Case, world: World) -> Any:
 
 
 def make_batch(case: Case, world: World) -> Any:
-    """A batch of environments without an end."""
+    """Make a batch of environments whose episodes never end."""
     return gymnasium.make_vec(
         ENVIRONMENT,
         num_envs=case.num_envs,
@@ -194,7 +194,7 @@ def _config(case: Case) -> ExploreConfig:
 def _workload(
     step: Callable[[np.ndarray], Any], actions: np.ndarray, environments: int, steps: int
 ) -> Workload:
-    """So many steps, with the actions that come after those of the workload before."""
+    """Return a workload of `steps` steps, which continues the actions of its last run."""
     ahead = cycle(actions)
 
     def workload() -> int:
@@ -206,7 +206,7 @@ def _workload(
 
 
 def _actions(*shape: int) -> np.ndarray:
-    """Random actions, each kept for a second: robots that tremble on the spot map nothing."""
+    """Return random actions, each held for a second; robots that jitter on the spot map nothing."""
     drawn = np.random.default_rng(0).uniform(-1, 1, (_ACTIONS // _HOLD, *shape))
     return np.repeat(drawn, _HOLD, axis=0).astype(np.float32)
 
@@ -225,7 +225,7 @@ def _row(name: str, case: Case, rate: Rate) -> Row:
 
 
 def _resident_mib() -> float:
-    """Memory that this process holds (MiB)."""
+    """Return the resident memory of this process (MiB); 0 if the system does not report it."""
     status = Path("/proc/self/status")
     if status.exists():
         for line in status.read_text(encoding="ascii").splitlines():
@@ -237,19 +237,18 @@ def _resident_mib() -> float:
 def measure_processes(
     case: Case = PROCESS_CASE, processes: int = 2, seconds: float = 2.0, rounds: int = 3
 ) -> Row:
-    """Time a batch in one process, and in several at once, in turns.
+    """Time a batch in one process and in several at once, in turns.
 
     Args:
         case: The batch that each process steps.
-        processes: How many.
-        seconds: Length of a turn.
-        rounds: How many turns each has; the best counts.
+        processes: Number of processes.
+        seconds: Length of a turn (s).
+        rounds: Number of turns; the best counts.
 
     Returns:
-        `id`, `num_envs`, `mapper`, `processes`; `single` and `together`, steps a second of
-        one process alone and of all at once in sum; `scaling`, their ratio, and
-        `scaling_cpu`, the same by the time that processors worked: what it would be where
-        every process has a core of its own.
+        `id`, `num_envs`, `mapper`, `processes`; `single` and `together`, the steps per second of
+        one process alone and of all at once, summed; `scaling`, their ratio; and `scaling_cpu`,
+        the same ratio by processor time, as if every process had a core of its own.
     """
     context = get_context("spawn")
     links: list[Connection] = []
@@ -263,7 +262,7 @@ def measure_processes(
         workers.append(worker)
     try:
         for link in links:
-            link.recv()  # It has compiled.
+            link.recv()  # The process has compiled its code.
         alone = together = Rate()
         for _ in range(rounds):
             alone = alone.better(_turn(links[:1], seconds))
@@ -285,15 +284,15 @@ def measure_processes(
 
 
 def _turn(links: list[Connection], seconds: float) -> Rate:
-    """The rates of these processes at once, in sum."""
+    """Return the summed rates of these processes, running at once."""
     for link in links:
         link.send(seconds)
     return sum((link.recv() for link in links), Rate())
 
 
 def _work(link: Connection, case: Case) -> None:
-    """Step the batch for as long as is asked for; tell the rate."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Who started this process ends it.
+    """Run in a worker process: step the batch for each requested time, and send the rate."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process ends this one.
     workload = make_workload(case, load_world(WORLD))
     link.send(workload())
     while True:

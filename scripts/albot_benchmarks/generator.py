@@ -1,4 +1,4 @@
-"""How many random worlds a second are made, their validation included."""
+"""Random worlds generated per second, including their validation."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ def measure_generators(worlds: int = 50, rounds: int = 5) -> list[dict[str, floa
     """Time every kind of random world with its default parameters (an office has 20 rooms).
 
     Args:
-        worlds: How many are made in a round, each of another seed.
-        rounds: How often; the best round counts.
+        worlds: Number of worlds per round, with one seed each.
+        rounds: Number of rounds; the best counts.
 
     Returns:
-        For each kind `kind`, `walls` (mean number) and `worlds_per_second` on one core.
+        One row per kind: `kind`, `walls` (mean number) and `worlds_per_second` on one core.
     """
     rows: list[dict[str, float | str]] = []
     for kind in KINDS:

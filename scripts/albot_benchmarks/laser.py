@@ -1,4 +1,4 @@
-"""How fast the laser is: the compiled kernel beside a loop over pymunk's ray query."""
+"""Speed of the laser: the compiled kernel beside a Python loop over pymunk's ray query."""
 
 from __future__ import annotations
 
@@ -25,22 +25,22 @@ def measure_laser(seconds_per_case: float = 1.0) -> list[dict[str, int | float]]
     """Time 181-beam scans in floor plans of about 60, 200 and 1000 segments.
 
     Args:
-        seconds_per_case: Time spent on each way of casting in each plan (s).
+        seconds_per_case: Time per ray-casting method and plan (s).
 
     Returns:
-        For each plan `segments`; `us_per_scan` in a batch, `us_per_scan_single` one scan a
-        call, `us_per_scan_pymunk` by pymunk's query in a Python loop (µs, the best
-        of many runs); `ratio_to_pymunk`, `ratio_single_to_pymunk`; `index_seconds`, the
-        time to list which walls are visible from where.
+        One row per plan: `segments`; `us_per_scan` in a batch, `us_per_scan_single` with one
+        scan per call, and `us_per_scan_pymunk` with pymunk's query in a Python loop (µs, the
+        best of many runs); `ratio_to_pymunk`, `ratio_single_to_pymunk`; and `index_seconds`,
+        the time to list which walls are visible from where (s).
     """
     return [_measure(segments, seconds_per_case) for segments in _SEGMENTS]
 
 
 def floor_plan(segments: int, rng: np.random.Generator) -> Segments:
-    """A plan of about so many walls: rows of rooms along corridors, each with one door.
+    """Return a plan of about `segments` walls: rows of rooms along corridors, one door each.
 
-    Rooms are blocks of 5 m on a square floor; every third row is a corridor. What is left
-    of the number is furniture: short walls anywhere.
+    Rooms are blocks of 5 m on a square floor, and every third row is a corridor. The remaining
+    walls are furniture: short segments at random positions.
     """
     rooms = max(2, round(math.sqrt(segments / 4)))
     walls = []
@@ -75,7 +75,7 @@ def _measure(segments: int, seconds: float) -> dict[str, int | float]:
     RayCaster(walls[:4], geometry).scan_batch(poses[:1])  # compiled, or read from the cache
     started = time.perf_counter()
     rays = RayCaster(walls, geometry)
-    rays.scan_batch(poses)  # Now the walls are listed wherever the robots are.
+    rays.scan_batch(poses)  # Now the visible walls are listed for all poses.
     index = time.perf_counter() - started
     floor = PhysicsSpace(walls, PIONEER_3DX)
 
@@ -94,7 +94,7 @@ def _measure(segments: int, seconds: float) -> dict[str, int | float]:
 
 
 def _pymunk_scans(floor: PhysicsSpace, geometry: LaserGeometry, poses: Poses) -> None:
-    """The naive laser: one query for each beam, in Python."""
+    """Take scans with one query per beam, in Python."""
     everything = pymunk.ShapeFilter()
     bearings = geometry.bearings.tolist()
     for x, y, heading in poses.tolist():
@@ -105,7 +105,7 @@ def _pymunk_scans(floor: PhysicsSpace, geometry: LaserGeometry, poses: Poses) ->
 
 
 def _best(run: Callable[[], object], seconds: float) -> float:
-    """The shortest time (s) that `run` took, trying for a while."""
+    """Return the shortest time (s) of `run`, repeated for `seconds` seconds."""
     end = time.perf_counter() + seconds
     best = math.inf
     while time.perf_counter() < end or best == math.inf:

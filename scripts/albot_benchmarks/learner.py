@@ -1,4 +1,4 @@
-"""How fast a learner goes, and which share of its time the environment takes.
+"""Speed of a learner, and the environment's share of its time.
 
 Needs the extra `train`.
 """
@@ -16,26 +16,25 @@ from albot_env.vector import TRAINING_EXTRA
 from albot_env.vector.spinning import spin_briefly
 
 BATCH, EPOCHS = 4096, 4
-"""Samples in a gradient step, and how often each is used."""
+"""Samples per gradient step, and number of times that each sample is used."""
 LAYERS = (64, 64)
-"""Units in the layers of policy and value."""
+"""Units of each layer of policy and value network."""
 
 
 def measure_learner(num_envs: int = 1024, steps: int = 16, rollouts: int = 3) -> dict[str, Any]:
-    """Time stable-baselines3's PPO on `Albot/Explore-v0`, and on one that costs nothing.
+    """Time stable-baselines3's PPO on `Albot/Explore-v0`, and on an environment without cost.
 
     Args:
         num_envs: Environments in the batch.
-        steps: Steps of each in a rollout, after which PPO learns.
-        rollouts: Rollouts that are timed, after one that is not.
+        steps: Steps per environment and rollout, after which PPO updates.
+        rollouts: Timed rollouts, after one that is not timed.
 
     Returns:
-        `learner` (its name), `num_envs`, `batch`, `epochs`, `steps`, `observation` (how
-        many numbers one has: the learner's time goes by it), and `runs`: for each
-        environment `id` (`free` for the one that costs nothing: the same spaces, always
-        the same answer), `mapper`, `samples_per_second` and `environment_share`, the share
-        of the time in which the environment stepped. Where the learner is not installed:
-        `missing`, which says what is.
+        `learner` (its name), `num_envs`, `batch`, `epochs`, `steps`, `observation` (its length,
+        on which the learner's time depends), and `runs`, one row per environment: `id` (`free`
+        for the one without cost, which has the same spaces and always returns the same),
+        `mapper`, `samples_per_second` and `environment_share`, the share of the time spent in
+        the environment. If the learner is not installed, only `missing`: what must be installed.
     """
     missing = [
         name for name in ("torch", "stable_baselines3") if importlib.util.find_spec(name) is None
@@ -67,7 +66,7 @@ def measure_learner(num_envs: int = 1024, steps: int = 16, rollouts: int = 3) ->
 
 
 def _measure(batch: Any, steps: int, rollouts: int) -> dict[str, float]:
-    """Samples a second, and the environment's share of the time."""
+    """Return the samples per second, and the environment's share of the time."""
     from stable_baselines3 import PPO
 
     samples = batch.num_envs * steps

@@ -1,4 +1,4 @@
-"""A run of many kilometres from room to room: what a reading costs, and what is remembered."""
+"""A run of many kilometres from room to room: time per reading, and size of the map."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ from albot_maps.geodesic import DistanceField
 Row = dict[str, float | int | str]
 
 _CHUNK = 250
-"""Readings that are made ready before the mapper takes them in, which alone is timed."""
+"""Readings simulated ahead of the mapper's updates, which alone are timed."""
 _ADDITIONS = 50_000
-"""Additions in Python that are timed beside each chunk."""
+"""Additions in Python, timed after each chunk as a reference."""
 STEPS = StartStop(move=0.5, turn=np.radians(30.0))
-"""About as far apart as the readings of real logs."""
+"""Motion between readings: about that of real logs."""
 _CLEARANCE = 0.1
-"""The robot keeps so much farther from walls than its radius (m), where there is room."""
+"""Extra distance from walls beyond the robot's radius, where there is space (m)."""
 
 
 def measure_long_run(
     path_m: float = 10_000.0, stage_m: float = 500.0, world: str = WORLD, seed: int = 1000
 ) -> list[Row]:
-    """Lead `albot1` from room to room of one building for hours: does a reading come to cost more?
+    """Lead `albot1` from room to room of one building for hours, to see whether it slows down.
 
     Args:
-        path_m: Length of the journey, as its odometer has it (m).
-        stage_m: After so much of it there is a row (m).
+        path_m: Length of the run by the odometer (m).
+        stage_m: Length of a stage, after which a row is added (m).
         world: The building's spec.
-        seed: Of the rooms and the sensors' errors.
+        seed: Seed of the rooms and of the sensors' errors.
 
     Returns:
-        A row for each stage: `path_km` at its end; `us_per_reading`, the processor's time for
-        an update in that stage, and `ratio`, that over what a thousand additions in Python take,
-        measured in between; and what is remembered at its end: `surfaces` of the
-        perceptual map, `places`, their `exits` and `described` surfaces, `visits` and `events`,
-        `trail_points` and `trail_links`, and `memory_bytes` of the whole state.
+        One row per stage: `path_km` at its end; `us_per_reading`, the mean processor time of an
+        update; `ratio`, that time over a thousand additions in Python, measured in between; and
+        the content of the map at its end: `surfaces` of the perceptual map, `places`, their
+        `exits` and `described` surfaces, `visits`, `events`, `trail_points`, `trail_links`, and
+        `memory_bytes` of the whole state.
     """
     mapper, building = make_mapper("albot1"), load_world(world)
     for reading in islice(patrol(building, np.random.default_rng(seed)), 4 * int(stage_m)):
@@ -76,7 +76,7 @@ def measure_long_run(
 
 
 def _stretch(readings: Iterator[Reading], way: float) -> Iterator[Reading]:
-    """The next readings, up to the one that completes so much way (m)."""
+    """Yield the next readings, at most `_CHUNK`, up to the one that completes `way` (m)."""
     for reading in islice(readings, _CHUNK):
         yield reading
         way -= _length(reading)
@@ -89,7 +89,7 @@ def _length(reading: Reading) -> float:
 
 
 def _addition() -> float:
-    """The processor's time for an addition in Python (s)."""
+    """Return the processor time of an addition in Python (s)."""
     began, total = time.process_time(), 0
     for number in range(_ADDITIONS):
         total += number
@@ -97,7 +97,7 @@ def _addition() -> float:
 
 
 def _remembered(mapper: Mapper) -> Row:
-    """How much it remembers."""
+    """Return the size of the mapper's state."""
     state = mapper.state()
     return {
         "surfaces": len(mapper.snapshot().segments),
@@ -113,13 +113,13 @@ def _remembered(mapper: Mapper) -> Row:
 
 
 def patrol(world: World, rng: np.random.Generator) -> Iterator[Reading]:
-    """What a robot senses that is guided from room to room, each drawn at random, without end.
+    """Yield the readings of a robot that is guided endlessly between randomly drawn rooms.
 
-    It stops anywhere in a room. The guide sees where the robot truly is, so that the odometer's
-    errors, the Pioneer's, do not change the way.
+    It stops anywhere in a room. The guide uses the true pose, so that the odometer's errors (preset
+    `pioneer`) do not change the path.
 
     Raises:
-        InputError: The world has no two rooms in which a robot can stop.
+        InputError: The world has fewer than two rooms in which a robot can stop.
     """
     simulator, stops = Simulator(world, movables=False), StoppingRooms(world)
     yield simulator.reset(rng, world.starts[0])

@@ -1,4 +1,4 @@
-"""How many readings a second a mapper takes in, and that a large map costs no more."""
+"""Readings per second of the mappers, and how a large map changes it."""
 
 from __future__ import annotations
 
@@ -21,25 +21,24 @@ from albot_maps import load_world
 
 _SIZES = (1_000, 100_000)
 _BATCH = 256
-"""Robots in a batch…"""
+"""Number of robots in a batch."""
 _BATCH_STEPS = 20
-"""…and how many readings each takes in."""
+"""Readings per robot of a batch."""
 _SPREAD = 50.0
-"""Distance (m) between the copies of the floor that a large map remembers."""
+"""Distance (m) between the copies of the floor in a large map."""
 
 
 def measure_mappers(
     names: Sequence[str], readings: Sequence[Reading] | None = None, rounds: int = 5
 ) -> list[dict[str, float | int | str]]:
-    """Time mappers on a run of readings, by default on a simulated tour of `office-ring`.
+    """Time mappers on readings, by default those of a simulated tour of `office-ring`.
 
     Returns:
-        For each mapper whose sensors the readings have its `name`, the `surfaces` of its map at
-        the end, and `readings_per_second` of its updates alone (the best of `rounds` runs,
-        compiled).
-        Then what a `batch` of robots does, all taking in the same first few readings:
-        `batch_readings_per_second` of all robots, and `row_readings_per_second` where the
-        batch is asked for one robot at a time.
+        One row per mapper whose sensors the readings have: `name`, `surfaces` of the map at the
+        end, `readings_per_second` of the updates alone (the best of `rounds` runs, without
+        compiling); `batch`, the number of robots in a batch, which all get the same first few
+        readings; `batch_readings_per_second`, summed over all robots; and
+        `row_readings_per_second`, when the batch is updated one robot at a time.
     """
     rows: list[dict[str, float | int | str]] = []
     for name in names:
@@ -54,9 +53,9 @@ def measure_mappers(
 
 
 def measure_growth(rounds: int = 5) -> list[dict[str, float | int | str]]:
-    """Time `albot1` on the same tour with maps that remember ever more besides.
+    """Time `albot1` on the same tour with increasingly large maps.
 
-    The floor is remembered many times over, in copies that lie apart; the robot is in one.
+    A map holds many copies of the floor, apart from each other; the robot is in one of them.
     """
     world, tour = load_world("office-ring"), _tour()
     floor = transform_segments(inverse(tour.truth[0]), world.walls)
@@ -76,14 +75,15 @@ def measure_growth(rounds: int = 5) -> list[dict[str, float | int | str]]:
 def measure_looping(
     names: Sequence[str], readings: Sequence[Reading] | None = None, rounds: int = 5
 ) -> list[dict[str, float | int | str]]:
-    """Time what a batch costs whose mappers are looped over, above what they cost themselves.
+    """Time the overhead of a batch that loops over single mappers.
 
-    The batch and as many single mappers take in the same first few readings, in turns.
+    The batch and the same number of single mappers get the same first few readings, in turns.
 
     Returns:
-        For each of these mappers that has no batch of its own: its `name`, how many `robots`;
-        `own_us`, the time that a processor works for the `update` of a single mapper (µs);
-        `above_us`, what a robot and reading take more in the batch; and the `ratio` of both.
+        One row per mapper without a batch implementation: `name`; `robots`, the size of the
+        batch; `own_us`, the processor time of a single mapper's `update` (µs); `above_us`, the
+        additional time per robot and reading in the batch (µs); and `ratio`, the batch's time over
+        the single mapper's.
     """
     rows: list[dict[str, float | int | str]] = []
     for name in names:
@@ -104,7 +104,7 @@ def measure_looping(
 
 
 def _single_turn(name: str, readings: Sequence[Reading]) -> Callable[[], int]:
-    """Lets single mappers take in all readings."""
+    """Return a workload in which single mappers process all readings."""
     mappers = [make_mapper(name) for _ in range(_BATCH)]
 
     def turn() -> int:
@@ -119,7 +119,7 @@ def _single_turn(name: str, readings: Sequence[Reading]) -> Callable[[], int]:
 
 
 def _batch_turn(name: str, readings: Sequence[Readings]) -> Callable[[], int]:
-    """Lets a batch take in all readings."""
+    """Return a workload in which a batch processes all readings."""
     mappers, everyone = make_mappers(name, _BATCH), np.arange(_BATCH)
 
     def turn() -> int:
@@ -133,7 +133,7 @@ def _batch_turn(name: str, readings: Sequence[Readings]) -> Callable[[], int]:
 
 
 def _readings_for(name: str, readings: Sequence[Reading] | None) -> Sequence[Reading]:
-    """The readings given, or those of the tour; none where they lack sonars that a mapper needs."""
+    """Return the readings, by default the tour's; none if they lack sonars the mapper needs."""
     needs_sonars = "sonar" in mapper_spec(name).sensors
     if readings is None:
         return tour_readings(has_sonars=needs_sonars)
@@ -141,7 +141,7 @@ def _readings_for(name: str, readings: Sequence[Reading] | None) -> Sequence[Rea
 
 
 def tour_readings(*, has_sonars: bool = False) -> list[Reading]:
-    """What a robot senses when guided round `office-ring`, about 140 readings."""
+    """Return the readings, about 140, of a robot guided round `office-ring`."""
     return list(_tour(SONARS["ideal"] if has_sonars else None).readings)
 
 
@@ -152,7 +152,7 @@ def _tour(sonar: SonarConfig | None = None) -> Journey:
 
 
 def copies_of(floor: Segments, count: int) -> Float64[np.ndarray, "copies 4"]:
-    """`count` walls: the floor's where it is, and again and again in copies that lie apart."""
+    """Return `count` walls: those of the floor, and of copies of it that lie apart."""
     copies = -(-count // len(floor))
     side = int(np.ceil(np.sqrt(copies)))
     offsets = [(i // side * _SPREAD, i % side * _SPREAD) for i in range(copies)]
@@ -160,8 +160,8 @@ def copies_of(floor: Segments, count: int) -> Float64[np.ndarray, "copies 4"]:
 
 
 def with_surfaces(state: dict[str, np.ndarray], surfaces: Segments) -> dict[str, np.ndarray]:
-    """The saved state of an `albot1` that also saw `surfaces` in its present visit."""
-    # `restore` checks that all this fits together.
+    """Return the saved state of an `albot1` that also saw `surfaces` in its current visit."""
+    # `restore` checks that the result is consistent.
     count, counts = len(surfaces), state["memory.counts"].copy()
     alive, _, next_id, used, visit, _ = range(len(counts))
     rows = {
@@ -180,7 +180,7 @@ def with_surfaces(state: dict[str, np.ndarray], surfaces: Segments) -> dict[str,
 
 
 def _rate(mapper: Mapper, readings: Sequence[Reading], rounds: int) -> float:
-    """Readings a second, the best of several runs after one that compiles."""
+    """Return the readings per second: the best of several runs after one that compiles."""
     best = 0.0
     for _ in range(rounds + 1):
         mapper.reset(np.random.default_rng(0))
@@ -191,7 +191,7 @@ def _rate(mapper: Mapper, readings: Sequence[Reading], rounds: int) -> float:
 def _batch_rates(
     name: str, readings: Sequence[Reading], rounds: int
 ) -> dict[str, float | int | str]:
-    """What a batch does together, and one row at a time."""
+    """Return the rates of a batch updated together, and one robot at a time."""
     mappers, shared = make_mappers(name, _BATCH), _shared(readings, _BATCH)
     everyone = np.arange(_BATCH)
     each = [everyone[row : row + 1] for row in range(_BATCH)]
@@ -203,7 +203,10 @@ def _batch_rates(
 
 
 def _shared(readings: Sequence[Reading], count: int) -> list[Readings]:
-    """The first few readings, each for many robots at once, of one laser as a batch needs."""
+    """Return the first few readings, each repeated for `count` robots.
+
+    Only readings of the first reading's laser are used, because a batch needs one laser.
+    """
     lasers = [reading.required_laser("the benchmark") for reading in readings]
     laser = lasers[0].geometry
     return [
@@ -226,7 +229,7 @@ def _batch_rate(
     groups: Sequence[Int64[np.ndarray, "some"]],
     rounds: int,
 ) -> float:
-    """Readings a second of all robots, asked for in groups; the best of several runs."""
+    """Return the readings per second of all robots, updated in groups: the best of several runs."""
     count, best = len(mappers.poses), 0.0
     for _ in range(rounds):
         for row in range(count):

@@ -1,4 +1,4 @@
-"""How fast RatSLAM is: on a floor of 43 × 13 m, and the correction of a large experience map."""
+"""Speed of RatSLAM: on a floor of 43 × 13 m, and of the correction of a large experience map."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from albot_core.sensing.reading import Reading
 from albot_experiments.ratslam_floor import FLOOR
 
 _EXPERIENCES, _TRANSITIONS = 12_881, 14_485
-"""A large map: five to ten times that of the floor."""
+"""Size of a large map: five to ten times the floor's map."""
 _PASSES = 200
 _RATE = 0.5
 
@@ -23,13 +23,15 @@ Row = dict[str, float | int | str]
 def measure_ratslam(minutes: int = 60, rounds: int = 3) -> list[Row]:
     """Time the mappers `ratslam-scenes` and `ratslam`, and the correction alone.
 
+    `ratslam-scenes` is led over `office-floor` for `minutes` minutes, and `ratslam`, which uses a
+    laser, for a third of that.
+
     Returns:
-        Of each mapper, led over `office-floor` for so long, the one with a laser for a third of
-        that, its `name`, the `experiences` and
-        `transitions` at the end, `readings_per_second`, and `us_early` and `us_late`, what a
-        reading takes in the second and in the last quarter of the time (µs). Of the correction of
-        a large random map `experiences`, `transitions` and `passes_per_second`. All are the best
-        of some rounds, by the time that a processor really worked.
+        One row per mapper: `name`, the `experiences` and `transitions` at the end,
+        `readings_per_second`, and the time per reading in the second and in the last quarter of
+        the run, `us_early` and `us_late` (µs). One row for the correction of a large random map:
+        `experiences`, `transitions`, `passes_per_second`. All are the best of `rounds` rounds, in
+        processor time.
     """
     journey = FLOOR.journey(seed=0, minutes=minutes)
     seen = len(journey.readings) // 3
@@ -63,7 +65,7 @@ def _mapping(name: str, readings: Sequence[Reading], rounds: int) -> Row:
 
 
 def _correction(rounds: int) -> Row:
-    """A way with as many loops as there are transitions more than experiences."""
+    """Time the correction of a random path with loops."""
     rng = np.random.default_rng(0)
     poses = np.cumsum(rng.normal(0, 0.3, (_EXPERIENCES, 3)), axis=0)
     loops = rng.integers(_EXPERIENCES, size=(_TRANSITIONS - _EXPERIENCES + 1, 2))

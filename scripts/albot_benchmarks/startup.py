@@ -1,4 +1,4 @@
-"""How long the first start takes: compiling everything, and from the cache."""
+"""Time of the first start, which compiles everything, and of later starts from the cache."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ env.action_space.seed(1)
 for _ in range(600):
     env.step(env.action_space.sample())
 """
-"""What the README shows first."""
+"""The README's first example."""
 PLAY = """
 from albot_cli.main import main
 
@@ -28,20 +28,22 @@ main()
 
 
 def measure_startup() -> dict[str, float]:
-    """Time one step of `albot play`, and the README's first episode, in processes of their own.
+    """Time one step of `albot play`, and the README's first episode, each in a new process.
 
     Returns:
-        `first_s` and `later_s` of `albot play`: seconds with an empty cache of compiled code, and
-        with a filled one. `episode_first_cpu_s`, `episode_later_cpu_s`: the same of the episode,
-        in seconds of a processor.
+        `first_s` and `later_s`: seconds of `albot play` with an empty and with a filled cache of
+        compiled code. `episode_first_s` and `episode_later_s`: the same for the episode;
+        `episode_first_cpu_s` and `episode_later_cpu_s`: its processor time (s).
     """
     words = ("play", "--steps", "1", "--record", "a.mcap", "--png", "a.png", "--force", "--json")
     (first, _), later = _measure(PLAY, words)
-    (_, episode_first), episode_later = _measure(EPISODE, ())
+    (episode_first, first_cpu), episode_later = _measure(EPISODE, ())
     return {
         "first_s": first,
         "later_s": min(seconds for seconds, _ in later),
-        "episode_first_cpu_s": episode_first,
+        "episode_first_s": episode_first,
+        "episode_later_s": min(seconds for seconds, _ in episode_later),
+        "episode_first_cpu_s": first_cpu,
         "episode_later_cpu_s": min(seconds for _, seconds in episode_later),
     }
 
@@ -49,7 +51,7 @@ def measure_startup() -> dict[str, float]:
 def _measure(
     code: str, words: tuple[str, ...]
 ) -> tuple[tuple[float, float], list[tuple[float, float]]]:
-    """Seconds and processor seconds of the first run of some code, and of three later ones."""
+    """Return wall-clock and processor time (s) of the first run of `code` and of three more."""
     with tempfile.TemporaryDirectory() as folder:
         environment = os.environ | {"NUMBA_CACHE_DIR": str(Path(folder) / "cache")}
         runs = [_timed(code, words, Path(folder), environment) for _ in range(4)]

@@ -1,4 +1,4 @@
-"""Batches for stable-baselines3 that are timed, or cost nothing. Needs the extra `train`."""
+"""Batches for stable-baselines3 that are timed, or without cost. Needs the extra `train`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 
 
 class TimedBatch(VecEnvWrapper):
-    """Adds up how long the steps of a batch take.
+    """Measures the time spent in the steps of a batch.
 
     Args:
         batch: The batch.
@@ -22,7 +22,7 @@ class TimedBatch(VecEnvWrapper):
         """Time spent in steps so far (s)."""
 
     def reset(self) -> VecEnvObs:
-        """Reset the batch, which is not timed."""
+        """Reset the batch; this is not timed."""
         return self.venv.reset()
 
     def step_async(self, actions: np.ndarray) -> None:
@@ -40,22 +40,22 @@ class TimedBatch(VecEnvWrapper):
 
 
 class FreeBatch(VecEnvWrapper):
-    """Answers every step at once with what the batch's reset gave, and never ends.
+    """Returns the observations of the batch's reset at every step, and never ends.
 
     Args:
-        batch: The batch whose spaces it has.
+        batch: The batch with the same spaces.
     """
 
     def reset(self) -> VecEnvObs:
-        """Reset the batch, and keep what it gives."""
+        """Reset the batch, and keep its observations."""
         self._observations = self.venv.reset()
         self._rewards = np.zeros(self.num_envs, np.float32)
         self._over = np.zeros(self.num_envs, np.bool_)
         return self._observations
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Nothing begins."""
+        """Do nothing."""
 
     def step_wait(self) -> VecEnvStepReturn:
-        """The same as always."""
+        """Return the same result as always."""
         return self._observations, self._rewards, self._over, [{} for _ in range(self.num_envs)]

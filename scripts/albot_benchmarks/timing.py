@@ -1,4 +1,4 @@
-"""Timing work in turns, because machines are noisy; and what machine it was timed on."""
+"""Time workloads in turns, because timings are noisy; and describe the machine."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from pathlib import Path
 import numpy as np
 
 Workload = Callable[[], int]
-"""Does a piece of work and returns how many steps it was."""
+"""Does a piece of work and returns its number of steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rate:
-    """How many steps a second."""
+    """Steps per second."""
 
     wall_clock: float = 0.0
-    """By the clock."""
+    """By wall-clock time."""
     cpu: float = 0.0
-    """By the time that processors worked for this process (all its threads in sum): what
-    the clock would say of one thread if nothing else ran on the machine."""
+    """By the processor time of this process, summed over its threads. For one thread, it is the
+    wall-clock rate on an otherwise idle machine."""
 
     def better(self, other: Rate) -> Rate:
-        """The greater of both rates."""
+        """Return the larger of both rates."""
         return Rate(
             wall_clock=max(self.wall_clock, other.wall_clock),
             cpu=max(self.cpu, other.cpu),
         )
 
     def __add__(self, other: Rate) -> Rate:
-        """The rates of two processes at once, in sum."""
+        """Return the summed rates of two processes."""
         return Rate(
             wall_clock=self.wall_clock + other.wall_clock,
             cpu=self.cpu + other.cpu,
@@ -42,9 +42,9 @@ class Rate:
 
 
 def best_rates(workloads: Mapping[str, Workload], rounds: int) -> dict[str, Rate]:
-    """The rates of each, the best of several rounds in which each has its turn.
+    """Return each workload's best rates over several rounds, in which each has one turn.
 
-    Before that each has one turn that is not timed, which compiles.
+    One turn of each comes before, which is not timed and compiles.
     """
     for workload in workloads.values():
         workload()
@@ -56,13 +56,13 @@ def best_rates(workloads: Mapping[str, Workload], rounds: int) -> dict[str, Rate
 
 
 def rate_of(workload: Workload, seconds: float = 0.0) -> Rate:
-    """The rate of one turn, or of as many as begin within some seconds."""
+    """Return the rate of one turn, or of all turns that begin within `seconds` seconds."""
     clock, processor = time.perf_counter(), time.process_time()
     end, steps = clock + seconds, workload()
     while time.perf_counter() < end:
         steps += workload()
     clock, processor = time.perf_counter() - clock, time.process_time() - processor
-    # The processor's clock may tick too slowly for a turn; then the other's must do.
+    # The processor clock may be too coarse for a turn; then the wall clock is used.
     return Rate(wall_clock=steps / clock, cpu=steps / (processor or clock))
 
 
@@ -70,7 +70,7 @@ _LIBRARIES = ("numpy", "numba", "pymunk", "gymnasium")
 
 
 def describe_machine() -> dict[str, str | int | dict[str, str] | None]:
-    """Processor, cores, system, Python, and the versions of the libraries that matter."""
+    """Return processor, cores, system, Python, and the versions of the main libraries."""
     return {
         "processor": _processor(),
         "cores": os.cpu_count(),
@@ -81,11 +81,11 @@ def describe_machine() -> dict[str, str | int | dict[str, str] | None]:
 
 
 def calibrate(rounds: int = 5) -> dict[str, float]:
-    """How long work takes that never changes, to hold figures of other machines against.
+    """Time fixed work, so that figures of different machines can be compared.
 
     Returns:
-        `python_ms`, for a loop of a million additions in Python, and `numpy_ms`, for the
-        square roots of 4 million numbers in numpy: one core, the best of some rounds.
+        `python_ms`, for a loop of a million additions in Python, and `numpy_ms`, for the square
+        roots of 4 million numbers in numpy; on one core, the best of `rounds` rounds.
     """
     numbers = np.arange(4e6)
     roots = np.empty_like(numbers)
@@ -112,7 +112,7 @@ def _best_ms(work: Callable[[], object], rounds: int) -> float:
 
 
 def _processor() -> str:
-    """The processor's name, which `platform` does not know on Linux."""
+    """Return the processor's name, which `platform` does not know on Linux."""
     info = Path("/proc/cpuinfo")
     if info.exists():
         for line in info.read_text(encoding="utf-8").splitlines():

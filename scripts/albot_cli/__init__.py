@@ -1,1 +1,1 @@
-"""The `albot` command: one subcommand a file."""
+"""The `albot` command: one module per subcommand."""

@@ -1,4 +1,4 @@
-"""`albot agents`: the agents, and the cards of trained ones."""
+"""`albot agents`: list the agents, and write the model cards of trained ones."""
 
 from __future__ import annotations
 

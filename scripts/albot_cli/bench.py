@@ -1,4 +1,4 @@
-"""`albot bench`: speed, each figure beside something run in the same minute."""
+"""`albot bench`: measure speed; each figure beside a baseline run in the same minute."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ PARTS = (
     "generator",
     "startup",
     "ratslam",
+    "slam",
 )
 
 
@@ -77,7 +78,7 @@ def command(
         raise InputError("--rounds", "--part env, whose rounds they are", ", ".join(parts))
     measures = _measures(log, rounds or ROUNDS)
     chosen = parts or PARTS
-    # The keys stand whether measured or not, so that programs can rely on them.
+    # All keys are present even if not measured, so that programs can rely on them.
     figures: dict[str, Any] = {"machine": _machine(), "laser": [], "mapper": [], "env": []}
     figures |= {"journey": [], "generator": [], "processes": {}, "learner": {}}
     with progress("bench", len(chosen), "parts") as tell:
@@ -90,7 +91,7 @@ def command(
 
 
 def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
-    """How each part is measured. Imported here: the benchmarks need all of the simulator."""
+    """Return each part's measurement. Imports are here because they load the whole simulator."""
     from albot_benchmarks.environment import measure_environments, measure_processes
     from albot_benchmarks.generator import measure_generators
     from albot_benchmarks.laser import measure_laser
@@ -98,6 +99,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     from albot_benchmarks.long_run import measure_long_run
     from albot_benchmarks.mapper import measure_growth, measure_looping, measure_mappers
     from albot_benchmarks.ratslam import measure_ratslam
+    from albot_benchmarks.slam import measure_slam
     from albot_benchmarks.startup import measure_startup
 
     readings = read_log(log).readings if log else None
@@ -115,6 +117,7 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
         "generator": measure_generators,
         "startup": measure_startup,
         "ratslam": measure_ratslam,
+        "slam": lambda: measure_slam(readings),
     }
 
 
@@ -128,7 +131,7 @@ Figures = Mapping[str, Any]
 
 
 def as_text(figures: Figures) -> str:
-    """A line for the machine, and one for each figure that was measured."""
+    """Return a line for the machine, and one for each measured row."""
     machine = figures["machine"]
     calibration = machine["calibration"]
     lines = [
@@ -143,6 +146,7 @@ def as_text(figures: Figures) -> str:
     lines += _learner(figures["learner"])
     lines += map(_generator, figures["generator"])
     lines += map(_ratslam, figures.get("ratslam", ()))
+    lines += map(_slam, figures.get("slam", ()))
     lines += map(_startup, filter(None, [figures.get("startup")]))
     return "\n".join(lines)
 
@@ -222,6 +226,15 @@ def _generator(row: Figures) -> str:
     )
 
 
+def _slam(row: Figures) -> str:
+    ratio = row["ratio_to_karto"]
+    beside = "" if ratio is None else f", {ratio:.2f} times karto"
+    return (
+        f"slam        {row['readings_per_second']:8,.0f} readings/s "
+        f"({row['readings_per_cpu_second']:,.0f} on a core of its own{beside})  {row['name']}"
+    )
+
+
 def _ratslam(row: Figures) -> str:
     size = f"{row['experiences']:,d} experiences, {row['transitions']:,d} transitions"
     if "passes_per_second" in row:
@@ -235,6 +248,7 @@ def _ratslam(row: Figures) -> str:
 def _startup(row: Figures) -> str:
     return (
         f"start       {row['first_s']:.1f} s compiling everything, {row['later_s']:.2f} s from the "
-        f"cache; the README's first episode {row['episode_first_cpu_s']:.1f} s of a processor, "
-        f"{row['episode_later_cpu_s']:.2f} s from the cache"
+        f"cache; the README's first episode {row['episode_first_s']:.1f} s "
+        f"({row['episode_first_cpu_s']:.1f} s of a processor), "
+        f"{row['episode_later_s']:.2f} s from the cache ({row['episode_later_cpu_s']:.2f} s)"
     )

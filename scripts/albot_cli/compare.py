@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from albot_cli.mapper_runs import MapperChoice, RunResult, Source
 
 _FILE = click.Path(path_type=Path)
-_EPISODE = ".mcap"
 _WORLDS = {".yaml", ".yml", ".xml", ".world", ".pgm", ".png"}
 """Files that end so are worlds'. A JSON file is a log's."""
 
@@ -100,9 +99,9 @@ def command(
     is_world = _is_world(source)
     _check_options(source, is_world, sensors, reference=reference, relations=relations)
     if is_world:
-        sources = _explored(source, numbers, agent, steps, sensors, jobs)
+        sources = explored_sources(source, numbers, agent, steps, sensors, jobs)
     else:
-        sources = _recorded(source, numbers, reference, relations, keep_going)
+        sources = recorded_sources(source, numbers, reference, relations, keep_going)
     choices = _fitting(asked, sources)
     results, stopped = _run(choices, sources, jobs)
     rows = rows_of(choices, results)
@@ -201,10 +200,19 @@ def _is_world(source: str) -> bool:
     return kind in _WORLDS or not (path.suffix or path.exists())
 
 
-def _explored(
+def explored_sources(
     world: str, seeds: range, agent: str, steps: int, sensors: dict[str, str], jobs: int
 ) -> list[Source]:
-    """What robots sense that explore the world, or the worlds of random:KIND."""
+    """What robots sense that explore the world, or the worlds of random:KIND.
+
+    Args:
+        world: The world's spec.
+        seeds: A source is made for each.
+        agent: Who explores.
+        steps: For how many steps of 0.1 s.
+        sensors: Presets by the environments' settings.
+        jobs: Processes.
+    """
     from albot_cli.explored_logs import Exploration, explore_all
     from albot_cli.mapper_runs import Source
     from albot_maps.generators.spec import seeded
@@ -219,17 +227,24 @@ def _explored(
     ]
 
 
-def _recorded(
+def recorded_sources(
     source: str, seeds: range, reference: Path | None, relations: Path | None, keep_going: bool
 ) -> list[Source]:
-    """A log, or an episode, once for each seed."""
+    """A log, or an episode, once for each seed.
+
+    Args:
+        source: The file.
+        seeds: Seeds of the mappers' random numbers.
+        reference: Where the robot was, if the log does not know.
+        relations: True relations between its poses.
+        keep_going: Whether the good beginning of a damaged log is taken.
+    """
     from albot_cli.mapper_runs import Source
     from albot_core.evaluation.trajectory import read_relations
-    from albot_core.logs.reader import read_log, read_reference
-    from albot_env.recording.log import read_episode_log
+    from albot_core.logs.reader import read_reference
+    from albot_env.recording.log import read_log_or_episode
 
-    path = Path(source)
-    log = read_episode_log(path) if path.suffix == _EPISODE else read_log(path, keep_going)
+    log = read_log_or_episode(Path(source), keep_going)
     truth = log.reference_trajectory if reference is None else read_reference(reference)
     known = None if relations is None else read_relations(relations)
     return [Source(log=log, seed=seed, reference=truth, relations=known) for seed in seeds]

@@ -132,7 +132,7 @@ def write_files(
 
     The picture is of the first seed. The folder's files are replaced when all are made.
     """
-    panels = _panels(facts["rows"], results, sources[0])
+    panels = panels_of(facts["rows"], results, sources[0])
     names = {"figures": FIGURES, "table": TABLE} | ({"picture": PICTURE} if panels else {})
     facts["files"] = {kind: str(folder / name) for kind, name in names.items()}
     with filled_folder(folder) as scratch:
@@ -142,7 +142,7 @@ def write_files(
             write_pictures(scratch / PICTURE, panels)
 
 
-def _panels(
+def panels_of(
     rows: Sequence[dict[str, Any]], results: Sequence[RunResult], source: Source
 ) -> list[Panel]:
     """The maps of the first seed, in the order of the rows."""

@@ -1,4 +1,4 @@
-"""The episodes that `albot play` shows: one that runs, and one that was recorded."""
+"""The episodes that `albot play` shows: running and recorded ones."""
 
 from __future__ import annotations
 
@@ -23,41 +23,41 @@ class PlayedEpisode(Protocol):
     """An episode at one of its moments."""
 
     step: int
-    """The number of the moment: that of the steps before it."""
+    """Number of the current moment: the number of steps before it."""
     steps: int
-    """How many steps it has, at most."""
+    """Largest number of steps of the episode."""
     duration: float | None
-    """How long it takes in simulated time (s); None where it is not known."""
+    """Duration in simulated time (s); None if unknown."""
     contacts: int
-    """In how many steps so far the robot touched something."""
+    """Number of steps so far in which the robot touched something."""
 
     @property
     def over(self) -> bool:
-        """Whether this is its last moment."""
+        """Whether this is the last moment."""
 
     @property
     def time(self) -> float:
-        """Simulated time since its beginning (s)."""
+        """Simulated time since the beginning (s)."""
 
     @property
     def frame(self) -> Frame:
-        """What is to be drawn of this moment."""
+        """The frame to draw."""
 
     def advance(self) -> None:
-        """Go on to the next moment; at the last one nothing happens."""
+        """Go to the next moment; do nothing at the last one."""
 
     def jump(self, steps: int, seconds: float) -> None:
-        """Go so many steps, and so much simulated time (s), on or back, as far as that goes."""
+        """Go forward, or back if negative, by steps and simulated seconds, as far as possible."""
 
 
 class RunningEpisode:
-    """An episode of an environment that an agent acts in.
+    """An episode in which an agent acts in an environment.
 
     Args:
         env: The environment.
         agent: The agent.
         seed: Seed of both.
-        steps: After so many steps the environment truncates it.
+        steps: Number of steps after which the environment truncates the episode.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class RunningEpisode:
         self.duration: float | None = None
         self.contacts = 0
         self.info: Mapping[str, Any]
-        """The last info: the truth."""
+        """The last info, with the ground truth."""
         self._observation, self.info = begin_episode(env, agent, seed)
 
     @property
@@ -80,7 +80,7 @@ class RunningEpisode:
 
     @property
     def frame(self) -> Frame:
-        """What is to be drawn of this moment."""
+        """The frame to draw."""
         return self._inside.frame
 
     def advance(self) -> None:
@@ -94,7 +94,7 @@ class RunningEpisode:
         self.over = terminated or truncated
 
     def jump(self, steps: int, seconds: float) -> None:
-        """Take so many steps: there is no way back, and of seconds nothing is known."""
+        """Take `steps` steps; going back and jumping by seconds are not possible."""
         for _ in range(steps):
             self.advance()
 
@@ -104,15 +104,15 @@ class RecordedEpisode:
 
     Args:
         path: The file.
-        seekable: Whether one can go back in it. It then stays in memory as far as it was read.
+        seekable: Whether `jump` can go back; then all moments read so far stay in memory.
 
     Raises:
-        InputError: The file is no episode, or holds no step.
+        InputError: The file is not an episode, or holds no step.
     """
 
     def __init__(self, path: Path, *, seekable: bool) -> None:
         self.reader = EpisodeReader(path)
-        """What reads the file."""
+        """The reader of the file."""
         self.duration: float | None
         self.steps, self.duration = self.reader.measure()
         self._rest = self.reader.moments()
@@ -123,7 +123,7 @@ class RecordedEpisode:
         self._show(first)
 
     def _show(self, first: Moment) -> None:
-        """Begin at the first moment."""
+        """Restart at the first moment."""
         self._trace, self._moment, self.step = Trace(self.reader.header, first), first, 0
         self.contacts = 0
         self.rooms = {first.room} - {""}
@@ -140,11 +140,11 @@ class RecordedEpisode:
 
     @property
     def frame(self) -> Frame:
-        """What is to be drawn of this moment."""
+        """The frame to draw."""
         return self._trace.frame
 
     def advance(self) -> None:
-        """Go on to the next moment."""
+        """Go to the next moment."""
         if self.over:
             return
         if self.step + 1 < len(self._kept):
@@ -160,7 +160,7 @@ class RecordedEpisode:
         self.rooms |= {moment.room} - {""}
 
     def jump(self, steps: int, seconds: float) -> None:
-        """Go on or back, in memory; back is on from the beginning, so that the map is as it was."""
+        """Go forward or back; going back replays from the beginning, which restores the map."""
         step, time = self.step + steps, self.time + seconds
         if seconds < 0:
             stamps = [moment.reading.stamp for moment in self._kept]

@@ -1,4 +1,4 @@
-"""`albot evaluate`: an agent measured in many episodes of a task."""
+"""`albot evaluate`: measure an agent in many episodes of a task."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def command(
     if mapper_config is not None:
         settings["mapper_config"] = read_robots_config(inside, mapper_config)
     trials = plan_trials(task, agent, worlds, parse_seeds(seeds), settings)
-    trials[0].make().close()  # What is wrong with the settings is told before the work.
+    trials[0].make().close()  # Invalid settings raise before the work begins.
     for setting in untrained:
         click.echo(f"albot: {agent} never learnt to act with {setting}", err=True)
     began = time.perf_counter()
@@ -124,7 +124,7 @@ def command(
 
 
 def _way_out(task: str, text: str) -> Any:
-    """The task's configuration with a way out of a length `A..B` (m)."""
+    """Return the task's configuration with an outward journey of length `A..B` (m)."""
     from albot_env.tasks.homing.outward_journey import OutwardJourneyConfig
     from albot_env.tasks.homing.task import HomingConfig, HomingTask
 
@@ -141,7 +141,7 @@ def _way_out(task: str, text: str) -> Any:
 
 
 def _run(trials: list[Trial], jobs: int) -> tuple[list[Outcome], bool]:
-    """What becomes of the trials, in their order, and whether Ctrl-C ended it before."""
+    """Return the outcomes in the order of the trials, and whether Ctrl-C stopped the run."""
     from albot_agents.evaluation.trial import TrialRunner
     from albot_agents.workers import run_parallel
 
@@ -168,7 +168,7 @@ def _summary(outcomes: list[Outcome]) -> dict[str, Any]:
 
 
 def _save(out: Path, facts: dict[str, Any], outcomes: list[Outcome]) -> None:
-    """Write the figures and the picture; note in `facts` where they are."""
+    """Write the figures and the picture; add their paths to `facts`."""
     from albot_core.files import make_folder, write_text
 
     make_folder(out)
@@ -182,7 +182,7 @@ def _save(out: Path, facts: dict[str, Any], outcomes: list[Outcome]) -> None:
 
 
 def _as_text(facts: dict[str, Any]) -> str:
-    """The figures for people."""
+    """Return the figures as text."""
     lines = [
         f"{facts['agent']} in {facts['task']}, {facts['episodes']} episodes, mapper "
         f"{facts['mapper']}, odometer {facts['odometer']}, {facts['seconds']:.0f} s"

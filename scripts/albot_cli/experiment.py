@@ -9,8 +9,7 @@ import click
 
 from albot_cli.outputs import FORCE, check_file, check_folder
 from albot_cli.progress import progress
-from albot_core.errors import InputError
-from albot_core.files import make_folder
+from albot_core.files import make_folder, write_text
 from albot_experiments.registry import (
     EXPERIMENTS,
     FIRST_SEED,
@@ -20,6 +19,7 @@ from albot_experiments.registry import (
 from albot_experiments.report import (
     REPORT_FILES,
     Report,
+    ablation,
     cell,
     index_path,
     read_report,
@@ -28,7 +28,7 @@ from albot_experiments.report import (
 )
 
 ALL = "all"
-"""The ID that stands for every experiment."""
+"""The ID that means all experiments."""
 
 
 @click.group()
@@ -50,7 +50,11 @@ def list_experiments(as_json: bool) -> None:
 
 @command.command("run")
 @click.argument("name", metavar="ID")
-@click.option("--seeds", type=int, help=f"How many seeds, from {FIRST_SEED} on.")
+@click.option(
+    "--seeds",
+    metavar="A..B",
+    help=f"Both included. By default from {FIRST_SEED} on, as many as the list names.",
+)
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -60,11 +64,12 @@ def list_experiments(as_json: bool) -> None:
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def run_experiment(
-    name: str, seeds: int | None, out: Path | None, force: bool, as_json: bool
+    name: str, seeds: str | None, out: Path | None, force: bool, as_json: bool
 ) -> None:
     """Run the experiment ID, or all; `albot experiment list` names them."""
-    if seeds is not None and seeds < 1:
-        raise InputError("--seeds", "at least 1", str(seeds))
+    from albot_agents.evaluation.plan import parse_seeds  # slow to load
+
+    over = None if seeds is None else parse_seeds(seeds)
     chosen = list(EXPERIMENTS.values()) if name == ALL else [find_experiment(name)]
     for experiment in chosen:
         experiment.check()
@@ -76,9 +81,9 @@ def run_experiment(
         if name == ALL:
             check_file(index_path(out), force=force)
     if name == ALL:
-        _run_all(chosen, seeds, out, as_json)
+        _run_all(chosen, over, out, as_json)
     else:
-        _run_one(chosen[0], seeds, out, as_json)
+        _run_one(chosen[0], over, out, as_json)
 
 
 @command.command("page")
@@ -91,7 +96,19 @@ def write_page(folder: Path, force: bool) -> None:
     click.echo(str(write_index(reports, folder)))
 
 
-def _run_one(experiment: Experiment, seeds: int | None, out: Path | None, as_json: bool) -> None:
+@command.command("ablation")
+@click.argument("folder", type=click.Path(path_type=Path))
+@FORCE
+def write_ablation(folder: Path, force: bool) -> None:
+    """Write the table that tells Albot1's mappers apart, of the reports in FOLDER, beside it."""
+    page = folder.with_name("albot1_ablation.md")
+    check_file(page, force=force)
+    reports = [read_report(folder / name) for name in EXPERIMENTS if name.startswith("albot1-")]
+    write_text(page, ablation(reports, folder.name))
+    click.echo(str(page))
+
+
+def _run_one(experiment: Experiment, seeds: range | None, out: Path | None, as_json: bool) -> None:
     report = _run(experiment, seeds)
     files = report.write(out) if out else []
     if as_json:
@@ -101,9 +118,9 @@ def _run_one(experiment: Experiment, seeds: int | None, out: Path | None, as_jso
 
 
 def _run_all(
-    experiments: list[Experiment], seeds: int | None, out: Path | None, as_json: bool
+    experiments: list[Experiment], seeds: range | None, out: Path | None, as_json: bool
 ) -> None:
-    """Run them one after the other; each report is written as soon as it is there."""
+    """Run experiments one after another; write each report as soon as it is complete."""
     reports, files = [], []
     if out:
         make_folder(out)
@@ -121,10 +138,10 @@ def _run_all(
         click.echo(json.dumps({"experiments": found, "files": [str(path) for path in files]}))
 
 
-def _run(experiment: Experiment, seeds: int | None) -> Report:
-    count = experiment.seeds if seeds is None else seeds
-    with progress(experiment.id, count, "seeds") as tell:
-        return experiment.run(count, tell)
+def _run(experiment: Experiment, seeds: range | None) -> Report:
+    over = experiment.default_seeds if seeds is None else seeds
+    with progress(experiment.id, len(over), "seeds") as tell:
+        return experiment.run(over, tell)
 
 
 def _print(report: Report, files: list[Path]) -> None:
@@ -134,6 +151,6 @@ def _print(report: Report, files: list[Path]) -> None:
     click.echo(f"{'':{width}}  {'paper':>8}  {'measured':>8}")
     for name, value in measured:
         click.echo(f"{name:{width}}  {cell(paper.get(name)):>8}  {cell(value):>8}")
-    click.echo("\nreached\n" if report.holds else "\nnot reached\n")
+    click.echo("\n" + "\n".join(report.verdict_lines()) + "\n")
     for path in files:
         click.echo(str(path))

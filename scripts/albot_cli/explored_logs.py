@@ -1,4 +1,4 @@
-"""Logs of simulated robots that explore worlds."""
+"""Record logs of simulated robots that explore worlds."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ class Exploration:
     seed: int
     """Seed of environment and agent."""
     agent: str
-    """The agent's name. A scripted one drives by its odometer, without a map."""
+    """The agent's name. A scripted agent drives by odometry, without a map."""
     steps: int
-    """How many steps of 0.1 s."""
+    """Number of steps of 0.1 s."""
     sensors: Mapping[str, str]
-    """Presets by the environments' settings (`laser`, `sonar`, `scenes`, `odometer`)."""
+    """Presets by name of the setting (`laser`, `sonar`, `scenes`, `odometer`)."""
 
     def make(self) -> gymnasium.Env[Any, Any]:
-        """Its environment.
+        """Make its environment.
 
         Raises:
             InputError: There is no such world, agent or sensor.
@@ -53,11 +53,11 @@ class Exploration:
 
 
 def explore(exploration: Exploration, on_step: Callable[[int], None] = lambda _: None) -> Log:
-    """Let the agent explore; what its robot sensed, and where it truly was.
+    """Let the agent explore; return the log of its readings and true poses.
 
     Args:
         exploration: The agent and its world.
-        on_step: Is called with the number of each step before it is taken.
+        on_step: Called before each step with its number.
 
     Raises:
         InputError: There is no such world, agent or sensor.
@@ -81,7 +81,7 @@ def explore(exploration: Exploration, on_step: Callable[[int], None] = lambda _:
 
 
 class ExplorationRunner(TaskRunner[Exploration, "tuple[Exploration, Log | InputError]"]):
-    """Runs explorations; what is wrong with one comes back as the error that it is."""
+    """Runs explorations; an InputError is returned as the result."""
 
     def run(
         self, task: Exploration, on_step: Callable[[int], None]
@@ -95,7 +95,7 @@ class ExplorationRunner(TaskRunner[Exploration, "tuple[Exploration, Log | InputE
     def on_crash(
         self, task: Exploration, step: int, cause: str
     ) -> tuple[Exploration, Log | InputError]:
-        """Report that the process died, which is our fault.
+        """Raise RuntimeError: the process died, which is a bug.
 
         Raises:
             RuntimeError: Always.
@@ -104,10 +104,10 @@ class ExplorationRunner(TaskRunner[Exploration, "tuple[Exploration, Log | InputE
 
 
 def explore_all(explorations: Sequence[Exploration], jobs: int) -> list[Log]:
-    """The logs of explorations, made in parallel, in their order.
+    """Run explorations in parallel; return their logs in the same order.
 
     Raises:
-        InputError: As `explore`; what is wrong with the first one is told before any is begun.
+        InputError: As `explore`; an error in the first one is raised before any begins.
     """
     explorations[0].make().close()
     logs: dict[tuple[str, int], Log] = {}

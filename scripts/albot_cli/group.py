@@ -1,4 +1,4 @@
-"""The group of all subcommands, each imported only when it is called."""
+"""The group of all subcommands, which are imported only when called."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from albot_cli.main import drop_output
 from albot_cli.signals import die_quietly, heeded
 
 _CLOSED_PIPE = 141
-"""Exit status where nobody reads the output any longer: that of programs that SIGPIPE ends."""
+"""Exit status after the reader of the output has closed the pipe: that of SIGPIPE."""
 
 SUBCOMMANDS = {
     "agents": "List the agents; write the model card of a trained one.",
@@ -34,10 +34,10 @@ SUBCOMMANDS = {
 
 
 class LazyGroup(click.Group):
-    """A group whose subcommands are imported only when they are called, to start fast."""
+    """A group that imports subcommands only when they are called, to start fast."""
 
     def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
-        """Parse the words, and print help."""
+        """Parse the arguments, or print help."""
         with _until_the_pipe_closes():
             return super().make_context(*args, **kwargs)
 
@@ -47,11 +47,11 @@ class LazyGroup(click.Group):
             return super().invoke(ctx)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """The names of all subcommands."""
+        """Return the names of all subcommands."""
         return sorted(SUBCOMMANDS)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        """Import `albot_cli.NAME`, with _ for -, and return its `command`."""
+        """Import `albot_cli.NAME`, with - replaced by _, and return its `command`."""
         if name not in SUBCOMMANDS:
             return None
         with _dying_quietly():
@@ -73,7 +73,7 @@ def albot() -> None:
 
 @contextmanager
 def _until_the_pipe_closes() -> Iterator[None]:
-    """End where whoever read the output stopped, as `head` does: that is no fault."""
+    """Exit without an error message when the reader of the output, such as `head`, has stopped."""
     try:
         yield
     except BrokenPipeError:
@@ -83,7 +83,7 @@ def _until_the_pipe_closes() -> Iterator[None]:
 
 @contextmanager
 def _dying_quietly() -> Iterator[None]:
-    """Let signals end the process at once and without a word during the block."""
+    """Let signals end the process at once, without output, during the block."""
     before = {number: signal.getsignal(number) for number in heeded()}
     die_quietly()
     try:

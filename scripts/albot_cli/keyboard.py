@@ -1,4 +1,4 @@
-"""The agent `keyboard`: a person drives, by the keys of a window or a terminal."""
+"""The agent `keyboard`: a person drives with the keys of a window or a terminal."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from albot_core.errors import InputError
 from albot_env.rendering.viewer import NullViewer, Viewer
 
 _TURN = 0.4
-"""How fast an arrow turns the robot, as a share of what it can: at more nobody drives straight."""
+"""Turn rate of the arrow keys, as a share of the maximum; more makes driving straight hard."""
 
 
 class Keyboard:
-    """Drives as the arrows say, and claims or declares as long as Enter is held."""
+    """Drives by the arrow keys, and claims a place or declares home while Enter is held."""
 
     name: ClassVar[str] = "keyboard"
     knows_truth: ClassVar[bool] = False
@@ -27,21 +27,21 @@ class Keyboard:
         self._viewer: Viewer = NullViewer()
 
     def listen(self, viewer: Viewer) -> None:
-        """Hear the keys of this viewer from now on.
+        """Use the keys of this viewer from now on.
 
         Raises:
-            InputError: It has none.
+            InputError: The viewer has no keys.
         """
         if not viewer.lasting:
             raise InputError("--agent keyboard", "a window or a terminal with keys", "neither")
         self._viewer = viewer
 
     def reset(self, rng: np.random.Generator, actions: Box) -> None:
-        """Begin anew."""
+        """Begin a new episode."""
         self._actions = actions
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
-        """The action that the keys ask for; without one the robot stands still."""
+        """Return the action for the held keys; without any, the robot stands still."""
         held = self._viewer.held()
         speed = ("up" in held) - ("down" in held)
         turn = ("left" in held) - ("right" in held)
@@ -55,9 +55,9 @@ SAYS = {
     HOMING: "enter: I am home",
     ROUND_TRIP: "enter: I am home",
 }
-"""What Enter says in each task in which a person can drive."""
+"""Meaning of Enter in each task in which a person can drive."""
 
 KEYBOARD = AgentEntry(
     summary="You drive.", make=lambda *_: Keyboard(), tasks=(EXPLORE, HOMING, ROUND_TRIP)
 )
-"""The entry of the agent: only where somebody watches does it drive at all."""
+"""The entry of the agent, which can drive only with a viewer."""

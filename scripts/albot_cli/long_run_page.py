@@ -1,4 +1,4 @@
-"""The page of the long journey: what a reading costs, and what is remembered, as it goes on."""
+"""The page of the long journey: time per reading, and size of the map, along the path."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _COLUMNS: Mapping[str, tuple[str, str, float]] = {
     "points of trail": ("trail_points", "{:.0f}", 1.0),
     "links": ("trail_links", "{:.0f}", 1.0),
 }
-"""Columns of the table: the figure, how it is written, and in which unit."""
+"""Columns of the table: the figure, its format, and the factor to its unit."""
 
 
 def write_long_run(path: Path, rows: Sequence[Row], machine: Row) -> None:
-    """Write the page, and its picture beside it.
+    """Write the page, and beside it its picture.
 
     Raises:
         InputError: A file cannot be written.
@@ -47,7 +47,7 @@ def write_long_run(path: Path, rows: Sequence[Row], machine: Row) -> None:
 
 
 def page(rows: Sequence[Row], machine: Row, picture: str) -> str:
-    """The page in Markdown."""
+    """Return the page in Markdown."""
     lines = [
         "# A long journey",
         "",
@@ -77,7 +77,7 @@ def _line(row: Row) -> str:
 
 
 def _changes(rows: Sequence[Row]) -> list[str]:
-    """How the figures change over the journey's second half, by the line that fits them best."""
+    """Return a sentence on the figures' slopes over the second half, by linear regression."""
     half = rows[len(rows) // 2 :]
     if len(half) < 3:
         return []
@@ -93,7 +93,7 @@ def _changes(rows: Sequence[Row]) -> list[str]:
 
 
 def _drawn(rows: Sequence[Row]) -> Figure:
-    """Cost, memory and what is remembered, each over the way."""
+    """Plot cost, memory and size of the map over the path length."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 3.4), layout="constrained")

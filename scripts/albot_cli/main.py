@@ -1,6 +1,6 @@
 """The `albot` command: turns errors and signals into exit statuses.
 
-All but the next to nothing above is imported within functions, once Ctrl-C finds us prepared.
+Other imports are within functions, so that signals are handled before they load.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import sys
 
 from albot_cli.signals import STOPPED, Interrupts, die_quietly
 
-TYPE_CHECKING = False  # As typing's, which would have to be loaded.
+TYPE_CHECKING = False  # Like typing.TYPE_CHECKING, without loading typing.
 if TYPE_CHECKING:
     import click
 
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 def main() -> None:
     """Run the command.
 
-    Exit status 0 done, 2 bad input, 1 our own fault, 128 + n where signal n ended it, and so 141
-    (SIGPIPE) where nobody reads any longer what it prints.
+    The exit status is 0 for success, 2 for bad input, 1 for a bug, 128 + n if signal n ended the
+    command, and so 141 (SIGPIPE) if the reader of the output has closed the pipe.
     """
     die_quietly()
     with open(os.devnull, "w", encoding="utf-8") as nowhere:  # noqa: PTH123
-        # A stream that the caller has closed (`>&-`) is None.
+        # A stream closed by the caller (`>&-`) is None.
         sys.stdout = sys.stdout or nowhere
         sys.stderr = sys.stderr or nowhere
         from albot_cli.group import albot
@@ -32,7 +32,7 @@ def main() -> None:
 
 
 def exit_status(command: click.Command) -> None:
-    """Run a command and leave with its exit status; bad input is one line on stderr."""
+    """Run a command and exit with its status; bad input prints one line on stderr."""
     interrupts = Interrupts()
     try:
         interrupts.listen()
@@ -46,7 +46,7 @@ def exit_status(command: click.Command) -> None:
 
 
 def _tell(error: BaseException, interrupts: Interrupts) -> int:
-    """Say what has ended the command; the exit status. What is nobody's input is raised again."""
+    """Report what ended the command, and return the exit status; re-raise other errors."""
     import errno
 
     import click
@@ -54,17 +54,17 @@ def _tell(error: BaseException, interrupts: Interrupts) -> int:
     from albot_core.errors import InputError
 
     if interrupts.heard is not None or isinstance(error, click.Abort):
-        _say("albot: stopped")  # Even if the interrupt came out of some library as another error.
+        _say("albot: stopped")  # Even if a library turned the interrupt into another error.
         return STOPPED
     if isinstance(error, InputError):
         _say(f"albot: {error}")
         return 2
     if isinstance(error, click.ClickException):
         message = error.format_message()
-        # A group that is called without a subcommand shows its help.
+        # A group called without a subcommand shows its help.
         _say(message if message.startswith("Usage:") else f"albot: {message}")
         return 2
-    # What the system says where a disk, or whatever takes the output, is full or broken.
+    # Errors of a full or broken disk or output device.
     no_room = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
     if isinstance(error, OSError) and error.errno in no_room:
         where = error.filename or "what is printed"
@@ -84,7 +84,7 @@ def _say(text: str) -> None:
 
 
 def drop_output() -> None:
-    """Let what cannot be written go, or Python would try and fail once more when it ends."""
+    """Discard pending output, which Python would otherwise try to write again at exit."""
     from contextlib import suppress
 
     with open(os.devnull, "w", encoding="utf-8") as nowhere, suppress(OSError):  # noqa: PTH123

@@ -1,4 +1,4 @@
-"""`albot map`: a mapper on a real robot's log."""
+"""`albot map`: run a mapper over a real robot's log or a recorded episode."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from albot_core.export.tum import write_tum
 from albot_core.files import write_text
 from albot_core.geometry.poses import compose
 from albot_core.logs.log import Log
-from albot_core.logs.reader import read_log, read_reference
+from albot_core.logs.reader import read_reference
 from albot_core.mappers.map_file import save_map
 from albot_core.mappers.mapper import AttractorNetwork, PlaceMemory
 from albot_core.mappers.registry import (
@@ -42,6 +42,7 @@ from albot_core.mappers.registry import (
     mapper_spec,
 )
 from albot_core.maps.layers import OccupancyGridLayer
+from albot_env.recording.log import read_log_or_episode
 
 _FILE = click.Path(path_type=Path)
 TRAJECTORY, SURFACES, PICTURE, MAP = "trajectory.tum", "surfaces.geojson", "map.png", "map.albot"
@@ -61,11 +62,11 @@ FILES = (
     CORRECTED,
     RECOGNITION,
 )
-"""The names of the files that `--out` leaves."""
+"""Names of the files that `--out` writes."""
 
 
 @click.command()
-@click.argument("log", type=_FILE)
+@click.argument("log", metavar="LOG|EPISODE", type=_FILE)
 @click.option("--mapper", default="albot1", show_default=True, help=f"{', '.join(mapper_names())}.")
 @mapper_config_option
 @click.option(
@@ -97,16 +98,17 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Run a mapper over LOG, a real robot's log, and say how well it mapped.
+    """Run a mapper over a real robot's LOG or a recorded EPISODE, and say how well it mapped.
 
-    LOG is a CARMEN, Wean Hall, Duke or JSON log, plain or packed (.gz, .xz). The seconds
-    reported are those of the mapper's updates alone, compiling excluded.
+    LOG is a CARMEN, Wean Hall, Duke or JSON log, plain or packed (.gz, .xz); EPISODE is a file
+    of `albot play` (.mcap), which holds its own reference. The seconds reported are those of
+    the mapper's updates alone, compiling excluded.
     """
     spec = mapper_spec(mapper)
     thresholds = read_mapper_config(spec, mapper_config)
     if out is not None:
         check_folder(out, FILES, force=force)
-    recorded = read_log(log, keep_going)
+    recorded = read_log_or_episode(log, keep_going)
     truth = read_reference(reference) if reference else recorded.reference_trajectory
     if recognition and truth is None:
         raise InputError("--recognition", "a reference of where the robot was", "none")
@@ -132,9 +134,9 @@ def command(
 def _check_stamps(
     log: Log, odometry: Score, reference: Path | None, relations: Path | None
 ) -> None:
-    """Raise InputError where the reference or the relations are not of this log.
+    """Raise InputError if the reference or the relations belong to another log.
 
-    Relations may all be between moments that were left out of it.
+    If part of the log was left out, all relations may concern that part; this is not an error.
     """
     if reference and odometry.trajectory is None:
         raise InputError(reference, f"moments of {log.name}", "stamps of another log")
@@ -145,10 +147,10 @@ def _check_stamps(
 def write_files(
     folder: Path, title: str, run: MappingRun, reference: Trajectory | None
 ) -> dict[str, str]:
-    """Write trajectory, surfaces, picture and map; return their paths by kind.
+    """Write trajectory, surfaces, picture and map; return the paths by kind of file.
 
-    Of a mapper that knows places the network and its events are written as well. The folder's
-    files are replaced when all are made.
+    The network, the events, the grid and the corrected trajectory are written too if the mapper has
+    them. The folder's files are replaced only when all are complete.
     """
     names = {"trajectory": TRAJECTORY, "surfaces": SURFACES, "picture": PICTURE, "map": MAP}
     with filled_folder(folder) as scratch:
@@ -175,7 +177,7 @@ def write_files(
 
 
 def _draw(path: Path, title: str, run: MappingRun, reference: Trajectory | None) -> None:
-    """Draw the map, and the reference laid on the believed path as well as it goes."""
+    """Draw the map, with the reference trajectory aligned to the estimated one."""
     frame = None if reference is None else alignment(reference, run.believed)
     network = None
     if run.packets is not None and isinstance(run.mapper, AttractorNetwork):

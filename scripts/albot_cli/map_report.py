@@ -1,7 +1,8 @@
-"""A mapper's run over a log, its scores, and what `albot map` tells of them: JSON and a table."""
+"""Run a mapper over a log, score it, and report the figures of `albot map`: JSON and a table."""
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Callable
@@ -26,55 +27,63 @@ from albot_core.geometry.types import Points, Poses
 from albot_core.logs.log import Log
 from albot_core.mappers.mapper import AttractorNetwork, CorrectedTrajectory, Mapper
 from albot_core.mappers.registry import make_mapper
+from albot_core.maps.outlines import surfaces_of
 
 RECOGNITION = "recognition.png"
-"""The name of the picture that `draw_recognition` leaves."""
+"""File name of the picture that `draw_recognition` writes."""
 _WARM_UP = 2500
-"""Scans by which a first mapper is led, so that the second finds its code compiled: so many that
-the robot has been through some exits and come back to a place."""
+"""Scans given to a first mapper so that the timed one finds its code compiled. They are enough for
+the robot to pass some exits and return to a place."""
 
 _TELL_EVERY = 50
-"""Scans between two words on how far the run has come."""
+"""Scans between two progress updates."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MappingRun:
-    """A mapper that has been led through a log."""
+    """A mapper after a complete log."""
 
     mapper: Mapper
     """The mapper at the end of the log."""
     believed: Trajectory
-    """Where it believed the robot to be, scan by scan, in its map's frame."""
+    """The pose estimated online at each scan, in the map's frame."""
     corrected: Trajectory | None
-    """Where it believes at the end that the robot was, scan by scan; None where it corrects no
-    earlier pose."""
+    """The poses of all scans as estimated at the end, in the map's frame; None if the mapper does
+    not correct earlier poses."""
     packets: Points | None
-    """Where its network's largest packet was, scan by scan (m); None where it has no network."""
+    """Position of the network's largest packet at each scan (m); None without a network."""
     seconds: float
-    """Time spent in its updates alone: no reading of files, no compiling, no drawing."""
+    """Total time of the updates (s), without reading files, compiling and drawing."""
     slowest: float
-    """Time spent in the longest of them (s)."""
+    """Time of the longest update (s)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """How far a trajectory is from the truth; None where the truth is not known."""
+    """Errors of a trajectory; None where the ground truth is unknown."""
 
     trajectory: TrajectoryError | None
     relations: RelationError | None
 
 
 def warm_up(name: str, config: Any, log: Log, seconds: float = math.inf) -> None:
-    """Lead a mapper through the log's beginning, so that the next finds its code compiled.
+    """Run a mapper over the log's beginning, so that the next one finds its code compiled.
 
-    It ends sooner where it has taken so many seconds.
+    It stops early after `seconds` seconds. A wrong reading is reported when the log is mapped, not
+    here.
     """
     mapper = make_mapper(name, config=config)
     end = time.perf_counter() + seconds
-    for reading in log.readings[:_WARM_UP]:
-        mapper.update(reading)
-        if time.perf_counter() > end:
-            break
+    logger = logging.getLogger("albot_core.mappers")
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        for reading in log.readings[:_WARM_UP]:
+            mapper.update(reading)
+            if time.perf_counter() > end:
+                break
+    finally:
+        logger.setLevel(level)
 
 
 def run_mapper(
@@ -84,14 +93,14 @@ def run_mapper(
     tell: Callable[[int], None],
     rng: np.random.Generator | None = None,
 ) -> MappingRun:
-    """Lead a fresh mapper through the log.
+    """Run a new mapper over the log.
 
     Args:
         name: The mapper's name.
-        config: Its thresholds (see `make_mapper`).
-        log: What the robot sensed.
-        tell: Is called now and then with the number of scans done.
-        rng: Where the mapper draws its random numbers (see `make_mapper`).
+        config: The mapper's parameters (see `make_mapper`).
+        log: The log.
+        tell: Called from time to time with the number of scans done.
+        rng: The mapper's random generator (see `make_mapper`).
     """
     mapper = make_mapper(name, config=config, rng=rng)
     poses, packets = np.empty((len(log.readings), 3)), np.empty((len(log.readings), 2))
@@ -124,7 +133,7 @@ def run_mapper(
 def score(
     trajectory: Trajectory, reference: Trajectory | None, relations: Relations | None
 ) -> Score:
-    """Compare a trajectory with what is known of the truth."""
+    """Compare a trajectory with the reference and the relations, if known."""
     return Score(
         trajectory=trajectory_error(trajectory, reference) if reference else None,
         relations=relation_error(trajectory, relations) if relations else None,
@@ -134,10 +143,11 @@ def score(
 def report(
     log: Log, run: MappingRun, mapped: Score, corrected: Score | None, odometry: Score
 ) -> dict[str, Any]:
-    """The run in figures; None where a figure is not known.
+    """Return the figures of the run; None for unknown ones.
 
-    `ate_rmse_m` and `relations` are those of the poses that the mapper believed online, scan by
-    scan; `corrected_…` those of the poses that it believes at the end, of one that corrects them.
+    `ate_rmse_m` and `relations` are the errors of the poses estimated online at each scan. Those
+    with `corrected_…` are the errors of the poses as estimated at the end, if the mapper corrects
+    earlier poses.
     """
     scans, snapshot = len(log.readings), run.mapper.snapshot()
     return {
@@ -148,7 +158,7 @@ def report(
         "seconds": run.seconds,
         "scans_per_second": scans / run.seconds,
         "updates": run.mapper.estimate.updates,
-        "surfaces": len(snapshot.segments),
+        "surfaces": len(surfaces_of(snapshot)),
         "places": len(snapshot.place_graph.nodes) or None,
         "ate_rmse_m": mapped.trajectory.rmse if mapped.trajectory else None,
         "corrected_ate_rmse_m": (
@@ -184,7 +194,7 @@ def _relations(error: RelationError | None) -> dict[str, int | float] | None:
 
 
 def as_table(figures: dict[str, Any]) -> str:
-    """The figures as a few lines to read, the mapper's beside the odometer's."""
+    """Return the figures as text, the mapper's beside the odometer's."""
     lines = [
         f"{figures['log']}: {figures['scans']} scans along {figures['path_m']:.1f} m",
         f"{figures['mapper']}: {figures['surfaces']} surfaces after {figures['updates']} updates, "
@@ -211,7 +221,7 @@ def _many(count: int, thing: str) -> str:
 
 
 def _comparison(figures: dict[str, Any]) -> list[tuple[str, str, str]]:
-    """Rows of what is known of both: a label, the mapper's figure, the odometer's."""
+    """Return rows of a label, the mapper's figure and the odometer's, where known."""
     rows = []
     mine, its = figures["ate_rmse_m"], figures["odometry_ate_rmse_m"]
     if mine is not None:
@@ -240,12 +250,11 @@ def _degrees(error: dict[str, int | float]) -> str:
 def recognition_figures(
     log: Log, truth: Trajectory | None, believed: Trajectory
 ) -> dict[str, Any] | None:
-    """How well the log's places are recognised; None where the truth is not known throughout.
+    """Return how well the log's places are recognised; None without the truth for all scans.
 
-    `recall` is the share of the queries that are recognised without any false alarm, and with
-    one claim in a hundred, and in twenty, false; `curve` holds recall and precision. `detection`
-    is the share of the pairs near each other that are found with no false alarm among all others,
-    and with one in a hundred.
+    `recall` is the recall of the queries at precision 1.00, 0.99 and 0.95; `curve` holds recall and
+    precision. `detection` is the detection rate of near pairs at false-alarm rates 0.00 and 0.01
+    over all other pairs.
     """
     if truth is None:
         return None
@@ -269,14 +278,14 @@ def recognition_figures(
 
 
 def draw_recognition(folder: Path, title: str, figures: dict[str, Any]) -> str:
-    """Draw the curve into a folder; return the picture's path."""
+    """Draw the precision-recall curve into a folder; return the picture's path."""
     path = folder / RECOGNITION
     draw_precision_recall(path, title, np.reshape(figures["curve"], (-1, 2)).astype(float))
     return str(path)
 
 
 def recognition_row(figures: dict[str, Any]) -> str:
-    """The figures as a line to read."""
+    """Return the figures as one line of text."""
     recall, pairs = figures["recall"], figures["pairs"]
     detection = pairs["detection"]
     return (

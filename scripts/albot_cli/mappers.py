@@ -1,4 +1,4 @@
-"""`albot mappers`: the mapping systems, and what other commands take of them."""
+"""`albot mappers`: list the mapping systems. Also reads `--mapper-config` of other commands."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ def command(as_json: bool) -> None:
 
 
 def read_robots_config(mapper: str, path: Path) -> Any:
-    """The thresholds of the mapper in a robot, by its name, from a YAML file.
+    """Read the parameters of an environment's mapper, given by name, from a YAML file.
 
     Raises:
-        InputError: The robot has no mapper; or as for `read_mapper_config`.
+        InputError: The mapper is `none`; or as for `read_mapper_config`.
     """
     from albot_env.tasks.core.settings import NO_MAPPER
 
@@ -64,11 +64,11 @@ def read_robots_config(mapper: str, path: Path) -> Any:
 
 
 def read_mapper_config(spec: MapperSpec, path: Path | None) -> Any:
-    """A mapper's thresholds from a YAML file; the default ones where none is given.
+    """Read a mapper's parameters from a YAML file; return the defaults if `path` is None.
 
     Raises:
-        InputError: The file is no YAML mapping, or holds a key that is no threshold of the mapper,
-            or a value that it does not take; the message names the line.
+        InputError: The file is not a YAML mapping, or has a key that is not a parameter of the
+            mapper or an invalid value; the message names the line.
     """
     if path is None:
         return mapper_config(spec)

@@ -1,4 +1,4 @@
-"""Where results are written: whether they can be, asked before the work, and all or none."""
+"""Output files: check that they can be written before the work, and write all or none."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from albot_core.files import is_stream, make_folder, replacing, scratch_folder
 from albot_core.interrupts import interrupts_deferred
 
 FORCE = click.option("--force", is_flag=True, help="Overwrite files that are there.")
-"""The option of every command that writes files that users name."""
+"""The option of every command that writes files named by the user."""
 
 
 def check_folder(folder: Path, names: Iterable[str] = (), *, force: bool = False) -> None:
-    """Raise InputError where no folder can be made, or nothing be written into it.
+    """Raise InputError if a folder cannot be made or written into, or one of the files exists.
 
     Args:
         folder: The folder.
-        names: Files to be written into it. None of them may be there.
-        force: They may.
+        names: Names of the files to be written into it.
+        force: Whether these files may exist.
     """
     if not folder.exists() and not folder.parent.exists():
         raise InputError(folder, f"a folder {folder.parent} to make it in", "none")
@@ -33,11 +33,11 @@ def check_folder(folder: Path, names: Iterable[str] = (), *, force: bool = False
 
 
 def check_file(path: Path, *, force: bool = False) -> None:
-    """Raise InputError where no file can be written, or one is there that is not to be overwritten.
+    """Raise InputError if a file cannot be written or exists.
 
     Args:
         path: The file.
-        force: It may be there.
+        force: Whether the file may exist.
     """
     if is_stream(path):
         return
@@ -47,11 +47,11 @@ def check_file(path: Path, *, force: bool = False) -> None:
 
 
 def check_png(path: Path | None, *, force: bool = False) -> None:
-    """Raise InputError where a picture, if one is wanted, is named as another or cannot be written.
+    """Raise InputError if a picture's name does not end in .png, or as `check_file` does.
 
     Args:
-        path: The picture.
-        force: It may be there.
+        path: The picture; None for no picture.
+        force: Whether the file may exist.
     """
     if path is None:
         return
@@ -62,7 +62,7 @@ def check_png(path: Path | None, *, force: bool = False) -> None:
 
 @contextmanager
 def filled_folder(folder: Path) -> Iterator[Path]:
-    """A scratch folder, whose files go into `folder` when all are made: all of them, or none."""
+    """Yield a temporary folder; at the end, move all of its files into `folder`, or none."""
     with scratch_folder() as scratch:
         yield scratch
         with interrupts_deferred(), ExitStack() as files:
@@ -70,7 +70,7 @@ def filled_folder(folder: Path) -> Iterator[Path]:
             for path in sorted(scratch.iterdir()):
                 stream = files.enter_context(replacing(folder / path.name))
                 stream.write(path.read_bytes())
-                stream.flush()  # What finds no room does so before anything is replaced.
+                stream.flush()  # A full disk raises here, before anything is replaced.
 
 
 def _check_writable(source: Path, folder: Path, expected: str) -> None:

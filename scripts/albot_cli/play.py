@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
@@ -31,11 +29,11 @@ AGENTS = {
     "Albot/ExploreAndHome-v0": "round-trip",
     "Albot/PlaceRecognition-v0": "place-judge",
 }
-"""Who acts in each task where nobody else is asked for."""
+"""The default agent of each task."""
 SUFFIX = ".mcap"
-"""By this one tells an episode's file from a task's name."""
+"""Suffix that distinguishes an episode's file from a task's name."""
 SENSORS = ("laser", "odometer", "sonar", "scenes")
-"""Options that choose a sensor's preset, named as the environment's arguments."""
+"""Options that select a sensor's preset, named like the environment's arguments."""
 RUN_ONLY = (
     "world",
     "mapper",
@@ -47,7 +45,7 @@ RUN_ONLY = (
     "no_movables",
     *SENSORS,
 )
-"""Options that a recorded episode has already decided."""
+"""Options that are not allowed for a recorded episode, because it fixes them."""
 
 
 @click.command()
@@ -151,14 +149,14 @@ def command(
 
 
 def _episode_file(what: str | None) -> Path | None:
-    """The file that is to be played back; None for a task, or nothing."""
+    """Return the file to play back; None for a task or no argument."""
     if what is None or not (what.endswith(SUFFIX) or Path(what).is_file()):
         return None
     return Path(what)
 
 
 def _check_play_back(ctx: click.Context) -> None:
-    """Raise InputError where an option was given that the recorded episode has decided."""
+    """Raise InputError if an option was given that a recorded episode fixes."""
     for name in RUN_ONLY:
         if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE:
             option = f"--{name.replace('_', '-')}"
@@ -166,7 +164,7 @@ def _check_play_back(ctx: click.Context) -> None:
 
 
 def _free_names(record: Path | None, png: Path | None) -> tuple[Path, Path]:
-    """The names of episode and picture; those that nobody gave are free ones with one number."""
+    """Return the paths of episode and picture; those not given get free names with one number."""
     for number in count():
         stem = f"episode-{number}" if number else "episode"
         ours = [Path(f"{stem}.mcap")] if record is None else []
@@ -177,7 +175,7 @@ def _free_names(record: Path | None, png: Path | None) -> tuple[Path, Path]:
 
 
 def _check_picture(png: Path, episode: Path, force: bool) -> None:
-    """Raise InputError where the picture cannot be written, or would take the episode's place."""
+    """Raise InputError if the picture cannot be written, or would overwrite the episode."""
     if png.resolve() == episode.resolve():
         raise InputError("--png", "another file than the episode's", str(png))
     check_png(png, force=force)
@@ -200,7 +198,7 @@ def _run(
     no_movables: bool,
     **sensors: str | None,
 ) -> dict[str, Any]:
-    """Run an episode; its summary. `sensors` holds the presets of `SENSORS`."""
+    """Run an episode and return its summary. `sensors` holds the presets of `SENSORS`."""
     import gymnasium
 
     from albot_cli.episodes import RunningEpisode
@@ -222,7 +220,6 @@ def _run(
         settings["mapper_config"] = read_robots_config(mapper, mapper_config)
     env = gymnasium.make(task, max_episode_steps=steps, disable_env_checker=True, **settings)
     driver = entry.make(env.get_wrapper_attr("observing"), task)
-    warm_up(mapper)
     inside = env.unwrapped
     assert isinstance(inside, SingleEnv)
     inside.agent, inside.recorder = agent, EpisodeWriter(record, overwrite=force)
@@ -234,7 +231,7 @@ def _run(
         title = f"{agent} in {world}"
 
         def keep() -> None:
-            """The files are written before somebody looks at the last picture for long."""
+            """Write the files before the last picture is shown, which may stay for long."""
             inside.recorder.close()
             _save_picture(episode.frame, png)
 
@@ -260,7 +257,7 @@ def _run(
 
 
 def _choose(task: str | None, agent: str | None) -> tuple[str, str, AgentEntry]:
-    """The id of a task, and the name and entry of an agent that fits it.
+    """Return the id of a task, and the name and entry of its agent.
 
     Raises:
         InputError: There is no such task or agent, or the agent is not for the task.
@@ -282,7 +279,7 @@ def _choose(task: str | None, agent: str | None) -> tuple[str, str, AgentEntry]:
 
 @contextmanager
 def _told_what_is_left(record: Path) -> Iterator[None]:
-    """Say, where Ctrl-C ends the episode, that what was driven is not lost."""
+    """If Ctrl-C ends the episode, print which file holds it."""
     try:
         yield
     except KeyboardInterrupt:
@@ -291,7 +288,7 @@ def _told_what_is_left(record: Path) -> Iterator[None]:
 
 
 def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) -> dict[str, Any]:
-    """Play an episode back; its summary."""
+    """Play an episode back and return its summary."""
     from albot_cli.episodes import RecordedEpisode
     from albot_cli.watch import open_viewer, watch
     from albot_env.rendering.controls import Controls
@@ -318,7 +315,7 @@ def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) ->
 
 
 def _summary(episode: PlayedEpisode) -> dict[str, Any]:
-    """What an episode's last frame tells."""
+    """Return the summary of an episode, from its last frame."""
     frame = episode.frame
     return {
         "task": frame.environment,
@@ -337,14 +334,14 @@ def _summary(episode: PlayedEpisode) -> dict[str, Any]:
 
 
 def _save_picture(frame: Frame, path: Path) -> None:
-    """Save the picture; matplotlib is loaded no sooner than it is needed."""
+    """Save the picture; matplotlib is loaded only here."""
     from albot_env.rendering.picture import save_picture
 
     save_picture(frame, path)
 
 
 def _as_text(summary: dict[str, Any]) -> str:
-    """The summary for people."""
+    """Return the summary as text."""
     rooms, covered, success = (summary[key] for key in ("rooms_entered", "coverage", "success"))
     figures = [
         f"{summary['path_m']:.1f} m driven",
@@ -365,36 +362,3 @@ def _as_text(summary: dict[str, Any]) -> str:
     if summary["files"]["picture"]:
         lines.append(f"  picture  {summary['files']['picture']}")
     return "\n".join(lines)
-
-
-def warm_up(mapper: str) -> None:
-    """Where nothing is compiled yet, compile the mapper and all else at the same time.
-
-    numba compiles one function at a time in a process, so the mapper gets a process of
-    its own. Without this an episode runs just as well, and its first steps take longer.
-    """
-    import gymnasium
-
-    from albot_env.sim.sensing import sense
-    from albot_env.tasks.core.settings import NO_MAPPER
-    from albot_env.tasks.explore.task import ExploreTask
-
-    if _is_compiled(sense.compiled):
-        return
-    command = [sys.executable, "-m", "albot_core.mappers.precompile", mapper]
-    with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
-        try:
-            env = gymnasium.make(ExploreTask.environment, world="square-loop", mapper=NO_MAPPER)
-            env.reset(seed=0)
-            env.step(env.action_space.sample())
-            env.close()
-            process.wait()
-        finally:
-            process.kill()  # Where this was interrupted; one that has ended stays as it is.
-
-
-def _is_compiled(function: object) -> bool:
-    """Whether numba has kept a compiled form of a function, of this version or an older one."""
-    name = getattr(function, "__qualname__", "")
-    folder = Path(function.stats.cache_path)  # type: ignore[attr-defined]
-    return any(folder.glob(f"*.{name}-*.nbi"))

@@ -1,4 +1,4 @@
-"""How far a long work has come: a bar on a terminal, a line now and then where there is none."""
+"""Report the progress of long work: a bar on a terminal, otherwise occasional lines."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from typing import Protocol
 import click
 
 EVERY = 60.0
-"""Seconds between two lines where there is no terminal."""
+"""Time between two lines without a terminal (s)."""
 
 
 class Tell(Protocol):
-    """Is told how far a work has come."""
+    """Receives the progress."""
 
     def __call__(self, done: int, note: str = "") -> None:
-        """So many steps are done; the note says how it goes."""
+        """Report that `done` steps are done; `note` describes the state."""
 
 
 @contextmanager
@@ -31,24 +31,24 @@ def progress(
     start: int = 0,
     every: float | None = None,
 ) -> Iterator[Tell]:
-    """Show how far a long work has come, at what rate, and how long it will still take.
+    """Show the progress of long work, its rate, and the remaining time.
 
-    On stderr: a bar if that is a terminal, and lines if not.
+    It goes to stderr: as a bar if that is a terminal, otherwise as lines.
 
     Args:
-        description: What is being done.
-        total: How many steps it takes.
-        unit: What a step is called, in the plural.
-        start: How many steps were done before.
-        every: Seconds between two lines; by default `EVERY`.
+        description: Name of the work.
+        total: Total number of steps.
+        unit: Name of a step, in the plural.
+        start: Number of steps done before.
+        every: Time between two lines (s); by default `EVERY`.
 
     Yields:
-        What is to be called with the number of steps done so far.
+        A callable that takes the number of steps done so far.
     """
     if not sys.stderr.isatty():
         yield _Lines(description, total, unit, start, EVERY if every is None else every)
         return
-    # Imported here, so that a run without a terminal starts sooner.
+    # Imported here, so that a run without a terminal starts faster.
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -59,7 +59,7 @@ def progress(
     )
 
     columns = (
-        # Without markup, in which `:office:` of a world's name would be a picture.
+        # Markup would turn `:office:` in a world's name into an emoji.
         TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
@@ -79,7 +79,7 @@ def progress(
 
 
 class _Lines:
-    """A line at most every so many seconds, for a log."""
+    """Prints at most one line per `every` seconds, for a log."""
 
     def __init__(self, description: str, total: int, unit: str, start: int, every: float) -> None:
         self._description, self._total, self._unit = description, total, unit

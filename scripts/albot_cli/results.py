@@ -1,4 +1,4 @@
-"""`albot results`: the table of all agents, odometers and kinds of worlds."""
+"""`albot results`: measure the table of all agents, odometers and kinds of worlds."""
 
 from __future__ import annotations
 
@@ -73,8 +73,8 @@ def command(
         if task not in known:
             raise InputError("--task", f"one of {', '.join(known)}", task)
     figures = out.with_suffix(".json")
-    check_file(out, force=True)  # The rows that are there stay.
-    read_figures(figures)  # What is there and is none of ours is told before the work.
+    check_file(out, force=True)  # Existing rows are kept.
+    read_figures(figures)  # A file that is not one of figures raises before the work begins.
     contests = [contest for contest in COMPARISONS if not tasks or contest.task in tasks]
     worlds = {kind: [spec] for kind, spec in RANDOM.items()}
     ranges = dict.fromkeys(RANDOM, parse_seeds(seeds))
@@ -97,7 +97,7 @@ def command(
 
 
 def _measure(planned: list[list[PairedTrials]], jobs: int) -> Iterator[Figures]:
-    """The figures of one task after the other."""
+    """Yield the figures of one task after another."""
     from albot_agents.evaluation.comparison import run_paired_trials
 
     before = 0
@@ -112,5 +112,5 @@ def _measure(planned: list[list[PairedTrials]], jobs: int) -> Iterator[Figures]:
 
 
 def _line(words: list[str]) -> str:
-    """The words as they are typed; names of variables stay open."""
+    """Return the words as a command line; variables such as $ALBOT_DATA stay unquoted."""
     return " ".join(word if word.startswith("$") else shlex.quote(word) for word in words)

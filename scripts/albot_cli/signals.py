@@ -1,36 +1,36 @@
-"""Ctrl-C, `kill` and a terminal that is closed: what the command does about them.
+"""Handle Ctrl-C, `kill` and a closed terminal.
 
-It imports next to nothing, so that it is there soon after Python is.
+The module imports almost nothing, so that signals are handled soon after Python starts.
 """
 
 from __future__ import annotations
 
 import signal
 
-TYPE_CHECKING = False  # As typing's, which would have to be loaded.
+TYPE_CHECKING = False  # Like typing.TYPE_CHECKING, without loading typing.
 if TYPE_CHECKING:
     from types import FrameType
     from typing import NoReturn
 
 STOPPED = 130
-"""Exit status of a subcommand that was interrupted and has told what there is."""
+"""Exit status of a subcommand that was interrupted and has printed its results so far."""
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 class Interrupts:
-    """Turns signals that end programs into KeyboardInterrupt, and keeps which one it was.
+    """Turns signals that end programs into KeyboardInterrupt, and records which one came.
 
-    So whoever tidies up, or tells what there is, where Ctrl-C ends the work does so where
-    `kill` does. A signal that we were told to ignore (`nohup`) stays ignored.
+    Code that cleans up or reports on Ctrl-C then does so on `kill` too. Signals that the caller has
+    set to be ignored (`nohup`) stay ignored.
     """
 
     def __init__(self) -> None:
         self.heard: int | None = None
-        """The number of the last signal that came; None where none did."""
+        """Number of the last signal; None if none came."""
 
     @property
     def status(self) -> int:
-        """The exit status of a program that such a signal has ended, as shells know it."""
+        """The exit status for the signal, by the convention of shells."""
         return STOPPED if self.heard is None else 128 + self.heard
 
     def listen(self) -> None:
@@ -44,16 +44,16 @@ class Interrupts:
 
 
 def die_quietly() -> None:
-    """From now on a signal ends the process at once and without a word.
+    """Let signals end the process at once, without output, from now on.
 
-    For when there is nothing to tidy up: while modules are imported, where an exception might
-    come out as any other or be lost, and at the very end.
+    Use it when there is nothing to clean up: during imports, where an exception could be replaced
+    by another or lost, and at the very end.
     """
     for number in heeded():
         signal.signal(number, signal.SIG_DFL)
 
 
 def heeded() -> list[signal.Signals]:
-    """The signals that end programs, but those that we were told to ignore."""
+    """Return the signals that end programs, except those that are ignored."""
     known = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
     return [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]

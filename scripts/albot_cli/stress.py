@@ -1,4 +1,4 @@
-"""`albot stress`: agents in many worlds, every step checked."""
+"""`albot stress`: drive agents through many worlds and check every step."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ import os
 import time
 from collections.abc import Iterable
 from contextlib import closing
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from albot_cli.mappers import mapper_config_option, read_robots_config
 from albot_cli.progress import progress
 from albot_cli.signals import STOPPED
 
@@ -57,6 +59,7 @@ if TYPE_CHECKING:
     "a trained agent; repeatable.",
 )
 @click.option("--mapper", default="none", show_default=True, help="See `albot mappers`; or none.")
+@mapper_config_option
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
@@ -66,6 +69,7 @@ def command(
     seed: int,
     agents: tuple[str, ...],
     mapper: str,
+    mapper_config: Path | None,
     jobs: int | None,
     as_json: bool,
 ) -> int:
@@ -81,10 +85,20 @@ def command(
     from albot_agents.stress import plan_episodes
 
     _check_mapper(mapper)
+    thresholds = None if mapper_config is None else read_robots_config(mapper, mapper_config)
     chosen = tuple(dict.fromkeys(agents))
     for name in chosen:
         check_agent(name, EXPLORE)
-    episodes = plan_episodes(worlds, chosen, count=count, first=seed, mapper=mapper, steps=steps)
+    episodes = plan_episodes(
+        worlds,
+        chosen,
+        count=count,
+        first=seed,
+        mapper=mapper,
+        steps=steps,
+        mapper_config=thresholds,
+        mapper_config_file=mapper_config,
+    )
     tally = _Tally()
     _run(episodes, jobs or os.cpu_count() or 1, tally)
     click.echo(json.dumps(tally.facts(chosen)) if as_json else tally.text())
@@ -101,7 +115,7 @@ def _check_mapper(name: str) -> None:
 
 
 class _Tally:
-    """What has been found so far."""
+    """The results so far."""
 
     def __init__(self) -> None:
         self._began = time.perf_counter()
@@ -110,12 +124,12 @@ class _Tally:
         self._steps = 0
         self._seconds = 0.0
         self.violations: list[dict[str, Any]] = []
-        """What was wrong, by the keys of the JSON."""
+        """The violations, as rows of the JSON."""
         self.stopped = False
         """Whether Ctrl-C ended the run."""
 
     def add(self, outcome: Outcome) -> None:
-        """One more episode has ended."""
+        """Add the outcome of an episode."""
         episode = outcome.episode
         self._worlds.add((episode.world, episode.seed))
         self._episodes += 1
@@ -134,7 +148,7 @@ class _Tally:
             )
 
     def facts(self, agents: Iterable[str]) -> dict[str, Any]:
-        """The JSON object."""
+        """Return the results as the JSON object."""
         return {
             "worlds": len(self._worlds),
             "agents": list(agents),
@@ -147,7 +161,7 @@ class _Tally:
         }
 
     def text(self) -> str:
-        """The same for people."""
+        """Return the results as text."""
         facts = self.facts(())
         lines = [
             f"step {each['step']}: {each['what']}\n  {each['command']}" for each in self.violations
@@ -164,7 +178,7 @@ class _Tally:
 
 
 def _run(episodes: list[Episode], jobs: int, tally: _Tally) -> None:
-    """Run the episodes, or as many as there are before Ctrl-C."""
+    """Run the episodes until all are done or Ctrl-C."""
     from albot_agents.stress import StressRunner
     from albot_agents.workers import run_parallel
 

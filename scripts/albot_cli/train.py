@@ -1,4 +1,4 @@
-"""`albot train`: an agent learns a task."""
+"""`albot train`: train an agent for a task."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from albot_agents.training.run_files import RunFolder
 
 _EVERY = 10.0
-"""Seconds between two lines about the progress."""
+"""Time between two progress lines (s)."""
 _NEEDED = ("sb3_contrib", "stable_baselines3", "tensorboard", "torch")
 _RUNS = Path("runs")
 _FOLDER = click.Path(path_type=Path, file_okay=False)
@@ -92,7 +92,7 @@ def _begin(
     seed: int | None,
     steps: int | None,
 ) -> tuple[RunFolder, TrainingPlan]:
-    """The run's folder, made or found, and its plan."""
+    """Make or find the run's folder; return it and the plan."""
     from albot_agents.task import find_task
     from albot_agents.training.plan_file import read_plan, shipped_plan
     from albot_agents.training.run_files import RunFolder, free_folder
@@ -122,7 +122,7 @@ def _begin(
 
 
 def _train(folder: RunFolder, plan: TrainingPlan, every: float) -> dict[str, Any]:
-    """Run; what came of it. Where there is no terminal, a line every so many seconds."""
+    """Train and return the outcome. Without a terminal, print a line every `every` seconds."""
     from albot_agents.training.run import TrainingRun
 
     def warn(text: str) -> None:
@@ -135,7 +135,7 @@ def _train(folder: RunFolder, plan: TrainingPlan, every: float) -> dict[str, Any
 
 
 def _as_text(result: dict[str, Any]) -> str:
-    """The result for people."""
+    """Return the result as text."""
     lines = [
         f"{result['task']} with {result['algorithm']}, seed {result['seed']}: "
         f"{result['samples']:,} samples, {result['episodes']:,} episodes, "
@@ -157,7 +157,7 @@ def _as_text(result: dict[str, Any]) -> str:
 
 
 def _command(words: list[str]) -> str:
-    """The command as others would type it: where its results go is not for them."""
+    """Return the command line without `--out`, which matters only on this machine."""
     kept, rest = ["albot"], iter(words)
     for word in rest:
         if word == "--out":

@@ -1,4 +1,4 @@
-"""`albot warm-up`: compile everything beforehand, as when a container's image is built."""
+"""`albot warm-up`: compile everything in advance, for instance when building a container image."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ import click
 from albot_cli.progress import progress
 
 STEPS = 30
-"""Steps of each environment: the mapper looks, and is asked, in the first few."""
+"""Steps of each environment; all of the mapper's code runs in the first few."""
 ROBOTS = 2
-"""Robots in a batch."""
+"""Number of robots in a batch."""
 WORLD = "square-loop"
 MOVABLE = "random:office:0?rooms=4&people=1&boxes=1&doors=1"
-"""A world with all that moves."""
+"""A world with all kinds of movables."""
 
 
 @click.command()
@@ -46,14 +46,14 @@ def command(as_json: bool) -> None:
 
 
 def _parts() -> Iterator[tuple[str, Callable[[], None]]]:
-    """What is run, by its name. Imported here: it needs all of the simulator."""
+    """Yield name and action of each part. Imports are here: they load the whole simulator."""
     from albot_agents.registry import agent_names
     from albot_agents.task import short_name, task_names
     from albot_core.mappers.precompile import precompile
     from albot_core.mappers.registry import MAPPERS, installed_mappers
     from albot_env.tasks.core.settings import NO_MAPPER
 
-    # By what most begin with, so that an interrupted call has done most for most.
+    # The most used parts come first, so that an interrupted call has done the most useful work.
     for task in task_names():
         yield f"a batch for {short_name(task)}", partial(_run_batch, task)
     for task in task_names():
@@ -68,7 +68,7 @@ def _parts() -> Iterator[tuple[str, Callable[[], None]]]:
 
 
 def _run_batch(task: str = "Albot/Explore-v0", **settings: Any) -> None:
-    """Let a batch act at random."""
+    """Step a batch with random actions."""
     import gymnasium
 
     settings = {"world": WORLD, "threads": 1, **settings}
@@ -81,7 +81,7 @@ def _run_batch(task: str = "Albot/Explore-v0", **settings: Any) -> None:
 
 
 def _run_agent(agent: str, task: str) -> None:
-    """Let an agent act in a single environment."""
+    """Let an agent act in one single environment."""
     import gymnasium
 
     from albot_agents.registry import find_agent
@@ -100,7 +100,7 @@ def _run_agent(agent: str, task: str) -> None:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Without the line that says that compiling takes long: the progress says more."""
+    """Suppress the log line about compiling; the progress bar says more."""
     logger = logging.getLogger("albot_core.kernels")
     before = logger.disabled
     logger.disabled = True
@@ -112,7 +112,7 @@ def _silence() -> Iterator[None]:
 
 @contextmanager
 def _counting() -> Iterator[list[str]]:
-    """The names of the kernels that are compiled within the block."""
+    """Yield a list that collects the names of the kernels compiled in the block."""
     from numba.core import event
 
     from albot_core.kernels.linking import Kernel
@@ -125,7 +125,7 @@ def _counting() -> Iterator[list[str]]:
                 names.append(event.data["dispatcher"].py_func.__qualname__)
 
         def on_end(self, event: Any) -> None:
-            """Nothing more is asked."""
+            """Do nothing."""
 
     with event.install_listener("numba:compile", _Compiled()):
         yield names

@@ -1,4 +1,4 @@
-"""How an episode is watched: in a window or the terminal, at what speed, until when."""
+"""Show an episode in a window or the terminal, at a chosen speed."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from albot_env.rendering.controls import Controls
 from albot_env.rendering.viewer import Footer, NullViewer, Viewer
 
 FRAME_RATE = 20.0
-"""Frames shown in a second, at most."""
+"""Largest number of frames shown per second."""
 LONGEST_STEP = 10.0
-"""A step is shown as if it took no more simulated time (s): a robot that is led from stop to stop
-is on its way for minutes."""
+"""Longest simulated time for which a step is shown (s); in place recognition, where the robot is
+led from stop to stop, a step can take minutes."""
 _LAG = 0.25
-"""What a slow picture costs is caught up with as far as this (s)."""
+"""Largest delay by slow drawing that is caught up (s)."""
 _ATTENTION = 0.02
-"""So often keys are looked for (s)."""
+"""Time between two checks for keys (s)."""
 
 
 def watch(
@@ -36,16 +36,16 @@ def watch(
     tell: Callable[[], None] = lambda: None,
     at_end: Callable[[], None] = lambda: None,
 ) -> None:
-    """Show an episode as fast as it is watched, or run it as fast as it goes where nobody does.
+    """Show an episode at the chosen speed; without a viewer, run it as fast as possible.
 
-    The last picture stays until it is closed, where somebody can.
+    The last picture stays until the user closes it, if the viewer has keys.
 
     Args:
         episode: The episode.
-        viewer: Where it is shown.
-        controls: What the keys have asked for.
-        tell: Is called after every step.
-        at_end: Is called once: when the episode is over, or is given up.
+        viewer: Shows the frames.
+        controls: The state set by keys: pause, speed, jumps.
+        tell: Called after every step.
+        at_end: Called once, when the episode is over or the user quits.
     """
     watched, ended, stale = not isinstance(viewer, NullViewer), False, True
     pace, shown = _Pace(controls), -inf
@@ -68,7 +68,7 @@ def watch(
             at_end()
         if watched and stale and (episode.over or time.monotonic() >= shown + 1 / FRAME_RATE):
             viewer.show(episode.frame, _footer(episode, controls))
-            # From its end, so that a slow viewer never leaves the episode no time to run.
+            # From the end of drawing, so that a slow viewer leaves the episode time to run.
             shown, stale = time.monotonic(), False
         if ended and not viewer.lasting:
             break
@@ -79,7 +79,7 @@ def watch(
 
 
 def _heed(viewer: Viewer, controls: Controls) -> bool:
-    """Do what the keys ask for that were pressed; whether any was."""
+    """Handle the pressed keys; return whether there were any."""
     keys = viewer.keys()
     for key in keys:
         controls.press(key)
@@ -87,24 +87,24 @@ def _heed(viewer: Viewer, controls: Controls) -> bool:
 
 
 class _Pace:
-    """When the next step is due."""
+    """Times the steps of the episode."""
 
     def __init__(self, controls: Controls) -> None:
         self._controls = controls
         self._due, self._took = time.monotonic(), 0.0
 
     def resume(self) -> None:
-        """A key was pressed: go on from now, at the speed that is asked for now."""
+        """Continue from now at the current speed, after a key was pressed."""
         now = time.monotonic()
         self._due = min(max(self._due, now), now + self._took / self._controls.speed)
 
     @property
     def wait(self) -> float:
-        """How long until it is due (s)."""
+        """Time until the next step is due (s)."""
         return self._due - time.monotonic()
 
     def follow(self, took: float) -> None:
-        """A step was taken that took so much simulated time (s)."""
+        """Schedule the next step after one that took `took` of simulated time (s)."""
         self._took = min(took, LONGEST_STEP)
         due = self._due + self._took / self._controls.speed
         self._due = max(due, time.monotonic() - _LAG)
@@ -122,17 +122,17 @@ def _footer(episode: PlayedEpisode, controls: Controls) -> Footer:
 
 @contextmanager
 def open_viewer(title: str, steps: int, *, headless: bool) -> Iterator[tuple[Viewer, Tell]]:
-    """Open a window where there is a display, else the terminal, else nothing.
+    """Open a window if there is a display, otherwise use the terminal, otherwise nothing.
 
-    Where the terminal is free a line on stderr tells how far it is.
+    Unless the terminal shows the episode, a line on stderr shows the progress.
 
     Args:
-        title: What is shown.
-        steps: How many steps the episode has, at most.
-        headless: Show nothing but the progress line, whatever there is.
+        title: Title of the episode.
+        steps: Largest number of steps of the episode.
+        headless: Whether to show only the progress line.
 
     Yields:
-        What shows frames, and what is to be called after each step.
+        The viewer, and a callable to call after each step.
     """
     window = None if headless else _open_window(title)
     if window is None and not headless and sys.stdout.isatty():
@@ -142,7 +142,7 @@ def open_viewer(title: str, steps: int, *, headless: bool) -> Iterator[tuple[Vie
             yield view, _tell_nobody
         return
     progress = Progress(
-        # Without markup, in which `:office:` of a world's name would be a picture.
+        # Markup would turn `:office:` in a world's name into an emoji.
         TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=None),
         MofNCompleteColumn(),
@@ -165,15 +165,15 @@ def open_viewer(title: str, steps: int, *, headless: bool) -> Iterator[tuple[Vie
 
 
 Tell = Callable[[], None]
-"""Is told that a step is done."""
+"""Called after each step."""
 
 
 def _tell_nobody() -> None:
-    """Where the terminal shows it anyway."""
+    """Do nothing: the terminal view shows the progress."""
 
 
 def _open_window(title: str) -> Viewer | None:
-    """A window; None where there is no display, or none that opens."""
+    """Return a window; None if there is no display, or it does not open."""
     from albot_env.rendering.display import display_found
 
     if not display_found():

@@ -100,10 +100,10 @@ def convert(spec: str, out: Path, force: bool, strict: bool, as_json: bool) -> N
 
 
 def _load(spec: str, strict: bool) -> World:
-    """The world of a spec.
+    """Load the world of a spec.
 
     Raises:
-        InputError: It is wrong; or, where `strict`, its reader left out or decided anything.
+        InputError: The world is invalid; or, if `strict`, its reader left out or assumed anything.
     """
     world = load_world(spec)
     if strict and world.notes:
@@ -115,7 +115,7 @@ class _MakeCommand(click.Command):
     """A command whose help lists the parameters of every kind of random world."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the parameters. The generators are loaded for it, and only for it."""
+        """List the parameters; only this loads the generators."""
         from albot_maps.generators.spec import KINDS, parameters_of
 
         for kind in KINDS:
@@ -188,7 +188,7 @@ def make(
 
 
 def summary(world: World) -> dict[str, Any]:
-    """The facts about a world that the command prints; lengths in metres."""
+    """Return the facts about a world that the command prints; lengths in metres."""
     x_min, y_min, x_max, y_max = world.bounds
     return {
         "name": world.name,
@@ -208,7 +208,7 @@ def summary(world: World) -> dict[str, Any]:
 
 
 def one_line(facts: dict[str, Any]) -> str:
-    """A world's size and how much is in it."""
+    """Return a world's size and the numbers of rooms, exits and walls."""
     width, height = facts["size_m"]
     parts = [f"{width:.1f} x {height:.1f} m"]
     parts += [_count(len(facts[kind]), kind) for kind in ("rooms", "exits")]
@@ -216,7 +216,7 @@ def one_line(facts: dict[str, Any]) -> str:
 
 
 def in_full(facts: dict[str, Any]) -> str:
-    """A world's facts, one a line."""
+    """Return a world's facts, one per line."""
     width, height = facts["size_m"]
     x, y, heading = facts["starts"][0]
     rows = {

@@ -12,8 +12,8 @@ import numpy as np
 from albot_core.geometry.poses import compose, relative, transform_points, wrap_angle
 from albot_core.geometry.types import Pose, Poses
 from albot_experiments.drawing import MARK, PATH, draw_floor
-from albot_experiments.mapping import MAPPERS, map_readings, median_and_worst
-from albot_experiments.report import Figures, Report, each_seed
+from albot_experiments.mapping import ALBOT1, MAPPERS, map_readings, median_and_worst
+from albot_experiments.report import Figures, Report, compared, each_seed
 from albot_experiments.tours import Journey, guided_tour
 from albot_maps import World, load_world
 
@@ -39,7 +39,7 @@ PAPER: dict[str, Figures] = {
     "distance_error_m": median_and_worst(_OFF[:, 1].tolist(), 2),
 }
 LARGEST_ANGLE, LARGEST_DISTANCE = np.radians(7.0), 3.2
-"""What no stop of any run may exceed (rad, m)."""
+"""What no stop of the thesis exceeds, and none of any run may (rad, m)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,23 +120,33 @@ def _report(seeds: range, world: World, pointings: dict[str, list[Pointing]]) ->
     measured: dict[str, Figures] = {"seeds": len(seeds), "stops": len(STOPS)}
     measured |= _errors(pointings["albot1"])
     for name in MAPPERS:
-        measured[f"{name}, all stops"] = _errors(pointings[name])
+        measured[name] = _errors(pointings[name])
+    for name in MAPPERS:
         for stop in STOPS:
             there = [pointing for pointing in pointings[name] if pointing.stop is stop]
             measured[f"{name}, stop {stop.name}"] = _errors(there)
-    holds = all(
-        pointing.angle_error <= LARGEST_ANGLE and pointing.distance_error <= LARGEST_DISTANCE
-        for pointing in pointings["albot1"]
-    )
+    verdicts = {name: _share(pointings[name]) == 1.0 for name in ALBOT1}
+    names = "angle_error_deg", "distance_error_m", "within_bounds"
     return Report(
         id=ID,
         title=TITLE,
         paper=PAPER,
         measured=measured,
-        holds=holds,
+        holds=verdicts["albot1"],
+        verdicts=verdicts,
+        compared=compared(measured, MAPPERS, names),
         text=_text(seeds),
         pictures={"home": _picture(world, pointings)},
     )
+
+
+def _share(pointings: list[Pointing]) -> float:
+    """The share of the stops at which home is told as well as in the thesis."""
+    within = [
+        pointing.angle_error <= LARGEST_ANGLE and pointing.distance_error <= LARGEST_DISTANCE
+        for pointing in pointings
+    ]
+    return float(np.mean(within))
 
 
 def _errors(pointings: list[Pointing]) -> dict[str, Figures]:
@@ -146,6 +156,7 @@ def _errors(pointings: list[Pointing]) -> dict[str, Figures]:
         "home_m": round(float(np.median(away)), 1),
         "angle_error_deg": median_and_worst(angles, 2),
         "distance_error_m": median_and_worst([each.distance_error for each in pointings], 2),
+        "within_bounds": round(_share(pointings), 3),
     }
 
 
@@ -154,7 +165,9 @@ def _text(seeds: range) -> str:
 A robot is guided start-stop, 1 m or 45° at a time, round `{WORLD}`: once along `{TOUR}` and once
 against it, each from home on. At two stops a journey it says where home is: the angle from
 its heading and the distance. Medians and worst over four stops and the seeds {seeds.start} to
-{seeds.stop - 1}; reached where the worst of `albot1` is within 7° and 3.2 m.
+{seeds.stop - 1}. `within_bounds` is the share of stops at which the angle is off by at most 7° and
+the distance by 3.2 m, as at all four of the thesis; a mapper reaches it if it is so at every stop
+of every seed. Places are left out (chapter 4): no exit forces an update.
 
 In the picture every line ends where home was believed to be, drawn from where the robot
 truly was and headed.
@@ -164,8 +177,8 @@ truly was and headed.
 def _picture(world: World, pointings: dict[str, list[Pointing]]) -> Figure:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(15, 5.4), layout="constrained")
-    for axes, name in zip(figure.subplots(1, 3), MAPPERS, strict=True):
+    figure = Figure(figsize=(5 * len(MAPPERS), 5.4), layout="constrained")
+    for axes, name in zip(figure.subplots(1, len(MAPPERS)), MAPPERS, strict=True):
         draw_floor(axes, world.walls)
         for pointing in pointings[name]:
             believed = compose(pointing.truth, pointing.believed)

@@ -95,13 +95,17 @@ class PlacedJourney:
         return links == {frozenset(door.rooms) for door in world.exits}
 
 
-def place_journey(name: str, world: World, journey: Journey) -> PlacedJourney:
+def place_journey(
+    name: str, world: World, journey: Journey, config: object = None
+) -> PlacedJourney:
     """Lead a fresh mapper through a journey, and keep where it believed to be.
+
+    `config` is as `make_mapper` takes it.
 
     Raises:
         InputError: The mapper is no Albot1.
     """
-    mapper = make_mapper(name)
+    mapper = make_mapper(name, config=config)
     if not isinstance(mapper, Albot1):
         raise InputError("mapper", "one of Albot1's", name)
     poses, places = np.empty_like(journey.truth), np.zeros(len(journey.truth), np.int64)

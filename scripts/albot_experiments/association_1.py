@@ -15,7 +15,14 @@ from albot_env.sim.odometer import ODOMETERS
 from albot_env.sim.sensors import Sensors
 from albot_env.sim.simulator import Simulator, StartStop, follow_leg
 from albot_experiments.drawing import draw_map
-from albot_experiments.mapping import Shape, map_readings, median_and_worst, shape_of
+from albot_experiments.mapping import (
+    Shape,
+    Walls,
+    map_readings,
+    median_and_worst,
+    shape_of,
+    surface_points,
+)
 from albot_experiments.report import Figures, Report, each_seed
 from albot_experiments.tours import Journey, lead
 from albot_maps import World, load_world
@@ -86,7 +93,8 @@ def follow(name: str, journey: Journey, world: World) -> Run:
     """Lead a mapper through a journey, and measure its map."""
     mapped = map_readings(name, journey.readings)
     surfaces = mapped.mapper.snapshot().segments
-    shape = shape_of(surfaces, mapped.poses, journey.truth, world.walls)
+    walls = Walls.of_journey(world.walls, journey.readings, journey.truth)
+    shape = shape_of(surface_points(surfaces), mapped.poses, journey.truth, walls)
     return Run(surfaces=surfaces, poses=mapped.poses, shape=shape)
 
 

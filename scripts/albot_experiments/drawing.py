@@ -57,6 +57,13 @@ def draw_map(axes: Axes, world: World, surfaces: Segments, poses: Poses, frame: 
     axes.plot(way[:, 0], way[:, 1], color=PATH, lw=0.8)
 
 
+def draw_points(axes: Axes, world: World, points: Points, poses: Poses, frame: Pose) -> None:
+    """As `draw_map`, for a map of points (n, 2), in its own frame (m)."""
+    draw_floor(axes, world.walls)
+    axes.plot(*transform_points(frame, points).T, ",", color=SURFACE)
+    axes.plot(*compose(frame, poses)[:, :2].T, color=PATH, lw=0.8)
+
+
 def draw_place_graph(axes: Axes, world: World, graph: PlaceGraph, frame: Pose) -> None:
     """Draw places in colours of their own, their exits, and the links between them.
 

@@ -19,12 +19,12 @@ ID = "ratslam-floor"
 TITLE = "The full floor of an office (Milford et al. 2005, section 5.3, figures 4 and 11)"
 FLOOR = Wandering(world="office-floor", tour="floor", minutes=150)
 MOST_ERROR = 1.0
-"""Most rms error of the experiences (m)."""
+"""Largest rms error of the experiences (m)."""
 PAPER = {"matches_the_floor": True, "multiple_overlap": True}
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Let the robot wander over the floor for 2.5 hours, once a seed.
+    """Let the robot wander over the floor for 2.5 hours, once per seed.
 
     Raises:
         InputError: No seeds.
@@ -33,7 +33,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def report(seeds: range, runs: Sequence[Run]) -> Report:
-    """The report of these runs."""
+    """Return the report of these runs."""
     measured: dict[str, Figures] = figures(runs)
     matches = all(run.error <= MOST_ERROR for run in runs)
     overlap = all(run.revisits_within_a_metre >= ASKED_REVISITS for run in runs)

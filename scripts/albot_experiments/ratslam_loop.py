@@ -31,21 +31,22 @@ TITLE = (
 )
 WORLD, TOUR = "square-loop", "loop"
 BIASES = ("bias-1.5", "bias-3", "bias-6")
-"""The odometers."""
+"""Names of the odometers."""
 DRIVING = Driving(speed=0.3)
 MINUTES, READINGS_PER_SECOND = 15, 10
 FALSE_SCENES = 0.05
-"""Share of looks that show any scene of the world."""
+"""Share of looks that show a random scene of the world."""
 PAPER = {"consistent_at_1.5": True, "consistent_at_3": True, "consistent_at_6": True}
 MOST_ERROR, LEAST_RATIO, MOST_GROWTH, MOST_ELSEWHERE = 0.5, 5.0, 2, 10.0
-"""Bounds: rms (m); rms without correction to that with it; experiences made in the last five
-minutes; how long the robot may be taken for elsewhere (s)."""
+"""Bounds: rms error (m); ratio of the rms error without correction to that with it; number of
+experiences made in the last five minutes; longest time for which the robot is believed elsewhere
+(s)."""
 LEAST_SHARE = 0.95
-"""Of the seeds."""
+"""Share of the seeds that must be consistent."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Drive the robot round for 15 minutes, once a seed and a bias, and map with and without.
+    """Drive laps for 15 minutes, once per seed and bias; map with and without correction.
 
     Raises:
         InputError: No seeds.
@@ -55,7 +56,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def loop(odometer: str, seed: int) -> tuple[Run, Run]:
-    """A run with map correction, and the same without."""
+    """Return a run with map correction, and the same run without."""
     world = load_world(WORLD)
     tour = world.tours[TOUR]
     count = 60 * MINUTES * READINGS_PER_SECOND + 1
@@ -77,7 +78,7 @@ def loop(odometer: str, seed: int) -> tuple[Run, Run]:
 
 
 def is_consistent(corrected: Run, uncorrected: Run) -> bool:
-    """Whether a run's map is consistent, by all of the bounds."""
+    """Return whether a run's map is consistent, by all of the bounds."""
     return bool(
         corrected.error <= MOST_ERROR
         and corrected.path_error <= MOST_ERROR
@@ -88,7 +89,7 @@ def is_consistent(corrected: Run, uncorrected: Run) -> bool:
 
 
 def _figures(runs: list[tuple[Run, Run]]) -> dict[str, Figures]:
-    """What is measured of the runs with one odometer."""
+    """Return the measured figures of the runs with one odometer."""
     with_correction = [corrected for corrected, _ in runs]
     return {
         "consistent": sum(is_consistent(*pair) for pair in runs) / len(runs),
@@ -148,7 +149,7 @@ of the packet in the pose cells, the experience map, and the same without correc
 
 
 def _picture(runs: Mapping[str, tuple[Run, Run]]) -> Figure:
-    """Figures 8 to 10, and the map without correction."""
+    """Draw figures 8 to 10, and the map without correction."""
     from matplotlib.figure import Figure
 
     world = load_world(WORLD)

@@ -22,11 +22,11 @@ TITLE = "An open plan office (Milford et al. 2005, section 6, figure 13), simula
 OFFICE = Wandering(world="open-plan", tour="routes", minutes=15)
 PAPER = {"multiple_overlap": True}
 EITHER_ZONE = replace(CORRECTED, experiences=replace(CORRECTED.experiences, either_zone=True))
-"""The mapper whose experiences are active in either zone, as eq. (9) has it to the letter."""
+"""The mapper whose experiences are active in either zone, as eq. (9) literally says."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Let the robot wander through the office for 15 minutes, once a seed.
+    """Let the robot wander through the office for 15 minutes, once per seed.
 
     Raises:
         InputError: No seeds.
@@ -40,7 +40,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def report(seeds: range, runs: Sequence[Run], either: Sequence[float] = ()) -> Report:
-    """The report of these runs, and of the errors of those with zones of either kind."""
+    """Return the report of these runs, and of the errors of the same runs with `EITHER_ZONE`."""
     measured: dict[str, Figures] = figures(runs)
     if either:
         measured["either_zone_error_m"] = median_and_worst(either)

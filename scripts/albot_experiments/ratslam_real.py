@@ -31,12 +31,13 @@ ID = "ratslam-real"
 TITLE = "Real logs with a laser (as in Milford et al. 2005, section 6)"
 PAPER = {"human_friendly_map": True}
 BOUNDS = {"Intel": 2.0, "Freiburg 101": 1.0}
-"""The error of the corrected path that is asked for (m)."""
+"""Largest accepted error of the corrected path of a log (m)."""
 SCALE, TURN, WANDER = 0.1, 0.1, np.radians((1.0, 0.5))
-"""Disturbed odometers: ways and turns are longer or shorter by up to these shares; they turn in
-excess by up to so much (rad/m), and by as much noise a motion (rad, standard deviation)."""
+"""Disturbed odometers: distances and turns are too long or too short by up to these shares;
+headings drift by up to this much (rad/m), with this much noise per motion (rad, standard
+deviation)."""
 _DRAWN = 12_000
-"""Points of a map in the picture."""
+"""Largest number of points of a map in the picture."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,19 +52,19 @@ class Run:
     """The experience map."""
     relocalisations: int
     error: float | None
-    """Of the corrected path (m; the ATE); None where the truth is not known."""
+    """Error of the corrected path (m; the ATE); None if the ground truth is unknown."""
     odometer_error: float | None
     wall_error: float
-    """Median distance from the scans, laid along the corrected path, to the walls (m)."""
+    """Median distance of the scans, placed along the corrected path, from the walls (m)."""
     odometer_wall_error: float
     disturbed: tuple[float, ...]
-    """The errors of the corrected path with disturbed odometers (m)…"""
+    """Errors of the corrected path with disturbed odometers (m)."""
     odometer_disturbed: tuple[float, ...]
-    """…and those odometers' own."""
+    """Errors of these odometers themselves (m)."""
 
 
 def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Report:
-    """Map each log as it is, and where the truth is known once a seed with a disturbed odometer.
+    """Map each log as it is; if its truth is known, also once per seed with a disturbed odometer.
 
     Raises:
         InputError: No seeds, or no folder of real logs.
@@ -80,7 +81,7 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 
 
 def disturbed(log: Log, rng: np.random.Generator) -> Log:
-    """A copy of a log with an odometer that measures ways and turns wrong."""
+    """Return a copy of a log whose odometer measures distances and turns wrong."""
     motions = relative(log.odometry[:-1], log.odometry[1:])
     ways = np.hypot(motions[:, 0], motions[:, 1])
     bias, noise = WANDER * (rng.uniform(-1.0, 1.0), 1.0)
@@ -94,7 +95,7 @@ def disturbed(log: Log, rng: np.random.Generator) -> Log:
 
 
 def follow(log: Log) -> tuple[Poses, PlaceGraph, int]:
-    """Lead RatSLAM through a log: the corrected path, the experiences, the re-localisations."""
+    """Run RatSLAM on a log; return corrected path, experiences and number of re-localisations."""
     mapper = make_mapper("ratslam")
     for reading in log.readings:
         mapper.update(reading)
@@ -105,7 +106,7 @@ def follow(log: Log) -> tuple[Poses, PlaceGraph, int]:
 
 
 def map_log(real: RealLog, known: KnownLog, errors: Sequence[tuple[float, float]]) -> Run:
-    """Map a log as it is; the errors are those of the disturbed runs and odometers."""
+    """Map a log as it is; `errors` are those of the disturbed runs and of their odometers."""
     poses, graph, relocalisations = follow(known.log)
     return Run(
         real=real,
@@ -123,14 +124,14 @@ def map_log(real: RealLog, known: KnownLog, errors: Sequence[tuple[float, float]
 
 
 def path_error(log: Log, poses: Poses, known: KnownLog) -> float | None:
-    """The ATE of a path (m); None where the truth is not known."""
+    """Return the ATE of a path (m); None if the ground truth is unknown."""
     believed = Trajectory(stamps=log.stamps, poses=poses)
     error = None if known.truth is None else trajectory_error(believed, known.truth)
     return None if error is None else error.rmse
 
 
 def odometer_error(log: Log, known: KnownLog) -> float | None:
-    """The same of the odometer alone."""
+    """Return the ATE of odometry alone (m); None if the ground truth is unknown."""
     return path_error(log, log.odometry, known)
 
 
@@ -140,7 +141,7 @@ def _cloud(known: KnownLog, poses: Poses) -> Float64[np.ndarray, "points 2"]:
 
 
 def _frame(known: KnownLog, poses: Poses) -> Pose:
-    """The map's frame on the floor: by the two paths, or by how the scans fit the walls."""
+    """Return the map's frame on the floor: by the two paths, or by how the scans fit the walls."""
     believed = Trajectory(stamps=known.log.stamps, poses=poses)
     frame = None if known.truth is None else alignment(believed, known.truth)
     return register(_cloud(known, poses), known.floor) if frame is None else frame
@@ -223,7 +224,7 @@ experiences and their transitions.
 
 
 def _picture(runs: list[Run]) -> Figure:
-    """A column for each log: along the odometer's path, and along the corrected one."""
+    """Draw a column for each log: along the odometer's path, and along the corrected one."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(20, 8), layout="constrained")

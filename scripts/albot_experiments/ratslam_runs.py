@@ -1,4 +1,4 @@
-"""RatSLAM led through a journey: what became of its map, measured and drawn."""
+"""Runs of RatSLAM on a journey: the resulting maps, measured and drawn."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 CORRECTED = RatSlamConfig.scenes()
-"""The mapper that sees scenes."""
+"""Config of the mapper that sees scenes."""
 UNCORRECTED = replace(CORRECTED, correction=CorrectionConfig(passes=0))
-"""The same mapper without map correction."""
+"""The same config without map correction."""
 SAME_PLACE = 2.0
-"""An experience that was made farther away than this is another place (m)."""
+"""Distance beyond which an experience counts as made at another place (m)."""
 _NEAR, _ALIGNED = 0.5, np.radians(30.0)
-"""Experiences made so near each other represent one place (m, rad)."""
+"""Experiences made within this distance and turn represent one place (m, rad)."""
 _SQUARE, _LEFT = 0.5, 100
-"""Side of a square of the floor (m), and for how many readings it is left before a revisit."""
+"""Side of a square of the floor (m), and number of readings outside it before a revisit."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,22 +41,22 @@ class Run:
 
     mapper: RatSlam
     truth: Poses
-    """(readings, 3): where the robot was."""
+    """(readings, 3): the robot's true poses."""
     packets: Float64[np.ndarray, "readings 3"]
     """The largest packet at every reading, in cells."""
     counts: Int64[np.ndarray, "readings"]
-    """How many experiences there were."""
+    """Number of experiences at every reading."""
     places: Int64[np.ndarray, "readings"]
-    """Which one was active."""
+    """The active experience at every reading."""
 
     @cached_property
     def made_at(self) -> Poses:
-        """Where the robot was as each experience was made."""
+        """True pose of the robot at which each experience was made."""
         return np.asarray(self.truth[self.mapper.experiences.experiences.rows("reading")])
 
     @cached_property
     def frame(self) -> Pose:
-        """The map's frame on the floor, under which the experiences fit best."""
+        """Pose of the map's frame on the floor for which the experiences fit best."""
         return align(self.mapper.experiences.poses[:, :2], self.made_at[:, :2])
 
     @property
@@ -67,31 +67,31 @@ class Run:
 
     @property
     def path_error(self) -> float:
-        """The same of all corrected poses from where the robot was (m): laps lie on laps."""
+        """Root mean squared distance of all corrected poses from the true ones (m)."""
         points = transform_points(self.frame, self.mapper.corrected_poses()[:, :2])
         return _rms(points, self.truth)
 
     def growth(self, readings: int) -> int:
-        """How many experiences were made in the last so many readings."""
+        """Return the number of experiences made in the last `readings` readings."""
         return int(self.counts[-1] - self.counts[-1 - readings])
 
     @cached_property
     def is_elsewhere(self) -> Bool[np.ndarray, "readings"]:
-        """At which readings the robot was not where its experience was made."""
+        """Whether the robot was away from where its experience was made, at every reading."""
         away = np.hypot(*(self.truth - self.made_at[self.places])[:, :2].T)
         return np.asarray(away > SAME_PLACE)
 
     @property
     def longest_elsewhere(self) -> int:
-        """Most readings in a row at which it was elsewhere."""
+        """Largest number of readings in a row at which the robot was elsewhere."""
         edges = np.flatnonzero(np.diff(self.is_elsewhere, prepend=False, append=False))
         return int(np.diff(edges)[::2].max(initial=0))
 
     @cached_property
     def revisits(self) -> Float64[np.ndarray, "revisits"]:
-        """How far revisits lie from the first visits in the map, in excess of the truth (m).
+        """Distances of revisits from the first visits in the map, in excess of the truth (m).
 
-        A revisit is when the robot comes into a square of the floor that it had left for long.
+        A revisit is when the robot enters a square of the floor that it left long before.
         """
         off = transform_points(self.frame, self.mapper.corrected_poses()[:, :2]) - self.truth[:, :2]
         squares = np.floor(self.truth[:, :2] / _SQUARE).astype(int).tolist()
@@ -107,21 +107,21 @@ class Run:
 
     @property
     def revisits_within_a_metre(self) -> float:
-        """The share of them; 1 where there is none."""
+        """Share of the revisits below 1 m; 1 if there are none."""
         return float(np.mean(self.revisits < 1.0)) if len(self.revisits) else 1.0
 
     @property
     def relocalisations(self) -> int:
-        """How often it was re-localised."""
+        """Number of re-localisations."""
         return sum(event.kind == RELOCALISED for event in self.mapper.events)
 
     @cached_property
     def represented(self) -> tuple[int, int]:
-        """How many experiences share their place with another, and their pose cells.
+        """Numbers of multiple representations and of hash collisions.
 
-        The first are multiple representations (section 3.6): made within 0.5 m and 30° of another,
-        with other pose cells. The second are hash collisions (section 3.7): with pose cells in
-        whose zone another one has its own, that was made elsewhere.
+        A multiple representation (section 3.6) is an experience made within 0.5 m and 30° of
+        another, with other pose cells. A hash collision (section 3.7) is an experience whose zone
+        contains the pose cells of another one that was made elsewhere.
         """
         config = self.mapper.config
         cells = self.mapper.experiences.experiences.rows("cell").copy()
@@ -149,7 +149,7 @@ def _rms(points: Points, truth: Poses) -> float:
 
 
 def follow(readings: Sequence[Reading], truth: Poses, config: RatSlamConfig) -> Run:
-    """Lead a fresh mapper through the readings."""
+    """Run a fresh mapper on the readings."""
     mapper = RatSlam(config, "ratslam" if config.sees == "laser" else "ratslam-scenes")
     packets, counts = np.empty((len(readings), 3)), np.zeros(len(readings), np.int64)
     for k, reading in enumerate(readings):
@@ -161,7 +161,7 @@ def follow(readings: Sequence[Reading], truth: Poses, config: RatSlamConfig) -> 
 
 
 def draw_pose_cells(axes: Axes, run: Run) -> None:
-    """Draw the packet's path in (x', y'): re-localisations thin, without what wraps round."""
+    """Draw the packet's path in (x', y'): re-localisations thin, jumps by wrapping left out."""
     cells = run.packets[:, :2]
     leaps = np.abs(np.diff(cells, axis=0)).max(axis=1)
     size = run.mapper.config.pose_cells
@@ -174,7 +174,7 @@ def draw_pose_cells(axes: Axes, run: Run) -> None:
 
 
 def draw_experiences(axes: Axes, run: Run, world: World | None) -> None:
-    """Draw the experience map, laid on the floor where there is one."""
+    """Draw the experience map, on the floor if there is one."""
     poses = transform_points(run.frame, run.mapper.experiences.poses[:, :2])
     if world is not None:
         draw_floor(axes, world.walls, FLOOR)

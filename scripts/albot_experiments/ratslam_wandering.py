@@ -29,15 +29,15 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SPEED = 0.3
-"""The robot's (m/s), as the paper has it in section 3.5."""
+"""The robot's speed (m/s), as in section 3.5 of the paper."""
 READINGS_PER_SECOND = 10
 ODOMETER, SCENE_SENSOR = "pioneer", "paper"
 ASKED_REVISITS = 0.95
-"""Share of revisits within a metre of the first visit."""
+"""Share of revisits that must lie within a metre of the first visit."""
 _CLEARANCE = 0.45
-"""How far the ways keep from walls (m): the robot cuts corners."""
+"""Distance of the routes from walls (m); the robot cuts corners."""
 _LEAST_LEG = 1.0
-"""No way is shorter (m)."""
+"""Smallest distance between the ends of a route (m)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,18 +50,18 @@ class Wandering:
     minutes: int
 
     def run(self, seed: int) -> Run:
-        """Let the robot wander and the mapper follow."""
+        """Let the robot wander, and run the mapper on what it senses."""
         journey = self.journey(seed, self.minutes)
         return follow(journey.readings, journey.truth, CORRECTED)
 
     def journey(self, seed: int, minutes: int) -> Journey:
-        """What the robot senses in so much time.
+        """Return what the robot senses in `minutes` minutes.
 
-        The odometer is a Pioneer's, the scenes are the paper's: each number is that of two views,
+        The odometer is a Pioneer's. The scenes are the paper's: each number stands for two views,
         and some are missed or false.
         """
         world, rng = load_world(self.world), np.random.default_rng(seed)
-        # Turns take time: at full speed it would come this far.
+        # Turns take time, so this distance takes longer than `minutes`.
         waypoints = wandering(world, self.tour, 60 * minutes * SPEED, rng)
         journey = driven_tour(
             world,
@@ -76,7 +76,7 @@ class Wandering:
 
 
 def wandering(world: World, tour: str, length: float, rng: np.random.Generator) -> Points:
-    """Waypoints of a tour, then of ways between its waypoints, drawn until it is so long (m)."""
+    """Return waypoints of a tour, then of random routes between them, up to a length (m)."""
     stops = world.tours[tour]
     routes = Routes(world, _CLEARANCE)
     parts, here, gone = [stops], stops[-1], _length(stops)
@@ -95,7 +95,7 @@ def _length(way: Points) -> float:
 
 
 def figures(runs: Sequence[Run]) -> dict[str, Figures]:
-    """What is measured of runs."""
+    """Return the measured figures of runs."""
     return {
         "error_m": median_and_worst([run.error for run in runs]),
         "path_error_m": median_and_worst([run.path_error for run in runs]),
@@ -111,7 +111,7 @@ def figures(runs: Sequence[Run]) -> dict[str, Figures]:
 
 
 def text() -> str:
-    """How all of these runs are measured, in Markdown."""
+    """Return how all of these runs are measured, in Markdown."""
     return f"""
 The odometer is the preset `{ODOMETER}`, the scenes are the preset `{SCENE_SENSOR}`: places of 1 m
 seen in eight directions, each number that of two views far apart, 5 % of the looks missed and
@@ -131,7 +131,7 @@ laid on the floor.
 
 
 def picture(run: Run, world: str, size: tuple[float, float]) -> Figure:
-    """The pose cells and the experience map side by side."""
+    """Draw the pose cells and the experience map side by side."""
     from matplotlib.figure import Figure
 
     floor = load_world(world)

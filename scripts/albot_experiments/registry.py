@@ -36,9 +36,13 @@ class Experiment:
         if self.needs_data:
             data_folder()
 
-    def run(self, count: int, progress: Callable[[int], None]) -> Report:
-        """Run it over so many seeds, telling `progress` how many are done."""
-        seeds = range(FIRST_SEED, FIRST_SEED + count)
+    @property
+    def default_seeds(self) -> range:
+        """The seeds that it runs over unless told otherwise."""
+        return range(FIRST_SEED, FIRST_SEED + self.seeds)
+
+    def run(self, seeds: range, progress: Callable[[int], None]) -> Report:
+        """Run it over the seeds, telling `progress` how many are done."""
         report: Report = importlib.import_module(self.module).run(seeds, progress)
         return report
 
@@ -67,31 +71,43 @@ EXPERIMENTS = {
         Experiment(
             id="albot1-e1",
             title="Albot1's map keeps the shape of the floor (Hossain 2014, section 3.2.1)",
-            seeds=20,
+            seeds=100,
             module="albot_experiments.albot1_e1",
+        ),
+        Experiment(
+            id="albot1-e1b",
+            title="Albot1 updates and wipes its map (Hossain 2014, section 3.2.1)",
+            seeds=100,
+            module="albot_experiments.albot1_e1b",
         ),
         Experiment(
             id="albot1-e2",
             title="Albot1 knows where home is (Hossain 2014, section 3.2.2)",
-            seeds=20,
+            seeds=100,
             module="albot_experiments.albot1_e2",
         ),
         Experiment(
             id="albot1-e3",
             title="Albot1 bears a wrong odometer (Hossain 2014, section 3.2.3)",
-            seeds=20,
+            seeds=100,
             module="albot_experiments.albot1_e3",
         ),
         Experiment(
             id="albot1-e4",
             title="Albot1 maps without stopping (Hossain 2014, section 3.2.4)",
-            seeds=20,
+            seeds=100,
             module="albot_experiments.albot1_e4",
+        ),
+        Experiment(
+            id="albot1-e4b",
+            title="Albot1 removes a little more than it sees (Hossain 2014, section 3.2.4)",
+            seeds=20,
+            module="albot_experiments.albot1_e4b",
         ),
         Experiment(
             id="albot1-e5",
             title="Albot1 maps from few views (Hossain 2014, section 3.2.5)",
-            seeds=20,
+            seeds=100,
             module="albot_experiments.albot1_e5",
         ),
         Experiment(
@@ -104,20 +120,27 @@ EXPERIMENTS = {
         Experiment(
             id="albot1-c1",
             title="Albot1 learns a network of places (Hossain 2014, section 4.2.1)",
-            seeds=20,
+            seeds=100,
             module="albot_experiments.albot1_c1",
         ),
         Experiment(
             id="albot1-c2",
             title="Albot1 recognizes familiar places (Hossain 2014, section 4.2.2)",
-            seeds=20,
+            seeds=100,
             module="albot_experiments.albot1_c2",
         ),
         Experiment(
             id="albot1-c3",
             title="Albot1 knows which exit comes next (Hossain 2014, section 4.2.3)",
-            seeds=20,
+            seeds=100,
             module="albot_experiments.albot1_c3",
+        ),
+        Experiment(
+            id="albot1-readings",
+            title="Three readings of Albot1's thesis, each alone (Hossain 2014)",
+            seeds=20,
+            module="albot_experiments.albot1_readings",
+            needs_data=True,
         ),
         Experiment(
             id="ratslam-loop",

@@ -42,6 +42,10 @@ class Report:
     """What was measured here, under the paper's names where there are any."""
     holds: bool
     """Whether what the paper reports was reached."""
+    verdicts: Mapping[str, bool] = field(default_factory=dict)
+    """The same for each mapper on which a verdict is given."""
+    compared: Mapping[str, Mapping[str, Scalar]] = field(default_factory=dict)
+    """The figures by which the mappers are told apart, each by mapper (see `compared`)."""
     text: str = ""
     """How it was done, in Markdown."""
     pictures: Mapping[str, Figure] = field(default_factory=dict)
@@ -54,6 +58,8 @@ class Report:
             "paper": dict(self.paper),
             "measured": dict(self.measured),
             "holds": self.holds,
+            **({"verdicts": dict(self.verdicts)} if self.verdicts else {}),
+            **({"compared": dict(self.compared)} if self.compared else {}),
         }
 
     def as_markdown(self) -> str:
@@ -66,9 +72,16 @@ class Report:
             for name, figures in table.items():
                 cells = " | ".join(cell(value) for _, value in rows(figures))
                 lines.append(f"| {name} | {cells} |")
-        lines += ["", "Reached." if self.holds else "Not reached.", ""]
+        lines += ["", *self.verdict_lines(), ""]
         lines += [f"![{name}]({name}.png)\n" for name in self.pictures]
         return "\n".join(lines)
+
+    def verdict_lines(self) -> list[str]:
+        """What was reached, by mapper where several are judged."""
+        if not self.verdicts:
+            return ["Reached." if self.holds else "Not reached."]
+        lines = [f"- `{name}`: {_verdict(reached)}" for name, reached in self.verdicts.items()]
+        return ["Reached, by mapper:", "", *lines]
 
     def table(self) -> list[str]:
         """The paper's figures beside those measured, but for groups of them, in Markdown."""
@@ -134,6 +147,23 @@ def rows(figures: Mapping[str, Figures]) -> list[tuple[str, Scalar]]:
 
 def _is_spread(figures: Mapping[str, Figures]) -> bool:
     return tuple(figures) == ("median", "worst")
+
+
+def _verdict(reached: bool) -> str:
+    return "reached" if reached else "not reached"
+
+
+def compared(
+    measured: Mapping[str, Figures], mappers: Sequence[str], names: Sequence[str]
+) -> dict[str, dict[str, Scalar]]:
+    """Some figures of groups that are called after mappers, each by mapper."""
+    found: dict[str, dict[str, Scalar]] = {}
+    for mapper in mappers:
+        group = measured[mapper]
+        for name, value in rows(group) if isinstance(group, Mapping) else ():
+            if name in names:
+                found.setdefault(name, {})[mapper] = value
+    return {name: found[name] for name in names}
 
 
 def key(name: str) -> str:
@@ -217,10 +247,53 @@ def index(reports: Sequence[Report], folder: str) -> str:
     ]
     for report in reports:
         link = f"[{report.id}]({folder}/{report.id}/report.md)"
-        lines.append(f"| {link} | {report.title} | {cell(report.holds)} |")
+        judged = [f"{name}: {cell(reached)}" for name, reached in report.verdicts.items()]
+        verdict = ", ".join(judged) or cell(report.holds)
+        lines.append(f"| {link} | {report.title} | {verdict} |")
     for report in reports:
         lines += ["", f"## {report.id}: {report.title}", "", *report.table(), ""]
         lines += [f"![{name}]({folder}/{report.id}/{name}.png)" for name in report.pictures]
+    return "\n".join(lines) + "\n"
+
+
+ABLATION_COMMAND = "albot experiment ablation docs/experiments --force"
+"""What writes the ablation table."""
+
+
+def ablation(reports: Sequence[Report], folder: str) -> str:
+    """The figures by which mappers are told apart, over all experiments, in Markdown.
+
+    Args:
+        reports: Reports with `compared` figures; others are left out.
+        folder: Where they stand, for links.
+    """
+    told = [report for report in reports if report.compared]
+    rows_of = [by_mapper for report in told for by_mapper in report.compared.values()]
+    mappers = list(dict.fromkeys(mapper for by_mapper in rows_of for mapper in by_mapper))
+    lines = [
+        "# What each idea brings",
+        "",
+        "Three mappers, each with one idea more than the one before, on every experiment of the",
+        "Albot1 thesis and on the public logs. `albot1-thesis` is the thesis to the letter.",
+        "`albot1-tracked` fits lines, searches the turn, and lets all landmarks that it has",
+        "tracked from view to view localise it together. `albot1` matches each view with all that",
+        "it remembers nearby. `odometry` lays each view where the odometer says. Medians, and the",
+        "worst seed or run in brackets. This page is written by",
+        "",
+        "```",
+        ABLATION_COMMAND,
+        "```",
+        "",
+        f"| experiment | figure | {' | '.join(f'`{mapper}`' for mapper in mappers)} |",
+        "|---" * (2 + len(mappers)) + "|",
+    ]
+    for report in told:
+        link = f"[{report.id}]({folder}/{report.id}/report.md)"
+        verdicts = [report.verdicts.get(mapper) for mapper in mappers]
+        judged = {"**reached**": dict(zip(mappers, verdicts, strict=True))}
+        for name, by_mapper in (*report.compared.items(), *judged.items()):
+            cells = " | ".join(cell(by_mapper.get(mapper)) for mapper in mappers)
+            lines.append(f"| {link} | {name} | {cells} |")
     return "\n".join(lines) + "\n"
 
 

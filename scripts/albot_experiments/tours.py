@@ -16,6 +16,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, wrap_angle
 from albot_core.geometry.types import Points, Pose, Poses
 from albot_core.sensing.reading import Reading
+from albot_env.sim.laser import LMS_200, LaserConfig
 from albot_env.sim.odometer import ODOMETERS, OdometerConfig
 from albot_env.sim.scenes import SceneConfig
 from albot_env.sim.sensors import Sensors
@@ -56,6 +57,7 @@ def guided_tour(
     rng: np.random.Generator,
     *,
     steps: StartStop = THESIS_STEPS,
+    laser: LaserConfig = LMS_200,
     odometer: OdometerConfig = ODOMETERS["pioneer"],
     sonar: SonarConfig | None = None,
 ) -> Journey:
@@ -67,7 +69,8 @@ def guided_tour(
     Raises:
         InputError: The robot bumped into something: the tour is not clear of walls.
     """
-    simulator = Simulator(world, sensors=Sensors(odometer=odometer, sonar=sonar))
+    sensors = Sensors(laser=laser, odometer=odometer, sonar=sonar)
+    simulator = Simulator(world, sensors=sensors)
     go_to = partial(follow_leg, simulator, steps=steps)
     return lead(simulator, world, waypoints, rng, go_to)
 

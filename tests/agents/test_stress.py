@@ -17,6 +17,7 @@ from albot_agents.registry import EXPLORE, agent_names
 from albot_agents.stress import Episode, Outcome, Violation, plan_episodes, run_episode
 from albot_cli.main import main
 from albot_core.errors import InputError
+from albot_core.mappers.registry import mapper_config, mapper_spec
 from albot_env.recording.reader import EpisodeReader
 from albot_env.stress.checks import Limits
 from albot_env.tasks.core import single
@@ -100,6 +101,8 @@ def test_a_violation_names_the_command_that_shows_it():
         "albot", "play", "--world", "random:office:3?rooms=8&clutter=0", "--agent", "random",
         "--mapper", "none", "--seed", "3", "--steps", "7",
     ]  # fmt: skip
+    tuned = dataclasses.replace(episode, mapper_config_file=Path("my thresholds.yaml"))
+    assert "--mapper-config 'my thresholds.yaml'" in tuned.command(7)
     at_reset = Violation(episode=episode, step=0, what="").command
     assert at_reset.endswith("--steps 1")
 
@@ -143,6 +146,16 @@ def test_a_thing_that_sensors_miss_is_found(monkeypatch: pytest.MonkeyPatch):
 @pytest.mark.parametrize("mapper", ["albot1", "odometry"])
 def test_nor_with_a_mapper_inside(mapper: str):
     assert run(dataclasses.replace(SOUND, mapper=mapper)).violations == ()
+
+
+def test_the_mapper_inside_has_the_thresholds_that_were_asked_for():
+    spec = mapper_spec("odometry")
+    episode = dataclasses.replace(
+        SOUND, mapper="odometry", mapper_config=mapper_config(spec, {"capacity": 7})
+    )
+    assert run(episode).violations == ()
+    (found,) = run(dataclasses.replace(episode, mapper="albot1")).violations
+    assert "Albot1Config" in found.what
 
 
 def test_each_step_is_told_before_it_is_taken():

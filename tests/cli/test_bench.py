@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from albot_benchmarks import environment, laser, learner, ratslam
+from albot_benchmarks import environment, laser, learner, ratslam, slam
 from albot_benchmarks import environment as processes
 from albot_benchmarks.environment import Case
 from albot_benchmarks.mapper import (
@@ -135,6 +135,23 @@ def test_a_mappers_line_tells_what_a_batch_does() -> None:
     alone = "mapper            7 surfaces     1,500 readings/s  odometry"
     assert told[0] == f"{alone}; 4 at once 2,000,000 in sum, 30,000 where each is asked by itself"
     assert told[1] == alone
+
+
+def test_systems_of_metric_slam_are_timed_beside_the_yardstick(monkeypatch) -> None:
+    names = {"scan-matching", "gmapping"}
+    monkeypatch.setattr(slam, "installed_mappers", lambda: names)
+    rows = slam.measure_slam(tour_readings()[:5], rounds=1)
+    assert [(row["name"], row["ratio_to_karto"]) for row in rows] == [
+        ("scan-matching", None),
+        ("gmapping", None),
+    ]
+    monkeypatch.setattr(slam, "YARDSTICK", "gmapping")
+    rows = slam.measure_slam(tour_readings()[:5], rounds=1)
+    assert rows[1]["ratio_to_karto"] == 1.0
+    assert rows[0]["ratio_to_karto"] > 1.0
+    told = as_text({**bench("--part", "laser"), "slam": rows}).splitlines()
+    assert told[-1].startswith("slam ")
+    assert told[-1].endswith("1.00 times karto)  gmapping")
 
 
 def test_what_a_loop_over_mappers_costs_is_told() -> None:

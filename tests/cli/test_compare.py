@@ -43,8 +43,7 @@ def in_process(monkeypatch):
     monkeypatch.setattr(mapper_runs, "run_parallel", run_here)
 
 
-def test_figures_and_files(corridor, truth_file, tmp_path, call):
-    """In processes of their own, as users have it."""
+def test_figures_and_files(corridor, truth_file, tmp_path, call, in_process):
     out = tmp_path / "side-by-side"
     words = ("--mappers", "odometry,albot1", "--reference", truth_file, "--out", out, "--json")
     told = figures(call("compare", corridor[0], *words))
@@ -113,7 +112,7 @@ def test_thresholds_from_a_file(corridor, tmp_path, call, in_process):
 
 
 def test_a_run_that_dies_leaves_the_others(corridor, call):
-    """A user's own mapper besides: each process imports the module that makes it known."""
+    """In processes of their own, as users have it: each imports a user's own mapper."""
     try:
         names = "tests.cli.mortal:mortal,odometry"
         result = call("compare", corridor[0], "--mappers", names, "--json")
@@ -125,6 +124,7 @@ def test_a_run_that_dies_leaves_the_others(corridor, call):
     assert died["runs"][0]["error"].startswith("the process died: signal SIGKILL")
     assert whole["runs"][0]["error"] is None
     assert whole["updates"] >= 1
+    assert whole["peak_mib"] > 20
 
 
 @pytest.mark.parametrize(

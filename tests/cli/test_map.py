@@ -95,6 +95,13 @@ def test_the_errors_against_relations(corridor, call):
     assert told["relations"]["rotation_mean_deg"] == pytest.approx(np.abs(turns).mean(), abs=1e-3)
 
 
+def test_an_episode_is_a_log_that_knows_where_the_robot_was(episode_file, call):
+    told = figures(call("map", episode_file, "--mapper", "odometry", "--json"))
+    assert (told["log"], told["scans"]) == ("watched.mcap", 41)
+    assert told["ate_rmse_m"] == pytest.approx(told["odometry_ate_rmse_m"])
+    assert 0 < told["ate_rmse_m"] < 0.5
+
+
 def test_the_table_shows_the_odometer_beside_the_mapper(corridor, truth_file, call):
     result = call("map", corridor[0], "--mapper", "odometry", "--reference", truth_file)
     lines = result.stdout.splitlines()

@@ -143,6 +143,7 @@ def test_ctrl_c_tells_what_was_found_so_far(tmp_path: Path):
         (("--worlds", "gone.yaml"), "gone.yaml"),
         (("--agent", "randm"), "did you mean random"),
         (("--mapper", "albot2"), "albot2"),
+        (("--mapper-config", "a.yaml"), "a robot without a mapper"),
         (("--count", "0"), "count"),
         (("--steps", "0"), "steps"),
         (("--jobs", "0"), "jobs"),

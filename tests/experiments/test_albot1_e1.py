@@ -46,7 +46,7 @@ def test_ours_finds_no_landmark_there_but_keeps_its_heading(world, journey):
     assert (
         trip.turn_errors()[trip.lost].mean() < 0.3 * trip.odometer_turn_errors()[trip.lost].mean()
     )
-    assert trip.shape.surface_error < e1.SHAPE_BOUND
+    assert e1.is_kept([trip.shape])
 
 
 def test_the_report_holds_the_routes_it_ran(monkeypatch):
@@ -56,9 +56,11 @@ def test_the_report_holds_the_routes_it_ran(monkeypatch):
     report = e1.run(range(2))
     assert report.measured["routes"] == 1
     assert report.measured["shape_kept"]
-    square = report.measured["square"]
+    assert report.verdicts.keys() == {"albot1-thesis", "albot1-tracked", "albot1"}
+    square = report.measured["square, albot1"]
     assert square["path_m"] == pytest.approx(18.0, abs=0.2)
-    assert square["albot1_surface_error_m"]["median"] <= square["albot1_surface_error_m"]["worst"]
+    assert square["path_error_m"]["median"] <= square["path_error_m"]["worst"]
+    assert square["wall_precision"]["worst"] <= square["wall_precision"]["median"]
     # A loop with four corners is no corridor that leaves the robot without landmarks.
     assert not report.holds
 

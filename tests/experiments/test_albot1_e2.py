@@ -34,6 +34,6 @@ def test_home_is_known_from_every_stop():
     report = e2.run(range(1))
     assert report.holds
     assert report.measured["angle_error_deg"]["worst"] < 7.0
-    assert 12 < report.measured["albot1, all stops"]["home_m"] < 30
-    ours, odometer = (report.measured[f"{name}, all stops"] for name in ("albot1", "odometry"))
+    assert 12 < report.measured["albot1"]["home_m"] < 30
+    ours, odometer = (report.measured[name] for name in ("albot1", "odometry"))
     assert ours["distance_error_m"]["worst"] < odometer["distance_error_m"]["worst"]

@@ -11,6 +11,7 @@ from albot_cli.group import albot
 from albot_core.errors import InputError
 from albot_core.logs.log import with_noise
 from albot_experiments import albot1_e6 as e6
+from albot_experiments.mapping import surface_points
 from albot_experiments.real_logs import LOGS, KnownLog, read_real_log
 
 FREIBURG = LOGS[2]
@@ -38,11 +39,21 @@ def test_freiburg_keeps_a_reasonable_shape_and_its_odometer_none(known: KnownLog
     noisy = [with_noise(known.log, np.random.default_rng(1))]
     ours, odometer = (e6.map_log(name, FREIBURG, known, noisy) for name in ("albot1", "odometry"))
     assert ours.reasonable
-    assert ours.path_error is not None and ours.path_error < 0.5
-    assert ours.surface_error is not None and ours.surface_error < 0.1
-    assert len(ours.disturbed_errors) == 1
+    assert max(ours.path_errors) < 0.5 and len(ours.path_errors) == 2
+    assert ours.walls[0].precision > 0.7
     assert not odometer.reasonable
-    assert odometer.surface_error is not None and odometer.surface_error > 0.5
+    assert odometer.walls[0].precision < 0.3 < odometer.walls[0].doubled
+
+
+def test_walls_beside_themselves_are_doubled() -> None:
+    wall = np.array([[0.0, 0.0, 10.0, 0.0]])
+    reference = e6.thinned(surface_points(wall))
+    beside = np.concatenate((wall, wall + np.array([0.0, 1.0, 0.0, 1.0])))
+    errors = e6.wall_errors(beside, np.zeros(3), reference)
+    assert (errors.precision, errors.recall, errors.doubled) == (0.5, 1.0, 0.5)
+    # Alone it is only wrong; and so far away it is another wall.
+    for walls in (beside[1:], wall + np.array([0.0, 5.0, 0.0, 5.0])):
+        assert e6.wall_errors(walls, np.zeros(3), reference).doubled == 0.0
 
 
 def test_noise_is_small_and_its_own_each_time(known: KnownLog) -> None:

@@ -30,7 +30,7 @@ from albot_core.maps.layers import (
 from albot_core.plain_data import to_plain
 from albot_core.sensing.reading import LaserGeometry, Reading, SonarGeometry, SonarScan
 from albot_env.recording.episode import EpisodeHeader, Moment
-from albot_env.recording.log import read_episode_log
+from albot_env.recording.log import read_episode_log, read_log_or_episode
 from albot_env.recording.reader import EpisodeReader
 from albot_env.recording.writer import EpisodeWriter
 from albot_env.rendering.terminal import draw_text
@@ -141,7 +141,7 @@ def _play(path: Path) -> None:
 def _map(path: Path) -> None:
     """Lead a mapper through a recorded episode."""
     mapper = make_mapper("odometry")
-    for reading in read_episode_log(path).readings:
+    for reading in read_log_or_episode(path).readings:
         mapper.update(reading)
 
 
@@ -156,7 +156,7 @@ def episode_readers() -> Iterator[Reader]:
     )
     yield Reader(
         name="episode as a log",
-        functions=(read_episode_log,),
+        functions=(read_episode_log, read_log_or_episode),
         write=_write_episode,
         read=lambda folder: _map(folder / "episode.mcap"),
     )

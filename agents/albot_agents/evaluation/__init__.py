@@ -1,1 +1,1 @@
-"""Agents measured: episodes in parallel, success and path lengths with their confidence."""
+"""Evaluate agents: episodes in parallel; success and path lengths with confidence intervals."""

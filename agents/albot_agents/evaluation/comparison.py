@@ -1,8 +1,8 @@
 """The table of results: agents compared in the same episodes of the same tasks.
 
-`COMPARISONS` says which agents are compared in which task, with which odometers and worlds. In each
-world and with each seed every agent runs an episode, all in one process (`PairedTrials`), so that
-they share its journeys.
+`COMPARISONS` lists which agents are compared in which task, with which odometers and worlds. For
+each world and seed every agent runs one episode, all in one process (`PairedTrials`), so that they
+share outward journeys.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from albot_core.errors import InputError
 
 OFFICES, APARTMENTS, PLANS = "random offices", "random apartments", "real floor plans"
 RANDOM = {OFFICES: "random:office", APARTMENTS: "random:apartment"}
-"""Kinds of generated worlds, and their specs: each seed is a world."""
+"""Kinds of generated worlds, and their specs; each seed is one world."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,11 +33,11 @@ class Comparison:
     agents: tuple[str, ...]
     """Names of the agents."""
     odometers: tuple[str, ...] = ("pioneer",)
-    """The presets of noise."""
+    """Presets of odometer noise."""
     kinds: tuple[str, ...] = (OFFICES, APARTMENTS, PLANS)
     """The kinds of worlds."""
     settings: Mapping[str, Any] = field(default_factory=dict)
-    """What else environments are made with."""
+    """Other settings of the environments."""
 
 
 COMPARISONS = (
@@ -53,7 +53,7 @@ COMPARISONS = (
             "random",
         ),
         odometers=("pioneer", "poor"),
-        # So many journeys that hardly two episodes share one, but all agents of an episode do.
+        # So many that two episodes hardly ever share a journey; all agents of an episode share it.
         settings={"journeys": 2**31},
     ),
     Comparison(
@@ -61,7 +61,7 @@ COMPARISONS = (
         agents=("gap-explorer", "nearest-frontier", "exploring", "random"),
     ),
     Comparison(task="Albot/ExploreAndHome-v0", agents=("round-trip", "random")),
-    # Rooms are the truth of places: the floor plans' are cut otherwise than robots see them.
+    # Rooms are the ground truth of places; the floor plans divide rooms unlike a robot sees them.
     Comparison(
         task="Albot/PlaceRecognition-v0",
         agents=("place-judge", "place-recognition", "random"),
@@ -69,12 +69,12 @@ COMPARISONS = (
         settings={"journeys": 2**31},
     ),
 )
-"""All that the table holds."""
+"""The content of the table."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TableRow:
-    """A row of the table: an agent with an odometer in a kind of worlds."""
+    """A row of the table: an agent with one odometer in one kind of worlds."""
 
     task: str
     agent: str
@@ -84,7 +84,7 @@ class TableRow:
 
 @dataclass(frozen=True, kw_only=True)
 class PairedTrials:
-    """One episode of each of several agents: the same world, seed and noise."""
+    """One episode per agent, with the same world, seed and noise."""
 
     rows: tuple[TableRow, ...]
     """The rows that the episodes belong to."""
@@ -97,11 +97,11 @@ def plan_paired_trials(
     worlds: Mapping[str, Sequence[str]],
     seeds: Mapping[str, range],
 ) -> list[PairedTrials]:
-    """Every agent in every world with every seed, those of one world and seed together.
+    """Plan an episode per agent, world and seed, grouped by world and seed.
 
     Args:
-        comparisons: Which agents in which tasks.
-        worlds: The world specs of each kind; kinds that are missing are left out.
+        comparisons: The comparisons.
+        worlds: The world specs of each kind; missing kinds are left out.
         seeds: The seeds of each kind.
 
     Raises:
@@ -134,17 +134,17 @@ def _pair_trials(
 
 
 Figures = Mapping[TableRow, Mapping[str, Any]]
-"""The figures of each row, as `summarise` gives them."""
+"""The figures of each row, as `summarise` returns them."""
 
 
 Numbered = tuple[int, PairedTrials]
 """Paired trials and their number."""
 Outcomes = tuple[int, list[Outcome]] | InputError
-"""Their number and the outcome of each; or what is wrong with one of them."""
+"""The number of the paired trials and the outcome of each trial; or the error of one of them."""
 
 
 class PairedTrialsRunner(TaskRunner[Numbered, Outcomes]):
-    """Runs paired trials. The journeys that agents share are made once, in this one process."""
+    """Runs paired trials in one process, so that journeys that agents share are made once."""
 
     def run(self, task: Numbered, on_step: Callable[[int], None]) -> Outcomes:
         """Run all episodes of paired trials."""
@@ -155,7 +155,7 @@ class PairedTrialsRunner(TaskRunner[Numbered, Outcomes]):
             return error
 
     def on_crash(self, task: Numbered, step: int, cause: str) -> Outcomes:
-        """Report that the process died, which is our fault.
+        """Raise RuntimeError: the process died, which is a bug.
 
         Raises:
             RuntimeError: Always.
@@ -167,12 +167,12 @@ class PairedTrialsRunner(TaskRunner[Numbered, Outcomes]):
 def run_paired_trials(
     planned: Sequence[PairedTrials], jobs: int, on_done: Callable[[int], None] = lambda _: None
 ) -> Figures:
-    """The figures of each row.
+    """Run paired trials; return the figures of each row.
 
     Args:
         planned: The episodes.
-        jobs: Processes.
-        on_done: Is called with how many paired trials are done.
+        jobs: Number of processes.
+        on_done: Called with the number of finished paired trials.
 
     Raises:
         InputError: There is no such world, mapper or sensor.

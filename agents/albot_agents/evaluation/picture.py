@@ -1,4 +1,4 @@
-"""A picture of the episodes that failed: the floor, the way driven, home, and where it ended."""
+"""A picture of the failed episodes: floor plan, driven path, home and end position."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from albot_core.files import replacing
 from albot_maps import load_world
 
 MOST = 24
-"""How many failures are drawn, the first ones."""
+"""Largest number of failures that are drawn: the first ones."""
 _COLUMNS = 4
 
 
 def save_failures(outcomes: Sequence[Outcome], path: Path) -> None:
-    """Draw the episodes without success and save them as a PNG, whole or not at all.
+    """Draw the episodes without success and save them as a PNG, atomically.
 
     Raises:
         InputError: The file cannot be written.
@@ -48,7 +48,7 @@ def save_failures(outcomes: Sequence[Outcome], path: Path) -> None:
 
 
 def _draw(axes: Axes, outcome: Outcome) -> None:
-    """One failure."""
+    """Draw one failure."""
     trial, path, info = outcome.trial, outcome.path, outcome.info
     walls = load_world(trial.world).walls
     lines = list(walls.reshape(-1, 2, 2))

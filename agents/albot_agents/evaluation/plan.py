@@ -1,4 +1,4 @@
-"""Which episodes an evaluation consists of."""
+"""The plan of an evaluation: its episodes."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ class Trial:
     seed: int
     """Seed of environment and agent."""
     settings: Mapping[str, Any] = field(default_factory=dict)
-    """What else `gymnasium.make` is given."""
+    """Other arguments of `gymnasium.make`."""
 
     def make(self) -> gymnasium.Env[Any, Any]:
-        """Its environment.
+        """Make its environment.
 
         Raises:
             InputError: There is no such world, mapper or sensor.
@@ -45,7 +45,7 @@ class Trial:
 
     @property
     def loaded_world(self) -> World:
-        """Its world: for trials that follow each other in one world the same object.
+        """Its world; consecutive trials in one world share the same object.
 
         Raises:
             InputError: There is no such world.
@@ -59,14 +59,14 @@ def _loaded(spec: str) -> World:
 
 
 MOST_SEEDS = 1_000_000
-"""Episodes in more would fill the memory before the first begins."""
+"""Largest number of seeds; the plan of more would fill the memory."""
 
 
 def parse_seeds(text: str) -> range:
-    """The seeds of `A..B`, both included, or of one number.
+    """Parse the seeds of `A..B`, both included, or of one number.
 
     Raises:
-        InputError: The text is neither, B is below A, or they are more than anyone waits for.
+        InputError: The text is neither, B is below A, or there are more than `MOST_SEEDS`.
     """
     found = re.fullmatch(r"(\d{1,18})(?:\.\.(\d{1,18}))?", text.strip())
     if found is None:
@@ -82,18 +82,18 @@ def parse_seeds(text: str) -> range:
 def plan_trials(
     task: str, agent: str, worlds: Sequence[str], seeds: range, settings: Mapping[str, Any]
 ) -> list[Trial]:
-    """Every world with every seed; of `random:KIND` each seed is a world of its own.
+    """Plan one episode per world and seed; for `random:KIND` each seed is a world of its own.
 
     Args:
         task: Id of the environment.
         agent: The agent's name.
-        worlds: World specs, `random:KIND` and `random:KIND?…` among them, and patterns of
+        worlds: World specs, which may be `random:KIND` or `random:KIND?…`, and patterns of
             files such as `plans/*.yaml`.
         seeds: The seeds.
-        settings: What else environments are given.
+        settings: Other settings of the environments.
 
     Raises:
-        InputError: There is no such world. Of random ones the first and the last are made.
+        InputError: The world of the first or of the last episode cannot be loaded.
     """
     trials = [
         Trial(task=task, agent=agent, world=seeded(world, seed), seed=seed, settings=settings)
@@ -107,7 +107,7 @@ def plan_trials(
 
 
 def _files(spec: str) -> list[str]:
-    """The files that a pattern stands for; another spec as it is."""
+    """Return the files that match a pattern; any other spec unchanged."""
     if spec.startswith(PREFIX) or not any(sign in spec for sign in "*?["):
         return [spec]
     path = Path(spec)

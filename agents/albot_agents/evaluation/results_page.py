@@ -1,4 +1,4 @@
-"""The page of results, and the file of figures that it is written from."""
+"""The page of results, and the file of figures from which it is generated."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _KEYS = (
     "collisions_per_m", "coverage_auc", "coverage_auc_ci95", "rooms_share", "rooms_share_ci95",
     "precision", "recall", "recall_ci95", "mean_coverage",
 )  # fmt: skip
-"""Figures that are kept of a row, those that its task knows of."""
+"""Figures kept per row, if its task measures them."""
 
 _TOLD = {
     "task": str, "agent": str, "odometer": str, "kind": str, "command": str, "episodes": int,
 }  # fmt: skip
-"""What every row tells, and the types of these values."""
+"""Keys that every row has, and the types of their values."""
 
 _COLUMNS: Mapping[str, tuple[str, str | None, str]] = {
     "success": ("success_rate", "ci95", "{:.0%}"),
@@ -36,14 +36,14 @@ _COLUMNS: Mapping[str, tuple[str, str | None, str]] = {
     "rooms entered": ("rooms_share", "rooms_share_ci95", "{:.0%}"),
     "collisions a metre": ("collisions_per_m", None, "{:.3f}"),
 }
-"""Columns of the table: the figure, its 95 % interval, and how it is written."""
+"""Columns of the table: the figure, its 95 % interval, and its format."""
 
 
 def save_figures(figures: Figures, command: str, path: Path) -> list[dict[str, Any]]:
-    """Write the rows into a JSON file, in place of those of the same tasks; return all of them.
+    """Write rows to a JSON file, replacing those of the same tasks; return all rows of the file.
 
     Raises:
-        InputError: The file cannot be written, or exists and is no file of figures.
+        InputError: The file cannot be written, or exists and is not a file of figures.
     """
     tasks = {row.task for row in figures}
     rows = [row for row in read_figures(path) if row["task"] not in tasks]
@@ -55,10 +55,10 @@ def save_figures(figures: Figures, command: str, path: Path) -> list[dict[str, A
 
 
 def read_figures(path: Path) -> list[dict[str, Any]]:
-    """The rows of a file that `save_figures` has written; none if the file does not exist.
+    """Return the rows of a file written by `save_figures`; none if the file does not exist.
 
     Raises:
-        InputError: It holds something else.
+        InputError: The file holds something else.
     """
     if not path.exists():
         return []
@@ -75,12 +75,12 @@ def _read_row(row: Any, where: Location) -> dict[str, Any]:
 
 
 def _kind(key: str) -> Any:
-    """The type of a figure."""
+    """Return the type of a figure."""
     return tuple[float, float] if key.endswith("ci95") else float
 
 
 def render_page(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The page in Markdown."""
+    """Return the page of results in Markdown."""
     lines = [
         "# Results",
         "",

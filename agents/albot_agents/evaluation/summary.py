@@ -1,4 +1,4 @@
-"""What an evaluation found: rates and means over episodes, and how sure they are."""
+"""Summarise an evaluation: rates and means over episodes, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -15,15 +15,20 @@ _SEED = 0
 
 
 def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """The figures of all episodes, and of each world's.
+    """Return the figures of all episodes, and those of each world (`worlds`).
 
-    `success_rate` with its 95 % Wilson interval `ci95`; `spl` and `soft_spl`, means as in
-    the literature, and `spl_median`, each with a bootstrapped 95 % interval; distances in metres
-    of the shortest way; collisions count beginnings of contact. `coverage_auc` is the mean share
-    of the ground covered over the first 200 m driven (`area_under`), `rooms_share` that of
-    the rooms entered in the end, each with a bootstrapped 95 % interval of its mean;
-    `precision` and `recall` are those of all places judged together, or of all claims to have been
-    in a room before, of as many `revisits`. What a task does not know of is None.
+    - `success_rate`, with its 95 % Wilson interval `ci95`.
+    - `spl` and `soft_spl`, means as in the literature, and `spl_median`; each with a bootstrapped
+      95 % interval.
+    - Distances along the shortest path (m).
+    - `collisions_per_m`, which counts beginnings of contact.
+    - `coverage_auc`, the mean share of ground covered over the first 200 m driven (`area_under`),
+      and `rooms_share`, the mean share of rooms entered by the end; each with a bootstrapped 95 %
+      interval.
+    - `precision` and `recall` over all judged places, or over all claims to know a room, and the
+      number of `revisits`.
+
+    Figures that the task does not measure are None.
     """
     figures = _figures(outcomes)
     ends = [outcome.info for outcome in outcomes]
@@ -76,17 +81,17 @@ def _figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
 
 
 def _areas(outcomes: Sequence[Outcome]) -> list[float]:
-    """The area under each curve of coverage."""
+    """Return the area under each coverage curve."""
     return [area_under(each.coverage_curve) for each in outcomes if len(each.coverage_curve)]
 
 
 def _rooms(outcomes: Sequence[Outcome]) -> list[float]:
-    """The share of the rooms that were entered, where there are any."""
+    """Return each episode's share of entered rooms, where its world has rooms."""
     return [each.info["rooms_entered"] / each.rooms for each in outcomes if each.rooms]
 
 
 def _places(ends: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Precision and recall over all places that were judged, or claimed, where any were."""
+    """Return precision and recall over all judged or claimed places; None without any."""
     counted = (
         ("right_known", "false_known", "revisits"),
         (

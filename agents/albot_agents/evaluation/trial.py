@@ -1,4 +1,4 @@
-"""One episode of an evaluation: how it is run, and what is measured in it."""
+"""Run one episode of an evaluation and measure it."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
 
 HORIZON = 200
-"""The way driven (m) over which coverage is measured."""
+"""Driven distance over which coverage is measured (m)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outcome:
-    """What was measured in an episode."""
+    """The measurements of an episode."""
 
     trial: Trial
     """The episode."""
     info: Mapping[str, Any]
-    """The last info: the truth at the end."""
+    """The last info: the ground truth at the end."""
     start: Pose
-    """Where home is (world frame)."""
+    """Pose of home (world frame)."""
     path: Float64[np.ndarray, "steps 2"]
-    """The way that the agent drove (m, world frame)."""
+    """The agent's path (m, world frame)."""
     collisions: int
-    """How often the robot came into contact with something."""
+    """Number of times that the robot came into contact with something."""
     rooms: int = 0
-    """How many rooms of its world the robot could enter."""
+    """Number of rooms that the robot can reach."""
     coverage_curve: Float64[np.ndarray, "samples"] = field(default_factory=lambda: np.empty(0))
     """The share of the ground covered after each metre of the path (`sample_curve`)."""
 
     @property
     def driven(self) -> float:
-        """How far the agent drove (m)."""
+        """Length of the path (m)."""
         return float(np.hypot(*np.diff(self.path, axis=0).T).sum())
 
 
@@ -50,7 +50,7 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
 
     Args:
         trial: The episode.
-        on_step: Is called with the number of each step before it is taken.
+        on_step: Called before each step with its number.
 
     Raises:
         InputError: There is no such world, mapper or sensor.
@@ -61,7 +61,7 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
         on_step(0)
         observation, info = begin_episode(env, agent, trial.seed)
         path, coverages = [info["pose"][:2]], [info.get("coverage")]
-        explores = info["path_length"] == 0.0  # No outward journey has covered ground before.
+        explores = info["path_length"] == 0.0  # No outward journey covered ground.
         collisions, touched, over = 0, False, False
         while not over:
             on_step(len(path))
@@ -86,7 +86,7 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
 def _explored(
     trial: Trial, path: Float64[np.ndarray, "steps 2"], coverages: Sequence[float | None]
 ) -> dict[str, Any]:
-    """The rooms and the curve of coverage; nothing where the task measures no coverage."""
+    """Return `rooms` and `coverage_curve`; nothing if the task measures no coverage."""
     known = [share for share in coverages if share is not None]
     if not known:
         return {}
@@ -97,28 +97,28 @@ def _explored(
 def sample_curve(
     path: Float64[np.ndarray, "steps 2"], coverages: Sequence[float]
 ) -> Float64[np.ndarray, "samples"]:
-    """The share of the ground covered after 0, 1, 2, … `HORIZON` metres.
+    """Return the share of ground covered after 0, 1, 2, … `HORIZON` metres.
 
-    Between two steps it is interpolated; after the last one it stays as it is.
+    The share is interpolated between steps, and constant after the last one.
 
     Args:
-        path: Where the robot was at each step (m).
-        coverages: The share covered by then.
+        path: The robot's position at each step (m).
+        coverages: The share covered at each step.
     """
     driven = np.append(0.0, np.hypot(*np.diff(path, axis=0).T).cumsum())
-    # Who stands and looks covers at no cost: of the steps at one place the last counts.
+    # Looking around on the spot costs no distance: of the steps at one position, the last counts.
     last = np.append(np.diff(driven) > 0, True)
     shares = np.asarray(coverages)[last]
     return np.asarray(np.interp(np.arange(HORIZON + 1.0), driven[last], shares))
 
 
 def area_under(curve: Float64[np.ndarray, "samples"]) -> float:
-    """The mean height of a curve of even samples, by trapezia: 1 where all was covered at once."""
+    """Return the mean of an evenly sampled curve by the trapezoidal rule; 1 means all at once."""
     return float((curve[1:] + curve[:-1]).mean() / 2)
 
 
 class TrialRunner(TaskRunner[Trial, "Outcome | InputError"]):
-    """Runs trials; what is wrong with one comes back as the error that it is."""
+    """Runs trials; an InputError is returned as the result."""
 
     def run(self, task: Trial, on_step: Callable[[int], None]) -> Outcome | InputError:
         """Run a trial."""
@@ -128,7 +128,7 @@ class TrialRunner(TaskRunner[Trial, "Outcome | InputError"]):
             return error
 
     def on_crash(self, task: Trial, step: int, cause: str) -> Outcome | InputError:
-        """Report that the process died in a trial, which is our fault.
+        """Raise RuntimeError: the process died, which is a bug.
 
         Raises:
             RuntimeError: Always.

@@ -1,1 +1,1 @@
-"""Agents whose behaviour is written, not learned."""
+"""Scripted agents: their behaviour is programmed, not learned."""

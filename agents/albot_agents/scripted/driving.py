@@ -1,7 +1,7 @@
-"""What scripted agents that drive have in common: observations decoded, commands made actions.
+"""The base of scripted agents that drive: decode observations, turn commands into actions.
 
-A scripted agent sees what a learned one sees: observations scaled to [-1, 1]. The `decode_…`
-functions undo the scaling, for the planners of `albot_core.planning`.
+A scripted agent gets the same observations as a learned one, scaled to [-1, 1]. The `decode_…`
+functions undo the scaling for the planners of `albot_core.planning`.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ SENSED_PARTS = ("laser", "motion", "heading", "home")
 
 @runtime_checkable
 class Driver(Protocol):
-    """A planner of `albot_core.planning` that gives drive commands."""
+    """A planner of `albot_core.planning` that returns drive commands."""
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Begin anew."""
+        """Begin a new episode."""
 
 
 DriverT = TypeVar("DriverT", bound=Driver)
 
 
 class DrivingAgent(Generic[DriverT]):
-    """An agent that drives as a planner commands.
+    """An agent that executes the commands of a planner.
 
     Args:
-        observing: How the environment makes observations.
+        observing: The environment's observation config.
         driver: The planner.
-        claims: Whether the third number of an action claims to know the place, which it does where
-            the mapper recognises it; else that number declares home.
+        claims: Whether the third number of an action claims to know the place, which the agent
+            does where the mapper recognises it. Otherwise that number declares home.
 
     Raises:
         InputError: Observations lack one of `SENSED_PARTS`.
@@ -60,26 +60,26 @@ class DrivingAgent(Generic[DriverT]):
         self._claims = claims
 
     def reset(self, rng: np.random.Generator, actions: Box) -> None:
-        """Begin anew."""
+        """Begin a new episode."""
         self._driver.reset(rng)
         self._actions = actions
 
     def _decode(self, observation: Any) -> Percept:
-        """What an observation says of the sensors' readings."""
+        """Return the sensor readings in an observation."""
         return decode_observation(observation, self._observing)
 
     def _drive(self, command: Command, observation: Any) -> Action:
-        """The action that is this command, and claims to know the place where that is due."""
+        """Return the action for a command, with the claim to know the place if `claims` is set."""
         knows = self._claims and decode_recognition(observation, self._observing)
         return fill_action(ActionConfig().shares(command), self._actions, says=knows)
 
     def _declare(self) -> Action:
-        """The action that stops, and declares home where there is no claiming."""
+        """Return the action that stops, and declares home unless `claims` is set."""
         return fill_action(np.zeros(2, np.float32), self._actions, says=not self._claims)
 
 
 def decode_observation(observation: Any, config: ObservationConfig) -> Percept:
-    """Undo the scaling of an observation, flat or by part."""
+    """Return an observation's readings in SI units; it is a flat array or a dict of parts."""
     assert config.laser is not None, "a robot without a laser shows no part of that name"
     parts = observation if isinstance(observation, dict) else config.split(observation)
     heading = math.atan2(parts["heading"][1], parts["heading"][0])
@@ -88,40 +88,40 @@ def decode_observation(observation: Any, config: ObservationConfig) -> Percept:
     return Percept(
         ranges=config.ranges(parts["laser"]),
         laser=config.laser,
-        # Home is the map's origin, so the robot is at minus the turned home vector.
+        # Home is the map's origin, so the robot is at minus the rotated home vector.
         pose=np.array((sin * home_y - cos * home_x, -sin * home_x - cos * home_y, heading)),
         motion=decode_motion(observation, config),
     )
 
 
 def decode_motion(observation: Any, config: ObservationConfig) -> Pose:
-    """How the robot moved in the last step, by its odometer."""
+    """Return the robot's motion in the last step, by its odometer (m, m, rad)."""
     parts = observation if isinstance(observation, dict) else config.split(observation)
     step = np.array((config.step_length, config.step_length, config.step_turn))
     return np.asarray(parts["motion"] * step)
 
 
 def decode_home(observation: Any, config: ObservationConfig) -> Points:
-    """Where home is believed to be (m, robot's frame)."""
+    """Return the estimated position of home (m, robot's frame)."""
     parts = observation if isinstance(observation, dict) else config.split(observation)
     distance = config.home_distance(parts["home"][2])
     return np.asarray(distance * np.asarray(parts["home"][:2], np.float64))
 
 
 def decode_sonar(observation: Any, config: ObservationConfig) -> Ranges:
-    """What the sonars hear (m), their reach where they hear nothing."""
+    """Return the sonar ranges (m); the maximum range where there is no echo."""
     parts = observation if isinstance(observation, dict) else config.split(observation)
     return config.echoes(parts["sonar"])
 
 
 def decode_has_exit(observation: Any, config: ObservationConfig) -> bool:
-    """Whether the mapper knows an exit between the present place and home."""
+    """Return whether the mapper knows an exit between the current place and home."""
     parts = observation if isinstance(observation, dict) else config.split(observation)
     return bool(parts["exit"][5] > 0)
 
 
 def decode_recognition(observation: Any, config: ObservationConfig) -> bool:
-    """Whether the mapper recognises the present place; false where that is not shown."""
+    """Return whether the mapper recognises the current place; false if that is not observed."""
     if "place" not in config.shapes:
         return False
     parts = observation if isinstance(observation, dict) else config.split(observation)
@@ -129,21 +129,21 @@ def decode_recognition(observation: Any, config: ObservationConfig) -> bool:
 
 
 def decode_time_left(observation: Any, config: ObservationConfig) -> float:
-    """The time left (s)."""
+    """Return the time left in the episode (s)."""
     parts = observation if isinstance(observation, dict) else config.split(observation)
     return config.time_left(parts["time_left"][0])
 
 
 def decode_travel_home(observation: Any, config: ObservationConfig) -> float:
-    """The length of the travel that the belief of home rests on (m)."""
+    """Return the travelled length on which the estimate of home is based (m)."""
     parts = observation if isinstance(observation, dict) else config.split(observation)
     return config.travel_home(parts["confidence"][0])
 
 
 def decode_known_way(observation: Any, config: ObservationConfig) -> KnownWay | None:
-    """The way home that the map holds; None for none, or where it is not shown.
+    """Return the way home in the map; None if there is none, or it is not observed.
 
-    Where no confidence is shown, which tells its length, it is infinitely long.
+    Its length comes from the part `confidence`; without that part it is infinite.
     """
     if "way" not in config.shapes:
         return None

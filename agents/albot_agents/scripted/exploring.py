@@ -1,4 +1,4 @@
-"""Agents that explore: to gaps, to frontiers, out and home again in time, and at random."""
+"""Agents that explore: by gaps, by frontiers, with a return in time, and at random."""
 
 from __future__ import annotations
 
@@ -22,36 +22,36 @@ from albot_env.tasks.core.observation import ObservationConfig
 
 
 class GapExplorerAgent(DrivingAgent[GapExplorer]):
-    """Goes from gap to gap, near ones with much new ground first.
+    """Explores from gap to gap; near gaps with much new ground come first.
 
     Args:
-        observing: How the environment makes observations.
-        claims: Whether it claims to know a place where its mapper recognises it.
+        observing: The environment's observation config.
+        claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "gap-explorer"
 
     _GAIN: ClassVar[float] = 4.0
-    """Way (m) that ground all new is worth (see `GapExplorerConfig.gain`)."""
+    """Driving distance (m) that completely new ground is worth (see `GapExplorerConfig.gain`)."""
 
     def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
         config = GapExplorerConfig(near=observing.coverage.radius, gain=self._GAIN)
         super().__init__(observing, GapExplorer(config), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
-        """The next action."""
+        """Return the next action."""
         return self._drive(self._driver.command(self._decode(observation)), observation)
 
 
 class AssociationExplorer(DrivingAgent[MinimalSpaceExplorer]):
-    """Goes to a near gap of the space about it, no farther than 3 m or 30° at a time.
+    """Explores by moves of at most 3 m or 30° to a nearby gap of the surrounding space.
 
-    The explorer of Yeap and others, Autonomous robot mapping by landmark association (2015), to the
-    letter. It keeps nothing in mind, and covers less ground than the others.
+    It is exactly the explorer of Yeap and others, Autonomous robot mapping by landmark association
+    (2015). It has no memory, and covers less ground than the other explorers.
 
     Args:
-        observing: How the environment makes observations.
-        claims: Whether it claims to know a place where its mapper recognises it.
+        observing: The environment's observation config.
+        claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "association-explorer"
@@ -60,16 +60,16 @@ class AssociationExplorer(DrivingAgent[MinimalSpaceExplorer]):
         super().__init__(observing, MinimalSpaceExplorer(), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
-        """The next action."""
+        """Return the next action."""
         return self._drive(self._driver.command(self._decode(observation)), observation)
 
 
 class NearestFrontier(DrivingAgent[FrontierExplorer]):
-    """Goes to the nearest border of the ground that it has covered.
+    """Explores by driving to the nearest frontier of the covered ground.
 
     Args:
-        observing: How the environment makes observations.
-        claims: Whether it claims to know a place where its mapper recognises it.
+        observing: The environment's observation config.
+        claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "nearest-frontier"
@@ -78,27 +78,26 @@ class NearestFrontier(DrivingAgent[FrontierExplorer]):
         super().__init__(observing, FrontierExplorer(observing.coverage.radius), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
-        """The next action."""
+        """Return the next action."""
         return self._drive(self._driver.command(self._decode(observation)), observation)
 
 
 class RoundTripAgent:
-    """Explores as the gap explorer does, and drives home as `albot1-homing` before time is up.
+    """Explores like `gap-explorer`, and drives home like `albot1-homing` before time is up.
 
-    How long the way home is it takes from the confidence that the mapper has in it, which falls
-    with its length.
+    It takes the length of the way home from the mapper's confidence, which falls with that length.
 
     Args:
-        observing: How the environment makes observations.
+        observing: The environment's observation config.
     """
 
     name: ClassVar[str] = "round-trip"
     knows_truth: ClassVar[bool] = False
 
     SPEED = 0.35
-    """The speed that it expects of its way home (m/s)…"""
+    """Expected speed on the way home (m/s)."""
     SPARE = 15.0
-    """…and the time that it keeps in reserve (s)."""
+    """Time kept in reserve (s)."""
 
     def __init__(self, observing: ObservationConfig) -> None:
         self._observing = observing
@@ -106,10 +105,10 @@ class RoundTripAgent:
         self._homer = Albot1Homing(observing)
 
     def reset(self, rng: np.random.Generator, actions: Box) -> None:
-        """Begin anew: explore.
+        """Begin a new episode, exploring.
 
         Raises:
-            InputError: The environment shows no time left, or no confidence.
+            InputError: Observations lack the part `time_left` or `confidence`.
         """
         self._observing.require(("time_left", "confidence"), self.name)
         self._explorer.reset(rng, actions)
@@ -117,7 +116,7 @@ class RoundTripAgent:
         self._returns = False
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
-        """The next action."""
+        """Return the next action."""
         left = decode_time_left(observation, self._observing)
         travel = decode_travel_home(observation, self._observing)
         self._returns |= left < self.SPARE + travel / self.SPEED
@@ -125,23 +124,23 @@ class RoundTripAgent:
 
 
 class RandomAgent:
-    """Draws an action at random and keeps to it for a second; an answer, each time anew."""
+    """Draws a random action and holds it for a second; draws a discrete action at every step."""
 
     name: ClassVar[str] = "random"
     knows_truth: ClassVar[bool] = False
 
     _HOLD = 10
-    """Steps for which an action is kept: white noise would only tremble on the spot."""
+    """Steps for which an action is held; white noise would only jitter on the spot."""
 
     def reset(self, rng: np.random.Generator, actions: Box | Discrete) -> None:
-        """Begin anew."""
+        """Begin a new episode."""
         self._rng = rng
         self._choices = int(actions.n) if isinstance(actions, Discrete) else 0
         self._shape = actions.shape
         self._left = 0
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
-        """An action that does not depend on the observation."""
+        """Return an action that does not depend on the observation."""
         if self._choices:
             return np.int64(self._rng.integers(self._choices))
         if self._left == 0:

@@ -1,4 +1,4 @@
-"""Agents that drive home: by the map, by the odometer alone, and by the truth."""
+"""Agents that drive home: by the map, by odometry alone, and by the ground truth."""
 
 from __future__ import annotations
 
@@ -26,28 +26,28 @@ from albot_env.tasks.core.observation import ObservationConfig
 
 
 class MapHoming(DrivingAgent[Navigator]):
-    """Drives home by the way that its mapper knows, whichever mapper that is.
+    """Drives home by the way that its mapper knows, with any mapper.
 
-    It uses only what the map holds (`RouteHome`). Where the known way is much longer than one
-    that it has not seen to be barred, it tries the latter; that is ours. Round what is in the way
-    it goes by its laser.
+    It uses only what the map holds (`RouteHome`). If the known way is much longer than a way that
+    it has not seen blocked, it tries the latter; this is our addition. It avoids obstacles by its
+    laser.
 
     Args:
-        observing: How the environment makes observations. Where they do not show the way home
-            (the part `way`), it makes straight for home.
-        claims: Whether it claims to know a place where its mapper recognises it.
+        observing: The environment's observation config. Without the part `way`, the agent heads
+            straight for home.
+        claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "map-homing"
 
     ARRIVED = 0.3
-    """How near to where it believes home to be it declares (m)."""
+    """Distance to the estimated home at which it declares home (m)."""
 
     def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
         super().__init__(observing, Navigator(), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
-        """The action that leads on towards home, or declares it."""
+        """Return the action that drives on towards home, or declares home."""
         percept = self._decode(observation)
         home = inverse(percept.pose)[:2]
         if np.hypot(*home) < self.ARRIVED:
@@ -57,47 +57,47 @@ class MapHoming(DrivingAgent[Navigator]):
 
 
 class Albot1Homing(MapHoming):
-    """Drives over Albot1's network of places: back through its exits, one place at a time.
+    """Drives home through Albot1's network of places: back through its exits, place by place.
 
-    Over the network it goes back to the place that it set out from (Hossain 2014, section 4.2.3,
-    brings known places into the perceptual map one at a time), within a place by the trail that it
-    came by.
+    Through the network it returns to the place where it started (Hossain 2014, section 4.2.3,
+    brings known places into the perceptual map one at a time). Within a place it follows the trail
+    by which it came.
     """
 
     name: ClassVar[str] = "albot1-homing"
 
 
 class AssociationHoming(MapHoming):
-    """Points home from the global map of landmark association, and plans round what it sees.
+    """Heads for home by the global map of landmark association, and avoids what it sees.
 
-    Yeap and others (2015) do not say how their robot would go home, but that it would recognise
-    landmarks in the global map: where it is in there tells where home is.
+    Yeap and others (2015) do not say how their robot would drive home, only that it would
+    recognise landmarks in the global map. Its position in that map gives the direction of home.
     """
 
     name: ClassVar[str] = "association-homing"
 
 
 class RatSlamHoming(MapHoming):
-    """Drives over RatSLAM's experience map, by the quickest route of transitions.
+    """Drives home over RatSLAM's experience map, by the quickest route of transitions.
 
-    Milford, Prasser and Wyeth 2005 name this as what the times of transitions are for (section 7).
+    Milford, Prasser and Wyeth 2005 name this as the use of the transitions' times (section 7).
     """
 
     name: ClassVar[str] = "ratslam-homing"
 
 
 class Albot0Homing:
-    """Drives back along Albot0's way out, by sonars alone, until it believes to be in the home ASR.
+    """Drives back along Albot0's outward path by sonars alone, into the estimated home ASR.
 
     Schmidt, Wong and Yeap: straight on until an obstacle, then round it; "the return journey
     stopped when the robot believed that it reached home, or, more precisely, the ASR that contains
-    the start location". Before it declares that it is home it goes on to where that ASR began,
-    which is ours: home is a place, and an ASR may be long.
+    the start location". Here the robot drives on to the beginning of that ASR before it declares
+    home. This is our addition: home is a position, and an ASR may be long.
 
     Args:
-        observing: How the environment makes observations. Where they do not show whether there is
-            an exit before home (the part `exit`), the place where home is believed to be is all
-            that it goes by; where not the way home (`way`), it makes straight for that.
+        observing: The environment's observation config. Without the part `exit` (is there an
+            exit before home?), only the estimated position of home counts; without the part
+            `way`, the agent heads straight for that position.
 
     Raises:
         InputError: Observations lack one of the parts that it needs.
@@ -107,9 +107,9 @@ class Albot0Homing:
     knows_truth: ClassVar[bool] = False
 
     ARRIVED = 0.3
-    """How near to where it believes home to be it declares (m)…"""
+    """Distance to the estimated home at which it declares home (m)."""
     PATIENCE = 600
-    """…or after so many steps in the home ASR."""
+    """Number of steps in the home ASR after which it declares home anyway."""
 
     def __init__(self, observing: ObservationConfig) -> None:
         observing.require(("sonar", "motion", "home"), self.name)
@@ -119,13 +119,13 @@ class Albot0Homing:
         self._driver = SonarDriver()
 
     def reset(self, rng: np.random.Generator, actions: Box) -> None:
-        """Begin anew."""
+        """Begin a new episode."""
         self._driver.reset(rng)
         self._actions = actions
         self._steps_at_home = 0
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
-        """The action that leads on towards home, or declares it."""
+        """Return the action that drives on towards home, or declares home."""
         observing = self._observing
         home = decode_home(observation, observing)
         knows_asr = "exit" in observing.shapes
@@ -136,7 +136,7 @@ class Albot0Homing:
             return fill_action(np.zeros(2, np.float32), self._actions, says=True)
         known = decode_known_way(observation, observing)
         ahead = home if known is None else known.ahead
-        # Where the way is at its end, and the home ASR is not, on it goes.
+        # At the end of the known way, but not yet in the home ASR, it drives on without a target.
         target = ahead if np.hypot(*ahead) >= self.ARRIVED else None
         ranges, motion = decode_sonar(observation, observing), decode_motion(observation, observing)
         command = self._driver.command(ranges, self._sonar, motion, target)
@@ -144,32 +144,32 @@ class Albot0Homing:
 
 
 class PathIntegration(DrivingAgent[GoalSeeker]):
-    """Follows the odometer's home vector round obstacles, and declares home where it is nothing.
+    """Follows the odometer's home vector around obstacles, and declares home where it vanishes.
 
-    From the first observation it takes where home is believed to be, and from there on adds up
-    the odometer alone. With the mapper `none` inside, what is believed first is what
-    the odometer has added up on the way out: then no map is in it at all.
+    It takes the position of home from the first observation, and afterwards integrates odometry
+    alone. With the mapper `none`, the first estimate is the odometry of the outward journey, so no
+    map is involved.
 
     Args:
-        observing: How the environment makes observations.
-        claims: Whether it claims to know a place where its mapper recognises it.
+        observing: The environment's observation config.
+        claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "path-integration"
 
     ARRIVED = 0.2
-    """The home vector is nothing where it is shorter than this (m)."""
+    """Length of the home vector below which it declares home (m)."""
 
     def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
         super().__init__(observing, GoalSeeker(), claims=claims)
 
     def reset(self, rng: np.random.Generator, actions: Box) -> None:
-        """Begin anew."""
+        """Begin a new episode."""
         super().reset(rng, actions)
         self._pose: Pose | None = None
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
-        """The action that leads on towards home, or declares it."""
+        """Return the action that drives on towards home, or declares home."""
         percept = self._decode(observation)
         self._pose = percept.pose if self._pose is None else compose(self._pose, percept.motion)
         home = inverse(self._pose)[:2]
@@ -179,28 +179,28 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
 
 
 class Oracle(DrivingAgent[GoalSeeker]):
-    """The upper bound: knows the truth, and still has to drive.
+    """The upper bound: knows the ground truth, but still has to drive.
 
-    It takes from `info` where the robot is (`pose`), where it set out (`start`) and where the
-    shortest way home turns next (`next_turn_home`); outside `Albot/Homing-v0` it heads
-    straight for the start.
+    It takes from `info` the robot's pose (`pose`), its start (`start`) and the next turning point
+    of the shortest path home (`next_turn_home`). Outside `Albot/Homing-v0` it heads straight for
+    the start.
 
     Args:
-        observing: How the environment makes observations.
-        claims: Whether it claims to know a place where its mapper recognises it.
+        observing: The environment's observation config.
+        claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "oracle"
     knows_truth: ClassVar[bool] = True
 
     ARRIVED = 0.2
-    """How near to home it stops (m)."""
+    """Distance to home at which it stops (m)."""
 
     def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
         super().__init__(observing, GoalSeeker(), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
-        """The action that leads on along the shortest way, or declares home."""
+        """Return the action that drives on along the shortest path, or declares home."""
         percept = self._decode(observation)
         pose, home = info["pose"], info["start"][:2]
         if np.hypot(*(home - pose[:2])) < self.ARRIVED:

@@ -1,4 +1,4 @@
-"""The place judge: the earlier arrival that fits best, where it fits well enough."""
+"""The place judge: it names the earlier arrival that matches best, if it matches well enough."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.place_recognition.spaces import FEATURES, NEW
 
 WEIGHTS = {"agreed": 1.0, "sight": 0.5, "share": 0.3, "place": 0.2, "shift": -0.3}
-"""What each feature of an arrival adds to how well it fits (see `PlaceDatabase.arrive`)."""
+"""Weight of each feature of an arrival in its match score (see `PlaceDatabase.arrive`)."""
 ENOUGH = 0.6
-"""An arrival that fits as well is taken for the present place. On tours of 68 random offices
-(seeds 20 to 47 and 60 to 99) none that was another fitted better than 0.49."""
+"""Least match score of an arrival at the current place. On tours of 68 random offices (seeds 20 to
+47 and 60 to 99) no arrival at another place scored above 0.49."""
 
 
 class PlaceJudge:
-    """Names the earlier arrival that fits best, or none.
+    """Names the earlier arrival that matches the current place best, or none.
 
-    What counts most is whether the panoramas agree and look past each other's places: through a
-    wall they do not.
+    What counts most is whether the two panoramas agree, and whether each sees past the other's
+    position, which it cannot do through a wall.
 
     Args:
-        observing: How the environment makes observations.
+        observing: The environment's observation config.
     """
 
     name: ClassVar[str] = "place-judge"
@@ -35,15 +35,15 @@ class PlaceJudge:
         self._weights = np.array([WEIGHTS.get(name, 0.0) for name in FEATURES])
 
     def reset(self, rng: np.random.Generator, actions: Any) -> None:
-        """Begin anew: nothing is remembered but what is observed.
+        """Begin a new episode; the agent keeps no memory besides the observation.
 
         Raises:
-            InputError: The environment asks for no answers.
+            InputError: Observations lack the part `arrivals` or `mask`.
         """
         self._observing.require(("arrivals", "mask"), self.name)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> np.int64:
-        """The number of the arrival that was here, or 0."""
+        """Return the number of the arrival at the current place, or 0 for none."""
         parts = observation
         if not isinstance(observation, dict):
             parts = self._observing.split(observation)

@@ -1,1 +1,1 @@
-"""Trained agents: their files, and how they act. The agents that ship lie here."""
+"""Trained agents: their files and how they act. The project's trained agents lie here."""

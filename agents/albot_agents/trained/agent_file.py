@@ -1,4 +1,4 @@
-"""A trained agent as one file: what it was trained for, its network, and how it came to be."""
+"""The file of a trained agent: its task and settings, its network, and facts of its training."""
 
 from __future__ import annotations
 
@@ -23,61 +23,61 @@ from albot_env.tasks.core.observation import ObservationConfig
 FORMAT = ArchiveFormat(name="albot-agent", version=1, kind="agent file", largest=1 << 24)
 SUFFIX = ".albot"
 LARGEST_WEIGHT = 1e6
-"""No weight of a network is larger; those of trained ones are below ten."""
+"""Largest absolute weight of a network; weights of trained networks are below ten."""
 MOST_LOG_STD = 20.0
-"""No logarithm of a standard deviation is larger."""
+"""Largest absolute logarithm of a standard deviation."""
 
 KEPT_SETTINGS = ("mapper", "mapper_config", "laser", "sonar", "scenes", "action", "config")
-"""Settings of the environment by which an agent sees and acts; of `config`…"""
+"""Settings of the environment that determine observations and actions; see `KEPT_CONFIG`."""
 KEPT_CONFIG = ("observations", "actions", "claims", "tour")
-"""…these, where the task has them."""
+"""Those fields of the setting `config` that determine observations and actions."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingFacts:
-    """How an agent came to be."""
+    """Facts of an agent's training."""
 
     plan: TrainingPlan
-    """The plan, the seed in it."""
+    """The plan, including the seed."""
     command: str
-    """The command that began the training."""
+    """The command that started the training."""
     samples: int
     """Samples so far."""
     episodes: int
     """Episodes so far."""
     seconds: float
-    """How long it took (s)."""
+    """Duration of the training (s)."""
     python: str
-    """Python's version."""
+    """Version of Python."""
     machine: str
-    """What it ran on."""
+    """The machine that it ran on."""
     versions: Mapping[str, str]
-    """Versions of the packages that it ran with."""
+    """Versions of the packages."""
     curve: Mapping[str, list[float]] = field(default_factory=dict)
-    """Means of the evaluations so far: `samples`, `return` and, where known, `success_rate` and
+    """Means of the evaluations so far: `samples`, `return` and, if known, `success_rate` and
     `spl`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AgentFile:
-    """What an agent's file holds."""
+    """The content of an agent's file."""
 
     task: str
     """Id of the environment that it was trained in."""
     settings: Mapping[str, Any]
-    """Settings of the environment by which it sees and acts, as plain data."""
+    """Settings of the environment that determine observations and actions, as plain data."""
     discrete: bool
-    """Whether it chooses one action of a set; if not, its actions are numbers in [-1, 1]."""
+    """Whether its actions are discrete; otherwise they are numbers in [-1, 1]."""
     network: NetworkConfig
-    """How its network is built."""
+    """Architecture of its network."""
     weights: Mapping[str, np.ndarray]
     """The network's arrays, float32."""
     training: TrainingFacts
-    """How it came to be."""
+    """Facts of its training."""
 
     @property
     def observing(self) -> ObservationConfig | None:
-        """How the environment made observations; None where it is not for its users to choose."""
+        """The environment's observation config in training; None if the task has no such config."""
         data = self.settings["config"].get("observations")
         if data is None:
             return None
@@ -85,7 +85,7 @@ class AgentFile:
 
     @property
     def fingerprint(self) -> str:
-        """A hash of task and weights (SHA-256): it identifies an agent under any name."""
+        """SHA-256 hash of task and weights, which identifies the agent under any name."""
         digest = hashlib.sha256(self.task.encode())
         for name in sorted(self.weights):
             digest.update(name.encode())
@@ -93,11 +93,11 @@ class AgentFile:
         return digest.hexdigest()
 
     def save(self, path: Path) -> None:
-        """Write the file, whole or not at all.
+        """Write the file atomically.
 
         Raises:
-            InputError: It cannot be written.
-            OSError: There is no room left.
+            InputError: The file cannot be written.
+            OSError: The disk is full.
         """
         header = {
             "task": self.task,
@@ -109,12 +109,12 @@ class AgentFile:
         FORMAT.write(path, header, self.weights)
 
     def environment(self, task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
-        """What a single environment is made with so that the agent can act in it.
+        """Return the settings of a single environment in which the agent can act.
 
         Args:
             task: Id of the environment.
-            settings: What is wanted besides, which goes before the agent's own but for what it
-                sees and how it acts.
+            settings: Settings that override the agent's own, except those that determine
+                observations and actions.
 
         Raises:
             InputError: The task has no such settings.
@@ -123,18 +123,18 @@ class AgentFile:
         config, kind = its.pop("config", {}), config_kind(task)
         where = Location(f"the agent's settings in {task}")
         if settings.get("mapper", its.get("mapper")) != its.get("mapper"):
-            its.pop("mapper_config", None)  # They are that mapper's own.
+            its.pop("mapper_config", None)  # They belong to the agent's own mapper.
         base = settings.get("config") or kind()
         seen = read_config(kind, config, where, base)
         return for_one(task, read_settings(task, its, where)) | dict(settings) | {"config": seen}
 
 
 def read_agent(path: Path) -> AgentFile:
-    """The agent in a file.
+    """Read the agent in a file.
 
     Raises:
-        InputError: The file is missing, torn, of another version, or holds anything but what
-            belongs to an agent; the message names the place in it.
+        InputError: The file is missing, truncated, of another version, or has missing, invalid
+            or extra content; the message names the place in the file.
     """
     header, weights = FORMAT.read(path)
     where = Location(f"{path}, {HEADER}")
@@ -149,12 +149,12 @@ def read_agent(path: Path) -> AgentFile:
 
 
 def kept_settings(task: str, settings: Mapping[str, Any], observing: Any) -> dict[str, Any]:
-    """Those settings of an environment by which an agent sees and acts, as plain data.
+    """Return the settings that determine an agent's observations and actions, as plain data.
 
     Args:
         task: Id of the environment.
         settings: The settings.
-        observing: How the environment makes observations, fitted to its sensors.
+        observing: The environment's observation config, adapted to its sensors.
     """
     kept = {name: to_plain(settings[name]) for name in KEPT_SETTINGS if name in settings}
     config = to_plain(settings.get("config") or config_kind(task)())
@@ -166,7 +166,7 @@ def kept_settings(task: str, settings: Mapping[str, Any], observing: Any) -> dic
 def _check_settings(
     task: str, settings: Mapping[str, Any], network: NetworkConfig, where: Location
 ) -> None:
-    """Raise InputError for wrong settings, or observations that the network does not take."""
+    """Raise InputError for invalid settings, or observations that do not fit the network."""
     unknown = sorted(settings.keys() - set(KEPT_SETTINGS))
     if unknown:
         raise where.error(f"only {', '.join(KEPT_SETTINGS)}", unknown[0])
@@ -179,14 +179,14 @@ def _check_settings(
         return
     where = where.at("observations")
     observing = read_config(ObservationConfig, config.get("observations"), where)
-    # Nothing is made of this size before it is known to be that of arrays that are there.
+    # Compare before anything of this size is allocated: it must match the arrays in the file.
     length = sum(math.prod(shape) for shape in observing.shapes.values())
     if length != network.inputs:
         raise where.error(f"what makes {network.inputs} numbers", f"{length}")
 
 
 def _check_weights(path: Path, network: NetworkConfig, weights: Mapping[str, np.ndarray]) -> None:
-    """Raise InputError unless the arrays are those of the network."""
+    """Raise InputError unless the arrays have the names, shapes and type of the network."""
     shapes = network.shapes
     for name in sorted(shapes.keys() | weights.keys()):
         place = f"{name}.npy"
@@ -198,7 +198,7 @@ def _check_weights(path: Path, network: NetworkConfig, weights: Mapping[str, np.
         if array.shape != shapes[name] or array.dtype != np.float32:
             expected = f"shape {shapes[name]} of float32"
             raise InputError(path, expected, f"{array.shape} of {array.dtype}", place=place)
-        # Beyond, exponents and sums of products leave the floats.
+        # Larger values overflow in exponentials and sums of products.
         most = MOST_LOG_STD if name == "action.log_std" else LARGEST_WEIGHT
         if not (np.abs(array) <= most).all():
             raise InputError(path, f"finite numbers within ±{most:g}", "others", place=place)

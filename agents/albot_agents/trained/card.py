@@ -1,4 +1,4 @@
-"""A trained agent's model card: what it was trained for, how, and what it reaches."""
+"""Write a trained agent's model card: its task, its training and its results."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ _FIGURES = {
     "rooms_share": "rooms entered",
     "collisions_per_m": "collisions per m",
 }
-"""What the card tells of an evaluation, where it is known."""
+"""Figures of an evaluation on the card, if known, and their names there."""
 _INTERVALS = {"success_rate": "ci95", "spl": "spl_ci95", "soft_spl": "soft_spl_ci95"}
 _TOLD = {
     "task": str, "world_specs": list[str], "seeds": str, "odometer": str, "mapper": str,
     "episodes": int,
 }  # fmt: skip
-"""What else it tells of one, and the types of these values…"""
+"""Other values of an evaluation on the card, and their types."""
 _KINDS: dict[str, Any] = dict.fromkeys(_FIGURES, float | None) | dict.fromkeys(
     _INTERVALS.values(), tuple[float, float] | None
 )
-"""…and of the figures."""
+"""Types of the figures and intervals."""
 
 
 def write_card(
     agent: AgentFile, name: str, path: Path, evaluations: Sequence[Mapping[str, Any]] = ()
 ) -> list[Path]:
-    """Write an agent's card, and its learning curve beside it where it has one.
+    """Write an agent's card, and beside it the picture of its learning curve if there is one.
 
     Args:
         agent: The agent.
         name: Its name.
-        path: The card, a Markdown file; the picture takes its name.
-        evaluations: What `albot evaluate --json` told of it.
+        path: The card, a Markdown file; the picture has the same name with `.png`.
+        evaluations: Results of `albot evaluate` (`evaluation.json`).
 
     Returns:
         The files written.
@@ -72,10 +72,10 @@ def write_card(
 
 
 def read_evaluation(path: Path, agent: AgentFile) -> dict[str, Any]:
-    """What `albot evaluate` wrote of an agent as `evaluation.json`.
+    """Read an agent's results from `evaluation.json` of `albot evaluate`.
 
     Raises:
-        InputError: The file is missing or something else, or tells of another agent.
+        InputError: The file is missing, is not such a file, or is about another agent.
     """
     found, where = read_json(path), Location(path)
     if not isinstance(found, dict) or "success_rate" not in found:
@@ -106,7 +106,7 @@ def _heading(agent: AgentFile, name: str) -> str:
 
 
 def _origin(agent: AgentFile) -> str:
-    """How it came to be."""
+    """Return the section about the training."""
     training, plan = agent.training, agent.training.plan
     stages = (plan.env, *(merged(plan.env, stage.env) for stage in plan.curriculum))
     worlds = [stage.get("world", "office-ring") for stage in stages]
@@ -125,7 +125,7 @@ def _origin(agent: AgentFile) -> str:
 
 
 def _table(evaluations: Sequence[Mapping[str, Any]]) -> str:
-    """What it reaches; in brackets the 95 % intervals."""
+    """Return the table of figures, with 95 % intervals in brackets."""
     names = [name for name in _FIGURES if any(found.get(name) is not None for found in evaluations)]
     head = ["task", "worlds", "seeds", "odometer", "mapper", "episodes"]
     head += [_FIGURES[name] for name in names]
@@ -147,7 +147,7 @@ def _cell(found: Mapping[str, Any], name: str) -> str:
 
 
 def _draw(curve: Mapping[str, Any], path: Path) -> None:
-    """The evaluations in the course of the training."""
+    """Draw the learning curve of the evaluations."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -1,4 +1,4 @@
-"""Policy networks in plain numpy: what was trained with PyTorch runs without it."""
+"""Policy networks in plain numpy: networks trained with PyTorch run without it."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from albot_core.ranges import Range, check_fields
 Row = Float32[np.ndarray, "*rows units"]
 Output = Float32[np.ndarray, "*rows outputs"]
 CANDIDATES = ("arrivals", "mask")
-"""The parts of observations whose candidates are weighed."""
+"""The parts of observations that hold the candidates and which of them are present."""
 ABSENT = np.float32(-1e8)
-"""The score of a candidate that is absent; finite, so that PyTorch's gradients are."""
+"""Score of an absent candidate; finite, so that PyTorch's gradients are finite."""
 NOTHING = np.float32(-1.0)
-"""What is pooled where there is no candidate: no unit gives less."""
+"""Pooled value without any candidate; no activation is smaller."""
 
 _SIZE = Range("a whole number from 1 to 65536", 1.0, 65536.0, whole=True)
 _CANDIDATES = Range("a whole number from 0 to 65536", 0.0, 65536.0, whole=True)
@@ -42,29 +42,30 @@ _ACTIVATIONS: Mapping[str, Callable[[Row], Row]] = {"elu": _elu, "relu": _relu, 
 
 @dataclass(frozen=True, kw_only=True)
 class NetworkConfig:
-    """How a policy network is built: LSTM layers, hidden layers, and a linear one for actions.
+    """Architecture of a policy network: LSTM layers, hidden layers, and a linear output layer.
 
-    One that weighs candidates looks at each of them with the same layers. Its observations are a
-    row of numbers for each candidate, and then which of them are present (above 0); the
-    outputs weigh "none of them", and each.
+    A network with candidates applies the same layers to each of them. Its observation is a row of
+    numbers per candidate, followed by a mask of those present (above 0). Its outputs are the scores
+    of "none of them" and of each candidate.
     """
 
     inputs: int
-    """Numbers in an observation."""
+    """Length of an observation."""
     layers: tuple[int, ...]
-    """Units in the hidden layers."""
+    """Units of each hidden layer."""
     activation: str
-    """What follows each hidden layer: `tanh`, `relu` or `elu`."""
+    """Activation after each hidden layer: `tanh`, `relu` or `elu`."""
     outputs: int
-    """Numbers of an action, or discrete actions."""
+    """Length of an action, or number of discrete actions."""
     lstm_size: int = 0
-    """Units of each LSTM layer; 0 without any."""
+    """Units of each LSTM layer; 0 without LSTM layers."""
     lstm_layers: int = 0
-    """LSTM layers."""
+    """Number of LSTM layers."""
     sampled: bool = False
-    """Whether an array `action.log_std` says how far actions spread about the outputs."""
+    """Whether actions are drawn around the outputs, with the standard deviation in the array
+    `action.log_std`."""
     candidates: int = 0
-    """How many candidates an observation can hold; 0 where it is looked at as a whole."""
+    """Largest number of candidates in an observation; 0 for a network without candidates."""
 
     def __post_init__(self) -> None:
         check_fields(self, _SIZE, "inputs", "outputs")
@@ -80,7 +81,7 @@ class NetworkConfig:
         self._check_candidates()
 
     def _check_candidates(self) -> None:
-        """Raise InputError unless each candidate has a row of inputs and an output."""
+        """Raise InputError unless inputs and outputs fit the candidates."""
         check_fields(self, _CANDIDATES, "candidates")
         if not self.candidates:
             return
@@ -92,12 +93,12 @@ class NetworkConfig:
 
     @property
     def width(self) -> int:
-        """Numbers that the first layer takes."""
+        """Number of inputs of the first layer."""
         return self.inputs // self.candidates - 1 if self.candidates else self.inputs
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """The arrays of the network by name, and their shapes."""
+        """Shapes of the network's arrays, by name."""
         shapes: dict[str, tuple[int, ...]] = {}
         width, size = self.width, self.lstm_size
         for k in range(self.lstm_layers):
@@ -110,19 +111,19 @@ class NetworkConfig:
         for k, units in enumerate(self.layers):
             shapes |= {f"layer{k}.weight": (units, width), f"layer{k}.bias": (units,)}
             width = units
-        outputs = 2 if self.candidates else self.outputs  # Of candidates "none" and "this one".
+        outputs = 2 if self.candidates else self.outputs  # Scores of "none" and "this one".
         spread = {"action.log_std": (outputs,)} if self.sampled else {}
         return shapes | {"action.weight": (outputs, width), "action.bias": (outputs,)} | spread
 
 
 class Network:
-    """A policy network that remembers, where it has LSTM layers, since it was last reset.
+    """A policy network. With LSTM layers it has a state, which `reset` clears.
 
-    The LSTM is Hochreiter and Schmidhuber's (Long short-term memory, Neural Computation 9(8),
-    1997) with forget gates; its gates lie in the order input, forget, cell, output.
+    The LSTM is that of Hochreiter and Schmidhuber (Long short-term memory, Neural Computation
+    9(8), 1997) with forget gates. Its gates are in the order input, forget, cell, output.
 
     Args:
-        config: How it is built.
+        config: The architecture.
         weights: The arrays of `config.shapes`.
     """
 
@@ -133,7 +134,7 @@ class Network:
         self.reset()
 
     def reset(self) -> None:
-        """Forget everything."""
+        """Clear the state of the LSTM layers."""
         shape = self._config.lstm_layers, self._config.lstm_size
         self._hidden = np.zeros(shape, np.float32)
         self._cells = np.zeros(shape, np.float32)
@@ -141,7 +142,7 @@ class Network:
     def __call__(
         self, observation: Float32[np.ndarray, "inputs"]
     ) -> Float32[np.ndarray, "outputs"]:
-        """The network's answer to the next observation."""
+        """Return the network's outputs for the next observation."""
         if self._config.candidates:
             return self._score_candidates(observation)
         row = observation
@@ -152,14 +153,14 @@ class Network:
     def sample(
         self, answer: Float32[np.ndarray, "outputs"], rng: np.random.Generator
     ) -> Float32[np.ndarray, "outputs"]:
-        """Numbers drawn about an answer: each from a normal distribution."""
+        """Draw each number from a normal distribution whose mean is the network's output."""
         spread = np.exp(self._weights["action.log_std"])
         return np.asarray(answer + spread * rng.standard_normal(len(answer), np.float32))
 
     def _score_candidates(
         self, observation: Float32[np.ndarray, "inputs"]
     ) -> Float32[np.ndarray, "outputs"]:
-        """What says "none of the candidates", by what is largest in any, and what says each."""
+        """Return the score of "none", from the pooled hidden units, and of each candidate."""
         candidates, width = self._config.candidates, self._config.width
         present = observation[candidates * width :] > 0
         seen = self._hidden_layers(observation[: candidates * width].reshape(candidates, width))
@@ -168,19 +169,19 @@ class Network:
         return np.concatenate(((none,), np.where(present, this, ABSENT)))
 
     def _hidden_layers(self, row: Row) -> Output:
-        """What the hidden layers make of a row, or of each of several."""
+        """Return the hidden layers' output for one row, or for each of several rows."""
         for k in range(len(self._config.layers)):
             row = self._activation(self._linear(f"layer{k}", row))
         return row
 
     def _linear(self, name: str, row: Row) -> Output:
-        """What a linear layer makes of them."""
+        """Return a linear layer's output."""
         return np.asarray(row @ self._weights[f"{name}.weight"].T + self._weights[f"{name}.bias"])
 
     def _lstm_step(
         self, k: int, row: Float32[np.ndarray, "inputs"]
     ) -> Float32[np.ndarray, "units"]:
-        """One step of an LSTM layer."""
+        """Advance an LSTM layer by one step; return its output."""
         weights = self._weights
         gates = weights[f"lstm{k}.input"] @ row + weights[f"lstm{k}.hidden"] @ self._hidden[k]
         enter, keep, new, leave = np.split(gates + weights[f"lstm{k}.bias"], 4)

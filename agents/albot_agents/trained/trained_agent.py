@@ -1,4 +1,4 @@
-"""A trained agent in an environment, and the trained agents that come with the project."""
+"""Run a trained agent in an environment, and find the trained agents of the project."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from albot_core.plain_data import differences, to_plain
 from albot_env.tasks.core.observation import ObservationConfig
 
 _FOLDER = Path(str(resources.files("albot_agents.trained")))
-"""Where the files of the trained agents lie that come with the project."""
+"""Folder of the trained agents that come with the project."""
 
 
 class TrainedAgent:
-    """Acts as its network says: the mean action, the likeliest one, or one drawn about the mean.
+    """Acts by its network: the mean action, the most probable one, or one drawn around the mean.
 
     Args:
         name: Its name, or the path of its file.
-        file: What the file holds.
-        observing: How the environment makes observations.
+        file: The content of its file.
+        observing: The environment's observation config.
 
     Raises:
-        InputError: The environment makes observations in another way than that in which it was
-            trained; the message says what differs.
+        InputError: The observation config differs from the one in training; the message says in
+            what.
     """
 
     knows_truth: ClassVar[bool] = False
@@ -47,11 +47,10 @@ class TrainedAgent:
             raise InputError(name, "observations as in its training", "; ".join(differing))
 
     def reset(self, rng: np.random.Generator, actions: Space[Any]) -> None:
-        """Begin anew.
+        """Begin a new episode.
 
         Raises:
-            InputError: The environment makes other observations than those in which it was
-                trained, or has other actions.
+            InputError: The environment's observations or actions do not fit the network.
         """
         self._check_observations()
         outputs = self._file.network.outputs
@@ -66,7 +65,7 @@ class TrainedAgent:
         self._rng = rng
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
-        """The mean action of its policy, or the likeliest of a discrete set; or one drawn by it."""
+        """Return the mean action, the most probable discrete action, or a sampled action."""
         if isinstance(observation, dict):
             parts = self._observing.shapes
             observation = np.concatenate([observation[part].ravel() for part in parts])
@@ -78,7 +77,7 @@ class TrainedAgent:
         return np.asarray(np.clip(answer, -1, 1))
 
     def _check_observations(self) -> None:
-        """Raise InputError if the network does not take the observations."""
+        """Raise InputError if the observations do not fit the network."""
         network = self._file.network
         if network.candidates:
             self._observing.require(CANDIDATES, self.name)
@@ -89,11 +88,11 @@ class TrainedAgent:
 
 
 def shipped_agents() -> dict[str, Path]:
-    """The files of the trained agents that come with the project, by name in alphabetical order."""
+    """Return the files of the project's trained agents by name, in alphabetical order."""
     files = {path.stem: path for path in _FOLDER.glob(f"*{SUFFIX}")}
     return dict(sorted(files.items()))
 
 
 def card_path(name: str) -> Path:
-    """The model card of a shipped agent."""
+    """Return the path of a shipped agent's model card."""
     return _FOLDER / f"{name}.md"

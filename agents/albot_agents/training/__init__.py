@@ -1,1 +1,1 @@
-"""Training: agents that learn by reinforcement, by runs that can be killed and resumed."""
+"""Train agents by reinforcement learning, in runs that can be killed and resumed."""

@@ -1,7 +1,7 @@
-"""A learner's weights saved: whole in a checkpoint, and its policy alone in an agent's file.
+"""Save a learner: its complete state in a checkpoint, or its policy alone in an agent file.
 
-A checkpoint holds all that a learner needs to go on as if it had never stopped, as arrays and plain
-data: weights, Adam's moments, the states of the random generators.
+A checkpoint holds everything that a learner needs to continue as if it had never stopped, as arrays
+and plain data: weights, Adam's moments, and the states of the random generators.
 """
 
 from __future__ import annotations
@@ -30,32 +30,32 @@ from albot_core.ranges import COUNT
 FORMAT = ArchiveFormat(name="albot-checkpoint", version=1, kind="checkpoint", largest=1 << 28)
 SUFFIX = ".checkpoint"
 KEPT = 2
-"""Checkpoints that are kept, the newest ones."""
+"""Number of checkpoints kept; older ones are deleted."""
 
 _WEIGHT = "weight."
-"""What the names of weights begin with."""
+"""Prefix of the names of weights."""
 _MOMENTS = ("exp_avg", "exp_avg_sq", "step")
-"""What Adam keeps of each parameter."""
+"""Adam's state of each parameter."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Checkpoint:
-    """A learner between two rollouts, and how far its run has come."""
+    """The state of a learner and its run between two rollouts."""
 
     samples: int
     """Samples so far."""
     updates: int
-    """Passes through the samples so far, as stable-baselines3 counts them."""
+    """Number of passes through the samples so far, as counted by stable-baselines3."""
     run: Mapping[str, Any]
-    """What the run keeps besides; plain data."""
+    """Other state of the run, as plain data."""
     random: tuple[float, ...]
-    """Place, and whether and which normal number is left over, in numpy's generator."""
+    """State of numpy's generator: position, whether a normal number is left over, that number."""
     arrays: Mapping[str, np.ndarray]
     """Weights, Adam's moments, and the states of random generators."""
 
     @property
     def weights(self) -> dict[str, np.ndarray]:
-        """The weights alone, under the names that stable-baselines3's policies give them."""
+        """The weights, under the names of stable-baselines3's policies."""
         return {
             name.removeprefix(_WEIGHT): array
             for name, array in self.arrays.items()
@@ -63,10 +63,10 @@ class Checkpoint:
         }
 
     def save(self, folder: Path) -> Path:
-        """Write it, and remove all but the newest `KEPT`; where it is.
+        """Write it, delete all but the newest `KEPT` checkpoints, and return its path.
 
         Raises:
-            InputError: It cannot be written; the message names the last good one.
+            InputError: It cannot be written; the message names the last good checkpoint.
         """
         path = folder / f"{self.samples:012d}{SUFFIX}"
         header = {"samples": self.samples, "updates": self.updates, "run": dict(self.run)}
@@ -83,12 +83,12 @@ class Checkpoint:
 
 
 def checkpoints(folder: Path) -> list[Path]:
-    """The checkpoints in a folder, the newest last."""
+    """Return the checkpoints in a folder, the newest last."""
     return sorted(folder.glob(f"*{SUFFIX}"))
 
 
 def take_checkpoint(learner: OnPolicyAlgorithm, run: Mapping[str, Any]) -> Checkpoint:
-    """The checkpoint of a learner as it is now."""
+    """Return a checkpoint of a learner's current state; `run` is the run's other state."""
     arrays = {
         f"{_WEIGHT}{name}": _array(value) for name, value in learner.policy.state_dict().items()
     }
@@ -111,10 +111,10 @@ def take_checkpoint(learner: OnPolicyAlgorithm, run: Mapping[str, Any]) -> Check
 
 
 def read_checkpoint(path: Path) -> Checkpoint:
-    """The checkpoint in a file.
+    """Read the checkpoint in a file.
 
     Raises:
-        InputError: The file is missing, torn, or no checkpoint.
+        InputError: The file is missing, truncated or not a checkpoint.
     """
     header, arrays = FORMAT.read(path)
     kinds = {"samples": int, "updates": int, "run": dict[str, Any], "random": tuple[float, ...]}
@@ -130,15 +130,15 @@ def read_checkpoint(path: Path) -> Checkpoint:
 
 
 def restore(learner: OnPolicyAlgorithm, checkpoint: Checkpoint, path: Path) -> None:
-    """Let a learner go on from a checkpoint.
+    """Restore a learner's state from a checkpoint.
 
     Args:
         learner: A new learner of the same plan.
-        checkpoint: Its state.
-        path: Where the checkpoint came from, for errors.
+        checkpoint: The checkpoint.
+        path: Path of the checkpoint, for errors.
 
     Raises:
-        InputError: The arrays are not those of this learner.
+        InputError: The arrays do not fit this learner.
     """
     arrays = dict(checkpoint.arrays)
     weights = {
@@ -149,7 +149,7 @@ def restore(learner: OnPolicyAlgorithm, checkpoint: Checkpoint, path: Path) -> N
     optimizer = learner.policy.optimizer
     for name, parameter in learner.policy.named_parameters():
         if f"adam.step.{name}" not in arrays:
-            continue  # Nothing was learnt yet.
+            continue  # No update was made yet.
         shapes = dict(zip(_MOMENTS, (parameter, parameter, torch.zeros(())), strict=True))
         optimizer.state[parameter] = {
             moment: _taken(arrays, f"adam.{moment}.{name}", like, path)
@@ -163,7 +163,7 @@ def restore(learner: OnPolicyAlgorithm, checkpoint: Checkpoint, path: Path) -> N
 
 
 def _restore_random(arrays: dict[str, np.ndarray], place: tuple[float, ...], path: Path) -> None:
-    """Let the random generators go on, which the learner draws from."""
+    """Restore the states of the random generators from which the learner draws."""
     keys = torch.zeros(624, dtype=torch.uint32)
     state = _taken(arrays, "random.numpy", keys, path).numpy()
     where = Location(f"{path}, {HEADER}").at("random")
@@ -190,7 +190,7 @@ def _array(value: torch.Tensor) -> np.ndarray:
 def _taken(
     arrays: dict[str, np.ndarray], name: str, like: torch.Tensor, path: Path
 ) -> torch.Tensor:
-    """An array of the name and shape of a tensor."""
+    """Remove an array from `arrays`; return it as a tensor with the shape and type of `like`."""
     array = arrays.pop(name, None)
     if array is None:
         raise InputError(path, f"the array {name}", "none", place=f"{name}.npy")
@@ -203,10 +203,10 @@ def _taken(
 
 
 class AgentExporter:
-    """Makes agent files of a learner's weights.
+    """Makes agent files from a learner's weights.
 
     Args:
-        plan: The training's plan.
+        plan: The training plan.
 
     Raises:
         InputError: The environment cannot be made.
@@ -233,11 +233,11 @@ class AgentExporter:
         env.close()
 
     def agent(self, state: Mapping[str, np.ndarray], training: TrainingFacts) -> AgentFile:
-        """The agent with the policy's weights.
+        """Return the agent with the policy's weights.
 
         Args:
-            state: The weights, under the names that stable-baselines3's policies give them.
-            training: What is to be told of the training.
+            state: The weights, under the names of stable-baselines3's policies.
+            training: Facts of the training.
         """
         plan = self._plan
         return AgentFile(
@@ -260,24 +260,24 @@ class AgentExporter:
 
 
 def policy_weights(state: Mapping[str, np.ndarray], plan: TrainingPlan) -> dict[str, np.ndarray]:
-    """The arrays of the policy's network under our names.
+    """Return the arrays of the policy's network under the names in `NetworkConfig.shapes`.
 
     Args:
-        state: All weights, under the names that stable-baselines3's policies give them.
-        plan: Says how the network is built.
+        state: All weights, under the names of stable-baselines3's policies.
+        plan: The training plan, with the architecture of the network.
     """
     weights: dict[str, np.ndarray] = {}
     if plan.recurrent:
         for k in range(plan.policy.lstm_layers):
             weights[f"lstm{k}.input"] = state[f"lstm_actor.weight_ih_l{k}"]
             weights[f"lstm{k}.hidden"] = state[f"lstm_actor.weight_hh_l{k}"]
-            # PyTorch keeps two biases that are only ever added.
+            # PyTorch has two biases, of which only the sum matters.
             weights[f"lstm{k}.bias"] = (
                 state[f"lstm_actor.bias_ih_l{k}"] + state[f"lstm_actor.bias_hh_l{k}"]
             )
     for k in range(len(plan.policy.net_arch)):
         for part in ("weight", "bias"):
-            # Between the layers stand their activations.
+            # Every second module is an activation.
             weights[f"layer{k}.{part}"] = state[f"mlp_extractor.policy_net.{2 * k}.{part}"]
     if plan.policy.sampled:
         weights["action.log_std"] = state["log_std"]

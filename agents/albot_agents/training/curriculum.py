@@ -1,4 +1,4 @@
-"""The environments of a training: one batch, which goes through the stages of a curriculum."""
+"""The environments of a training run: one batch that goes through the stages of a curriculum."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from albot_core.errors import InputError
 from albot_env.vector.sb3 import BatchedVecEnv, make_batch
 
 RECENT = 500
-"""Episodes that the success rate and the mean return go by."""
+"""Number of episodes over which success rate and mean return are computed."""
 
 
 class Curriculum(VecEnvWrapper):
     """A batch of environments that records its episodes and moves from stage to stage.
 
-    Each stage's environments are made when it begins, with the plan's settings and its own.
+    A stage's environments are made when it begins, with the settings of plan and stage.
 
     Args:
         plan: The plan.
-        stage: Number of the stage to begin with.
-        elapsed: Seconds that the training has taken before.
+        stage: Number of the first stage, from 0.
+        elapsed: Duration of the training so far (s).
 
     Raises:
         InputError: An environment cannot be made.
@@ -47,31 +47,31 @@ class Curriculum(VecEnvWrapper):
         self._recent: deque[bool] = deque(maxlen=RECENT)
         self._recent_returns: deque[float] = deque(maxlen=RECENT)
         self.episodes = 0
-        """Episodes that ended since the training began or was resumed."""
+        """Number of episodes that ended since the training was started or resumed."""
         self.stage = stage
-        """Number of the stage."""
+        """Number of the current stage, from 0."""
         self.step_seconds = 0.0
-        """Seconds that stepping the environments took."""
+        """Time spent stepping the environments (s)."""
         self.venv: BatchedVecEnv
         super().__init__(self._make_batch(stage))
 
     @property
     def elapsed(self) -> float:
-        """Seconds that the training has taken, those before it was resumed among them."""
+        """Duration of the training (s), including the time before it was resumed."""
         return time.monotonic() - self._start_time
 
     @property
     def success_rate(self) -> float | None:
-        """Share of the stage's last episodes that succeeded; None where none is known to."""
+        """Success rate of the stage's last `RECENT` episodes; None if no success is reported."""
         return float(np.mean(self._recent)) if self._recent else None
 
     @property
     def mean_return(self) -> float | None:
-        """Mean return of the stage's last episodes; None before the first has ended."""
+        """Mean return of the stage's last `RECENT` episodes; None before the first has ended."""
         return float(np.mean(self._recent_returns)) if self._recent_returns else None
 
     def is_over(self, samples: int) -> bool:
-        """Whether the stage is over after so many samples of its own."""
+        """Return whether the stage is over after `samples` samples of its own."""
         stage = self._plan.stages[self.stage]
         if self.stage == len(self._plan.stages) - 1:
             return False
@@ -81,22 +81,22 @@ class Curriculum(VecEnvWrapper):
         return stage.until_success is not None and rate is not None and rate >= stage.until_success
 
     def prepare_journeys(self, report: Callable[[str], None]) -> None:
-        """Make the journeys of this stage; before the reset that would make them one by one.
+        """Make this stage's journeys in parallel, before the reset would make them one by one.
 
         Args:
-            report: Is called with the progress, in words.
+            report: Called with the progress as text.
         """
         prepare_journeys(self._plan.task, self.venv.batch, self._settings, report)
 
     def next_stage(self, seed: int, report: Callable[[str], None]) -> VecEnvObs:
-        """Begin the next stage; the first observations.
+        """Begin the next stage; return its first observations.
 
         Args:
-            seed: Decides what is drawn in it.
-            report: Is called with the progress of making its journeys, in words.
+            seed: Seed of the stage's environments.
+            report: Called with the progress of making journeys, as text.
 
         Raises:
-            InputError: An environment cannot be made, or its spaces are others.
+            InputError: An environment cannot be made, or its spaces differ from the last stage's.
         """
         following = self._make_batch(self.stage + 1)
         for name in ("observation_space", "action_space"):
@@ -113,13 +113,13 @@ class Curriculum(VecEnvWrapper):
         return self.reset()
 
     def reset(self) -> VecEnvObs:
-        """Reset all."""
+        """Reset all environments."""
         self._returns[:] = 0
         self._lengths[:] = 0
         return self.venv.reset()
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Take the step; the info of an episode's last one holds `episode`, as a monitor's."""
+        """Take the step. An episode's last info holds `episode`, as with a `Monitor`."""
         began = time.perf_counter()
         observations, rewards, over, infos = self.venv.step_wait()
         self.step_seconds += time.perf_counter() - began
@@ -132,7 +132,7 @@ class Curriculum(VecEnvWrapper):
         return observations, rewards, over, infos
 
     def take_rows(self) -> list[Row]:
-        """Remove and return the episodes that ended since the last call, for the episode log."""
+        """Return and clear the log rows of the episodes that ended since the last call."""
         rows, self._rows = self._rows, []
         return rows
 

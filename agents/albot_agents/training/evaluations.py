@@ -1,4 +1,4 @@
-"""Evaluations in the course of a training: always the same episodes, nothing drawn by chance."""
+"""Evaluations during training: always the same episodes, with deterministic actions."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ _KINDS: dict[str, tuple[int, Any]] = {
     "successes": (2, np.float64),
     "spl": (2, np.float64),
 }
-"""The arrays of the file, those of stable-baselines3's `EvalCallback` and `spl`: their dimensions,
-evaluations and episodes, and the kind of their numbers."""
+"""The arrays of the file, those of stable-baselines3's `EvalCallback` and `spl`: number of
+dimensions (evaluations, or evaluations and episodes) and data type."""
 _LARGEST = 1 << 26
-"""Bytes to which the file may unpack."""
+"""Largest unpacked size of the file (bytes)."""
 
 
 class Evaluations:
-    """Evaluates a policy again and again, and keeps the results in a file.
+    """Evaluates a policy repeatedly, and keeps the results in a file.
 
     Args:
         plan: The plan.
-        path: The file in which the results stand, which is read where it is there.
-        samples: Results after more samples than these (which no checkpoint holds) are dropped.
+        path: The file of the results; it is read if it exists.
+        samples: Results after more samples than this, which no checkpoint holds, are dropped.
 
     Raises:
         InputError: There is no such world or setting, or the file holds something else.
@@ -53,7 +53,7 @@ class Evaluations:
         self._seeds = [trial.seed for trial in trials]
         settings = evaluation_settings(plan)
         if "journeys" in batch_settings(plan.task):
-            settings["journeys"] = 1  # The same from a start each time, so it is kept.
+            settings["journeys"] = 1  # One fixed journey per start, which is kept.
         self._task, self._settings = plan.task, settings
         self._batch: Any = gymnasium.make_vec(
             plan.task,
@@ -73,12 +73,12 @@ class Evaluations:
 
     @property
     def samples(self) -> int:
-        """Samples before the last evaluation; 0 if there is none."""
+        """Number of samples at the last evaluation; 0 if there is none."""
         return int(self._results["timesteps"][-1]) if len(self._results["timesteps"]) else 0
 
     @property
     def last(self) -> dict[str, float | None]:
-        """Means of the last evaluation: `success_rate`, `spl`, `return`; None for unknown."""
+        """Means of the last evaluation: `success_rate`, `spl`, `return`; None if unknown."""
         if not self.samples:
             return {}
         names = {"success_rate": "successes", "spl": "spl", "return": "results"}
@@ -89,7 +89,7 @@ class Evaluations:
 
     @property
     def curve(self) -> dict[str, list[float]]:
-        """Means after so many `samples`: `return`, and where known `success_rate` and `spl`."""
+        """The learning curve: `samples`, mean `return`, and if known `success_rate` and `spl`."""
         names = {"return": "results", "success_rate": "successes", "spl": "spl"}
         curve = {"samples": self._results["timesteps"].astype(float).tolist()}
         means = {name: self._results[key].mean(axis=1) for name, key in names.items()}
@@ -98,15 +98,15 @@ class Evaluations:
         }
 
     def prepare_journeys(self, report: Callable[[str], None]) -> None:
-        """Make the journeys of the episodes; before the first evaluation, which would make them.
+        """Make the episodes' journeys in parallel, before the first evaluation would make them.
 
         Args:
-            report: Is called with the progress, in words.
+            report: Called with the progress as text.
         """
         prepare_journeys(self._task, self._batch, self._settings, report)
 
     def measure(self, learner: OnPolicyAlgorithm) -> bool:
-        """Evaluate the policy as it is now, and write the results. Returns whether it is the best.
+        """Evaluate the current policy and write the results; return whether it is the best so far.
 
         Raises:
             InputError: The file cannot be written.
@@ -124,12 +124,12 @@ class Evaluations:
         self._batch.close()
 
     def _score(self, k: int) -> tuple[float, float]:
-        """How good an evaluation was: by success first, then by the mean return."""
+        """Return an evaluation's score: success rate first, then mean return."""
         rate = float(self._results["successes"][k].mean())
         return (0.0 if np.isnan(rate) else rate), float(self._results["results"][k].mean())
 
     def _run(self, learner: OnPolicyAlgorithm) -> dict[str, np.ndarray]:
-        """One episode in each environment."""
+        """Run one episode in each environment; return the results by name of the array."""
         count = len(self._seeds)
         figures = {"successes": "is_success", "spl": "spl"}
         ends: dict[str, Any] = {name: np.full(count, np.nan) for name in figures}
@@ -153,7 +153,7 @@ class Evaluations:
 
 
 def _read_results(path: Path, episodes: int, samples: int) -> dict[str, np.ndarray]:
-    """The results in the file, up to so many samples; empty arrays if there is no file."""
+    """Read the results up to `samples` samples; return empty arrays if there is no file."""
     if not path.exists():
         return {
             name: np.zeros((0, episodes)[:dimensions], kind)

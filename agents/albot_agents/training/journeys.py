@@ -1,8 +1,8 @@
-"""Journeys made before the first reset, in parallel processes.
+"""Make journeys in parallel processes before the first reset.
 
-A journey is the way out after which an episode begins. Else each is made in the one process of the
-training, when a reset first draws it, which for some hundred takes minutes. The processes import
-this module only: it loads no PyTorch.
+A journey is the outward drive after which an episode begins. Otherwise the training process makes
+each journey when a reset first draws it, which takes minutes for a few hundred. The worker
+processes import only this module, which does not load PyTorch.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from albot_agents.workers import TaskRunner, run_parallel
 from albot_core.errors import InputError
 
 FEWEST_JOURNEYS = 16
-"""Fewer journeys are not worth the start of processes."""
+"""Smallest number of journeys for which starting processes is worthwhile."""
 _BATCH_ONLY = ("autoreset_mode", "max_episode_steps", "threads", "world")
 """Settings of a batch that journeys do not depend on."""
 
 NumberedTicket = tuple[int, Any]
-"""The number of a journey, and the environment's ticket for it."""
+"""The number of a journey, and the environment's ticket from which it is made."""
 
 
 def prepare_journeys(
@@ -35,13 +35,13 @@ def prepare_journeys(
 ) -> None:
     """Make the journeys that a batch's resets may draw, if there are many and all can be kept.
 
-    What cannot be made is left out: the reset that draws it says what is wrong.
+    A journey that cannot be made is left out; the reset that draws it raises the error.
 
     Args:
         task: Id of the environment.
         batch: The batch.
-        settings: What it was made with. With `threads` 1 everything stays in this process.
-        report: Is called with the progress, in words.
+        settings: The batch's settings. With `threads` 1 no processes are started.
+        report: Called with the progress as text.
     """
     tickets = batch.missing_journeys()
     jobs = settings.get("threads") or os.cpu_count() or 1
@@ -50,11 +50,11 @@ def prepare_journeys(
     single = {name: value for name, value in settings.items() if name not in _BATCH_ONLY}
     report(f"0 of {len(tickets)} journeys made")
     numbered = list(enumerate(tickets))
-    # The first one here: numba then keeps what it compiles, and no process has to do it again.
+    # The first one is made here: numba caches the compiled code, so no process compiles again.
     first = _make_journey(batch.journeys, numbered[0])
     if first[1] is not None:
         batch.journeys.keep(tickets[0], first[1])
-        if not batch.missing_journeys():  # Now that one is weighed, not all would be kept.
+        if not batch.missing_journeys():  # The first one's size shows that not all can be kept.
             report(f"1 of {len(tickets)} journeys made, the others when they are drawn")
             return
     others = run_parallel(_JourneyRunner(task, single), numbered[1:], min(jobs, len(tickets) - 1))
@@ -65,7 +65,7 @@ def prepare_journeys(
 
 
 class _JourneyRunner(TaskRunner[NumberedTicket, "tuple[int, Any]"]):
-    """Makes journeys, in an environment of the process's own."""
+    """Makes journeys in the worker process's own environment."""
 
     def __init__(self, task: str, settings: Mapping[str, Any]) -> None:
         self._task, self._settings = task, settings
@@ -79,7 +79,7 @@ class _JourneyRunner(TaskRunner[NumberedTicket, "tuple[int, Any]"]):
         return _make_journey(self._journeys, task)
 
     def on_crash(self, task: NumberedTicket, step: int, cause: str) -> tuple[int, Any]:
-        """Report that the process died, which is our fault.
+        """Raise RuntimeError: the process died, which is a bug.
 
         Raises:
             RuntimeError: Always.
@@ -89,7 +89,7 @@ class _JourneyRunner(TaskRunner[NumberedTicket, "tuple[int, Any]"]):
 
 
 def _make_journey(journeys: Any, numbered: NumberedTicket) -> tuple[int, Any]:
-    """The number of a journey, and the journey; None where it cannot be made."""
+    """Return a journey's number, and the journey; None if it cannot be made."""
     number, ticket = numbered
     try:
         return number, journeys.travel(ticket)

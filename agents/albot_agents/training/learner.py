@@ -1,4 +1,4 @@
-"""The learner: stable-baselines3's PPO as a plan wants it, and its policy for candidates."""
+"""The learner: stable-baselines3's PPO set up by a plan, and a policy for candidates."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ from albot_core.errors import InputError
 
 _ACTIVATIONS = {"elu": torch.nn.ELU, "relu": torch.nn.ReLU, "tanh": torch.nn.Tanh}
 GPU_UNITS = 1024
-"""Units of a hidden layer from which on `auto` takes the GPU. At every step of the environments
-data go there and back, so that small networks are slower there (stable-baselines3 warns of that
-itself, with its issue 1245)."""
+"""Units of a hidden layer from which `auto` selects the GPU. Data are copied to the GPU and back at
+every step of the environments, so small networks are slower there (stable-baselines3 warns of this
+too, in its issue 1245)."""
 
 
 def make_learner(plan: TrainingPlan, envs: VecEnv) -> OnPolicyAlgorithm:
-    """The learner of a plan, which knows nothing yet.
+    """Make the untrained learner of a plan.
 
     Args:
         plan: The plan.
         envs: The environments, `plan.n_envs` of them.
 
     Raises:
-        InputError: The initial action does not fit the actions, or there is no GPU where one
-            is asked for.
+        InputError: The initial action does not fit the actions, or the plan requests a GPU and
+            there is none.
     """
     if plan.torch_threads:
         torch.set_num_threads(plan.torch_threads)
@@ -60,10 +60,10 @@ def make_learner(plan: TrainingPlan, envs: VecEnv) -> OnPolicyAlgorithm:
 
 
 def choose_device(plan: TrainingPlan) -> str:
-    """`cpu` or `cuda`.
+    """Return the plan's device, `cpu` or `cuda`.
 
     Raises:
-        InputError: The plan asks for a GPU, and there is none.
+        InputError: The plan requests a GPU, and there is none.
     """
     there = torch.cuda.is_available()
     if plan.device == "cuda" and not there:
@@ -95,7 +95,7 @@ def _policy_settings(plan: TrainingPlan) -> dict[str, Any]:
 
 
 def _set_initial_action(learner: OnPolicyAlgorithm, policy: PolicyPlan) -> None:
-    """Let the policy begin with what the plan says."""
+    """Set the policy's output bias to the plan's initial action."""
     if policy.initial_action is None:
         return
     bias = learner.policy.action_net.bias
@@ -108,11 +108,12 @@ def _set_initial_action(learner: OnPolicyAlgorithm, policy: PolicyPlan) -> None:
 
 
 class DeepSetsPolicy(ActorCriticPolicy):
-    """Chooses one of several candidates, or none of them, whatever their order.
+    """Chooses one of several candidates, or none of them, independently of their order.
 
-    After Zaheer et al., Deep sets, NeurIPS 2017, with the maximum for the sum. The same layers
-    score each candidate alone; "none" is scored by each unit's maximum over the candidates, and so
-    is the value, by a network of its own. Observations and answers are as `NetworkConfig` says.
+    After Zaheer et al., Deep sets, NeurIPS 2017, with the maximum instead of the sum. The same
+    layers score each candidate separately. The score of "none" is computed from each unit's maximum
+    over the candidates; so is the value, by a network of its own. `NetworkConfig` describes
+    observations and outputs.
     """
 
     def _build_mlp_extractor(self) -> None:
@@ -132,12 +133,12 @@ class DeepSetsPolicy(ActorCriticPolicy):
 
 
 class DeepSetsExtractor(MlpExtractor):
-    """Networks of policy and value that are applied to each candidate alone.
+    """Networks of policy and value that are applied to each candidate separately.
 
     Args:
-        candidates: How many there can be.
-        length: Numbers in an observation.
-        settings: As for `MlpExtractor`.
+        candidates: Largest number of candidates.
+        length: Length of an observation.
+        settings: Further arguments of `MlpExtractor`.
     """
 
     def __init__(self, candidates: int, length: int, **settings: Any) -> None:
@@ -146,10 +147,10 @@ class DeepSetsExtractor(MlpExtractor):
         super().__init__(self._width, **settings)
 
     def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
-        """The units pooled over all candidates, and those of each.
+        """Return the units pooled over all candidates, followed by the units of each candidate.
 
-        Of shape (observations, 1 + candidates, units + 1); the last number says whether it is
-        there.
+        The shape is (observations, 1 + candidates, units + 1). The last number says whether the
+        candidate is present.
         """
         rows, there = self._split(features)
         units = self.policy_net(rows)
@@ -158,12 +159,12 @@ class DeepSetsExtractor(MlpExtractor):
         return torch.cat((together[:, None], each), dim=1)
 
     def forward_critic(self, features: torch.Tensor) -> torch.Tensor:
-        """The units pooled over all candidates, of shape (observations, units)."""
+        """Return the units pooled over all candidates, of shape (observations, units)."""
         rows, there = self._split(features)
         return _pooled(self.value_net(rows), there)
 
     def _split(self, features: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
-        """The candidates' rows, and a mask of those that are there (…, candidates, 1)."""
+        """Return the candidates' rows, and a mask of those present (…, candidates, 1)."""
         end = self._candidates * self._width
         rows = features[:, :end].reshape(-1, self._candidates, self._width)
         return rows, features[:, end:, None] > 0
@@ -173,20 +174,20 @@ class _Answers(CategoricalDistribution):
     """A distribution over "none" and the candidates."""
 
     def proba_distribution_net(self, latent_dim: int) -> torch.nn.Module:
-        """The layer that gives its logits."""
+        """Return the layer that computes the logits."""
         return _AnswerLayer(latent_dim, 2)
 
 
 class _AnswerLayer(torch.nn.Linear):
-    """Two scores: that of "none", taken of the pooled units, and that of "this one", of each."""
+    """Scores "none" from the pooled units, and "this one" from the units of each candidate."""
 
     def forward(self, latent: torch.Tensor) -> torch.Tensor:
-        """The logits (observations, 1 + candidates) of what `forward_actor` gives."""
+        """Return the logits (observations, 1 + candidates) for the output of `forward_actor`."""
         scores, there = super().forward(latent[:, :, :-1]), latent[:, 1:, -1] > 0
         this = scores[:, 1:, 1].masked_fill(~there, float(ABSENT))
         return torch.cat((scores[:, :1, 0], this), dim=1)
 
 
 def _pooled(units: torch.Tensor, there: torch.Tensor) -> torch.Tensor:
-    """Each unit's maximum over the candidates that are there."""
+    """Return each unit's maximum over the candidates that are present."""
     return units.masked_fill(~there, float(NOTHING)).amax(dim=1).clamp(min=float(NOTHING))

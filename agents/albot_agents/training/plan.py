@@ -1,4 +1,4 @@
-"""What a training consists of: all that stands in its YAML file."""
+"""The plan of a training run: the content of its YAML file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from albot_core.ranges import FINITE, POSITIVE, SHARE, Range, check_fields
 ALGORITHMS = ("ppo", "recurrent_ppo")
 """Proximal policy optimisation (Schulman et al., arXiv:1707.06347), without and with an LSTM."""
 POLICIES = ("mlp", "candidates")
-"""An observation looked at as a whole; or candidates, each looked at by the same network."""
+"""Networks that take the whole observation, or that take each candidate in it separately."""
 ACTIVATIONS = ("elu", "relu", "tanh")
 DEVICES = ("auto", "cpu", "cuda")
 
@@ -26,31 +26,31 @@ _FROM_TWO = Range("a whole number from 2, to find a deviation of", 2.0, whole=Tr
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyPlan:
-    """The networks. Policy and value have one each, and share nothing."""
+    """The networks. Policy and value have one each, without shared layers."""
 
     kind: str = "mlp"
-    """`mlp`, or `candidates`: for tasks that ask which of several it is, if any. The networks then
-    look at each candidate alone, and at what is largest in any of them."""
+    """`mlp`, or `candidates` for tasks whose action selects one of several candidates or none. The
+    networks then process each candidate separately, and pool by the maximum over all of them."""
     net_arch: tuple[int, ...] = (64, 64)
-    """Units in the hidden layers."""
+    """Units of each hidden layer."""
     value_arch: tuple[int, ...] | None = None
-    """Those of the value's network, where they are others."""
+    """Units of each hidden layer of the value network; None for the same as `net_arch`."""
     activation: str = "tanh"
     """`tanh`, `relu` or `elu`."""
     log_std_init: float = 0.0
-    """Logarithm of the actions' standard deviation at the beginning."""
+    """Initial logarithm of the actions' standard deviation."""
     initial_action: tuple[float, ...] | None = None
-    """What the policy does in the mean at the beginning (of a discrete set, the logarithms of
-    its preferences; of candidates, of "none" and of each of them); None for 0. A policy that
-    declares by chance at every third step never sees what driving is good for."""
+    """Mean action of the initial policy; None for 0. For discrete actions, their initial logits;
+    for candidates, the initial logits of "none" and of "this one". It can keep an untrained policy
+    from declaring home by chance after a few steps, before it could learn to drive."""
     sampled: bool = False
-    """Whether the agent draws its numbers by chance, as in training, rather than do what the
-    policy does in the mean: that may stand still for ever where it turns neither way. The
-    evaluations on the way go by the mean all the same. Not for discrete actions."""
+    """Whether the agent samples its actions, as in training, instead of taking the mean action,
+    which may stand still forever between turning left and right. Evaluations during training use
+    the mean anyway. Not for discrete actions."""
     lstm_size: int = 128
-    """Units of each LSTM layer, of `recurrent_ppo` only."""
+    """Units of each LSTM layer, for `recurrent_ppo` only."""
     lstm_layers: int = 1
-    """LSTM layers before the hidden ones, of `recurrent_ppo` only."""
+    """Number of LSTM layers before the hidden layers, for `recurrent_ppo` only."""
 
     def __post_init__(self) -> None:
         check_fields(self, _COUNT, "lstm_size", "lstm_layers")
@@ -67,16 +67,16 @@ class PolicyPlan:
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationPlan:
-    """How the policy is measured on the way, always in the same episodes."""
+    """Evaluations of the policy during training, always in the same episodes."""
 
     worlds: tuple[str, ...] = ("random:office",)
-    """World specs as for `albot evaluate`: of `random:KIND` each seed is a world of its own."""
+    """World specs as for `albot evaluate`; for `random:KIND` each seed is a world of its own."""
     seeds: str = "900..963"
-    """`A..B`, both included: each world with each seed is an episode."""
+    """`A..B`, both included; each world with each seed is one episode."""
     every: int = 1_000_000
     """Samples between two evaluations."""
     env: Mapping[str, Any] = field(default_factory=dict)
-    """Settings of the environment that are others than in the training."""
+    """Settings of the environment that differ from training."""
 
     def __post_init__(self) -> None:
         check_fields(self, _COUNT, "every")
@@ -90,14 +90,14 @@ class EvaluationPlan:
 
 @dataclass(frozen=True, kw_only=True)
 class StagePlan:
-    """A stage of a curriculum. It ends with what comes first; the last one never does."""
+    """A stage of a curriculum. It ends when one of its conditions holds; the last never ends."""
 
     env: Mapping[str, Any] = field(default_factory=dict)
-    """Settings of the environment that are others than those of the whole training."""
+    """Settings of the environment that differ from those of the plan."""
     for_steps: int | None = None
     """Samples after which the next stage begins."""
     until_success: float | None = None
-    """Share of the last 500 episodes that succeed when the next stage begins."""
+    """Success rate over the last 500 episodes at which the next stage begins."""
 
     def __post_init__(self) -> None:
         if self.for_steps is not None:
@@ -108,57 +108,58 @@ class StagePlan:
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingPlan:
-    """A training. The names are those of rl-zoo3 and stable-baselines3 where these have one."""
+    """A training run. Names follow rl-zoo3 and stable-baselines3 where these have one."""
 
     task: str = ""
     """Id of the environment."""
     algorithm: str = "ppo"
     """`ppo` or `recurrent_ppo`."""
     n_timesteps: int = 10_000_000
-    """Samples in all."""
+    """Total number of samples."""
     n_envs: int = 1024
-    """Environments that are stepped together."""
+    """Number of environments that are stepped together."""
     policy: PolicyPlan = field(default_factory=PolicyPlan)
     """The networks."""
     n_steps: int = 32
-    """Steps of each environment between two updates."""
+    """Steps per environment between two updates."""
     batch_size: int = 8192
-    """Samples in a gradient step."""
+    """Samples per gradient step."""
     n_epochs: int = 4
-    """How often each sample is used."""
+    """Number of times that each sample is used."""
     learning_rate: float | str = "lin_0.0003"
-    """Adam's; a number or a schedule."""
+    """Learning rate of Adam; a number or a schedule."""
     gamma: float = 0.995
-    """Discount factor of a step."""
+    """Discount factor per step."""
     gae_lambda: float = 0.95
     """λ of generalised advantage estimation (Schulman et al., arXiv:1506.02438)."""
     clip_range: float | str = 0.2
     """ε of PPO's clipping; a number or a schedule."""
     ent_coef: float | str = 0.0
-    """What a unit of entropy is worth; a number or a schedule."""
+    """Coefficient of the entropy in the loss; a number or a schedule."""
     vf_coef: float = 0.5
-    """What the value's error weighs in the loss."""
+    """Coefficient of the value error in the loss."""
     max_grad_norm: float = 0.5
-    """Longer gradients are shortened to this."""
+    """Largest norm of a gradient; longer ones are clipped."""
     target_kl: float | None = None
-    """Divergence from the policy that drove beyond which an update ends."""
+    """KL divergence from the policy that collected the samples, above which an update ends; None
+    for no limit."""
     env: Mapping[str, Any] = field(default_factory=dict)
-    """Settings of the environment, `config` among them. A list of worlds is dealt out to the
+    """Settings of the environment, including `config`. A list of worlds is distributed over the
     environments in turn."""
     evaluation: EvaluationPlan | None = field(default_factory=EvaluationPlan)
-    """How the policy is measured on the way; none where it is not."""
+    """Evaluations during training; None for no evaluations."""
     curriculum: tuple[StagePlan, ...] = ()
-    """Stages one after the other; none for one without end."""
+    """The stages in order; empty for a single stage without end."""
     checkpoint_every: int = 500_000
     """Samples between two checkpoints."""
     seed: int = 0
-    """Decides all chance. Worlds and episodes are drawn by it, and the first weights."""
+    """Seed of all randomness: worlds, episodes, initial weights."""
     device: str = "auto"
-    """`cpu`, `cuda`, or `auto`: the GPU where there is one and the networks are large enough to
-    gain by it."""
+    """`cpu`, `cuda`, or `auto`: the GPU if there is one and the networks are large enough to profit
+    from it."""
     torch_threads: int = 1
-    """Threads of the learner; 0 for as many as there are processors. Two that share their
-    processors with another process wait for each other, ten times longer than one works."""
+    """Threads of the learner; 0 for one per processor. Two threads that share their processors with
+    another process wait for each other, ten times longer than one thread needs for the work."""
 
     def __post_init__(self) -> None:
         counts = "n_timesteps", "n_envs", "n_steps", "n_epochs", "checkpoint_every"
@@ -185,21 +186,21 @@ class TrainingPlan:
             raise InputError("TrainingPlan.curriculum", expected, "neither in one")
 
     def schedule(self, name: str) -> Schedule:
-        """The schedule of a number that has one.
+        """Return the schedule of a field.
 
         Raises:
-            InputError: The text is no schedule.
+            InputError: The field's value is not a schedule.
         """
         return parse_schedule(getattr(self, name), f"TrainingPlan.{name}")
 
     @property
     def recurrent(self) -> bool:
-        """Whether the policy remembers."""
+        """Whether the policy has an LSTM."""
         return self.algorithm == "recurrent_ppo"
 
     @property
     def stages(self) -> tuple[StagePlan, ...]:
-        """The stages, of which there is always one."""
+        """The stages; at least one."""
         return self.curriculum or (StagePlan(),)
 
 
@@ -213,27 +214,27 @@ _LINEAR = re.compile(r"lin_([^_]+)(?:_([^_]+))?")
 
 @dataclass(frozen=True)
 class Schedule:
-    """A number that goes evenly from one value to another."""
+    """A number that changes linearly from one value to another."""
 
     first: float
-    """Its value at the beginning…"""
+    """Value at the beginning of the training."""
     last: float
-    """…and at the end."""
+    """Value at the end of the training."""
 
     def __call__(self, remaining: float | int) -> float:
-        """The value when this share of the training is still to come."""
+        """Return the value when the share `remaining` of the training is still ahead."""
         return self.last + (self.first - self.last) * remaining
 
 
 def parse_schedule(value: float | str, name: str) -> Schedule:
-    """The schedule that a number stands for, or `lin_A` (from A to 0), or `lin_A_B`.
+    """Parse a schedule: a number (constant), `lin_A` (from A to 0), or `lin_A_B` (from A to B).
 
     Args:
-        value: What is written.
-        name: What is scheduled, for the error.
+        value: The number or text.
+        name: Name of the field, for the error.
 
     Raises:
-        InputError: It is something else, or a value of it is negative or not finite.
+        InputError: The value is something else, or has a negative or infinite number.
     """
     expected = "a number from 0, lin_A or lin_A_B"
     try:

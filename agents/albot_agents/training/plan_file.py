@@ -1,4 +1,4 @@
-"""Training plans from YAML files, checked, and the settings of their environments."""
+"""Read, check and write training plans in YAML, and derive their environments' settings."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ _MEMORY = Location("training plan")
 
 
 def read_plan(path: Path, task: str | None = None, **changes: Any) -> TrainingPlan:
-    """The plan in a YAML file.
+    """Read the plan in a YAML file.
 
     Args:
         path: The file.
         task: The task; None for the one that the file names.
-        changes: Top-level keys with values that take the place of the file's.
+        changes: Values of top-level keys that replace the file's.
 
     Raises:
-        InputError: The file is missing or no YAML, holds an unknown key or a wrong value, or
+        InputError: The file is missing or not YAML, has an unknown key or an invalid value, or
             is for another task.
     """
     return _plan(read_yaml(path), path, task, changes)
 
 
 def shipped_plan(task: str, **changes: Any) -> TrainingPlan:
-    """The plan for a task that comes with the project; arguments as for `read_plan`.
+    """Return the project's plan for a task; arguments as for `read_plan`.
 
     Raises:
-        InputError: No plan for it comes with the project.
+        InputError: The project has no plan for the task.
     """
     check_task(task)
     file = _SHIPPED / f"{task.rpartition('/')[2]}.yml"
@@ -52,10 +52,10 @@ def shipped_plan(task: str, **changes: Any) -> TrainingPlan:
 
 
 def save_plan(plan: TrainingPlan, path: Path) -> None:
-    """Write a plan so that `read_plan` gives the same.
+    """Write a plan, which `read_plan` reads back.
 
     Raises:
-        InputError: Nothing can be written there.
+        InputError: The file cannot be written.
     """
     write_text(path, yaml.safe_dump(to_plain(plan), sort_keys=False))
 
@@ -63,22 +63,22 @@ def save_plan(plan: TrainingPlan, path: Path) -> None:
 def stage_settings(
     plan: TrainingPlan, stage: StagePlan, where: Location = _MEMORY
 ) -> dict[str, Any]:
-    """What the batch of environments of a stage is made with.
+    """Return the settings of a stage's batch of environments.
 
     Raises:
-        InputError: A setting is unknown, or its value is of another type.
+        InputError: A setting is unknown, or its value has the wrong type.
     """
     settings = read_settings(plan.task, merged(plan.env, stage.env), where)
     return _deal_worlds(settings, plan.n_envs)
 
 
 def evaluation_settings(plan: TrainingPlan, where: Location = _MEMORY) -> dict[str, Any]:
-    """What the environments of the evaluations are made with, besides their worlds.
+    """Return the settings of the evaluations' environments, without their worlds.
 
-    They are the training's as its curriculum ends.
+    They are those of the last stage, overridden by those of the evaluation.
 
     Raises:
-        InputError: A setting is unknown, or its value is of another type.
+        InputError: A setting is unknown, or its value has the wrong type.
     """
     assert plan.evaluation is not None
     last = merged(plan.env, plan.stages[-1].env)
@@ -105,7 +105,7 @@ def _plan(
 
 
 def _check_environments(plan: TrainingPlan, where: Location) -> None:
-    """Raise InputError for settings that are wrong, or that the learner cannot work with."""
+    """Raise InputError for settings that are invalid, or that the learner cannot work with."""
     read_settings(plan.task, plan.env, where.at("env"))
     for k, stage in enumerate(plan.curriculum):
         read_settings(plan.task, stage.env, where.at("curriculum", k, "env"))
@@ -120,7 +120,7 @@ def _check_environments(plan: TrainingPlan, where: Location) -> None:
 
 
 def _try_out(plan: TrainingPlan, stage: int, settings: Mapping[str, Any], where: Location) -> None:
-    """Make one environment in each world of a stage: an error names the place in the plan."""
+    """Make one environment in each world of a stage; errors name the place in the plan."""
     given = dict(settings)
     if isinstance(given.get("world"), list):
         given["world"] = list(dict.fromkeys(given["world"]))
@@ -137,7 +137,10 @@ def _try_out(plan: TrainingPlan, stage: int, settings: Mapping[str, Any], where:
 
 
 def _check_discount(plan: TrainingPlan, settings: Mapping[str, Any], where: Location) -> None:
-    """Shaping by a potential leaves the best policy as it is with one discount factor only."""
+    """Raise InputError if the reward's discount is not the learner's.
+
+    Potential-based shaping keeps the optimal policy only if both discount factors are equal.
+    """
     weights = getattr(settings.get("config"), "weights", None)
     discount = getattr(weights, "discount", plan.gamma)
     if discount != plan.gamma:
@@ -146,7 +149,7 @@ def _check_discount(plan: TrainingPlan, settings: Mapping[str, Any], where: Loca
 
 
 def _deal_worlds(settings: dict[str, Any], count: int) -> dict[str, Any]:
-    """The settings with a list of worlds dealt out to so many environments in turn."""
+    """Return the settings, with a list of worlds distributed over `count` environments in turn."""
     worlds = settings.get("world")
     if not isinstance(worlds, list) or not worlds:
         return settings

@@ -1,4 +1,4 @@
-"""A training run: environments and learner in turn, and everything that is written on the way."""
+"""A training run: it alternates rollouts and updates, and writes all files of the run."""
 
 from __future__ import annotations
 
@@ -32,23 +32,23 @@ from albot_core.ranges import NOT_NEGATIVE
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 _RUN = dict.fromkeys(("stage", "stage_began", "monitor", "episodes"), int) | {"seconds": float}
-"""What a checkpoint keeps of a run: the stage and the samples when it began, bytes of the
-episode log, seconds and episodes so far."""
+"""The state of a run in a checkpoint: the stage, the samples at its beginning, the size of the
+episode log (bytes), and the episodes and seconds so far."""
 
 Progress = Callable[[int, str], None]
-"""Is called with the samples so far, and the state of the training in words."""
+"""Called with the number of samples so far, and the state of the training as text."""
 
 
 class TrainingRun:
-    """A training, from its beginning or from where it was left.
+    """A training run, new or resumed.
 
     Args:
-        folder: Where it writes; `RunFolder.begin` or `RunFolder.resume` came before.
+        folder: The run's folder, after `RunFolder.begin` or `RunFolder.resume`.
         plan: The plan.
-        warn: Is called with a sentence about what was wrong and could be got round.
+        warn: Called with a sentence about each problem that does not stop the run.
 
     Raises:
-        InputError: An environment cannot be made, or a file of the run is not as it was left.
+        InputError: An environment cannot be made, or a file of the run is damaged.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class TrainingRun:
             plan, int(self._resumed["stage"]), float(self._resumed["seconds"])
         )
         self.learner: OnPolicyAlgorithm = make_learner(plan, self._curriculum)
-        """What learns."""
+        """The learner."""
         if found is not None:
             path, checkpoint = found
             restore(self.learner, checkpoint, path)
@@ -74,18 +74,18 @@ class TrainingRun:
         self._stage_began = int(self._resumed["stage_began"])
         self._began_at = self._saved_at = self.learner.num_timesteps
         self._evaluations = self._open_evaluations()
-        # From here on there is a run in the folder.
+        # From here on, the folder counts as that of a run.
         self._episode_log = EpisodeLog(folder.monitor, plan.task, int(self._resumed["monitor"]))
         self._snapshot = self._take_snapshot()
 
     def run(self, report: Progress | None = None) -> dict[str, Any]:
-        """Train to the end, or until Ctrl-C; the outcome, as `albot train --json` prints it.
+        """Train to the end or until Ctrl-C; return the outcome, as `albot train --json` prints it.
 
         Args:
-            report: Is called with the progress.
+            report: Called with the progress.
 
         Raises:
-            InputError: There is no room to write; the last good checkpoint is whole.
+            InputError: The disk is full; the last good checkpoint is intact.
         """
         stopped, self._report = False, report or self._report
         log = _TensorBoardLog(str(self._folder.tensorboard), self.learner.num_timesteps)
@@ -111,7 +111,7 @@ class TrainingRun:
         return self._result(stopped)
 
     def close(self) -> None:
-        """Close the environments; called by `run`."""
+        """Close the environments; `run` calls it."""
         self._curriculum.close()
         if self._evaluations is not None:
             self._evaluations.close()
@@ -124,7 +124,7 @@ class TrainingRun:
                 each.prepare_journeys(lambda note: self._report(samples, note))
 
     def _between_rollouts(self, last: bool = False) -> None:
-        """Between two rollouts, and at the end: next stage, evaluation, checkpoint."""
+        """Change the stage, evaluate and save where due, between two rollouts and at the end."""
         samples = self.learner.num_timesteps
         self._episode_log.add(self._curriculum.take_rows())
         if self._curriculum.is_over(samples - self._stage_began) and not last:
@@ -137,7 +137,7 @@ class TrainingRun:
         self._report(samples, self._progress_note())
 
     def _next_stage(self) -> None:
-        """Let the learner go on in the next stage's environments."""
+        """Continue in the next stage's environments."""
         learner, samples = self.learner, self.learner.num_timesteps
         begun = self._curriculum.next_stage(
             self._next_seed(), lambda note: self._report(samples, note)
@@ -147,12 +147,12 @@ class TrainingRun:
         self._stage_began = samples
 
     def _set_entropy_coefficient(self, samples: int) -> None:
-        """By its schedule; stable-baselines3 sees to the other schedules."""
+        """Set the coefficient by its schedule; stable-baselines3 handles the other schedules."""
         remaining = 1 - samples / self._plan.n_timesteps
         self.learner.ent_coef = self._plan.schedule("ent_coef")(max(0.0, remaining))
 
     def _maybe_evaluate(self, last: bool) -> None:
-        """Evaluate the policy if it is time to, and save it if it is the best so far."""
+        """Evaluate the policy if an evaluation is due, and save it if it is the best so far."""
         evaluation, evaluations = self._plan.evaluation, self._evaluations
         samples = self.learner.num_timesteps
         if evaluation is None or evaluations is None:
@@ -177,13 +177,13 @@ class TrainingRun:
         return take_checkpoint(self.learner, run)
 
     def _save(self) -> None:
-        """Write the last snapshot, and its policy."""
+        """Write the last snapshot as a checkpoint, and its policy as an agent."""
         self._snapshot.save(self._folder.checkpoints)
         self._saved_at = self._snapshot.samples
         self._export().save(self._folder.last)
 
     def _export(self) -> AgentFile:
-        """The agent of the last snapshot."""
+        """Return the agent of the last snapshot."""
         snapshot = self._snapshot
         told = TrainingFacts(
             plan=self._plan,
@@ -202,7 +202,7 @@ class TrainingRun:
         return int(self._resumed["episodes"]) + self._curriculum.episodes
 
     def _result(self, stopped: bool) -> dict[str, Any]:
-        """The outcome, as `albot train --json` prints it."""
+        """Return the outcome, as `albot train --json` prints it."""
         samples, curriculum = self.learner.num_timesteps, self._curriculum
         seconds = curriculum.elapsed - float(self._resumed["seconds"])
         left = checkpoints(self._folder.checkpoints)
@@ -227,7 +227,7 @@ class TrainingRun:
         }
 
     def _progress_note(self) -> str:
-        """The state of the training in words."""
+        """Return the state of the training as text."""
         stages, rate = len(self._plan.stages), self._curriculum.success_rate
         told = [f"stage {self._curriculum.stage + 1} of {stages}"] if stages > 1 else []
         told.append(f"{self._episodes:,} episodes")
@@ -242,7 +242,7 @@ class TrainingRun:
         return ", ".join(told)
 
     def _next_seed(self) -> int:
-        """The seed of what environments draw from this sample on."""
+        """Return the environments' seed from the current sample on."""
         entropy = (self._plan.seed, self.learner.num_timesteps)
         return int(np.random.SeedSequence(entropy).generate_state(1)[0])
 
@@ -271,7 +271,7 @@ class _RolloutCallback(BaseCallback):
 
 
 class _TensorBoardLog(TensorBoardOutputFormat):
-    """TensorBoard's log; after a resume it drops what was logged after the checkpoint."""
+    """TensorBoard's log; on resuming, entries after the checkpoint are dropped."""
 
     def __init__(self, folder: str, samples: int) -> None:
         self.writer = SummaryWriter(log_dir=folder, purge_step=samples or None)
@@ -279,7 +279,7 @@ class _TensorBoardLog(TensorBoardOutputFormat):
 
 
 def _newest(folder: RunFolder, warn: Callable[[str], None]) -> tuple[Any, Checkpoint] | None:
-    """The newest checkpoint that is whole, and its path; None where there is no checkpoint."""
+    """Return the newest intact checkpoint and its path; None if there is no checkpoint."""
     broken: InputError | None = None
     for path in reversed(checkpoints(folder.checkpoints)):
         try:

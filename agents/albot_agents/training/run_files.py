@@ -1,4 +1,4 @@
-"""The files of a training run: their folder, and the log of its episodes."""
+"""The files of a training run: the folder, and the log of episodes."""
 
 from __future__ import annotations
 
@@ -30,29 +30,29 @@ _PACKAGES = (
 
 
 FIGURES = ("is_success", "spl", "coverage", "distance_home")
-"""What the log keeps of an episode's last info, where the task knows it."""
+"""Values of an episode's last info that the log keeps, if the task has them."""
 _COLUMNS = ("r", "l", "t", *FIGURES)
 POINTS = 30
-"""Points of the learning curve of the training's own episodes."""
+"""Number of points of the learning curve over training episodes."""
 Row = Sequence[float | int | None]
-"""Return, steps, seconds since the training began, and the figures; None for unknown."""
+"""Return, steps, time since the training began (s), and the `FIGURES`; None if unknown."""
 
 
 @dataclass(frozen=True)
 class RunFolder:
-    """Where everything lies that a run writes."""
+    """The folder with all files of a run."""
 
     path: Path
     """The folder."""
 
     @property
     def plan(self) -> Path:
-        """The plan as it is carried out; the seed stands in it."""
+        """The plan of the run, including the seed."""
         return self.path / "config.yml"
 
     @property
     def versions(self) -> Path:
-        """The versions of what it runs on, and the command."""
+        """The versions of Python and packages, and the command."""
         return self.path / "versions.json"
 
     @property
@@ -77,7 +77,7 @@ class RunFolder:
 
     @property
     def best(self) -> Path:
-        """The agent that did best in an evaluation."""
+        """The agent with the best evaluation."""
         return self.path / "best.albot"
 
     @property
@@ -89,7 +89,7 @@ class RunFolder:
         """Make the folder of a new run.
 
         Raises:
-            InputError: There is one already, or nothing can be written there.
+            InputError: The folder holds a run already, or cannot be written.
         """
         if self.monitor.exists():
             expected = f"a folder without a run (or --resume {self.path})"
@@ -102,7 +102,7 @@ class RunFolder:
         save_plan(plan, self.plan)
 
     def resume(self, task: str | None, **changes: Any) -> TrainingPlan:
-        """The plan of the run that is there, after what a killed process left is cleared away.
+        """Delete temporary files that a killed process left; return the plan of the existing run.
 
         Raises:
             InputError: The folder holds no run, or one for another task.
@@ -118,7 +118,7 @@ class RunFolder:
 
     @property
     def command(self) -> str:
-        """The command that began the run; empty where the file of versions is gone.
+        """The command that started the run; empty if the file `versions` is missing.
 
         Raises:
             InputError: That file is damaged.
@@ -133,14 +133,14 @@ class RunFolder:
 
 
 def machine_facts() -> dict[str, Any]:
-    """The machine, and the versions of Python and of the packages, that a training runs on."""
+    """Return the machine, and the versions of Python and packages, of a training run."""
     versions = {name: version(name) for name in _PACKAGES}
     machine = f"{platform.machine()}, {os.cpu_count()} processors"
     return {"python": platform.python_version(), "machine": machine, "versions": versions}
 
 
 def free_folder(parent: Path, plan: TrainingPlan) -> Path:
-    """The first folder of a training's name that does not exist: `runs/Homing-v0-ppo-1`."""
+    """Return the first folder name that is not in use, such as `runs/Homing-v0-ppo-1`."""
     name = f"{plan.task.rpartition('/')[2]}-{plan.algorithm}"
     number = 1
     while (parent / f"{name}-{number}").exists():
@@ -149,18 +149,18 @@ def free_folder(parent: Path, plan: TrainingPlan) -> Path:
 
 
 class EpisodeLog:
-    """The episodes of a training, one a line, as stable-baselines3's `load_results` reads them.
+    """A log with one line per episode, which stable-baselines3's `load_results` can read.
 
-    Lines are written whole or not at all.
+    Lines are written atomically.
 
     Args:
-        path: The file, which is made if it does not exist.
+        path: The file; it is created if it does not exist.
         task: Id of the environment.
-        size: Bytes of the file that count; what follows (of samples that no checkpoint holds)
-            is cut off. 0 for a new file.
+        size: Size of the valid part (bytes); the rest, of samples that no checkpoint holds, is
+            cut off. 0 for a new file.
 
     Raises:
-        InputError: The file cannot be written, is shorter, or is damaged.
+        InputError: The file cannot be written, is shorter than `size`, or is damaged.
     """
 
     def __init__(self, path: Path, task: str, size: int = 0) -> None:
@@ -171,15 +171,15 @@ class EpisodeLog:
             write_text(path, header)
             size = len(header.encode())
         self.size = size
-        """Bytes of all episodes written so far."""
+        """Size of the valid part of the file (bytes)."""
         self._write(b"")
-        self._episodes()  # A damaged file is told now, not at the next checkpoint.
+        self._episodes()  # Raise for a damaged file now, not at the next checkpoint.
 
     def add(self, rows: Sequence[Row]) -> None:
-        """Write episodes down.
+        """Append episodes to the log.
 
         Raises:
-            InputError: There is no room left.
+            InputError: The disk is full.
         """
         if rows:
             lines = "".join(f"{','.join(map(_cell, row))}\n" for row in rows).encode()
@@ -188,7 +188,7 @@ class EpisodeLog:
 
     @property
     def curve(self) -> dict[str, list[float]]:
-        """The mean return of the episodes so far, in `POINTS` parts, and samples at their ends."""
+        """Learning curve of the episodes so far: `samples`, and mean `return` of each part."""
         returns, steps = self._episodes()
         if not len(steps):
             return {}
@@ -199,7 +199,7 @@ class EpisodeLog:
         }
 
     def _episodes(self) -> Float64[np.ndarray, "2 episodes"]:
-        """The return and the steps of each episode so far."""
+        """Return the returns and the step counts of the episodes so far."""
         table = read_bytes(self._path)[: self.size].splitlines()[2:]
         try:
             rows = np.array([line.split(b",")[:2] for line in table], np.float64).reshape(-1, 2)
@@ -211,7 +211,7 @@ class EpisodeLog:
         return rows.T
 
     def _write(self, lines: bytes) -> None:
-        """Write lines after the bytes that count, in place of what follows; all of them or none."""
+        """Replace everything after the valid part by lines, all of them or none."""
         try:
             with self._path.open("r+b", buffering=0) as stream:
                 if stream.seek(0, 2) < self.size:
@@ -229,11 +229,11 @@ class EpisodeLog:
 
 
 def _write_all(stream: io.FileIO, content: bytes) -> None:
-    """Write everything: a disk that is nearly full takes a part first, and then says so."""
+    """Write all content; on a nearly full disk, `write` first writes a part, then raises."""
     while content:
         content = content[stream.write(content) :]
 
 
 def _cell(value: float | int | None) -> str:
-    """A number as the log writes it: empty where it is unknown."""
+    """Return a number as text for the log; empty if unknown."""
     return "" if value is None else f"{value:.7g}"

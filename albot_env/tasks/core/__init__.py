@@ -1,16 +1,18 @@
-"""What all tasks share.
+"""The parts that all tasks share.
 
 | what | where |
 |---|---|
 | gymnasium environments: one robot, many robots | `single`, `vector` |
-| their settings, and in which form actions are taken | `settings`, `interface` |
+| their settings, and the form of actions and observations | `settings`, `interface` |
+| compilation before the first episode | `precompile` |
 | batched robots: drive, sense, map, observe | `robots`; their arrays: `state` |
-| what actions ask for | `actions` |
-| what is observed | `observation`, `observation_builder` |
+| snapshots of a robot and of what it knows | `episode_snapshot` |
+| actions | `actions` |
+| observations | `observation`, `observation_builder` |
 | the same, compiled | `observation_kernels`, `observation_parts` |
 | ground covered, rooms entered | `coverage`, `rooms`; compiled: `coverage_kernels` |
-| ways over ground that robots have seen | `wayfinding`; compiled: `wayfinding_kernels` |
-| the true way home | `way_home` |
+| paths over ground that robots have seen | `wayfinding`; compiled: `wayfinding_kernels` |
+| the true shortest path home | `way_home` |
 | rewards as named terms | `reward` |
-| what lies behind a robot when an episode begins | `journeys` |
+| outward journeys and tours before an episode begins | `journeys` |
 """

@@ -1,4 +1,4 @@
-"""Actions: what an agent's numbers in [-1, 1] ask of the robot."""
+"""Actions: the meaning of an agent's numbers in [-1, 1]."""
 
 from __future__ import annotations
 
@@ -27,35 +27,35 @@ DRIVING = (
     (-0.25, 0.0),
     (0.0, 0.0),
 )
-"""Speed and turn rate of the actions by number, as shares: fast and slowly ahead, wide and
-narrow curves to the left and to the right, turns on the spot, back, and stop."""
+"""Speed and turn rate of the discrete actions, as shares of the maximum: fast and slow ahead,
+wide and narrow curves to the left and right, turns on the spot, backwards, and stop."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ActionConfig:
-    """Speed and turn rate that actions of 1 ask for."""
+    """Speed and turn rate that an action value of 1 stands for."""
 
     names: ClassVar[tuple[str, ...]] = ("speed", "turn rate")
-    """What the numbers of an action are."""
+    """Meaning of the numbers of an action."""
 
     speed: float = 1.0
-    """Speed at 1 (m/s); as fast backwards at -1."""
+    """Speed at 1 (m/s); -1 is the same speed backwards."""
     turn_rate: float = 2.0
-    """Turn rate at 1, counter-clockwise (rad/s); clockwise at -1."""
+    """Counter-clockwise turn rate at 1 (rad/s); -1 is clockwise."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "speed", "turn_rate")
 
     @property
     def space(self) -> spaces.Space[Any]:
-        """The space of actions, whose numbers are `names`."""
+        """The space of continuous actions, whose numbers are `names`."""
         return spaces.Box(-1, 1, (len(self.names),), np.float32)
 
     @property
     def choices(self) -> Float64[np.ndarray, "choices numbers"]:
-        """The actions among which a simple learner chooses.
+        """The discrete actions.
 
-        Each of `DRIVING`; then, standing still, each further number at 1.
+        The rows of `DRIVING`; then, for each further number, a stop with that number at 1.
         """
         rows = np.full((len(DRIVING) + len(self.names) - 2, len(self.names)), -1.0)
         rows[:, :2] = 0.0
@@ -66,14 +66,14 @@ class ActionConfig:
 
     @property
     def choice_space(self) -> spaces.Discrete:
-        """The space of actions by number: rows of `choices`."""
+        """The space of discrete actions: indices of rows of `choices`."""
         return spaces.Discrete(len(self.choices))
 
     def chosen(self, choices: Any, count: int | None, environment: str) -> Any:
-        """The actions of these numbers, for `single` (count None) or `batch`.
+        """Return the actions with these numbers, for `single` (count None) or `batch`.
 
         Raises:
-            InputError: They are not whole numbers in range, or not as many as environments.
+            InputError: They are not whole numbers in range, or not one per environment.
         """
         table = self.choices
         expected = f"a whole number from 0 to {len(table) - 1}"
@@ -88,11 +88,11 @@ class ActionConfig:
         return table[numbers]
 
     def single(self, action: Any, environment: str) -> Numbers:
-        """An action as a batch of one.
+        """Return an action as a batch of one.
 
         Args:
-            action: As many numbers as there are `names`. Those beyond ±1, as normal distributions
-                give them, count as ±1.
+            action: As many numbers as there are `names`. Numbers beyond ±1, as normal
+                distributions yield them, are clipped.
             environment: Id of the environment, for the error.
 
         Raises:
@@ -102,20 +102,20 @@ class ActionConfig:
         return self._within_limits(numbers[np.newaxis], environment, lambda _: "action")
 
     def batch(self, actions: Any, count: int, environment: str) -> Numbers:
-        """The actions of a batch of so many.
+        """Return the actions of a batch of `count` environments.
 
         Raises:
-            InputError: As for `single`; it names the first environment that is wrong.
+            InputError: As for `single`; it names the first environment with an invalid action.
         """
         numbers = self._numbers(actions, (count, len(self.names)), environment)
         return self._within_limits(numbers, environment, "action of environment {}".format)
 
     def commands(self, numbers: Numbers) -> Float64[np.ndarray, "robots 2"]:
-        """The speeds (m/s) and turn rates (rad/s) that actions ask for."""
+        """Return the speeds (m/s) and turn rates (rad/s) that actions stand for."""
         return numbers[:, :2] * (self.speed, self.turn_rate)
 
     def shares(self, command: Float64[np.ndarray, "2"]) -> Float32[np.ndarray, "2"]:
-        """The numbers that ask for a speed (m/s) and a turn rate (rad/s), or as near as may be."""
+        """Return the action numbers, clipped, for a speed (m/s) and a turn rate (rad/s)."""
         shares = command / (self.speed, self.turn_rate)
         return np.asarray(np.clip(shares, -1, 1), np.float32)
 
@@ -126,7 +126,7 @@ class ActionConfig:
     def _within_limits(
         self, numbers: Numbers, environment: str, place: Callable[[int], str]
     ) -> Numbers:
-        """Actions with what lies beyond ±1 at ±1; `place` names that of a row, for the error."""
+        """Return the actions clipped to ±1; `place` names the action of a row, for the error."""
         if (np.abs(numbers) <= 1).all():
             return numbers
         finite = np.isfinite(numbers).all(axis=1)
@@ -137,7 +137,7 @@ class ActionConfig:
         return np.asarray(np.clip(numbers, -1, 1))
 
     def _numbers(self, action: Any, shape: tuple[int, ...], environment: str) -> np.ndarray:
-        """An action as numbers of the shape wanted."""
+        """Return an action as an array of the given shape."""
         expected = self._expected if len(shape) == 1 else f"{self._expected} for each of {shape[0]}"
         try:
             numbers = np.asarray(action)
@@ -153,13 +153,13 @@ class ActionConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class DeclaringActionConfig(ActionConfig):
-    """The same, and a third number that declares something."""
+    """Speed and turn rate, and a third number that declares something."""
 
     names: ClassVar[tuple[str, ...]] = ("speed", "turn rate", "declare")
 
     threshold: float = 0.5
-    """A third number above this declares."""
+    """The action declares if its third number is above this."""
 
     def declares(self, numbers: Numbers) -> Bool[np.ndarray, "robots"]:
-        """Which actions declare."""
+        """Return which actions declare."""
         return np.asarray(numbers[:, 2] > self.threshold)

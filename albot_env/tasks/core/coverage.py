@@ -19,23 +19,23 @@ from albot_env.tasks.core.coverage_kernels import (
 from albot_maps import World
 
 _PARTS = 2048
-"""How finely the full turn is divided to look up the beam that points somewhere."""
+"""Number of parts of the full turn in the table that maps directions to beams."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CoverageConfig:
-    """When ground counts as covered, and how much of it an agent is shown."""
+    """When ground counts as covered, and how large a patch of it is observed."""
 
     radius: float = 2.0
-    """Ground in view and no farther than this is covered (m): one must go there."""
+    """Ground in view within this distance of the laser is covered (m)."""
     cell: float = 0.25
-    """Side of a cell of ground (m)."""
+    """Side of a cell of the coverage grid (m)."""
     spacing: float = 0.1
-    """How far the robot comes between two looks at the ground (m)…"""
+    """Coverage is updated each time the robot has moved this far (m)…"""
     turn: float = 0.1
-    """…unless it turns by this much before (rad)."""
+    """…or turned this much (rad) since the last update."""
     patch_cells: int = 16
-    """Cells along each side of the egocentric patch."""
+    """Number of cells along each side of the egocentric patch."""
     patch_cell: float = 0.5
     """Side of a cell of the egocentric patch (m)."""
 
@@ -45,15 +45,15 @@ class CoverageConfig:
             raise InputError("CoverageConfig.patch_cells", "at least 2", str(self.patch_cells))
 
     def side(self, extent: float) -> int:
-        """Cells along each side of a square that reaches so far (m) from its middle, or more.
+        """Return the cells along each side of a square that reaches `extent` (m) from its centre.
 
-        A multiple of eight.
+        The number is rounded up to a multiple of eight.
         """
         return 8 * int(np.ceil(extent / self.cell / 4))
 
     def sensor(self, laser: LaserGeometry) -> CoverageSensor:
-        """What such a laser shows of the ground, as the compiled loops take it."""
-        # The middles of the parts into which `pseudo_angle` divides the full turn.
+        """Return a laser's field of view in the form that the compiled coverage loops take."""
+        # The centres of the parts into which `pseudo_angle` divides the full turn.
         middles = angles_from_pseudo((np.arange(_PARTS) + 0.5) * 4 / _PARTS - 2)
         bearings = middles - laser.mount[2] - laser.first_bearing
         half = laser.spacing / 2
@@ -67,29 +67,29 @@ class CoverageConfig:
 
 
 MARGIN = 5.0
-"""How far beyond the building's own size a belief may stray and still be kept (m)."""
+"""Distance beyond the building's size up to which believed positions are kept (m)."""
 
 
 def world_centre(world: World) -> tuple[float, float]:
-    """The middle of the world (m)."""
+    """Return the centre of the world (m)."""
     x_min, y_min, x_max, y_max = world.bounds
     return (x_min + x_max) / 2, (y_min + y_max) / 2
 
 
 def world_extent(world: World) -> float:
-    """How far (m) from its middle the world reaches along the axes."""
+    """Return how far (m) the world reaches from its centre along the axes."""
     x_min, y_min, x_max, y_max = world.bounds
     return max(x_max - x_min, y_max - y_min) / 2
 
 
 def map_extent(world: World) -> float:
-    """How far (m) from its origin a map reaches, wherever in the world the robot set out."""
+    """Return how far (m) a map can reach from its origin, wherever in the world the start is."""
     x_min, y_min, x_max, y_max = world.bounds
     return math.hypot(x_max - x_min, y_max - y_min) + MARGIN
 
 
 def empty_coverage(robots: int, cell: float) -> CoverageGrid:
-    """The grids of so many robots, with cells of that size (m), none of which has any yet."""
+    """Return the coverage grids of `robots` robots, without cells; `cell` is the cell size (m)."""
     return CoverageGrid(
         grids=np.zeros((robots, 0), np.uint64),
         sides=np.zeros(robots, np.int64),
@@ -99,7 +99,7 @@ def empty_coverage(robots: int, cell: float) -> CoverageGrid:
 
 
 def words_of(ground: CoverageGrid, row: int) -> UInt64[np.ndarray, "words"]:
-    """A robot's own words, to be read and written."""
+    """Return a writable view of a robot's words."""
     words: UInt64[np.ndarray, "words"] = ground.grids[row, : (ground.sides[row] // 8) ** 2]
     return words
 
@@ -107,9 +107,9 @@ def words_of(ground: CoverageGrid, row: int) -> UInt64[np.ndarray, "words"]:
 def with_coverage(
     ground: CoverageGrid, row: int, side: int, centre: tuple[float, float]
 ) -> CoverageGrid:
-    """The grids, with an uncovered one of so many cells along a side for one robot.
+    """Return the grids with a new, uncovered one of `side` × `side` cells for one robot.
 
-    These are the same arrays, written over; larger ones only where that is needed.
+    The arrays are changed in place; larger ones are made only if needed.
     """
     words = (side // 8) ** 2
     robots, room = ground.grids.shape

@@ -1,8 +1,8 @@
-"""Compiled loops over the ground: covering it, finding its frontier, cutting patches of it.
+"""Compiled loops over coverage grids: marking cells, finding the frontier, cutting patches.
 
-A grid of ground is a square of cells, a bit each. Eight by eight cells share a word, so that
-what lies around a robot lies together in memory: column x, row y is bit 8 (y % 8) + x % 8 of
-word (x // 8) + words a row × (y // 8).
+A coverage grid is a square of cells, one bit each. A word holds a block of 8 × 8 cells, so that
+the surroundings of a robot are close together in memory: column x, row y is bit
+8 (y % 8) + x % 8 of word (x // 8) + words per row × (y // 8).
 """
 
 from __future__ import annotations
@@ -31,50 +31,49 @@ from albot_core.kernels.simd import (
 )
 
 _CELLS = np.stack((np.arange(16) % 8, np.arange(16) // 8)).astype(np.float32)
-"""Columns and rows of the first two rows of a block's cells."""
+"""Columns and rows of the cells in the first two rows of a block."""
 _SOFT = 0.01
-"""How much farther (cells) than they may be cells are taken for near, before they are looked at
-with float64."""
+"""Tolerance (cells) of the float32 preselection of near cells, before the float64 test."""
 
 
 class CoverageGrid(NamedTuple):
-    """The grids of ground of robots; a row each. Ground beyond a robot's grid is never covered."""
+    """Coverage grids of robots, one row per robot. Ground beyond a grid never counts as covered."""
 
     grids: np.ndarray
-    """(n, words) uint64: a bit for each cell, set where covered."""
+    """(n, words) uint64: one bit per cell, set if covered."""
     sides: np.ndarray
-    """(n,) int64: cells along each side; a multiple of eight."""
+    """(n,) int64: number of cells along each side; a multiple of eight."""
     centres: np.ndarray
-    """(n, 2) float64: the middles of the grids (m)."""
+    """(n, 2) float64: centres of the grids (m)."""
     cell: float
     """Side of a cell (m)."""
 
 
 class CoverageSensor(NamedTuple):
-    """What of the ground a laser shows."""
+    """A laser's field of view on the ground."""
 
     radius: float
-    """Ground farther from the laser is not covered (m)."""
+    """Ground farther from the laser than this is not covered (m)."""
     x: float
-    """Where on the robot the laser is (m)…"""
+    """Position x of the laser on the robot (m)."""
     y: float
-    """…"""
+    """Position y of the laser on the robot (m)."""
     first: float
-    """Where its first beam points from the robot's heading (rad)…"""
+    """Bearing of the first beam from the robot's heading (rad)."""
     spacing: float
-    """…and how far it is from each beam to the next (rad)."""
+    """Angle between adjacent beams (rad)."""
     beams: np.ndarray
     """(parts,) int64: the beam that points into each part of the full turn (see `pseudo_angle`);
-    -1 where none does."""
+    -1 if none does."""
     ahead: float
-    """No beam points to where the cosine of the bearing from the robot's heading is less."""
+    """Minimum cosine, over all beams, of the bearing from the robot's heading."""
 
 
 @kernel()
 def accumulate_motion(motion: np.ndarray, spacing: float, turn: float, moved: np.ndarray) -> bool:
-    """Add a motion to what was `moved` (m, rad) since the last look; return whether one is due.
+    """Add a motion to `moved` (m, rad) since the last update; return whether an update is due.
 
-    Where it is, `moved` begins anew.
+    If one is due, `moved` is reset to zero.
     """
     moved[0] += length_of(motion[0], motion[1])
     moved[1] += abs(motion[2])
@@ -93,15 +92,15 @@ def cover(
     sensor: CoverageSensor,
     ranges: np.ndarray,
 ) -> int:
-    """Mark the cells of robot i whose middles a scan taken at `pose` shows.
+    """Mark the cells of robot i whose centres are seen by a scan taken at `pose`.
 
-    A middle is seen where it is no farther than the radius, and than the range of the beam
-    that points its way. Cells outside the grid are left out. `turn` is the cosine and sine of
-    the pose's heading. Returns how many were new.
+    A centre is seen if it is within the radius and within the range of the beam that points to
+    it. Cells outside the grid are ignored. `turn` is the cosine and sine of the pose's heading.
+    Returns the number of newly covered cells.
     """
     side, cell, centre = ground.sides[i], ground.cell, ground.centres[i]
     cos, sin = turn
-    # The laser's place, in cells from the middle of cell (0, 0).
+    # The laser's position, in cells from the centre of cell (0, 0).
     laser_x, laser_y = transform_point(pose, cos, sin, sensor.x, sensor.y)
     eye_x = (laser_x - centre[0]) / cell + side / 2 - 0.5
     eye_y = (laser_y - centre[1]) / cell + side / 2 - 0.5
@@ -114,7 +113,7 @@ def cover(
     for y in range(low >> 3, (high >> 3) + 1):
         for x in range(first >> 3, (last >> 3) + 1):
             word = y * words + x
-            # By now most cells are covered, and need not be looked at.
+            # Most cells are already covered and need no test.
             near = _near(_CELLS, 0, (np.float32(eye_x - 8 * x), np.float32(eye_y - 8 * y), *within))
             hidden = int(~grid[word]) & near
             if hidden:
@@ -126,11 +125,11 @@ def cover(
 
 @float32_predicate
 def _near(cells: FloatTable, *eye: FloatVector) -> tuple[FloatVector, ...]:
-    """Which cells of a block are within the square of a distance of the eye, and not behind it.
+    """Return which cells of a block are within a distance of the laser and not behind it.
 
-    Told by two rows at a time. `eye` is the laser's place (cells from the middle of the block's
-    first cell), the cosine and sine of the robot's heading, that square, and how far ahead cells
-    are at least. With float32, so that both must leave a hair (see `_SOFT`).
+    It tests two rows at a time. `eye` is the laser's position (cells from the centre of the block's
+    first cell), the cosine and sine of the robot's heading, the squared distance (cells²), and the
+    minimum distance ahead (cells). The test is float32, so both limits need a tolerance (`_SOFT`).
     """
     x, y, cos, sin, far2, least = eye
     dx, dy = cells[0] - x, cells[1] - y
@@ -147,7 +146,7 @@ def _seen(
     sensor: CoverageSensor,
     ranges: np.ndarray,
 ) -> int:
-    """Which of some cells of a block, told by its first column and row, a scan shows."""
+    """Return which of some cells of the block at `corner` (column, row) are seen by a scan."""
     beams, radius = sensor.beams, sensor.radius * per_cell
     x, y, cos, sin = eye
     parts, shown = beams.shape[0], 0
@@ -174,11 +173,11 @@ def find_frontier(
     ranges: np.ndarray,
     frontier: np.ndarray,
 ) -> None:
-    """Fill `frontier` with how far (m) robot i's uncovered ground is in as many equal sectors.
+    """Fill `frontier` with the distance (m) of robot i's uncovered ground in equal sectors.
 
-    Along the middle beam; infinitely far where the beam ends before. It begins where the cells
-    on the beam and to both its sides are uncovered: beside a wall there are some whose middles
-    lie within it.
+    The distance is along the middle beam of each sector; infinite if the beam ends first. The
+    frontier is where the cells on the beam and on both sides of it are uncovered: beside a wall,
+    single cells stay uncovered because their centres lie inside it.
     """
     grid, side, cell, centre = ground.grids[i], ground.sides[i], ground.cell, ground.centres[i]
     heading = pose[2] + sensor.first
@@ -212,7 +211,7 @@ def is_covered(ground: CoverageGrid, i: int, x: float, y: float) -> bool:
 
 @kernel()
 def _is_covered(grid: np.ndarray, side: int, x: float, y: float) -> bool:
-    """Whether a point (cells from the corner of the square) is on covered ground."""
+    """Whether a point (cells from the grid's corner) is on covered ground."""
     if not (0.0 <= x < side and 0.0 <= y < side):
         return False
     column, row = int(x), int(y)
@@ -221,12 +220,12 @@ def _is_covered(grid: np.ndarray, side: int, x: float, y: float) -> bool:
 
 
 _ONE = 2.0**32
-"""A cell in fixed-point numbers, in which loops over cells need no conversions: a negative
-cell, taken as unsigned, is beyond every grid."""
+"""One cell in fixed-point numbers, which spare the loops conversions: a negative cell, read as
+unsigned, is outside every grid."""
 _LANES = np.uint64(LANES)
 _PATTERNS = (np.arange(1 << LANES)[:, np.newaxis] >> np.arange(LANES) & 1) * 2.0 - 1.0
 _SIGNS = _PATTERNS.astype(np.float32)
-"""What is shown of cells in lanes, by which of them are covered: 1 for those, else -1."""
+"""Patch values of the cells in a vector, by the bits of covered cells: 1 if covered, else -1."""
 
 
 @kernel()
@@ -241,8 +240,8 @@ def cut_patch(
 ) -> None:
     """Fill `patch`, row by row of `width` cells, with robot i's ground: 1 covered, -1 not.
 
-    The cells, of side `patch_cell` (m), lie around `pose`: row 0 farthest ahead of it, column 0
-    farthest to its left. `turn` is the cosine and sine of the pose's heading.
+    The cells, of side `patch_cell` (m), surround `pose`: row 0 is farthest ahead, column 0
+    farthest to the left. `turn` is the cosine and sine of the pose's heading.
     """
     side, cell, centre = ground.sides[i], ground.cell, ground.centres[i]
     begin, size, words = np.uint64(i * ground.grids.shape[1]), np.uint64(side), np.uint64(side // 8)
@@ -265,10 +264,10 @@ def cut_patch(
 
 @kernel()
 def _show_cells(covered: int, rest: int, patch: np.ndarray, place: int) -> None:
-    """Write into a patch cells in lanes, at most `rest`, by which of them are covered."""
+    """Write the values of a vector of cells, at most `rest`, into a patch."""
     begin, signs = np.uint64(place), np.uint64(covered)
     if rest >= LANES:
-        # A loop whose length is known, over places that cannot be negative, is two instructions.
+        # With a known length and non-negative indices, this loop compiles to two instructions.
         for lane in range(_LANES):
             patch[begin + lane] = _SIGNS[signs, lane]
     else:
@@ -287,10 +286,10 @@ def _are_covered(
     step_x: UInt64Vector,
     step_y: UInt64Vector,
 ) -> UInt64Vector:
-    """Which cells of a row of a patch are covered, of eight whose first is at x, y.
+    """Return which of eight cells in a row of a patch, the first at x, y, are covered.
 
-    Places and steps are fixed-point cells of a grid; that begins so many words from the first
-    one's, has so many cells along a side and so many words a row.
+    Positions and steps are in fixed-point cells. `begin` is the offset (words) of the robot's grid,
+    `size` its number of cells along a side, `words` its number of words per row.
     """
     x, y = x.stepped(step_x), y.stepped(step_y)
     on_grid = (x >> 32 < size) & (y >> 32 < size)

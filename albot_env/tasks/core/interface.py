@@ -1,4 +1,4 @@
-"""How a task's robots meet an agent: in which form actions are taken and observations given."""
+"""The interface between a task's robots and an agent: forms of actions and observations."""
 
 from __future__ import annotations
 
@@ -9,31 +9,32 @@ from jaxtyping import Float32
 
 from albot_core.errors import InputError
 from albot_env.tasks.core.observation import Parts
+from albot_env.tasks.core.precompile import precompile
 from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import equip
 
 METADATA: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": 10}
 
 CLOSED = "{}: it was closed, and is to be made anew"
-"""What is wrong where an environment goes on after its end; with its id."""
+"""Error text for the use of a closed environment; `{}` is its id."""
 
 Observation = Float32[np.ndarray, "..."] | Parts
 Robots = TypeVar("Robots", bound=BatchedRobots)
 
 
 class TaskInterface(Generic[Robots]):
-    """The robots of a task, made by the settings of an environment, with its spaces.
+    """A task's robots, made from an environment's settings, with their spaces.
 
     Args:
         task: The task's class.
-        robots: How many robots.
-        threads: Threads that share the work; None for as many as there are processors.
+        robots: Number of robots.
+        threads: Threads that share the work; None for one per processor.
         mapper, odometer, laser, sonar, scenes, observation, action, movables: See
             `CommonSettings`.
-        of_task: The task's own settings: the keywords of its class.
+        of_task: The task's own settings, which are the keywords of its class.
 
     Raises:
-        InputError: There is no such mapper, sensor or form, or a setting of the task is wrong.
+        InputError: A mapper, sensor or form is unknown, or a setting of the task is invalid.
     """
 
     def __init__(
@@ -71,13 +72,14 @@ class TaskInterface(Generic[Robots]):
             movables=movables,
             threads=threads,
         )
+        precompile(equipment)
         self.mapper, self.odometer = mapper, odometer
         """Names of the mapper and of the odometer's preset."""
-        # A task's class takes other keywords than that of any robots.
+        # `task` accepts more keywords than `BatchedRobots` does.
         self.robots: Robots = task(robots, equipment, **of_task)
         """The robots."""
         self.observing = self.robots.observing
-        """How observations are made of readings, with the sensors chosen."""
+        """The observation config, fitted to the robots' sensors."""
         self._flat, self._discrete = observation == "flat", action == "discrete"
         actions, observing = self.robots.actions, self.observing
         self.action_space = actions.choice_space if self._discrete else actions.space
@@ -86,7 +88,7 @@ class TaskInterface(Generic[Robots]):
         """The space of one robot's observations."""
 
     def act_single(self, action: Any) -> None:
-        """One control step of a robot that is alone.
+        """Run one control step of a single robot.
 
         Raises:
             InputError: The action is not in its space.
@@ -97,7 +99,7 @@ class TaskInterface(Generic[Robots]):
         self.robots.act(actions.single(action, environment))
 
     def act_batch(self, actions: Any, count: int) -> None:
-        """One control step of so many robots.
+        """Run one control step of `count` robots.
 
         Raises:
             InputError: An action is not in its space.
@@ -108,9 +110,9 @@ class TaskInterface(Generic[Robots]):
         self.robots.act(form.batch(actions, count, environment))
 
     def shown(self, row: Float32[np.ndarray, "length"]) -> Observation:
-        """An observation as it is asked for: in one row, as it is, or by part."""
+        """Return an observation in the requested form: flat as it is, or split into parts."""
         return row if self._flat else self.observing.split(row)
 
     def shown_all(self, rows: Float32[np.ndarray, "robots length"]) -> Observation:
-        """Many observations, likewise."""
+        """Return many observations in the requested form."""
         return rows if self._flat else self.observing.split_rows(rows)

@@ -1,8 +1,8 @@
-"""Journeys that robots have behind them when an episode begins, and the cache that keeps them.
+"""Journeys that robots have made before an episode begins, and their cache.
 
-A journey depends on its world, start and number alone (and on the robot's equipment), not on who
-asks for it or when. So it may be kept and given to any robot, made again, or made in another
-process: the result is the same.
+A journey is a function of its world, start and number (and of the robot's equipment). It does
+not depend on who asks for it or when. So it may be cached, given to any robot, or made in
+another process: the result is the same.
 """
 
 from __future__ import annotations
@@ -22,40 +22,40 @@ from albot_core.ranges import COUNT
 from albot_maps import World, WorldSet
 
 KEPT_BYTES = 256 * 2**20
-"""How much the journeys weigh that are kept in a process, whoever made them (bytes, see
-`journey_bytes`); those that were longest not asked for are made again."""
+"""Size limit of the process-wide cache of journeys (bytes, see `journey_bytes`); the least
+recently used journeys are dropped and made again when needed."""
 ASSUMED_BYTES = 256 * 2**10
-"""What a journey is taken to weigh before one of its kind was made (bytes)."""
+"""Assumed size of a journey of a kind that has not been made yet (bytes)."""
 
 
 @runtime_checkable
 class Journey(Protocol):
-    """A journey that is over: a frozen dataclass."""
+    """A completed journey: a frozen dataclass."""
 
     @property
     def world(self) -> World:
-        """Where it was."""
+        """The world of the journey."""
 
 
 Kept = TypeVar("Kept", bound=Journey)
 
 
 class JourneySpec(NamedTuple):
-    """What a journey is a function of."""
+    """The arguments that determine a journey."""
 
     world: World
-    """Where it is."""
+    """World of the journey."""
     start: Pose
-    """Where it begins (world frame)."""
+    """Start pose (world frame)."""
     number: int
-    """Which of those that begin there."""
+    """Number of the journey among those from this start."""
 
 
 def journey_bytes(journey: Any) -> int:
-    """What a journey weighs: the bytes of all arrays in it, one that it holds twice only once.
+    """Return the size of a journey: the bytes of all arrays in it, each counted once.
 
-    Worlds weigh nothing: they are there anyway, and many journeys share one. Nor does what is
-    worked out of a journey later.
+    Worlds do not count: they exist anyway, and many journeys share one. Values that are
+    computed from a journey later do not count either.
     """
     seen: dict[int, Any] = {}
     left = [journey]
@@ -74,12 +74,12 @@ def journey_bytes(journey: Any) -> int:
 
 
 class JourneyCache:
-    """The journeys that are kept. Each holds its world, so that no other gets its id.
+    """A cache of journeys. Each entry holds its world, so that the world's id stays unique.
 
-    A key begins with the kind of its journey.
+    The first item of a key is the kind of the journey.
 
     Args:
-        limit: How much they weigh at most, all together (bytes). One that weighs more is not kept.
+        limit: Maximum size of all entries together (bytes). A larger journey is not kept.
     """
 
     def __init__(self, limit: int = KEPT_BYTES) -> None:
@@ -90,12 +90,12 @@ class JourneyCache:
         self._lock = Lock()
 
     def __contains__(self, key: tuple[Any, ...]) -> bool:
-        """Whether the journey with this key is kept."""
+        """Whether the journey with this key is in the cache."""
         with self._lock:
             return key in self._kept
 
     def fetch(self, key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
-        """The journey with this key, which is made where it is not kept."""
+        """Return the journey with this key; make and keep it if it is not in the cache."""
         with self._lock:
             if key in self._kept:
                 self._kept.move_to_end(key)
@@ -105,7 +105,7 @@ class JourneyCache:
         return journey
 
     def put(self, key: tuple[Any, ...], journey: Any) -> None:
-        """Keep a journey; those that were longest not asked for go where it would be too much."""
+        """Keep a journey; drop the least recently used ones if the limit is exceeded."""
         size = journey_bytes(journey)
         with self._lock:
             self._heaviest[key[0]] = max(size, self._heaviest.get(key[0], 0))
@@ -119,16 +119,16 @@ class JourneyCache:
                 self._bytes -= dropped
 
     def room_for(self, kind: Any) -> int:
-        """How many journeys of a kind could be kept if there were no others.
+        """Return how many journeys of a kind would fit if there were no others.
 
-        Each is taken to weigh what the heaviest of them did that was made so far; `ASSUMED_BYTES`
-        before the first.
+        Each is assumed to be as large as the largest of its kind so far; `ASSUMED_BYTES` before
+        the first is made.
         """
         with self._lock:
             return self.limit // max(1, self._heaviest.get(kind, ASSUMED_BYTES))
 
     def clear(self) -> None:
-        """Drop all."""
+        """Drop all entries."""
         with self._lock:
             self._kept.clear()
             self._heaviest.clear()
@@ -136,16 +136,16 @@ class JourneyCache:
 
 
 JOURNEY_CACHE = JourneyCache()
-"""The journeys that are kept in this process."""
+"""The cache of this process."""
 
 
 class Journeys(ABC, Generic[Kept]):
-    """Makes journeys of one kind, and keeps them.
+    """Makes journeys of one kind, and caches them.
 
     Args:
-        environment: Its id, for the errors.
-        kind: What journeys depend on besides their specs.
-        count: How many different ones there are from a start; 0 for a new one each time.
+        environment: Id of the environment, for error messages.
+        kind: What the journeys depend on besides their specs.
+        count: Number of different journeys per start; 0 for a new one each time.
 
     Raises:
         InputError: The number of journeys is negative.
@@ -162,7 +162,7 @@ class Journeys(ABC, Generic[Kept]):
         """Make a journey."""
 
     def draw(self, world: World, start: Pose, rng: np.random.Generator) -> Kept:
-        """A journey from a start, drawn at random."""
+        """Draw a journey from a start at random."""
         if not self._count:
             return self.travel(JourneySpec(world, start, int(rng.integers(2**63))))
         spec = JourneySpec(world, start, int(rng.integers(self._count)))
@@ -170,9 +170,9 @@ class Journeys(ABC, Generic[Kept]):
         return kept
 
     def missing(self, worlds: Sequence[WorldSet]) -> list[JourneySpec]:
-        """The journeys through these worlds that are not kept yet; none where not all could be.
+        """Return the journeys in these worlds that are not cached; none if not all would fit.
 
-        Whether they could is an estimate (see `JourneyCache.room_for`).
+        Whether they would fit is an estimate (see `JourneyCache.room_for`).
         """
         room = JOURNEY_CACHE.room_for(self._kind)
         if not self._count or self._count * sum(map(len, worlds)) > room:
@@ -190,7 +190,7 @@ class Journeys(ABC, Generic[Kept]):
         return [spec for key, spec in keys.items() if key not in JOURNEY_CACHE]
 
     def keep(self, spec: JourneySpec, journey: Kept) -> None:
-        """Keep a journey that was made elsewhere."""
+        """Cache a journey that was made elsewhere."""
         JOURNEY_CACHE.put(self._key(spec), replace(journey, world=spec.world))  # type: ignore[type-var]
 
     def _key(self, spec: JourneySpec) -> tuple[Any, ...]:

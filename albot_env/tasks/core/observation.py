@@ -1,7 +1,7 @@
-"""The observation's configuration: which parts there are, and how they are scaled.
+"""The observation's configuration: its parts and their scales.
 
-The parts are made by `observation_kernels.observe_robots`, each by a function of
-`observation_parts`.
+The parts are computed by `observation_kernels.observe_robots`, one function of
+`observation_parts` for each.
 """
 
 from __future__ import annotations
@@ -38,86 +38,88 @@ PARTS = (
     "laser", "sonar", "motion", "heading", "home", "confidence", "place", "exit", "way", "shortcut",
     "coverage", "frontier", "onward", "time_left",
 )  # fmt: skip
-"""All parts that there are, in the order in which they stand in the flat observation."""
+"""All parts, in their order in the flat observation."""
 EXPLORE_AND_HOME_PARTS = tuple(part for part in PARTS if part not in ("shortcut", "onward"))
-"""The parts shown in exploring and coming home."""
+"""Parts observed in exploring and coming home."""
 HOMING_PARTS = tuple(
     part for part in EXPLORE_AND_HOME_PARTS if part not in ("frontier", "time_left")
 )
-"""The parts shown in homing: the same without the time left and without frontiers."""
+"""Parts observed in homing: the same without `time_left` and `frontier`."""
 DEFAULT_PARTS = tuple(part for part in HOMING_PARTS if part not in ("confidence", "exit", "way"))
-"""The parts shown in other tasks: without the way home, which takes computing time to find."""
+"""Parts observed in other tasks: without the way home, which takes time to compute."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObservationConfig:
-    """How readings and beliefs become numbers in [-1, 1], without any statistics.
+    """How readings and beliefs become numbers in [-1, 1], without any running statistics.
 
-    All parts are a function of the readings alone: `laser`, `sonar` and `motion` come from the
-    reading, the others from the mapper, which saw nothing but readings. Directions are cosine and
-    sine in the robot's frame, distances logarithmic from -1 at 0 to 1 at `home_range`.
+    All parts are functions of the readings alone: `laser`, `sonar` and `motion` come from the
+    latest reading, the others from the mapper, whose only input is the readings. Directions are
+    cosine and sine in the robot's frame. Distances are logarithmic, from -1 at 0 to 1 at
+    `home_range`.
 
     Parts:
-        laser: The range of each beam, or the shortest of each sector: 1 at the laser, -1 at
-            `laser_range` and beyond, in between logarithmic.
-        sonar: The range of each echo, likewise, up to `sonar_range`; not for robots without.
-        motion: What the odometer measured in the last step: forward, sideways, and turn.
-        heading: Cosine and sine of the believed heading, as seen from home.
-        home: Direction of home, and its distance.
-        confidence: How sure the mapper may be of that, from 1 to -1 where it has lost its way: the
-            chance that home is within `home_near` of where it is believed (see `home_drift`).
-        place: Whether the robot is in a place that it knows from before, and whether it has lost
-            its way (1 or -1).
-        exit: Direction and distance of the next exit on the believed way home, then the direction
-            in which to go through it, and 1; with none 0, 0, -1, 0, 0, -1.
-        way: Direction and distance of a point some metres ahead on the way home that the robot
-            remembers, and 1; with none 0, 0, -1, -1.
-        shortcut: The same of a way home not known to be barred, where the remembered one is much
-            longer (see `WayfindingConfig`).
-        coverage: The ground around the robot, turned as it is: 1 covered, -1 not. Row 0 lies
+        laser: The range of each beam, or the minimum range of each sector: 1 at 0 m, -1 at
+            `laser_range` and beyond, logarithmic in between.
+        sonar: The range of each echo, scaled likewise up to `sonar_range`; only with sonars.
+        motion: The odometer's motion in the last step: forward, sideways, and turn.
+        heading: Cosine and sine of the believed heading, relative to the start heading.
+        home: Direction and distance of home.
+        confidence: Confidence in `home`, from 1 to -1, and -1 if the mapper is lost: the
+            probability that home is within `home_near` of its believed position (see
+            `home_drift`).
+        place: Whether the robot is in a place that it knows from before, and whether it is lost
+            (1 or -1).
+        exit: Direction and distance of the next exit on the believed way home, the direction in
+            which to pass it, and 1; without an exit 0, 0, -1, 0, 0, -1.
+        way: Direction and distance of a point some metres ahead on the remembered way home, and
+            1; without a way 0, 0, -1, -1.
+        shortcut: The same for a way home through free and unseen ground, if the remembered way is
+            much longer (see `WayfindingConfig`).
+        coverage: The ground around the robot, in its orientation: 1 covered, -1 not. Row 0 is
             farthest ahead, column 0 farthest to the left.
-        frontier: How near, along each beam or the middle one of each sector, ground is in sight
-            that is not covered, on the laser's scale; -1 for none (B. Yamauchi, A frontier-based
-            approach for autonomous exploration, CIRA 1997).
-        onward: The same as `way` of the way to ground not covered (see `WayfindingConfig`).
-        time_left: What is left of a time that the robot is given: 1 at `time_range` and more, -1
-            when it is up, in between logarithmic.
+        frontier: Distance of visible uncovered ground along each beam, or the middle beam of each
+            sector, on the laser's scale; -1 for none (B. Yamauchi, A frontier-based approach for
+            autonomous exploration, CIRA 1997).
+        onward: The same as `way` for the way to uncovered ground (see `WayfindingConfig`).
+        time_left: Remaining time of the robot's budget: 1 at `time_range` and more, -1 at 0,
+            logarithmic in between.
     """
 
     laser: LaserGeometry | None = field(default_factory=LaserGeometry)
-    """Where the laser's beams point; None on a robot without, which sees no ground either: it has
-    none of the parts `laser`, `shortcut`, `coverage`, `frontier` and `onward`."""
+    """Geometry of the laser's beams; None on a robot without a laser, which has none of the parts
+    `laser`, `shortcut`, `coverage`, `frontier` and `onward`."""
     laser_range: float = 30.0
-    """Range shown as -1, as nothing at all is (m)."""
+    """Range shown as -1, like no return (m)."""
     sonar: SonarGeometry | None = field(default_factory=SonarGeometry)
-    """Where the sonars point; None on a robot without."""
+    """Geometry of the sonars; None on a robot without sonars."""
     sonar_range: float = 4.0
-    """Range of an echo shown as -1, as none at all is (m)."""
+    """Range of an echo shown as -1, like no echo (m)."""
     laser_knee: float = 0.5
-    """Range of either up to which the scale is nearly linear; logarithmic beyond (m)."""
+    """Laser or sonar range up to which the scale is nearly linear; logarithmic beyond (m)."""
     home_range: float = 100.0
     """Distance from home shown as 1 (m)."""
     home_knee: float = 1.0
     """Distance from home up to which the scale is nearly linear; logarithmic beyond (m)."""
     step_length: float = 0.15
-    """Travel in one step shown as 1, straight ahead or sideways (m)."""
+    """Distance in one step shown as 1, forward or sideways (m)."""
     step_turn: float = 0.3
     """Turn in one step shown as 1 (rad)."""
     home_drift: float = 0.05
-    """Standard deviation of where home is believed to be, for each metre of the travel that the
-    belief rests on: that of Albot0's path integration (Schmidt, Wong and Yeap)."""
+    """Standard deviation of the believed position of home per metre of travel that the belief
+    rests on; the value is that of Albot0's path integration (Schmidt, Wong and Yeap)."""
     home_near: float = 1.0
-    """The confidence is that home is no farther than this from where it is believed (m)."""
+    """Radius of the confidence: the distance of home from its believed position (m)."""
     time_range: float = 600.0
-    """Time left shown as 1 (s), as more is, and as a time without end."""
+    """Time left that is shown as 1 (s); more time, or no time limit, is 1 too."""
     laser_sectors: int | None = None
-    """Equal sectors of which the laser part shows the shortest range; None for every beam."""
+    """Number of equal sectors whose minimum ranges the part `laser` shows; None for every beam."""
     parts: tuple[str, ...] = DEFAULT_PARTS
-    """The parts that are shown, of `PARTS`, in any order."""
+    """Names of the observed parts, from `PARTS`, in any order."""
     coverage: CoverageConfig = field(default_factory=CoverageConfig)
-    """The egocentric patch of ground covered."""
+    """Coverage grid, and the egocentric patch of it."""
     wayfinding: WayfindingConfig = field(default_factory=WayfindingConfig)
-    """How ways over the ground are searched for."""
+    """Parameters of the search for paths over the ground."""
 
     def __post_init__(self) -> None:
         ranges = "laser_range", "sonar_range", "laser_knee", "home_range", "home_knee"
@@ -140,12 +142,12 @@ class ObservationConfig:
             raise InputError(place, f"some of {known}, each once", str(list(self.parts)))
 
     def fitted(self, laser: LaserGeometry | None, sonar: SonarGeometry | None) -> ObservationConfig:
-        """The same for a robot with these sensors."""
+        """Return the same configuration for a robot with these sensors."""
         return replace(self, laser=laser, sonar=sonar)
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """The shape of each part that is shown, in the order of the flat observation."""
+        """The shape of each observed part, in the order of the flat observation."""
         side = self.coverage.patch_cells
         sonars = 0 if self.sonar is None else len(self.sonar.bearings)
         beams = 0 if self.laser is None else self.laser_sectors or self.laser.beams
@@ -171,7 +173,7 @@ class ObservationConfig:
 
     @property
     def layout(self) -> Layout:
-        """Where each part begins in the flat observation."""
+        """The position of each part in the flat observation."""
         begins, at = dict.fromkeys(PARTS, -1), 0
         for part, shape in self.shapes.items():
             begins[part] = at
@@ -180,24 +182,24 @@ class ObservationConfig:
 
     @property
     def shows_way_home(self) -> bool:
-        """Whether something is shown for which the way home must be found."""
+        """Whether an observed part needs the way home."""
         return not {"confidence", "exit", "way", "shortcut"}.isdisjoint(self.parts)
 
     @property
     def shows_ground(self) -> bool:
-        """Whether something is shown for which the robot must keep what it believes covered."""
+        """Whether an observed part needs the ground that the robot believes covered."""
         return not {"coverage", "frontier", "onward"}.isdisjoint(self.shapes)
 
     @property
     def shows_ways_over_ground(self) -> bool:
-        """Whether something is shown for which an occupancy grid must be kept."""
+        """Whether an observed part needs an occupancy grid."""
         return not {"shortcut", "onward"}.isdisjoint(self.shapes)
 
     def require(self, parts: Collection[str], who: str) -> None:
-        """Raise InputError if a part is not shown that somebody needs.
+        """Raise InputError if a part that `who` needs is not observed.
 
         Raises:
-            InputError: One of the parts is not shown, or the laser only by sectors.
+            InputError: One of the parts is not observed, or the laser only by sectors.
         """
         missing = [part for part in parts if part not in self.shapes]
         shown = ", ".join(self.shapes)
@@ -215,7 +217,7 @@ class ObservationConfig:
 
     @property
     def flat_space(self) -> spaces.Box:
-        """The space of observations in one row."""
+        """The space of flat observations."""
         length = sum(int(np.prod(shape)) for shape in self.shapes.values())
         return spaces.Box(-1, 1, (length,), np.float32)
 
@@ -231,7 +233,7 @@ class ObservationConfig:
 
     @property
     def home_scale(self) -> LogScale:
-        """The scale of distances (m) along the way."""
+        """The scale of distances home (m)."""
         return make_log_scale(self.home_knee, self.home_range)
 
     @property
@@ -241,7 +243,7 @@ class ObservationConfig:
 
     @property
     def scales(self) -> Scales:
-        """What the compiled loop goes by."""
+        """The scales for the compiled loop."""
         coverage = self.coverage
         return Scales(
             spacing=coverage.spacing,
@@ -259,7 +261,7 @@ class ObservationConfig:
         )
 
     def split(self, flat: Float[np.ndarray, "length"]) -> Parts:
-        """The parts of a flat observation.
+        """Return the parts of a flat observation.
 
         Raises:
             InputError: The observation has another length.
@@ -268,7 +270,7 @@ class ObservationConfig:
         return {name: part[0] for name, part in rows.items()}
 
     def split_rows(self, rows: Float[np.ndarray, "observations length"]) -> Parts:
-        """The parts of many flat observations, each part of all of them in one array.
+        """Return the parts of many flat observations, each part stacked in one array.
 
         Raises:
             InputError: The observations have another length.
@@ -283,22 +285,22 @@ class ObservationConfig:
         }
 
     def ranges(self, laser: Float[np.ndarray, "beams"]) -> Float64[np.ndarray, "beams"]:
-        """The ranges (m) that the `laser` part stands for, `laser_range` where nothing was."""
+        """Return the ranges (m) that a `laser` part stands for; `laser_range` for no return."""
         return np.asarray(unscale_ranges(laser, self.laser_scale))
 
     def echoes(self, sonar: Float[np.ndarray, "sonars"]) -> Float64[np.ndarray, "sonars"]:
-        """The ranges (m) that the `sonar` part stands for, `sonar_range` where nothing was."""
+        """Return the ranges (m) that a `sonar` part stands for; `sonar_range` for no echo."""
         return np.asarray(unscale_ranges(sonar, self.sonar_scale))
 
     def travel_home(self, scaled: float | np.floating) -> float:
-        """The travel (m) that the `confidence` part stands for; infinite at -1."""
+        """Return the travel (m) that a `confidence` part stands for; infinite at -1."""
         outside = max((1.0 - float(scaled)) / 2, 1e-9)
         return self.home_near / self.home_drift / math.sqrt(max(-2 * math.log(outside), 1e-12))
 
     def time_left(self, scaled: float | np.floating) -> float:
-        """The time (s) that the `time_left` part stands for, `time_range` at the most."""
+        """Return the time (s) that a `time_left` part stands for, at most `time_range`."""
         return float(unscaled(float(scaled), self.time_scale))
 
     def home_distance(self, scaled: float | np.floating) -> float:
-        """The distance (m) that the last number of the `home` part stands for."""
+        """Return the distance (m) that the last number of a `home` part stands for."""
         return float(unscaled(float(scaled), self.home_scale))

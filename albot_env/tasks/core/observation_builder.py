@@ -1,4 +1,4 @@
-"""The observation builder: fills in what robots observe, and keeps what they cover and enter."""
+"""The observation builder: fills in observations and tracks coverage and rooms entered."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ from albot_maps import World
 
 
 class _WorldFacts(NamedTuple):
-    """What the builder needs to know of a world."""
+    """Facts about a world that the builder needs."""
 
     rooms: tuple[int, int]
-    """Where its rooms begin and end among all worlds'."""
+    """Where its rooms begin and end among the rooms of all worlds."""
     reachable: float
-    """The ground that can be reached (m²)."""
+    """Area of the reachable ground (m²)."""
 
 
 class ProgressSnapshot(NamedTuple):
-    """What a robot has covered and entered: see `CoverageGrid`, `Rooms` and `Progress`."""
+    """Ground covered and rooms entered by a robot: see `CoverageGrid`, `Rooms` and `Progress`."""
 
     covered: UInt64[np.ndarray, "words"]
     believed: UInt64[np.ndarray, "words"]
-    """No words where nothing is shown of it (see `ObservationConfig.shows_ground`)."""
+    """Empty if no observed part needs it (see `ObservationConfig.shows_ground`)."""
     entered: Bool[np.ndarray, "most"]
     ground: int
     rooms_entered: int
@@ -50,12 +50,12 @@ class ProgressSnapshot(NamedTuple):
 
 
 class ObservationBuilder:
-    """Makes the observations of robots, and tracks their coverage of their worlds.
+    """Builds the observations of robots and tracks their coverage of their worlds.
 
     Args:
-        robots: How many robots.
-        config: How they observe, and which ground counts as covered.
-        laser: Their laser.
+        robots: Number of robots.
+        config: Configuration of observations and coverage.
+        laser: Geometry of the robots' laser.
     """
 
     def __init__(self, robots: int, config: ObservationConfig, laser: LaserGeometry) -> None:
@@ -83,7 +83,7 @@ class ObservationBuilder:
             rooms_entered=np.zeros(robots, np.int64),
             moved=np.zeros((robots, 2)),
         )
-        """What the robots have covered and entered."""
+        """Ground covered and rooms entered by the robots."""
         self._arguments = ArgumentsCache(self._arrange)
 
     @property
@@ -94,10 +94,10 @@ class ObservationBuilder:
         return names
 
     def begin(self, row: int, world: World) -> float:
-        """Let a robot begin anew in a world: nothing is covered or entered.
+        """Start a new episode for a robot in a world: nothing is covered or entered.
 
         Returns:
-            The ground that it can reach there (m²).
+            The area of the ground that the robot can reach (m²).
         """
         reachable = 0.0
         for other, facts in self._worlds.enter(row, world):
@@ -110,7 +110,7 @@ class ObservationBuilder:
         self._rooms.entered[row] = False
         side = self._config.side(world_extent(world) + self._config.cell)
         self._covered = with_coverage(self._covered, row, side, world_centre(world))
-        # Of a square without cells none is ever looked at.
+        # A grid without cells is never accessed.
         side = self._config.side(map_extent(world)) if self._has_ground else 0
         self._believed = with_coverage(self._believed, row, side, (0.0, 0.0))
         if self._has_occupancy:
@@ -122,7 +122,7 @@ class ObservationBuilder:
         return reachable
 
     def snapshot(self, row: int) -> ProgressSnapshot:
-        """What a robot has covered and entered so far (copies)."""
+        """Return the ground covered and rooms entered by a robot so far (copies)."""
         progress = self.progress
         return ProgressSnapshot(
             covered=words_of(self._covered, row).copy(),
@@ -134,10 +134,10 @@ class ObservationBuilder:
         )
 
     def restore(self, row: int, snapshot: ProgressSnapshot) -> None:
-        """Let a robot, which has begun, have covered and entered what another one in its world has.
+        """Give a robot, after `begin`, the ground covered and rooms entered of a snapshot.
 
-        That one must have kept the ground that it believes covered where this one is to do so.
-        Its occupancy grid is not taken over: this one begins an empty one.
+        The snapshot must be from the same world, and must hold the ground believed covered if this
+        robot needs it. The occupancy grid is not restored: it begins empty.
         """
         words_of(self._covered, row)[:] = snapshot.covered
         if self._has_ground:
@@ -167,7 +167,7 @@ class ObservationBuilder:
         state: BatchState,
         observations: Float32[np.ndarray, "robots length"],
     ) -> None:
-        """Track what some robots cover and enter, and fill in their rows of `observations`."""
+        """Track the coverage and rooms of some robots, and fill their rows of `observations`."""
         changing = self._covered, self._believed, self._rooms, state, self._occupancy
         arguments = self._arguments.arguments(*changing)
         observe_robots(rows, arguments, observations)
@@ -180,7 +180,7 @@ class ObservationBuilder:
         state: BatchState,
         occupancy: OccupancyGrids,
     ) -> tuple[Any, ...]:
-        """The arguments of `observe_robots`."""
+        """Return the arguments of `observe_robots`."""
         scales = self._scales, self._layout
         ways = *self._searching, occupancy
         return self._sensor, covered, believed, rooms, *scales, state, self.progress, *ways

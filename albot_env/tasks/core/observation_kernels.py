@@ -1,4 +1,4 @@
-"""The compiled loop that makes observations, and marks what robots newly cover and enter."""
+"""The compiled loop that computes observations and tracks coverage and rooms entered."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from albot_env.tasks.core.wayfinding_kernels import (
 
 
 class Scales(NamedTuple):
-    """The sizes that observations and coverage go by (see their configurations)."""
+    """Scales of observations and coverage (see their configurations)."""
 
     spacing: float
     turn: float
@@ -61,7 +61,7 @@ class Scales(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """Where in an observation each part begins; -1 for those that are not shown."""
+    """Index at which each part begins in an observation; -1 for parts that are not observed."""
 
     laser: int
     sonar: int
@@ -84,13 +84,13 @@ class Layout(NamedTuple):
 def observe_robots(rows: np.ndarray, arguments: KernelArguments, observations: np.ndarray) -> None:
     """Track the progress of robots `rows`, and fill in their rows of `observations`.
 
-    `arguments` holds `CoverageSensor`, the `CoverageGrid` truly covered, that believed to be,
+    `arguments` holds `CoverageSensor`, the `CoverageGrid` truly covered, the one believed covered,
     `Rooms`, `Scales`, `Layout`, `BatchState`, `Progress`, `OccupancyParams`, `SearchParams` and
     `OccupancyGrids`.
     """
     contents = unpack(arguments)
     scales, state = contents[4], contents[6]
-    # They are made here, for the loop itself is faster where it makes no arrays (see `kernel`).
+    # Allocated here because the loop itself is faster if it makes no arrays (see `kernel`).
     nearest = np.empty(scales.sectors)
     frontier = np.empty(scales.sectors if scales.sectors else state.ranges.shape[1])
     _observe_robots(rows, arguments, observations, nearest, frontier)
@@ -104,7 +104,7 @@ def _observe_robots(
     nearest: np.ndarray,
     frontier: np.ndarray,
 ) -> None:
-    """`observe_robots`, with room for the nearest ranges and the frontiers by sector (m)."""
+    """Run `observe_robots` with buffers for ranges and frontiers by sector (m)."""
     contents = unpack(arguments)
     sensor, covered, believed, rooms, scales, layout, state, progress = contents[:8]
     params, search, occupancy = contents[8:]
@@ -135,7 +135,7 @@ def _observe_robots(
 def _cover_truly(
     i: int, covered: CoverageGrid, sensor: CoverageSensor, state: BatchState, progress: Progress
 ) -> None:
-    """Mark the ground that robot i truly sees at close range."""
+    """Mark the ground that robot i truly sees within the coverage radius."""
     pose = state.poses[i]
     turn = math.cos(pose[2]), math.sin(pose[2])
     new = cover(covered, i, pose, turn, sensor, state.ranges[i])
@@ -165,7 +165,7 @@ def _observe_sensors(
     nearest: np.ndarray,
     row: np.ndarray,
 ) -> None:
-    """Fill in the parts laser, sonar and motion of robot i, as far as they are shown."""
+    """Fill in the observed ones of the parts laser, sonar and motion of robot i."""
     if layout.laser >= 0:
         seen = state.ranges[i]
         if scales.sectors:
@@ -183,7 +183,7 @@ def _observe_sensors(
 def _observe_beliefs(
     i: int, scales: Scales, layout: Layout, state: BatchState, row: np.ndarray
 ) -> None:
-    """Fill in what robot i believes by its map, as far as it is shown."""
+    """Fill in the observed parts that come from robot i's mapper."""
     home, belief, way = state.homes[i], state.beliefs[i], state.ways_home[i]
     if layout.heading >= 0:
         row[layout.heading], row[layout.heading + 1] = math.cos(home[2]), -math.sin(home[2])
@@ -212,7 +212,7 @@ def _find_ways(
     search: SearchParams,
     occupancy: OccupancyGrids,
 ) -> None:
-    """Draw what robot i sees on its occupancy grid, and find those ways on it that are shown."""
+    """Draw robot i's readings on its occupancy grid, and search it for the observed ways."""
     motion, belief, ranges = state.motions[i], state.beliefs[i], state.ranges[i]
     if update_occupancy(occupancy, i, params, sensor, motion, belief, ranges):
         if layout.shortcut >= 0:
@@ -231,7 +231,7 @@ def _observe_ways(
     occupancy: OccupancyGrids,
     row: np.ndarray,
 ) -> None:
-    """Fill in the parts shortcut and onward of robot i, as far as they are shown."""
+    """Fill in the observed ones of the parts shortcut and onward of robot i."""
     belief = state.beliefs[i]
     if layout.shortcut >= 0:
         point = pick_shortcut(occupancy, i, search, state.ways_home[i, TRAVEL])

@@ -1,6 +1,6 @@
-"""The parts of an observation, each made by a compiled function, and the scale they are shown on.
+"""The parts of an observation, one compiled function for each, and their scales.
 
-What they mean, see `ObservationConfig`.
+`ObservationConfig` describes what the parts mean.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from albot_core.kernels.compiled import kernel
 
 @kernel()
 def observe_motion(motion: np.ndarray, length: float, turn: float, row: np.ndarray) -> None:
-    """Fill `row` (3,) with the part motion: in shares of a step's length (m) and turn (rad)."""
+    """Fill `row` (3,) with the part motion, in shares of a step's length (m) and turn (rad)."""
     for i in range(3):
         share = motion[i] / (length if i < 2 else turn)
         row[i] = min(max(share, -1.0), 1.0)
@@ -36,10 +36,10 @@ def observe_home(home: np.ndarray, scale: LogScale, row: np.ndarray) -> None:
 
 @kernel()
 def observe_exit(belief: np.ndarray, line: np.ndarray, scale: LogScale, row: np.ndarray) -> None:
-    """Fill `row` (6,) with the part exit of an observation.
+    """Fill `row` (6,) with the part exit.
 
-    `line` (4,) is the next exit home in the map, with the present place to its left; NaN for
-    none. The scale is that of home's distance.
+    `line` (4,) is the next exit home (map frame), with the present place to its left; NaN for
+    none. `scale` is that of home's distance.
     """
     for k in range(6):
         row[k] = 0.0
@@ -57,9 +57,9 @@ def observe_exit(belief: np.ndarray, line: np.ndarray, scale: LogScale, row: np.
 
 @kernel()
 def observe_way(belief: np.ndarray, point: np.ndarray, scale: LogScale, row: np.ndarray) -> None:
-    """Fill `row` (4,) with the part way of an observation.
+    """Fill `row` (4,) with the part way.
 
-    `point` (2,) is a point ahead on a way, in the map; NaN for none. The scale is that of home's
+    `point` (2,) is a point ahead on a way (map frame); NaN for none. `scale` is that of home's
     distance.
     """
     row[0] = row[1] = 0.0
@@ -75,11 +75,11 @@ def observe_way(belief: np.ndarray, point: np.ndarray, scale: LogScale, row: np.
 
 @kernel()
 def observe_confidence(travel: float, drift: float, near: float) -> float:
-    """The part confidence of an observation: from 1 where home is certain to -1.
+    """Return the part confidence: from 1 if home is certain to -1.
 
-    It is the share of a normal distribution in the plane, of standard deviation drift ×
-    `travel` (m) along each axis, that is no farther than `near` (m) from its middle: 1 - exp(-r²
-    / 2σ²), stretched to [-1, 1].
+    It is the probability that a point drawn from a normal distribution in the plane, of standard
+    deviation σ = drift × `travel` (m) along each axis, is within r = `near` (m) of the mean:
+    1 - exp(-r² / 2σ²), scaled to [-1, 1].
     """
     deviation = drift * travel
     return 1.0 - 2.0 * math.exp(-0.5 * (near / max(deviation, 1e-9)) ** 2)
@@ -87,7 +87,7 @@ def observe_confidence(travel: float, drift: float, near: float) -> float:
 
 @kernel()
 def find_nearest(ranges: np.ndarray, nearest: np.ndarray) -> None:
-    """Fill `nearest` with the shortest of the ranges in each of as many equal sectors."""
+    """Fill `nearest` with the minimum range of each of `len(nearest)` equal sectors."""
     beams, sectors = ranges.shape[0], nearest.shape[0]
     for k in range(sectors):
         first, last = k * beams // sectors, (k + 1) * beams // sectors
@@ -99,7 +99,7 @@ def find_nearest(ranges: np.ndarray, nearest: np.ndarray) -> None:
 
 @kernel()
 def _direct(east: float, north: float, cos: float, sin: float, row: np.ndarray) -> None:
-    """Write the direction of a vector of the map as seen with a heading."""
+    """Write the direction of a map-frame vector relative to a heading."""
     length = max(length_of(east, north), 1e-9)
     ahead, left = rotate_back(cos, sin, east, north)
     row[0] = min(max(ahead / length, -1.0), 1.0)
@@ -110,9 +110,9 @@ def _direct(east: float, north: float, cos: float, sin: float, row: np.ndarray) 
 def locate_home(
     belief: np.ndarray, turn: tuple[float, float], where: np.ndarray, home: np.ndarray
 ) -> None:
-    """Write where home is, seen from a belief, as x, y, heading (3,); `where` it is in the map.
+    """Write home's pose x, y, heading (3,) relative to a belief; `where` is its map-frame pose.
 
-    `turn` is the cosine and sine of the belief's heading.
+    `turn` is the cosine and sine of the believed heading.
     """
     cos, sin = turn
     east, north = where[0] - belief[0], where[1] - belief[1]
@@ -122,47 +122,46 @@ def locate_home(
 
 @kernel()
 def observe_time(left: float, scale: LogScale) -> float:
-    """Time left (s) as a number from -1 at none to 1 at the scale's longest and more."""
+    """Return the time left (s) as a number from -1 (none) to 1 (the scale's longest, or more)."""
     return scaled(max(left, 0.0), scale)
 
 
 class LogScale(NamedTuple):
-    """A scale of lengths (m) or of times (s)."""
+    """A logarithmic scale of lengths (m) or of times (s)."""
 
     knee: float
-    """Up to here it is nearly linear."""
+    """The scale is nearly linear up to here."""
     longest: float
-    """All that is as long or longer is shown alike."""
+    """Values from here on are all shown as the end of the scale."""
     whole: float
     """log(1 + longest / knee)."""
 
 
 def make_log_scale(knee: float, longest: float) -> LogScale:
-    """A scale with its knee here and its end there."""
+    """Return a scale with this knee and this longest value."""
     return LogScale(float(knee), float(longest), math.log1p(longest / knee))
 
 
 @kernel()
 def scaled(length: float, scale: LogScale) -> float:
-    """A length as a number from -1 at 0 to 1 at the scale's longest and beyond."""
+    """Return a length as a number from -1 at 0 to 1 at the scale's longest and beyond."""
     share = math.log1p(min(length, scale.longest) / scale.knee) / scale.whole
     return min(2.0 * share - 1.0, 1.0)
 
 
 @kernel()
 def unscaled(number: float, scale: LogScale) -> float:
-    """The length that `scaled` made this number of."""
+    """Return the length of which `scaled` made this number."""
     return scale.knee * math.expm1(0.5 * (number + 1) * scale.whole)
 
 
 @kernel()
 def scale_ranges(ranges: np.ndarray, scale: LogScale, shown: np.ndarray) -> None:
-    """Fill the first of `shown` with ranges (m): 1 at 0, -1 at the scale's longest and beyond.
+    """Fill the first of `shown` with scaled ranges: 1 at 0 m, -1 at the scale's longest and beyond.
 
-    What `scaled` does, negated, for many lengths at once: a number is 2^e m with m in
-    [1, 2), and log m = log √2 + 2 artanh t with t = (m - √2) / (m + √2), whose series
-    is cut where it is below 1e-7. The loop holds nothing but arithmetic in float32, for the
-    compiler to make vector instructions of.
+    It computes -`scaled` for many lengths at once. A number is 2^e m with m in [1, 2), and
+    log m = log √2 + 2 artanh t with t = (m - √2) / (m + √2), whose series is cut where it is
+    below 1e-7. The loop contains only float32 arithmetic, so that the compiler can vectorise it.
     """
     one, half, root = np.float32(1.0), np.float32(0.5), np.float32(math.sqrt(2.0))
     two, log_2 = np.float32(2.0), np.float32(math.log(2.0))
@@ -180,9 +179,9 @@ def scale_ranges(ranges: np.ndarray, scale: LogScale, shown: np.ndarray) -> None
 
 @kernel(arrays=True)
 def unscale_ranges(shown: np.ndarray, scale: LogScale) -> np.ndarray:
-    """The ranges (m) that `scale_ranges` made these numbers of.
+    """Return the ranges (m) of which `scale_ranges` made these numbers.
 
-    One at a time: numpy's expm1 over arrays rounds otherwise where the processor has AVX-512.
+    It works one at a time: numpy's expm1 over arrays rounds differently with AVX-512.
     """
     ranges = np.empty(shown.shape[0])
     for k in range(shown.shape[0]):

@@ -1,4 +1,4 @@
-"""Rewards as named terms: what each is worth, and how they are kept."""
+"""Rewards as named terms: their weights, and how the terms are stored."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from albot_env.tasks.core.state import EpisodeStats
 
 @dataclass(frozen=True, kw_only=True)
 class Weights:
-    """What a reward's terms are worth, each in the field of its name.
+    """Weights of a reward's terms, each in the field of its name.
 
-    A field `discount`, where there is one, is no term but the learner's discount factor.
+    A field `discount`, if present, is not a term but the learner's discount factor.
     """
 
     terms: ClassVar[Any]
-    """The terms by name, in their order: a NamedTuple of numbers, as compiled code takes them."""
+    """The terms in order: a NamedTuple of numbers, in the form that compiled code takes."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -33,13 +33,13 @@ class Weights:
 
     @property
     def values(self) -> Any:
-        """The weights as compiled code takes them."""
+        """The weights in the form that compiled code takes."""
         return self.terms(*(float(getattr(self, name)) for name in self.terms._fields))
 
 
 @kernel()
 def set_reward(i: int, terms: tuple[float, ...], stats: EpisodeStats) -> None:
-    """Set the terms of robot i's reward, and their sum, added in their order."""
+    """Set the terms of robot i's reward, and their sum, added in order."""
     total = 0.0
     for k in range(len(terms)):
         stats.terms[i, k] = terms[k]

@@ -6,7 +6,6 @@ last bit. A task is a subclass: it says what a step is worth and when an episode
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -14,18 +13,19 @@ from jaxtyping import Bool, Float32, Float64, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Segments
-from albot_core.mappers.mapper import TRAVEL, WayHome
+from albot_core.mappers.mapper import TRAVEL
 from albot_core.maps.activity import Activity
 from albot_core.maps.layers import EMPTY_MAP, MapSnapshot
 from albot_core.sensing.reading import Readings
 from albot_env.sim import PIONEER_3DX
-from albot_env.sim.batch_simulator import BatchSimulator, RobotSnapshot, draw_key
+from albot_env.sim.batch_simulator import BatchSimulator, draw_key
 from albot_env.sim.simulator import CONTROL_STEP, SUBSTEPS
 from albot_env.sim.thread_pool import MIN_ROWS_PER_THREAD, ThreadPool
 from albot_env.tasks.core.actions import ActionConfig, Numbers
+from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
 from albot_env.tasks.core.journeys import Journeys
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.observation_builder import ObservationBuilder, ProgressSnapshot
+from albot_env.tasks.core.observation_builder import ObservationBuilder
 from albot_env.tasks.core.settings import Equipment
 from albot_env.tasks.core.state import (
     BatchState,
@@ -390,23 +390,3 @@ class BatchedRobots:
     def rooms(self) -> np.ndarray:
         """Names of the rooms that the robots are truly in (robots,); empty between rooms."""
         return self._builder.rooms
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class EpisodeSnapshot:
-    """The state of a robot at rest and all that it knows: what its future depends on."""
-
-    start: Pose
-    """Where it set out (world frame)."""
-    path_length: float
-    """How far it has driven since (m)."""
-    body: RobotSnapshot
-    """Its body, sensors and obstacles."""
-    progress: ProgressSnapshot
-    """What it has covered and entered."""
-    belief: Pose
-    """Where it believes to be, in its map's frame."""
-    way_home: WayHome
-    """The way home that it believes in."""
-    memory: dict[str, np.ndarray]
-    """Its mapper's state."""

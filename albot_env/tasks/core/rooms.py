@@ -11,21 +11,21 @@ from albot_maps.world import Room
 
 
 class Outlines(NamedTuple):
-    """Outlines of rooms, as compiled code takes them."""
+    """Outlines of rooms, in the form that compiled code takes."""
 
     corners: np.ndarray
-    """(corners, 2) float64: of all rooms one after another (m)."""
+    """(corners, 2) float64: corners of all rooms, one room after another (m)."""
     spans: np.ndarray
-    """(rooms, 2) int64: where each room's corners begin and end."""
+    """(rooms, 2) int64: where each room's corners begin and end in `corners`."""
     bounds: np.ndarray
-    """(rooms, 4) float64: least x and y, greatest x and y of each room (m)."""
+    """(rooms, 4) float64: minimum x and y, maximum x and y of each room (m)."""
 
 
 NO_ROOMS = Outlines(np.empty((0, 2)), np.empty((0, 2), np.int64), np.empty((0, 4)))
 
 
 def outlines_of(rooms: tuple[Room, ...]) -> Outlines:
-    """The outlines of a world's rooms."""
+    """Return the outlines of a world's rooms."""
     outlines = [np.asarray(room.boundary, np.float64) for room in rooms]
     ends = np.cumsum([0, *(len(outline) for outline in outlines)], dtype=np.int64)
     bounds = [np.concatenate((outline.min(axis=0), outline.max(axis=0))) for outline in outlines]
@@ -37,7 +37,7 @@ def outlines_of(rooms: tuple[Room, ...]) -> Outlines:
 
 
 def joined(some: Outlines, others: Outlines) -> Outlines:
-    """The outlines of some rooms, and then of others."""
+    """Return the outlines of `some` followed by `others`."""
     return Outlines(
         corners=np.concatenate((some.corners, others.corners)),
         spans=np.concatenate((some.spans, others.spans + len(some.corners))),
@@ -47,9 +47,9 @@ def joined(some: Outlines, others: Outlines) -> Outlines:
 
 @kernel()
 def find_room(x: float, y: float, outlines: Outlines, first: int, last: int) -> int:
-    """The first of the rooms first to last whose outline holds the point, -1 where none does.
+    """Return the first of the rooms `first` to `last` that contains a point; -1 if none does.
 
-    A point is inside where a ray to +x crosses the outline an odd number of times.
+    A point is inside if a ray to +x crosses the outline an odd number of times.
     """
     corners, spans, bounds = outlines
     for room in range(first, last):
@@ -70,11 +70,11 @@ def find_room(x: float, y: float, outlines: Outlines, first: int, last: int) -> 
 
 
 class Rooms(NamedTuple):
-    """The rooms of all robots' worlds, and which of them each has been in."""
+    """The rooms of all robots' worlds, and which of them each robot has entered."""
 
     outlines: Outlines
-    """Those of all worlds."""
+    """Outlines of the rooms of all worlds."""
     worlds: np.ndarray
-    """(n, 2) int64: where the rooms of each robot's world begin and end."""
+    """(n, 2) int64: where the rooms of each robot's world begin and end in `outlines`."""
     entered: np.ndarray
-    """(n, most) bool: which rooms of its world each robot has been in."""
+    """(n, most) bool: which rooms of its world each robot has entered."""

@@ -1,4 +1,4 @@
-"""The settings of environments, by name, and the options of a reset."""
+"""The settings of environments, by name, and the options of `reset`."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from albot_maps import World, WorldSet
 Config = TypeVar("Config")
 
 Worlds = str | Path | World | WorldSet
-"""A world spec, a world, or worlds (see `albot_maps.load_worlds`)."""
+"""A world spec, a world, or a set of worlds (see `albot_maps.load_worlds`)."""
 
 DEFAULT_WORLD = "office-ring"
-"""The world where none is named."""
+"""The default world."""
 NO_MAPPER = "none"
-"""The name for no mapper: the belief is the odometer's, and there is no map."""
+"""Name for no mapper: the belief is dead reckoning, and there is no map."""
 
 
 class CommonSettings(TypedDict, total=False):
-    """What every environment takes by name, single or batched."""
+    """Settings that every environment takes, single or batched."""
 
     mapper: str
-    """Name of the mapper inside (`albot1`), or `none`: the robot only adds up its odometer."""
+    """Name of the mapper (`albot1`), or `none`: the robot only integrates its odometry."""
     mapper_config: Any
-    """The mapper's thresholds: its config, or a mapping of what differs from its default one."""
+    """The mapper's parameters: its config, or a mapping of those that differ from the default."""
     odometer: str
     """Name of the odometer's preset (`pioneer`; `albot_env.sim.ODOMETERS`)."""
     laser: str
@@ -43,32 +43,31 @@ class CommonSettings(TypedDict, total=False):
     sonar: str
     """Name of the sonars' preset (`pioneer`; `SONARS`), or `none`."""
     scenes: str
-    """Name of the camera's preset (`SCENES`), or `none`, as is usual. Mappers see its scenes;
-    observations do not show them."""
+    """Name of the camera's preset (`SCENES`), or `none` (default). Mappers receive its scenes;
+    observations do not contain them."""
     observation: str
-    """`flat`, as is usual, or `dict`."""
+    """`flat` (default) or `dict`."""
     action: str
-    """`continuous`, as is usual, or `discrete`: a number of `ActionConfig.choices`."""
+    """`continuous` (default) or `discrete`: the index of a row of `ActionConfig.choices`."""
     movables: bool
-    """Whether doors, boxes and people move in worlds that have any, as is usual; if not, they are
-    left out."""
+    """Whether doors, boxes and people are simulated in worlds that have them (default: true)."""
 
 
 class Settings(CommonSettings, total=False):
-    """The same, and what the task itself takes: the keywords of its class."""
+    """`CommonSettings` and the task's own settings: the keywords of its class."""
 
     config: Any
-    """The task's configuration; None for the usual one."""
+    """The task's configuration; None for the default one."""
     journeys: int
-    """How many outward journeys, or tours, there are from a start, of which each reset draws one;
-    0, as is usual, for a new one each time. For tasks that have any."""
+    """Number of outward journeys, or tours, per start, from which each reset draws one; 0
+    (default) for a new one each time. Only for tasks that have journeys."""
 
 
 def settings_of(make: Any, task: type) -> dict[str, Any]:
-    """What an environment takes by name: types by name.
+    """Return the types of an environment's settings, by name.
 
     Args:
-        make: The environment's constructor. Its `**settings` stand for `CommonSettings`.
+        make: The environment's constructor. Its `**settings` stands for `CommonSettings`.
         task: The task's class, whose keywords are settings too.
     """
     settings = get_type_hints(CommonSettings)
@@ -84,10 +83,10 @@ def settings_of(make: Any, task: type) -> dict[str, Any]:
 
 
 def check_settings(given: Iterable[str], known: Iterable[str], environment: str) -> None:
-    """Refuse settings that an environment does not have.
+    """Raise InputError if an environment does not have one of the given settings.
 
     Raises:
-        InputError: There is no such setting; the message names the nearest.
+        InputError: A setting is unknown; the message suggests the most similar one.
     """
     known = sorted(known)
     for name in given:
@@ -97,10 +96,10 @@ def check_settings(given: Iterable[str], known: Iterable[str], environment: str)
 
 
 def chosen_config(config: Any, kind: type[Config], environment: str) -> Config:
-    """The configuration of a task; the usual one where none is given.
+    """Return a task's configuration; the default one if none is given.
 
     Raises:
-        InputError: It is of another kind.
+        InputError: `config` is of another class.
     """
     if config is None:
         return kind()
@@ -111,32 +110,32 @@ def chosen_config(config: Any, kind: type[Config], environment: str) -> Config:
 
 @dataclass(frozen=True, kw_only=True)
 class Equipment:
-    """What robots set out with."""
+    """The equipment of robots: mapper, sensors, and simulation settings."""
 
     mapper: str
-    """Name of the mapper inside each, or `none`."""
+    """Name of each robot's mapper, or `none`."""
     mapper_config: Any = None
-    """Its thresholds (see `make_mapper`); None for its default ones."""
+    """The mapper's parameters (see `make_mapper`); None for the default."""
     sensors: Sensors
-    """What each senses with."""
+    """The sensors of each robot."""
     movables: bool = True
-    """Whether things move in worlds that have any; if not, they are left out."""
+    """Whether doors, boxes and people are simulated in worlds that have them."""
     threads: int | None = 1
-    """Threads that share the work; None for as many as there are processors. What comes of it is
-    the same with any number."""
+    """Threads that share the work; None for one per processor. The results do not depend on
+    the number."""
 
     def mappers(self, robots: int) -> MapperBatch | None:
-        """The mappers of so many robots; None where they have none.
+        """Return the mappers of `robots` robots; None if they have none.
 
         Raises:
-            InputError: There is no such mapper, or its config is none.
+            InputError: The mapper is unknown, or its config is invalid.
         """
         if self.mapper == NO_MAPPER:
             return None
         return make_mappers(self.mapper, robots, config=self.mapper_config)
 
     def single_mapper(self, rng: np.random.Generator) -> Mapper | None:
-        """The mapper of a robot that is alone; None where it has none.
+        """Return the mapper of a single robot; None if it has none.
 
         Raises:
             InputError: As for `mappers`.
@@ -157,10 +156,10 @@ def equip(
     movables: bool,
     threads: int | None,
 ) -> Equipment:
-    """The equipment of these names.
+    """Return the equipment with these names.
 
     Raises:
-        InputError: There is no such sensor or mapper, the mapper's config is none, it needs a
+        InputError: A sensor or the mapper is unknown, the mapper's config is invalid, it needs a
             sensor that the robot lacks, or `movables` is neither true nor false.
     """
     if not isinstance(movables, bool | np.bool_):
@@ -178,7 +177,7 @@ def equip(
         except InputError as error:
             raise InputError("mapper", f"{NO_MAPPER} or {error.expected}", error.found) from None
         check_sensors(spec, sensors.available, "the robot's sensors")
-        # Always as a whole: journeys are known by what the robots set out with.
+        # Always the complete config: it identifies the equipment in the keys of journeys.
         mapper_config = full_config(spec, mapper_config)
     return Equipment(
         mapper=mapper,
@@ -192,16 +191,16 @@ def equip(
 def choose_world(
     worlds: WorldSet, rng: np.random.Generator, options: Mapping[str, Any], environment: str
 ) -> World:
-    """The world that the options of a reset ask for; by default one of the set, at random.
+    """Return the world that the options of a reset select; by default a random one of the set.
 
     Args:
-        worlds: The worlds. Of one alone, nothing is drawn.
+        worlds: The worlds. If there is only one, no random number is drawn.
         rng: Draws the world.
         options: `{"world": k}` for the k-th of the set, or nothing.
         environment: Id of the environment, for the errors.
 
     Raises:
-        InputError: Another option than `world` and `start`, or there is no such world.
+        InputError: An option other than `world` and `start`, or there is no such world.
     """
     if not isinstance(options, Mapping):
         raise InputError(environment, "a mapping", repr(options), place="options")
@@ -221,7 +220,7 @@ def choose_world(
 def choose_start(
     world: World, rng: np.random.Generator, options: Mapping[str, Any], environment: str
 ) -> Pose:
-    """The start that the options of a reset ask for; by default one of the world's, at random.
+    """Return the start that the options of a reset select; by default a random one of the world's.
 
     Args:
         world: The world.
@@ -231,7 +230,7 @@ def choose_start(
         environment: Id of the environment, for the errors.
 
     Raises:
-        InputError: A start that is neither.
+        InputError: The start is neither an index in range nor a pose.
     """
     count = len(world.starts)
     start = options.get("start")

@@ -1,4 +1,4 @@
-"""The state of batched robots: what they sense and believe, their progress, their statistics."""
+"""State arrays of batched robots: readings, beliefs, progress and statistics."""
 
 from __future__ import annotations
 
@@ -13,76 +13,75 @@ from albot_core.kernels.compiled import kernel
 
 
 class BatchState(NamedTuple):
-    """Where all robots are, what they believe and what they sensed last; a row each.
+    """True poses, beliefs and latest readings of all robots, one row per robot.
 
-    It holds the truth too: observations are made of the other arrays.
+    The true poses are not used in observations.
     """
 
     poses: np.ndarray
-    """(n, 3) float64: where they truly are (world frame)."""
+    """(n, 3) float64: true poses (world frame)."""
     beliefs: np.ndarray
-    """(n, 3) float64: where they believe to be (map frame)."""
+    """(n, 3) float64: believed poses (map frame)."""
     home_places: np.ndarray
-    """(n, 3) float64: where they believe home to be (map frame)."""
+    """(n, 3) float64: believed poses of home (map frame)."""
     ways_home: np.ndarray
-    """(n, 7) float64: the ways home that they believe in (see `albot_core.mappers.mapper`)."""
+    """(n, 7) float64: believed ways home (see `albot_core.mappers.mapper`)."""
     places: np.ndarray
-    """(n, 2) bool: whether they are in a place that they know from before; have lost their way."""
+    """(n, 2) bool: whether the robot is in a place that it knows; whether it is lost."""
     homes: np.ndarray
-    """(n, 3) float64: where they believe home to be (robot frame); found as it is observed."""
+    """(n, 3) float64: believed poses of home (robot frame); filled in during observation."""
     motions: np.ndarray
-    """(n, 3) float64: what the odometers measured."""
+    """(n, 3) float64: motions that the odometers measured (m, rad)."""
     ranges: np.ndarray
-    """(n, beams) float64: what the lasers saw (m)."""
+    """(n, beams) float64: ranges of the lasers (m)."""
     echoes: np.ndarray
-    """(n, sonars) float64: what the sonars heard (m)."""
+    """(n, sonars) float64: ranges of the sonars (m)."""
 
 
 class Progress(NamedTuple):
-    """What all robots have truly covered and entered; a row each."""
+    """Ground truly covered and rooms truly entered by all robots, one row per robot."""
 
     ground: np.ndarray
     """(n,) int64: cells of ground truly covered since the start."""
     new_ground: np.ndarray
-    """(n,) int64: those newly covered."""
+    """(n,) int64: cells newly covered in the last step."""
     room: np.ndarray
-    """(n,) int64: the room of its world that each is in; -1 between rooms."""
+    """(n,) int64: index of the robot's room in its world; -1 between rooms."""
     new_room: np.ndarray
-    """(n,) bool: whether it is entered for the first time."""
+    """(n,) bool: whether the room was entered for the first time."""
     rooms_entered: np.ndarray
-    """(n,) int64: how many each has been in."""
+    """(n,) int64: number of rooms entered."""
     moved: np.ndarray
-    """(n, 2) float64: way and turning since ground was last marked as covered (m, rad)."""
+    """(n, 2) float64: distance and turning since coverage was last updated (m, rad)."""
 
 
 class EpisodeStats(NamedTuple):
-    """How the episodes of all robots go, and what their last steps were worth; a row each."""
+    """Statistics of all robots' episodes, and rewards of their last steps; one row per robot."""
 
     starts: np.ndarray
-    """(n, 3) float64: where it set out (world frame): the origin of its map's frame."""
+    """(n, 3) float64: start pose (world frame), the origin of the map frame."""
     turns: np.ndarray
-    """(n, 2) float64: cosine and sine of the heading with which it set out."""
+    """(n, 2) float64: cosine and sine of the start heading."""
     steps: np.ndarray
-    """(n,) int64: how many control steps it has taken."""
+    """(n,) int64: number of control steps taken."""
     reachable: np.ndarray
-    """(n,) float64: the ground that it can reach (m²)."""
+    """(n,) float64: area of the reachable ground (m²)."""
     before: np.ndarray
-    """(n, 2) float64: where it was at the last update (world frame)."""
+    """(n, 2) float64: position at the last update (world frame)."""
     path_lengths: np.ndarray
-    """(n,) float64: how far it has truly driven (m)."""
+    """(n,) float64: true path length (m)."""
     position_errors: np.ndarray
-    """(n,) float64: distance from its true position to the believed one (m)."""
+    """(n,) float64: distance between true and believed position (m)."""
     coverages: np.ndarray
-    """(n,) float64: share of the ground that can be reached which it has covered."""
+    """(n,) float64: share of the reachable ground that is covered."""
     terms: np.ndarray
-    """(n, terms) float64: what its last step was worth by the task's terms; nothing for setting
-    out."""
+    """(n, terms) float64: reward terms of the last step; zeros after a reset."""
     rewards: np.ndarray
-    """(n,) float64: their sum."""
+    """(n,) float64: sums of the terms."""
 
 
 def new_stats(robots: int, terms: int) -> EpisodeStats:
-    """Those of so many robots that have not begun, with so many terms of the reward."""
+    """Return statistics for robots without an episode, and a number of reward terms."""
     return EpisodeStats(
         starts=np.zeros((robots, 3)),
         turns=np.zeros((robots, 2)),
@@ -98,7 +97,7 @@ def new_stats(robots: int, terms: int) -> EpisodeStats:
 
 
 def begin_stats(row: int, start: Pose, stats: EpisodeStats) -> None:
-    """Let a robot stand where it sets out, before its first step."""
+    """Reset a robot's statistics to its start, before its first step."""
     stats.starts[row] = start
     stats.turns[row] = math.cos(start[2]), math.sin(start[2])
     stats.steps[row] = 0
@@ -108,9 +107,9 @@ def begin_stats(row: int, start: Pose, stats: EpisodeStats) -> None:
 def update_stats(
     i: int, cell_area: float, state: BatchState, progress: Progress, stats: EpisodeStats
 ) -> float:
-    """Bring robot i's statistics up to date after a look; return how far it has driven (m).
+    """Update robot i's statistics after a reading; return the distance driven since the last (m).
 
-    Its reward is set to zero. `cell_area` (m²) is that of a cell of ground.
+    The robot's reward is set to zero. `cell_area` (m²) is the area of a coverage cell.
     """
     pose, belief, start = state.poses[i], state.beliefs[i], stats.starts[i]
     before, terms = stats.before[i], stats.terms[i]
@@ -132,7 +131,7 @@ def update_stats(
 def update_all_stats(
     rows: np.ndarray, cell_area: float, state: BatchState, progress: Progress, stats: EpisodeStats
 ) -> None:
-    """Bring the statistics of robots `rows` up to date where no task rewards them."""
+    """Update the statistics of robots `rows` in tasks without a reward."""
     for i in rows:
         update_stats(i, cell_area, state, progress, stats)
 
@@ -141,7 +140,7 @@ def update_all_stats(
 def integrate_odometry(
     rows: np.ndarray, motions: np.ndarray, beliefs: np.ndarray, travels: np.ndarray
 ) -> None:
-    """Add the motions measured to beliefs x, y, heading (n, 3), their lengths to travels (n,)."""
+    """Add measured motions to beliefs x, y, heading (n, 3), and their lengths to `travels` (n,)."""
     for i in rows:
         travels[i] += length_of(motions[i, 0], motions[i, 1])
         cos, sin = math.cos(beliefs[i, 2]), math.sin(beliefs[i, 2])

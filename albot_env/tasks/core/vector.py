@@ -1,4 +1,4 @@
-"""Many environments stepped together: what all tasks have in common."""
+"""Vectorised environments: the common part of all tasks."""
 
 from __future__ import annotations
 
@@ -40,28 +40,28 @@ _FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
 class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots]):
-    """Robots, each as in a `SingleEnv` of its own. A task's environment names its class.
+    """Robots that are stepped together, each as in its own `SingleEnv`. Subclasses name the task.
 
-    What environment i gives, from the reset with its seed on, is to the last bit what
-    `gymnasium.make` with the same settings gives. Spaces, rewards, and infos are those of
-    the single form, batched as gymnasium batches them. Robots in one and the same world share
-    physics, index of walls and maps of the ground.
+    From a reset with a seed on, environment i returns bit for bit what a single environment
+    made by `gymnasium.make` with the same settings returns. Spaces, rewards and infos are those
+    of the single form, batched as gymnasium batches them. Robots in the same world share its
+    physics spaces, wall index and rooms.
 
     Args:
-        num_envs: How many environments.
-        world: A world spec, a world or worlds for all, of which each reset draws one; or
-            such for each.
+        num_envs: Number of environments.
+        world: A world spec, a world or a set of worlds for all environments, from which each
+            reset draws one; or a sequence with one of these per environment.
         max_episode_steps: Steps after which an episode is truncated; None for never.
-        autoreset_mode: `NextStep`: the step after an episode's last one resets, whatever (valid)
-            action it is given. `SameStep`: the last step itself resets; the info then holds
+        autoreset_mode: `NextStep`: the step after an episode's last step resets it, whatever
+            the (valid) action. `SameStep`: the last step itself resets; the info then holds
             `final_obs` and `final_info`. `Disabled`: the caller must call
-            `reset(options={"reset_mask": finished})` before.
-        threads: Threads that share the work; None for as many as there are processors. They
-            change nothing but the speed.
+            `reset(options={"reset_mask": finished})`.
+        threads: Threads that share the work; None for one per processor. The number affects
+            only the speed.
         settings: See `Settings`.
 
     Raises:
-        InputError: As for `SingleEnv`; or there are not as many worlds as environments.
+        InputError: As for `SingleEnv`; or the number of worlds differs from that of environments.
     """
 
     metadata = METADATA
@@ -106,7 +106,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
 
     @classmethod
     def settings(cls) -> dict[str, Any]:
-        """What it takes by name: types by name."""
+        """Return the types of the settings, by name."""
         return settings_of(cls.__init__, cls.task)
 
     def reset(
@@ -115,15 +115,15 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin new episodes of all, or with the option `reset_mask` those it says.
+        """Begin new episodes in all environments, or in those that the option `reset_mask` selects.
 
         Args:
-            seed: One for environment 0, then counting up; or one for each.
-            options: `reset_mask`, (environments,) of bool; the others as for the single form.
+            seed: Seed of environment 0, counted up for the others; or a sequence with one for each.
+            options: `reset_mask`, (environments,) of bool; other options as for the single form.
 
         Raises:
-            InputError: An option is unknown, or a mask, a start or the seeds are not valid.
-            ClosedEnvironmentError: It has been closed.
+            InputError: An option is unknown, or a mask, a start or the seeds are invalid.
+            ClosedEnvironmentError: The environment has been closed.
         """
         self._check_open()
         if not isinstance(options or {}, Mapping):
@@ -144,12 +144,12 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         )
 
     def step(self, actions: Any) -> Steps:
-        """Drive for 0.1 s.
+        """Run one step: 0.1 s of driving, or one arrival of a tour.
 
         Raises:
             InputError: An action is not in the action space.
             ResetNeeded: An environment has not been reset, or is over in `Disabled` mode.
-            ClosedEnvironmentError: It has been closed.
+            ClosedEnvironmentError: The environment has been closed.
         """
         resetting = self._due()
         robots = self._robots
@@ -177,14 +177,14 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
 
     @property
     def journeys(self) -> Journeys[Any] | None:
-        """What robots have behind them when an episode begins; None where they set out anew."""
+        """The journeys made before episodes begin; None if the task has none."""
         return self._robots.journeys
 
     def missing_journeys(self) -> list[JourneySpec]:
-        """The journeys that resets may draw and that are not kept yet, if all could be kept.
+        """Return the journeys that resets may draw and that are not cached, if all would fit.
 
-        Each is made when it is first drawn; who wants them sooner makes them elsewhere, in
-        processes side by side, and gives them to `journeys.keep`.
+        Each is otherwise made when it is first drawn. To have them sooner, make them in parallel
+        processes and pass them to `journeys.keep`.
         """
         journeys = self._robots.journeys
         return [] if journeys is None else journeys.missing(list(dict.fromkeys(self._worlds)))
@@ -198,7 +198,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
             raise gymnasium.error.ClosedEnvironmentError(CLOSED.format(self._environment))
 
     def _due(self) -> Int64[np.ndarray, "some"]:
-        """The environments that this step resets."""
+        """Return the environments that this step resets."""
         self._check_open()
         if not self._begun.all():
             raise gymnasium.error.ResetNeeded(f"{self._environment}: reset before the first step")
@@ -210,14 +210,14 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         return self._over.nonzero()[0] if self._mode is AutoresetMode.NEXT_STEP else _NOBODY
 
     def _begin(self, rows: Int64[np.ndarray, "some"], options: dict[str, Any]) -> None:
-        """Let some set out anew: none of them, and none can go on, where one cannot."""
+        """Begin episodes of some robots; if one cannot begin, none does, and none can continue."""
         self._begun[rows] = False
         chosen = [self._choose(row, options) for row in rows.tolist()]
         for row, (world, start, generator) in zip(rows.tolist(), chosen, strict=True):
             self._robots.begin(row, world, start, generator)
 
     def _choose(self, row: int, options: dict[str, Any]) -> tuple[World, Pose, np.random.Generator]:
-        """Draw one's world and start."""
+        """Draw the world and start of an environment."""
         generator = self._generators[row]
         assert generator is not None
         name = f"{self._environment}, environment {row}"
@@ -230,7 +230,7 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         return world, start, generator
 
     def _start_over(self, over: Bool[np.ndarray, "environments"]) -> dict[str, Any]:
-        """Reset the environments that are over; the infos hold what they ended with."""
+        """Reset the environments that are over; return their final observations and infos."""
         final_obs = np.full(self.num_envs, None, object)
         rows = np.flatnonzero(over)
         for row in rows.tolist():
@@ -245,9 +245,9 @@ class VectorEnv(gymnasium.vector.VectorEnv[Any, Any, np.ndarray], Generic[Robots
         return infos | {"final_info": final, "_final_info": over.copy()}
 
     def _infos(self, mask: Bool[np.ndarray, "environments"] | None = None) -> dict[str, Any]:
-        """The infos of all, or of some, as gymnasium batches them.
+        """Return the infos of all environments, or of some, as gymnasium batches them.
 
-        Zero and `_key` False where there is none.
+        Environments without a value have zero, and False in `_key`.
         """
         robots = self._robots
         hidden = None if mask is None else ~mask
@@ -267,7 +267,7 @@ def _masked(
     shown: Bool[np.ndarray, "environments"],
     hidden: Bool[np.ndarray, "environments"] | None,
 ) -> dict[str, Any]:
-    """Copies of the values where they are shown, nothing where hidden; and the mask beside each."""
+    """Return copies of values where shown, zeros where hidden, and the mask beside each."""
     infos: dict[str, Any] = {}
     for key, value in values.items():
         copy = value.copy()
@@ -278,7 +278,7 @@ def _masked(
 
 
 def _choose_mode(mode: str | AutoresetMode, environment: str) -> AutoresetMode:
-    """The mode in which episodes follow each other."""
+    """Return the autoreset mode."""
     try:
         return AutoresetMode(mode)
     except ValueError:
@@ -291,7 +291,7 @@ def _choose_mode(mode: str | AutoresetMode, environment: str) -> AutoresetMode:
 def _choose_worlds(
     world: Worlds | Sequence[Worlds], count: int, environment: str
 ) -> list[WorldSet]:
-    """The worlds of each environment; those of one spec are the same objects."""
+    """Return the worlds of each environment; those of one spec are the same objects."""
     if isinstance(world, Sequence) and not isinstance(world, str):
         specs = list(world)
     else:
@@ -309,7 +309,7 @@ def _choose_worlds(
 
 
 def _named(error: InputError, environment: str) -> InputError:
-    """The same error, which says in which environment."""
+    """Return the same error with the environment named in it."""
     if error.source == environment:
         return error
     place = f"{error.source}, {error.place}" if error.place else error.source
@@ -317,7 +317,7 @@ def _named(error: InputError, environment: str) -> InputError:
 
 
 def _choose_mask(mask: Any, count: int, environment: str) -> Bool[np.ndarray, "environments"]:
-    """Which environments a reset is for: all of them by default."""
+    """Return which environments a reset is for; by default all."""
     if mask is None:
         return np.ones(count, np.bool_)
     expected = f"an array of {count} bool, one of them true"
@@ -331,7 +331,7 @@ def _choose_mask(mask: Any, count: int, environment: str) -> Bool[np.ndarray, "e
 def _choose_seeds(
     seed: Any, count: int, rows: Int64[np.ndarray, "some"], environment: str
 ) -> list[int | None]:
-    """The seeds of some environments out of `count`."""
+    """Return the seeds of the environments `rows` out of `count`."""
     if seed is None:
         seeds: list[int | None] = [None] * count
     elif isinstance(seed, int | np.integer):

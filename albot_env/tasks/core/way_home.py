@@ -1,4 +1,4 @@
-"""The true way home: how far it is from everywhere, and how straight a robot came."""
+"""The true way home: geodesic distances to the start, and success weighted by path length."""
 
 from __future__ import annotations
 
@@ -16,28 +16,28 @@ from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField
 
 KEPT = 256
-"""Fields that are kept; the one that was longest not asked for is made again."""
+"""Maximum number of cached fields; the least recently used one is dropped first."""
 
 
 class DistanceFields(NamedTuple):
-    """The true ways home of all robots, a row each (see `albot_maps.geodesic`)."""
+    """Geodesic distances home for all robots, one row per robot (see `albot_maps.geodesic`)."""
 
     anchor_of: np.ndarray
     """(n, points) int32."""
     anchors: np.ndarray
     """(n, most, 4) float64."""
     shapes: np.ndarray
-    """(n, 2) int64: columns, and points in each."""
+    """(n, 2) int64: number of columns, and of points per column."""
     corners: np.ndarray
-    """(n, 3) float64: where the first point lies, and the cell (m)."""
+    """(n, 3) float64: position x, y of the first point, and cell size (m)."""
 
 
 @kernel()
 def update_way_home(i: int, x: float, y: float, fields: DistanceFields, stats: Any) -> None:
-    """Update how far it is home from x, y (world frame, m) for robot i, and where the way turns.
+    """Update robot i's geodesic distance home from x, y (world frame, m), and its next turn.
 
-    `stats` has `distances` and `turns`, which stay as they are where no way is near: the robot is
-    pushed into a corner.
+    The result goes into `distances` and `turns` of `stats`. Both stay unchanged if no grid point
+    is near, because the robot is pushed into a corner.
     """
     corner = fields.corners[i]
     cell = corner[2]
@@ -55,17 +55,17 @@ def update_way_home(i: int, x: float, y: float, fields: DistanceFields, stats: A
 
 @kernel()
 def success_weighted(success: float, geodesic: float, driven: float) -> float:
-    """Success weighted by path length: success × shortest way / the longer of it and that driven.
+    """Return success weighted by path length: success × geodesic / max(geodesic, driven).
 
-    Anderson et al., On Evaluation of Embodied Navigation Agents, 2018, section 3. Where
-    both are 0, so is the detour.
+    Source: Anderson et al., On Evaluation of Embodied Navigation Agents, 2018, section 3. If both
+    lengths are 0, the result is `success`.
     """
     longest = max(geodesic, driven)
     return success if longest <= 0.0 else success * (geodesic / longest)
 
 
 def empty_fields(robots: int) -> DistanceFields:
-    """Those of so many robots that have no home yet."""
+    """Return the fields of `robots` robots that have no home yet."""
     return DistanceFields(
         anchor_of=np.zeros((robots, 0), np.int32),
         anchors=np.zeros((robots, 0, 4)),
@@ -75,7 +75,7 @@ def empty_fields(robots: int) -> DistanceFields:
 
 
 def with_field(fields: DistanceFields, row: int, field: DistanceField) -> DistanceFields:
-    """The fields with one robot's own in its row; larger arrays only where needed."""
+    """Return the fields with one robot's row replaced; larger arrays are made only if needed."""
     points, anchors = len(field.anchor_of), len(field.anchors)
     if points > fields.anchor_of.shape[1]:
         wider = np.zeros((len(fields.shapes), points), np.int32)
@@ -93,14 +93,14 @@ def with_field(fields: DistanceFields, row: int, field: DistanceField) -> Distan
 
 
 class DistanceFieldCache:
-    """Makes the distance fields of where robots set out, and keeps the last of them."""
+    """Makes the distance fields of start positions, and caches the most recently used."""
 
     def __init__(self) -> None:
-        # The world is kept beside its field: so long no other one has its id.
+        # The world is kept beside its field, so that its id stays unique.
         self._kept: OrderedDict[tuple[int, bytes], tuple[World, DistanceField]] = OrderedDict()
 
     def find(self, world: World, start: Pose) -> DistanceField:
-        """How far it is to a start from everywhere in its world."""
+        """Return the geodesic distances to a start from everywhere in its world."""
         key = (id(world), start.tobytes())
         if key not in self._kept:
             field = DistanceField(world.walls, ROBOT_RADIUS, start[:2])

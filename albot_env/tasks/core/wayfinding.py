@@ -1,4 +1,4 @@
-"""Ways over the ground as robots have seen it: home, and to ground that is not covered."""
+"""Paths over the ground as the robot has seen it: home, and to uncovered ground."""
 
 from __future__ import annotations
 
@@ -21,37 +21,37 @@ from albot_env.tasks.core.wayfinding_kernels import (
 
 @dataclass(frozen=True, kw_only=True)
 class WayfindingConfig:
-    """How ways over the ground are searched for.
+    """Parameters of the search for paths over the ground.
 
-    From where an episode begins the robot keeps an occupancy grid of what it sees of the ground.
-    On the way home it takes what it has not seen for free, and finds the way anew as it sees more
-    (A. Stentz, Optimal and efficient path planning for partially-known environments, ICRA
-    1994); ways to ground that is not covered lead over ground seen to be free (B. Yamauchi, A
-    frontier-based approach for autonomous exploration, CIRA 1997).
+    From the start of an episode the robot keeps an occupancy grid of the ground that it sees. The
+    search for a path home treats unseen cells as free and is repeated as the robot sees more
+    (A. Stentz, Optimal and efficient path planning for partially-known environments, ICRA 1994).
+    Paths to uncovered ground use only cells seen to be free (B. Yamauchi, A frontier-based
+    approach for autonomous exploration, CIRA 1997).
     """
 
     worth: float = WORTH
-    """The known way home is left where it is this many times as long as one not known to be barred,
-    on which stretches close to things count twice."""
+    """The shortcut is preferred if the known way home is this many times as long. Stretches of the
+    shortcut close to obstacles count twice."""
     cell: float = 0.15
     """Side of a cell of the occupancy grid (m)."""
     reach: float = 7.0
-    """What lies farther away is not drawn (m)."""
+    """Maximum distance at which readings are drawn on the grid (m)."""
     radius: float = 0.28
-    """Ways keep the robot's middle so far from what is blocked (m)…"""
+    """Minimum distance of paths from occupied cells (m)."""
     wide: float = 0.45
-    """…and are twice as long to it where they come nearer than this (m)."""
+    """Distance from occupied cells below which paths count twice as long (m)."""
     margin: float = 8.0
-    """How far beyond robot and home ways home are searched for (m)."""
+    """Margin of the search for a path home around robot and home (m)."""
     first: float = 8.0
-    """Ground not covered is looked for no farther than this along the axes of the map (m)…"""
+    """Initial range of the search for uncovered ground, along the map's axes (m)."""
     last: float = 64.0
-    """…and where there is none twice as far, until it is as far as this (m)."""
+    """Maximum range of that search; the range doubles while nothing is found (m)."""
     ahead: float = 3.0
-    """The point shown is the farthest on the way that can be gone to straight, and no farther
-    than this (m)."""
+    """Maximum distance of the observed point, the farthest on the path that can be reached in a
+    straight line (m)."""
     every: int = 5
-    """Steps from each search to the next."""
+    """Number of steps between searches."""
 
     def __post_init__(self) -> None:
         sizes = "cell", "reach", "radius", "wide", "margin", "first", "last", "ahead"
@@ -64,17 +64,17 @@ class WayfindingConfig:
         self._check("last", self.first)
 
     def _check(self, name: str, least: float) -> None:
-        """Raise InputError for a number less than it may be, or NaN."""
+        """Raise InputError if a number is NaN or below its minimum."""
         found = getattr(self, name)
         if not found >= least:
             raise InputError(f"WayfindingConfig.{name}", f"at least {least:g}", str(found))
 
     def side(self, extent: float) -> int:
-        """Cells along each side of a grid for maps that reach so far from their origin (m)."""
+        """Return the cells along each side of a grid that reaches `extent` (m) from the origin."""
         return 2 * int(np.ceil((extent + self.reach) / self.cell))
 
     def occupancy(self, coverage: CoverageConfig) -> OccupancyParams:
-        """How the grids are drawn; the robot looks as often as at the ground that it covers."""
+        """Return the parameters of the grids; they are updated as often as coverage is."""
         return OccupancyParams(
             cell=self.cell,
             reach=self.reach,
@@ -86,7 +86,7 @@ class WayfindingConfig:
 
     @property
     def search(self) -> SearchParams:
-        """What the compiled searches go by."""
+        """Return the parameters of the compiled searches."""
         return SearchParams(
             cell=self.cell,
             radii=(self.radius / self.cell, self.wide / self.cell),
@@ -101,7 +101,7 @@ class WayfindingConfig:
 
 
 def empty_occupancy(robots: int) -> OccupancyGrids:
-    """The grids of so many robots, none of which has any cells yet."""
+    """Return the occupancy grids of `robots` robots, without cells."""
     return OccupancyGrids(
         grids=np.zeros((robots, 0), np.int8),
         sides=np.zeros(robots, np.int64),
@@ -114,10 +114,10 @@ def empty_occupancy(robots: int) -> OccupancyGrids:
 
 
 def with_occupancy(occupancy: OccupancyGrids, row: int, side: int) -> OccupancyGrids:
-    """The grids, with an empty one of so many cells along a side for one robot.
+    """Return the grids with a new, empty one of `side` × `side` cells for one robot.
 
-    These are the same arrays, written over; larger ones only where that is needed. A robot's
-    grid takes a byte a cell: half a megabyte for an office of 35 m by 25 m.
+    The arrays are changed in place; larger ones are made only if needed. A robot's grid takes one
+    byte per cell: half a megabyte for an office of 35 m by 25 m.
     """
     robots, room = occupancy.grids.shape
     if side * side > room:

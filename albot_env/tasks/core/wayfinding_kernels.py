@@ -1,8 +1,8 @@
-"""The compiled loops of wayfinding: occupancy grids of robots, and the ways found on them.
+"""Compiled loops of wayfinding: the robots' occupancy grids, and the paths found on them.
 
-At each step `update_occupancy` draws what a robot sees on its grid; every few steps
-`find_shortcut` and `find_onward` search the grid for ways, and what they found is kept until the
-next search. What the cells can be, see `albot_core.planning.grid_search`.
+At each step `update_occupancy` draws the robot's readings on its grid. Every few steps
+`find_shortcut` and `find_onward` search the grid for paths; their results are kept until the
+next search. `albot_core.planning.grid_search` defines the values of cells.
 """
 
 from __future__ import annotations
@@ -31,64 +31,65 @@ from albot_env.tasks.core.coverage_kernels import (
 )
 
 POINT, LENGTH = slice(0, 2), 2
-"""What `OccupancyGrids` holds of a way: a point ahead on it, and how long it is."""
+"""Columns of a way in `OccupancyGrids`: a point ahead on it, and its length."""
 _NOWHERE = (-1, -1)
-"""The goal of a search for wanted cells."""
+"""Goal of a search that ends at any wanted cell."""
 
 
 class OccupancyParams(NamedTuple):
-    """How occupancy grids are drawn."""
+    """Parameters of the occupancy grids."""
 
     cell: float
     """Side of a cell (m)."""
     reach: float
-    """What lies farther away is not drawn (m)."""
+    """Maximum distance at which readings are drawn (m)."""
     jump: float
-    """A belief that moves farther than this (m) from what the odometer says clears the grid."""
+    """A belief farther than this (m) from the odometry's prediction clears the grid."""
     spacing: float
-    """How far the robot comes between two looks (m)…"""
+    """The grid is updated each time the robot has moved this far (m)…"""
     turn: float
-    """…unless it turns by this much before (rad)."""
+    """…or turned this much (rad) since the last update."""
     every: int
-    """Steps from each search for ways to the next."""
+    """Number of steps between searches for ways."""
 
 
 class OccupancyGrids(NamedTuple):
-    """What robots have seen of the ground (map frames), and the ways found on it; a row each."""
+    """Occupancy grids (map frames) and the ways found on them, one row per robot."""
 
     grids: np.ndarray
-    """(n, cells) int8: what each cell is, row by row, x along a row."""
+    """(n, cells) int8: values of the cells, row by row, x along a row."""
     sides: np.ndarray
-    """(n,) int64: cells along each side; the map's origin is in the middle."""
+    """(n,) int64: number of cells along each side; the map's origin is at the centre."""
     ages: np.ndarray
-    """(n,) int64: steps since each was begun."""
+    """(n,) int64: number of steps since each grid was cleared."""
     moved: np.ndarray
-    """(n, 2) float64: way and turning since each was drawn on last (m, rad)."""
+    """(n, 2) float64: distance and turning since the last update of the grid (m, rad)."""
     beliefs: np.ndarray
-    """(n, 3) float64: where each robot believed to be at the last step (map frame)."""
+    """(n, 3) float64: believed pose at the last step (map frame)."""
     shortcuts: np.ndarray
-    """(n, 3) float64: the point ahead on the shortest way home that is not known to be barred
-    (map frame, m), and how long that way is, close to things twice as long (m); NaN and
-    infinite where there is none."""
+    """(n, 3) float64: the point ahead (map frame, m) on the shortest way home through free and
+    unseen cells, and the length of that way, doubled close to obstacles (m); NaN and infinite if
+    there is none."""
     onwards: np.ndarray
-    """(n, 3) float64: the same of the shortest way, over ground seen to be free, to ground that
-    is not covered."""
+    """(n, 3) float64: the same for the shortest way through cells seen to be free to uncovered
+    ground."""
 
 
 class SearchParams(NamedTuple):
-    """How ways are searched for (see `WayfindingConfig`); lengths in m."""
+    """Parameters of the search for ways (see `WayfindingConfig`); lengths in m."""
 
     cell: float
     radii: tuple[float, float]
-    """How near ways come to what is blocked, and where they are twice as long, in cells."""
+    """Minimum distance of ways from occupied cells, and distance below which they count twice as
+    long (cells)."""
     margin: float
     first: float
     last: float
     narrow: float
-    """Stretches shorter than this may lead close past things."""
+    """Stretches shorter than this may lead close past obstacles."""
     ahead: float
     at_goal: float
-    """A way that ends no farther from home than this leads there."""
+    """A way that ends within this distance of home leads home."""
     worth: float
 
 
@@ -102,9 +103,9 @@ def update_occupancy(
     belief: np.ndarray,
     ranges: np.ndarray,
 ) -> bool:
-    """Draw what robot i sees; return whether it is time to search for ways.
+    """Draw robot i's readings on its grid; return whether a search for ways is due.
 
-    A belief that has jumped begins an empty grid: what is drawn is not where it was.
+    If the belief has jumped, the grid is cleared first, because its contents are misplaced.
     """
     if occupancy.ages[i] and _has_jumped(occupancy.beliefs[i], motion, belief, params.jump):
         clear_occupancy(occupancy, i)
@@ -119,7 +120,7 @@ def update_occupancy(
 
 @kernel()
 def clear_occupancy(occupancy: OccupancyGrids, i: int) -> None:
-    """Let robot i know nothing of the ground."""
+    """Clear robot i's occupancy grid."""
     side = occupancy.sides[i]
     occupancy.grids[i, : side * side] = 0
     occupancy.ages[i] = 0
@@ -130,7 +131,7 @@ def clear_occupancy(occupancy: OccupancyGrids, i: int) -> None:
 
 @kernel()
 def _has_jumped(before: np.ndarray, motion: np.ndarray, now: np.ndarray, jump: float) -> bool:
-    """Whether a belief is elsewhere than the odometer's motion leads to."""
+    """Whether a belief differs from the odometry's prediction by more than `jump` (m)."""
     x, y, _ = compose(before, motion)
     return length_of(now[0] - x, now[1] - y) > jump
 
@@ -143,7 +144,7 @@ def _draw(
     belief: np.ndarray,
     ranges: np.ndarray,
 ) -> None:
-    """Draw a scan, where all of it is on the grid."""
+    """Draw a scan if all of it is on the grid."""
     cos, sin = math.cos(belief[2]), math.sin(belief[2])
     x, y = transform_point(belief, cos, sin, sensor.x, sensor.y)
     eye = np.array((x, y, belief[2] + sensor.first))
@@ -157,7 +158,7 @@ def _draw(
 def find_shortcut(
     occupancy: OccupancyGrids, i: int, search: SearchParams, home: np.ndarray
 ) -> None:
-    """Find robot i's shortest way home (map frame, m); ground not seen yet counts as free."""
+    """Find robot i's shortest way to `home` (map frame, m); unseen cells count as free."""
     way, belief, grid = occupancy.shortcuts[i], occupancy.beliefs[i], occupancy_of(occupancy, i)
     _forget_way(way)
     start, end = _cell(grid, belief, search.cell), _cell(grid, home, search.cell)
@@ -168,7 +169,7 @@ def find_shortcut(
     before = np.empty(part.shape, np.int64)
     here, goal = (start[0] - low[0], start[1] - low[1]), (end[0] - low[0], end[1] - low[1])
     ways, last = search_grid(part, here, search.radii, before, True, goal)
-    if last[0] < 0:  # Home is believed to be in or beside something: as near by as can be.
+    if last[0] < 0:  # Home is believed to be in or beside an obstacle: end as near as possible.
         last = nearest_reached(ways, goal[0], goal[1], int(search.at_goal / search.cell))
     if last[0] < 0:
         return
@@ -183,10 +184,10 @@ def find_shortcut(
 def find_onward(
     occupancy: OccupancyGrids, i: int, search: SearchParams, covered: CoverageGrid
 ) -> None:
-    """Find robot i's shortest way, over ground seen to be free, to ground not covered.
+    """Find robot i's shortest way, through cells seen to be free, to uncovered ground.
 
-    It looks near by first, which is much faster, and twice as far where all of that is covered
-    and there is more beyond.
+    The search starts with a small range, which is much faster, and doubles the range while it
+    finds nothing and may be limited by the range.
     """
     way, grid = occupancy.onwards[i], occupancy_of(occupancy, i)
     _forget_way(way)
@@ -213,9 +214,9 @@ def find_onward(
 def pick_shortcut(
     occupancy: OccupancyGrids, i: int, search: SearchParams, known: float
 ) -> np.ndarray:
-    """The point ahead (map frame, m) on a way home that is worth leaving the known one for.
+    """Return the point ahead (map frame, m) on a way home that is worth leaving the known one.
 
-    It is NaN where the known way home, so long (m), is not much longer.
+    It is NaN unless the known way home, of length `known` (m), is much longer.
     """
     way = occupancy.shortcuts[i]
     return way[POINT] if search.worth * way[LENGTH] < known else np.full(2, np.nan)
@@ -223,7 +224,7 @@ def pick_shortcut(
 
 @kernel(arrays=True)
 def pick_onward(occupancy: OccupancyGrids, i: int) -> np.ndarray:
-    """The point ahead (map frame, m) on the way to ground not covered; NaN for none."""
+    """Return the point ahead (map frame, m) on the way to uncovered ground; NaN for none."""
     return occupancy.onwards[i, POINT]
 
 
@@ -231,9 +232,9 @@ def pick_onward(occupancy: OccupancyGrids, i: int) -> np.ndarray:
 def _mark_uncovered(
     part: np.ndarray, low: tuple[int, int], half: int, cell: float, covered: CoverageGrid, i: int
 ) -> None:
-    """Mark the free cells of a part of a grid that are not covered, and could be.
+    """Mark the free cells of a part of a grid that are uncovered and inside the coverage grid.
 
-    `low` is the part's first cell, `half` how many cells before the map's origin the grid begins.
+    `low` is the part's first cell; `half` is the number of cells before the map's origin.
     """
     extent = covered.sides[i] / 2 * covered.cell
     for row in range(part.shape[0]):
@@ -247,7 +248,7 @@ def _mark_uncovered(
 
 @kernel()
 def _comes_to_the_edge(ways: np.ndarray, border: int) -> bool:
-    """Whether a search came to the edge of where it may: there may be more beyond."""
+    """Whether a search reached the edge of its range, so that there may be more beyond."""
     first, last = border, ways.shape[0] - 1 - border
     for k in range(first, last + 1):
         if max(ways[first, k], ways[last, k], ways[k, first], ways[k, last]) >= 0:
@@ -264,9 +265,9 @@ def _tell_way(
     search: SearchParams,
     way: np.ndarray,
 ) -> bool:
-    """Fill in the point ahead on a way of `cells` of a part; whether that is its end.
+    """Fill in the point ahead on a way of `cells` of a part; return whether it is the way's end.
 
-    Unknown cells that the way leads over are free to look across. `low` and `half` are as for
+    Unknown cells on the way count as free in the line-of-sight test. `low` and `half` are as in
     `_mark_uncovered`.
     """
     place = cells[0, 0] + 0.5, cells[0, 1] + 0.5
@@ -279,9 +280,9 @@ def _tell_way(
 
 @kernel()
 def _cell(grid: np.ndarray, place: np.ndarray, cell: float) -> tuple[int, int]:
-    """Row and column of a place (map frame, m)."""
+    """Return row and column of a position (map frame, m)."""
     half = grid.shape[0] // 2
-    # The origin is a corner of cells: rounding must not decide in which of them it is.
+    # The origin is a corner of cells: rounding must not decide which of them it belongs to.
     column, row = math.floor(place[0] / cell + 1e-6), math.floor(place[1] / cell + 1e-6)
     return row + half, column + half
 
@@ -290,7 +291,7 @@ def _cell(grid: np.ndarray, place: np.ndarray, cell: float) -> tuple[int, int]:
 def _box(
     grid: np.ndarray, one: tuple[int, int], other: tuple[int, int], margin: int
 ) -> tuple[tuple[int, int], tuple[int, int]]:
-    """First and last rows and columns about two cells, as far as the grid reaches."""
+    """Return the first and last rows and columns around two cells, clipped to the grid."""
     side = grid.shape[0]
     low = max(0, min(one[0], other[0]) - margin), max(0, min(one[1], other[1]) - margin)
     high_row = min(side, max(one[0], other[0]) + margin + 1)
@@ -302,7 +303,7 @@ def _box(
 def _is_inside(
     place: tuple[int, int], low: tuple[int, int], high: tuple[int, int], search: SearchParams
 ) -> bool:
-    """Whether a cell is where a search may come to in a part."""
+    """Whether a cell of a part is one that a search may reach."""
     border = int(search.radii[1])
     rows = low[0] + border <= place[0] < high[0] - border
     return bool(rows and low[1] + border <= place[1] < high[1] - border)
@@ -310,13 +311,13 @@ def _is_inside(
 
 @kernel(arrays=True)
 def occupancy_of(occupancy: OccupancyGrids, i: int) -> np.ndarray:
-    """Robot i's cells (side, side), to be read and written."""
+    """Return a writable view of robot i's cells (side, side)."""
     side = occupancy.sides[i]
     return occupancy.grids[i, : side * side].reshape((side, side))
 
 
 @kernel()
 def _forget_way(way: np.ndarray) -> None:
-    """Write that there is no such way."""
+    """Mark a way as not found."""
     way[POINT] = math.nan
     way[LENGTH] = math.inf

@@ -1,1 +1,1 @@
-"""`Albot/Explore-v0`: cover a building that was never seen before."""
+"""`Albot/Explore-v0`: cover an unknown building."""

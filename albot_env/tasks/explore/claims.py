@@ -1,13 +1,13 @@
-"""Claims: actions that say "I have been here before".
+"""Claims: actions that mean "I have been here before".
 
-A claim is one about readings. Where the mapper recognises places, the robot claims that it is where
-its mapper's matched reading was taken; where it does not, only that it has been in this place
-before. A claim of a matched reading is false where that was taken elsewhere (see
-`albot_maps.same_place`), and right where it was taken here on an earlier visit. Of the present
-visit it is true but worth nothing, and does not count. A claim without a reading is right on a
-later visit, and false on the first. A visit to a room begins as the robot comes in from another
-one. The first claim of a visit that counts is judged; claims within `SETTLED` of its beginning do
-not count.
+If the mapper recognises places, the robot claims that its current position is where the mapper's
+matched reading was taken. If not, it claims only that it has been in this place before. A claim
+with a matched reading is false if that reading was taken elsewhere (see `albot_maps.same_place`),
+and right if it was taken here on an earlier visit. If it was taken on the present visit, the
+claim is true but worth nothing and does not count. A claim without a reading is right on a later
+visit, and false on the first. A visit to a room begins when the robot comes in from another
+room. The first claim of a visit that counts is judged; claims within the first `SETTLED` metres
+of a visit do not count.
 """
 
 from __future__ import annotations
@@ -24,62 +24,62 @@ from albot_maps.same_place import NO_BARRIERS, Barriers, is_same_place
 
 @dataclass(frozen=True, kw_only=True)
 class ClaimingActionConfig(DeclaringActionConfig):
-    """Speed and turn rate, and a third number that claims to know the present place."""
+    """Speed and turn rate, and a third number that claims that the present place is known."""
 
     names: ClassVar[tuple[str, ...]] = ("speed", "turn rate", "claim")
 
 
 class Claims(NamedTuple):
-    """What robots claim, and what is needed to judge it; a row each."""
+    """The robots' claims and the data needed to judge them, one row per robot."""
 
     claims: np.ndarray
-    """(n,) bool: whether its action claims that it has been here before."""
+    """(n,) bool: whether the action claims that the robot has been here before."""
     matched: np.ndarray
-    """(n,) int64: the earlier reading that its mapper believes was taken here; -1 for none."""
+    """(n,) int64: earlier reading that the mapper matches with this place; -1 for none."""
     barriers: Barriers
-    """What parts the places of all worlds."""
+    """The barriers between the places of all worlds."""
     worlds: np.ndarray
-    """(n,) int64: the number of its world among those of the barriers."""
+    """(n,) int64: index of the robot's world in `barriers`."""
     points: np.ndarray
-    """(n, readings, 2) float32: where each of its readings was truly taken (world frame, m). No
-    columns where mappers recognise no places."""
+    """(n, readings, 2) float32: true position at each reading (world frame, m). No columns if the
+    mappers do not recognise places."""
     rooms: np.ndarray
-    """(n, readings) int32: in which room, -1 between rooms."""
+    """(n, readings) int32: room at each reading; -1 between rooms."""
     visits: np.ndarray
-    """(n, readings) int32: on which of its visits to rooms, counted from 1; 0 before the first."""
+    """(n, readings) int32: number of the room visit at each reading, from 1; 0 before the first."""
     visit: np.ndarray
-    """(n,) int64: the number of the present visit."""
+    """(n,) int64: number of the present visit."""
     room: np.ndarray
-    """(n,) int64: the room that it is in, or was in last; -1 for none yet."""
+    """(n,) int64: the present or else the latest room; -1 before the first."""
     since: np.ndarray
-    """(n,) float64: how far it had driven when the visit began (m)."""
+    """(n,) float64: path length at the beginning of the visit (m)."""
     returned: np.ndarray
-    """(n,) bool: whether it had been in that room before, and left it."""
+    """(n,) bool: whether the robot had been in that room before and left it."""
     judged: np.ndarray
-    """(n,) bool: whether it has claimed something on this visit."""
+    """(n,) bool: whether a claim was judged on this visit."""
     recognized: np.ndarray
-    """(n, most) bool: in which rooms it has claimed rightly."""
+    """(n, most) bool: rooms in which a claim was right."""
     counts: np.ndarray
-    """(n, 3) int64: how often it came into a room again, claimed rightly, and falsely."""
+    """(n, 3) int64: number of re-entries of rooms, of right claims, and of false claims."""
 
 
 SETTLED = 1.0
-"""So far a robot drives into a room until claims count (m): about a doorway a mapper may notice a
-little before or after that it is through."""
+"""Distance driven in a room before claims count (m): a mapper may notice that it is through a
+doorway a little before or after."""
 NOTHING, RIGHT, AGAIN, FALSE = 0, 1, 2, 3
-"""What a step's claim was: none to be judged; right; right once more in the same room; false."""
+"""Results of a step's claim: none judged; right; right once more in the same room; false."""
 
 _FIRST_ROOM = 512
-"""Readings for which there is room at first; it doubles as they come to more."""
+"""Initial number of readings that the arrays hold; it doubles when they are full."""
 
 
 def no_claims(robots: int, matched: np.ndarray | None) -> Claims:
-    """The claims of robots that have made none.
+    """Return the claims of robots that have made none.
 
     Args:
-        robots: How many.
-        matched: The readings that their mappers match, (n,) int64: an array that is written over;
-            None where the mappers recognise no places.
+        robots: Number of robots.
+        matched: The readings that the robots' mappers match, (n,) int64, an array that the mappers
+            overwrite; None if they do not recognise places.
     """
     readings = 0 if matched is None else _FIRST_ROOM
     return Claims(
@@ -101,7 +101,7 @@ def no_claims(robots: int, matched: np.ndarray | None) -> Claims:
 
 
 def with_room(claims: Claims, readings: int, rooms: int) -> Claims:
-    """Claims with room for so many readings and rooms; the same ones where there is enough."""
+    """Return claims with room for so many readings and rooms; the same arrays if they suffice."""
     known, kept = claims.recognized, claims.points.shape[1]
     if known.shape[1] < rooms:
         more = np.zeros((len(known), rooms - known.shape[1]), np.bool_)
@@ -118,7 +118,7 @@ def with_room(claims: Claims, readings: int, rooms: int) -> Claims:
 
 @kernel()
 def forget_claims(i: int, c: Claims) -> None:
-    """Let robot i begin anew."""
+    """Reset the claims of robot i."""
     c.recognized[i] = False
     c.counts[i] = 0
     c.room[i] = -1
@@ -130,16 +130,16 @@ def forget_claims(i: int, c: Claims) -> None:
 def judge_claim(
     i: int, reading: int, driven: float, pose: np.ndarray, room: int, is_new: bool, c: Claims
 ) -> int:
-    """Follow robot i to its latest reading, and judge its claim.
+    """Update robot i's visits with its latest reading, and judge its claim.
 
     Args:
-        i: Which robot.
-        reading: The number of the reading.
-        driven: How far the robot has driven (m).
-        pose: Where it truly is (3,) (world frame; m, rad).
-        room: The room of its world that it is in, -1 between rooms.
-        is_new: Whether it is in that room for the first time.
-        c: What all robots claim.
+        i: Index of the robot.
+        reading: Index of the reading.
+        driven: Path length so far (m).
+        pose: True pose (3,) (world frame; m, rad).
+        room: Index of the robot's room in its world; -1 between rooms.
+        is_new: Whether the robot is in that room for the first time.
+        c: The claims of all robots.
 
     Returns:
         NOTHING, RIGHT, AGAIN or FALSE.

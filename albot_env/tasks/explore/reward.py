@@ -1,4 +1,4 @@
-"""The reward for exploring: its terms, what each is worth, and when it is given."""
+"""The reward for exploring: its terms, their weights, and when they are given."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ExploreTerms(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class ExploreWeights(Weights):
-    """What the terms of the exploration reward are worth. A reward is their sum."""
+    """Weights of the terms of the exploration reward. The reward is their sum."""
 
     terms: ClassVar[Any] = ExploreTerms
 
@@ -36,8 +36,8 @@ class ExploreWeights(Weights):
     room: float = 1.0
     """For every room truly entered for the first time."""
     place_recognized: float = 0.5
-    """For the first right claim to have been here before (see `claims`); once for each room, or
-    going in and out of one would be all there is to do."""
+    """For the first right claim in a room (see `claims`). It is paid once per room, since otherwise
+    driving in and out of one room would be the best policy."""
     place_mistaken: float = -1.0
     """For every false claim."""
     collision: float = -0.1
@@ -49,9 +49,9 @@ class ExploreWeights(Weights):
 @KernelDispatcher
 @kernel(nogil=True)
 def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float) -> None:
-    """Bring the statistics of robots up to date at the end of a step (s), and its reward.
+    """Update statistics and rewards of robots at the end of a step of `elapsed` (s).
 
-    `arguments` holds the weights (`ExploreTerms`), the area (m²) of a cell of ground, whether each
+    `arguments` holds the weights (`ExploreTerms`), the area (m²) of a coverage cell, whether each
     robot touched something (n,), `BatchState`, `Progress`, `EpisodeStats` and `Claims`.
     """
     weights, cell_area, collided, state, progress, stats, claims = unpack(arguments)

@@ -1,4 +1,4 @@
-"""Exploration: robots that are to cover ground and enter rooms."""
+"""Exploration: robots that cover ground and enter rooms."""
 
 from __future__ import annotations
 
@@ -29,25 +29,25 @@ from albot_maps.same_place import NO_BARRIERS, with_barriers
 
 @dataclass(frozen=True, kw_only=True)
 class ExploreConfig:
-    """What actions ask for, how observations are scaled, and what is rewarded."""
+    """Parameters of actions, observations and rewards."""
 
     actions: ActionConfig = field(default_factory=ActionConfig)
-    """What actions ask for."""
+    """Speed and turn rate of actions."""
     claims: bool = True
-    """Whether actions have a third number, which claims to know the place (see `claims`)."""
+    """Whether actions have a third number, which claims that the place is known (see `claims`)."""
     observations: ObservationConfig = field(default_factory=ObservationConfig)
-    """How observations are scaled, and which ground counts as covered."""
+    """Parts and scales of observations, and the coverage grid."""
     weights: ExploreWeights = field(default_factory=ExploreWeights)
-    """What the reward's terms are worth."""
+    """Weights of the reward's terms."""
 
 
 class ExploreTask(BatchedRobots):
-    """Robots that are to cover as much ground and enter as many rooms as they can.
+    """Robots that cover as much ground and enter as many rooms as they can.
 
     Args:
-        robots: How many.
-        equipment: What they set out with.
-        config: What actions ask for, how observations are scaled, what is rewarded.
+        robots: Number of robots.
+        equipment: Equipment of the robots.
+        config: Parameters of actions, observations and rewards.
     """
 
     environment: ClassVar[str] = "Albot/Explore-v0"
@@ -75,7 +75,7 @@ class ExploreTask(BatchedRobots):
         self._worlds_barriers = WorldCache(robots, self._add_barriers, self._forget_barriers)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
-        """Let a robot set out anew with an empty map; call `observe` before all else."""
+        """Start a new episode with an empty map for a robot; call `observe` first."""
         super().begin(row, world, start, rng)
         self._claims.claims[row] = False
         self._claims = with_room(self._claims, 0, len(world.rooms))
@@ -84,7 +84,7 @@ class ExploreTask(BatchedRobots):
                 self._claims.worlds[other] = number
 
     def _add_barriers(self, world: World) -> int:
-        """Add what parts the places of one world more; return its number."""
+        """Add the barriers between one world's places; return the world's index."""
         barriers = with_barriers(self._claims.barriers, world)
         self._claims = self._claims._replace(barriers=barriers)
         return len(barriers.spans) - 1
@@ -93,12 +93,12 @@ class ExploreTask(BatchedRobots):
         self._claims = self._claims._replace(barriers=NO_BARRIERS)
 
     def act(self, numbers: Numbers) -> None:
-        """One control step of all robots with these actions, of which some may claim something."""
+        """Run one control step of all robots with these actions, some of which may be claims."""
         if isinstance(self.actions, ClaimingActionConfig):
             self._claims.claims[:] = self.actions.declares(numbers)
         super().act(numbers)
         if self._matches:
-            # No robot has more readings behind it than there were steps since there was room.
+            # A robot has no more readings than there were steps since the arrays had room.
             self._room_left -= 1
             if self._room_left < 0:
                 readings = int(self._stats.steps.max()) + 1
@@ -114,7 +114,7 @@ class ExploreTask(BatchedRobots):
         compute_reward(rows, self._arguments.arguments(self._claims), CONTROL_STEP)
 
     def _reward_arguments(self, claims: Claims) -> tuple[Any, ...]:
-        """The arguments of `compute_reward`."""
+        """Return the arguments of `compute_reward`."""
         return (
             self._weights,
             self._cell_area,
@@ -127,7 +127,7 @@ class ExploreTask(BatchedRobots):
 
     @property
     def facts(self) -> dict[str, np.ndarray]:
-        """The truth in numbers, for `info`: a row for each robot."""
+        """The true values for `info`, one row per robot."""
         returns, right, false = self._claims.counts.T
         claims = {"re_entries": returns, "right_claims": right, "false_claims": false}
         return super().facts | claims

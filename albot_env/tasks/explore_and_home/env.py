@@ -1,4 +1,4 @@
-"""`Albot/ExploreAndHome-v0`: explore, and be home before the time is up."""
+"""`Albot/ExploreAndHome-v0`: explore, and return home before the time is up."""
 
 from __future__ import annotations
 
@@ -8,51 +8,50 @@ from albot_env.tasks.explore_and_home.task import ExploreAndHomeTask
 
 
 class ExploreAndHomeEnv(SingleEnv[ExploreAndHomeTask]):
-    """A robot explores for a limited time, at whose end it must have come home.
+    """A robot explores for a limited time and must be home at the end of it.
 
     Description:
-        The robot of `Albot/Explore-v0` sets out with an empty map and a budget of time. It is to
-        cover as much ground and enter as many rooms as it can, to come back to where it
-        set out before the budget is spent, and to declare that it is home. A step is 0.1 s.
+        The robot of `Albot/Explore-v0` starts with an empty map and a time budget. Its task is to
+        cover as much ground and enter as many rooms as it can, to return to the start before the
+        budget is spent, and to declare that it is home. A step is 0.1 s.
 
     Action space:
         `Box(-1, 1, (3,), float32)`: speed and turn rate, as shares of `DeclaringActionConfig`,
-        and a number that declares above 0.5: "where I am at the end of this step is home".
-        Numbers beyond ±1 count as ±1. Another shape, NaN and infinity are an `InputError`.
+        and a number that, above 0.5, declares: "my position at the end of this step is home".
+        Numbers beyond ±1 are clipped. Another shape, NaN and infinity raise an `InputError`.
 
     Observation space:
-        As in `Albot/Homing-v0`, and a part `time_left`: what is left of the budget, which
-        the robot knows, 1 at `ObservationConfig.time_range` (ten minutes) and more,
-        -1 when it is spent, in between logarithmic.
+        As in `Albot/Homing-v0`, and a part `time_left`, the remaining budget, which the robot
+        knows: 1 at `ObservationConfig.time_range` (ten minutes) and more, -1 when it is spent,
+        logarithmic in between.
 
     Rewards:
-        The sum of the terms of `ExploreAndHomeWeights`; each stands in `info["reward_terms"]`.
+        The sum of the terms of `ExploreAndHomeWeights`; `info["reward_terms"]` holds each term.
 
     Starting state:
         As in `Albot/Explore-v0`; the budget is drawn from `ExploreAndHomeConfig` (120 to 300 s).
 
     Episode end:
-        Terminated by the declaration, wherever the robot is, or when the budget is spent: that is
-        part of the task, not a limit from outside, and what is left of it is observed
-        (Pardo et al., Time limits in reinforcement learning, ICML 2018). A success
-        is a declaration, and nothing but a declaration, within `ExploreAndHomeConfig.radius` (1 m)
-        of the true start, by a robot that has truly covered `ground` (40 m²) or `share` (half) of
-        the ground that can be reached, whichever is less. Truncated after
-        `max_episode_steps` (never, unless `gymnasium.make` is told).
+        Terminated by the declaration, wherever the robot is, or when the budget is spent. The
+        latter is termination, not truncation, because the budget is part of the task and the
+        remaining time is observed (Pardo et al., Time limits in reinforcement learning, ICML
+        2018). The only success is a declaration within `ExploreAndHomeConfig.radius` (1 m) of the
+        true start, by a robot that has truly covered `ground` (40 m²) or `share` (half) of the
+        reachable ground, whichever is less. Truncated after `max_episode_steps` (never, unless
+        `gymnasium.make` is given a number).
 
     Info:
-        What `Albot/Explore-v0` gives but of claims, and: `is_success`, `declared`, `time_left` (s),
-        `distance_home` (m; the shortest way for a robot of this width, things that move left
-        out), `farthest_distance_home` (m; the longest that this has been), `next_turn_home`
-        (x, y in the world's frame, m), `spl` (success × `farthest_distance_home` / the
-        longer of it and the way driven since the robot was there: how straight it came home), and
-        `soft_spl` (the share of `farthest_distance_home` that it has come back, in place of
-        success).
+        The same as in `Albot/Explore-v0` except for claims, and: `is_success`, `declared`,
+        `time_left` (s), `distance_home` (m; the shortest path for a robot of this width, without
+        dynamic obstacles), `farthest_distance_home` (m; the maximum of `distance_home` so far),
+        `next_turn_home` (x, y in the world frame, m), `spl` (success × `farthest_distance_home` /
+        max(`farthest_distance_home`, path length since the robot was there): how straight it
+        came home), and `soft_spl` (the same with the share of `farthest_distance_home` that it
+        has come back in place of success).
 
     Args:
         world: A world spec, a world, or worlds (see `albot_maps.load_worlds`).
-        config: What actions ask for, how observations are scaled, what is rewarded, and how
-            long the robot has.
+        config: Parameters of actions, observations, rewards and the time budget.
         settings: See `Settings`; and `render_mode`.
 
     Raises:
@@ -63,9 +62,9 @@ class ExploreAndHomeEnv(SingleEnv[ExploreAndHomeTask]):
 
 
 class ExploreAndHomeVectorEnv(VectorEnv[ExploreAndHomeTask]):
-    """Robots that explore and come home, each as in an `ExploreAndHomeEnv` of its own.
+    """Robots that explore and come home, each as in its own `ExploreAndHomeEnv`.
 
-    See there for everything, and `VectorEnv` for what it takes besides.
+    See `ExploreAndHomeEnv` for the task and `VectorEnv` for the further arguments.
     """
 
     task = ExploreAndHomeTask

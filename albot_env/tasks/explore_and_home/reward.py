@@ -1,4 +1,4 @@
-"""The reward for exploring and coming home in time: its terms, their worth, when it is given."""
+"""The reward for exploring and coming home in time: its terms, and their weights."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class ExploreAndHomeTerms(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class ExploreAndHomeWeights(Weights):
-    """What the terms of the reward for exploring and coming home are worth. A reward is their sum.
+    """Weights of the terms of the reward for exploring and coming home. The reward is their sum.
 
     Progress is shaped by a potential that grows with time (Devlin and Kudenko, Dynamic
-    potential-based reward shaping, AAMAS 2012): Φ = -`progress` · true way home (m) · share of
-    the budget that is spent, and 0 once the episode is over. It lets the robot go away
-    at first and draws it home towards the end. As in `HomingWeights` the discounted terms sum
-    to -Φ of the beginning, which is 0, whatever the robot did: the best policy is the one
-    without shaping.
+    potential-based reward shaping, AAMAS 2012): Φ = -`progress` · true way home (m) · share of the
+    budget that is spent, and 0 once the episode is over. It lets the robot go away at first and
+    draws it home towards the end. As in `HomingWeights`, the discounted terms sum to -Φ of the
+    beginning, which is 0, whatever the robot did: the best policy is the same as without
+    shaping.
     """
 
     terms: ClassVar[Any] = ExploreAndHomeTerms
@@ -48,45 +48,45 @@ class ExploreAndHomeWeights(Weights):
     room: float = 1.0
     """For every room truly entered for the first time."""
     success: float = 10.0
-    """For declaring home where it is, in time and with enough ground covered."""
+    """For a true declaration of home, in time and with enough ground covered."""
     false_declaration: float = -5.0
-    """For declaring home elsewhere, or having covered too little."""
+    """For a declaration elsewhere, or with too little ground covered."""
     late: float = -5.0
-    """For having declared nothing when the budget is spent."""
+    """For no declaration before the budget is spent."""
     progress: float = 0.1
-    """For every metre that the way home gets shorter when time is up (1/m), see above."""
+    """For every metre by which the way home gets shorter when time is up (1/m), see above."""
     collision: float = -0.1
     """For every step in contact with something."""
     time: float = 0.0
-    """For every second that passes (1/s): the budget is what presses."""
+    """For every second that passes (1/s); 0 because the budget already limits the time."""
     discount: float = 0.995
-    """The learner's own discount factor γ, of a step: with another one the best policy may
-    change."""
+    """The learner's discount factor γ per step. If the learner uses another one, the best policy
+    may change."""
 
 
 class ExploreAndHomeStats(NamedTuple):
-    """How robots fare that are to be home in time, a row each."""
+    """The robots' progress in exploring and coming home, one row per robot."""
 
     budgets: np.ndarray
-    """(n,) int64: how many steps each has in all."""
+    """(n,) int64: total number of steps in the budget."""
     time_left: np.ndarray
-    """(n,) float64: what is left of that (s)."""
+    """(n,) float64: remaining time (s)."""
     distances: np.ndarray
-    """(n,) float64: the true way home (m)."""
+    """(n,) float64: true geodesic distance home (m)."""
     turns: np.ndarray
-    """(n, 2) float64: where the true way home turns next (m, world frame)."""
+    """(n, 2) float64: next turn of the true way home (m, world frame)."""
     farthest: np.ndarray
-    """(n,) float64: the longest that the way home has been (m)."""
+    """(n,) float64: maximum distance home so far (m)."""
     driven: np.ndarray
-    """(n,) float64: how far it has truly driven since it was farthest from home (m)."""
+    """(n,) float64: true path length since the robot was farthest from home (m)."""
     declares: np.ndarray
-    """(n,) bool: whether its action declares that this is home."""
+    """(n,) bool: whether the action declares home."""
     declared: np.ndarray
-    """(n,) bool: whether it has declared so."""
+    """(n,) bool: whether the robot has declared home."""
     success: np.ndarray
-    """(n,) bool: whether that was true, with enough ground covered."""
+    """(n,) bool: whether the declaration was true, with enough ground covered."""
     ended: np.ndarray
-    """(n,) bool: whether its episode is over."""
+    """(n,) bool: whether the episode is over."""
     spl: np.ndarray
     """(n,) float64: success weighted by the length of the way back from where it was farthest."""
     soft_spl: np.ndarray
@@ -94,22 +94,22 @@ class ExploreAndHomeStats(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """What a round trip must have been to be a success, and how time is shown."""
+    """Conditions of success, and how the remaining time is observed."""
 
     radius: float
-    """How near home is home (m)."""
+    """Radius of home (m)."""
     ground: float
-    """Ground that must be covered (m²)…"""
+    """Ground that must be covered (m²)."""
     share: float
-    """…or this share of what can be reached, where that is less."""
+    """Share of the reachable ground that suffices if it is less."""
     time_scale: LogScale
-    """The scale on which the time left (s) is shown…"""
+    """Scale of the remaining time (s)."""
     time_at: int
-    """…and where in observations it stands; -1 where it is not shown."""
+    """Index of the remaining time in observations; -1 if it is not observed."""
 
 
 def new_explore_and_home_stats(robots: int) -> ExploreAndHomeStats:
-    """Those of so many robots that have not begun."""
+    """Return the statistics of robots that have not begun."""
     return ExploreAndHomeStats(
         budgets=np.ones(robots, np.int64),
         time_left=np.zeros(robots),
@@ -131,11 +131,11 @@ def new_explore_and_home_stats(robots: int) -> ExploreAndHomeStats:
 def compute_reward(
     rows: np.ndarray, arguments: KernelArguments, elapsed: float, observations: np.ndarray
 ) -> None:
-    """Bring the statistics of robots up to date at the end of a step (s), and its reward.
+    """Update statistics and rewards of robots at the end of a step of `elapsed` (s).
 
-    The time left is filled into each one's row of `observations`. `arguments` holds the weights
-    (`ExploreAndHomeTerms`) and the discount of the reward, `Rules`, the area (m²) of a cell of
-    ground, whether each robot touched something (n,), `DistanceFields`, `BatchState`, `Progress`,
+    The remaining time is filled into each robot's row of `observations`. `arguments` holds the
+    weights (`ExploreAndHomeTerms`), the discount, `Rules`, the area (m²) of a coverage cell,
+    whether each robot touched something (n,), `DistanceFields`, `BatchState`, `Progress`,
     `EpisodeStats` and `ExploreAndHomeStats`.
     """
     weights, discount, rules, cell_area, collided, fields, state, progress, stats, trip = unpack(
@@ -158,7 +158,7 @@ def compute_reward(
             explored = progress.ground[i] * cell_area >= enough
             trip.success[i] = success = declared and explored and apart <= rules.radius
             trip.ended[i] = ended = declared or steps >= budget
-            # What home is worth as time goes by: see `ExploreAndHomeWeights`.
+            # The weight of the way home grows with time: see `ExploreAndHomeWeights`.
             drawn = before * (steps - 1) / budget
             if not ended:
                 drawn -= discount * trip.distances[i] * steps / budget

@@ -1,4 +1,4 @@
-"""Exploring and coming home: robots that explore and are to be home before their time is up."""
+"""Exploring and coming home: robots that explore and return home before their time is up."""
 
 from __future__ import annotations
 
@@ -36,27 +36,27 @@ from albot_maps import World
 
 @dataclass(frozen=True, kw_only=True)
 class ExploreAndHomeConfig:
-    """What actions ask for, how observations are scaled, what is rewarded, and the budget."""
+    """Parameters of actions, observations, rewards and the time budget."""
 
     actions: DeclaringActionConfig = field(default_factory=DeclaringActionConfig)
-    """What actions ask for."""
+    """Speed and turn rate of actions, and the declaration."""
     observations: ObservationConfig = field(
         default_factory=lambda: ObservationConfig(parts=EXPLORE_AND_HOME_PARTS)
     )
-    """How observations are scaled, and which ground counts as covered."""
+    """Parts and scales of observations, and the coverage grid."""
     weights: ExploreAndHomeWeights = field(default_factory=ExploreAndHomeWeights)
-    """What the reward's terms are worth."""
+    """Weights of the reward's terms."""
     shortest: float = 120.0
-    """The time that a robot has in all is drawn from this (s)…"""
+    """Minimum time budget, which is drawn uniformly (s)."""
     longest: float = 300.0
-    """…to this, each as likely."""
+    """Maximum time budget (s)."""
     radius: float = 1.0
-    """How near to where the robot set out is home (m), as the crow flies."""
+    """Straight-line distance from the start within which the robot is home (m)."""
     ground: float = 40.0
-    """A success takes so much ground covered (m²)…"""
+    """Ground that must be covered for success (m²)."""
     share: float = 0.5
-    """…or this share of what can be reached, where that is less: to stay at home
-    is not to explore."""
+    """Share of the reachable ground that suffices if it is less than `ground`. Without these
+    conditions, staying at home would be a success."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "shortest", "longest", "radius")
@@ -68,12 +68,12 @@ class ExploreAndHomeConfig:
 
 
 class ExploreAndHomeTask(BatchedRobots):
-    """Robots that are to explore, and to be home before their time is up.
+    """Robots that explore and return home before their time is up.
 
     Args:
-        robots: How many.
-        equipment: What they set out with.
-        config: What actions ask for, how observations are scaled, what is rewarded.
+        robots: Number of robots.
+        equipment: Equipment of the robots.
+        config: Parameters of actions, observations, rewards and the time budget.
     """
 
     environment: ClassVar[str] = "Albot/ExploreAndHome-v0"
@@ -98,7 +98,7 @@ class ExploreAndHomeTask(BatchedRobots):
         self._trips = new_explore_and_home_stats(robots)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
-        """Let a robot set out anew with an empty map, for a time that is drawn."""
+        """Start a new episode with an empty map and a random time budget for a robot."""
         time = rng.uniform(self._config.shortest, self._config.longest)
         super().begin(row, world, start, rng)
         self._trips.budgets[row] = max(1, round(time / CONTROL_STEP))
@@ -106,7 +106,7 @@ class ExploreAndHomeTask(BatchedRobots):
         update_way_home(row, float(start[0]), float(start[1]), self._fields, self._trips)
 
     def act(self, numbers: Numbers) -> None:
-        """One control step of all robots with these actions, of which some declare home."""
+        """Run one control step of all robots with these actions, some of which may declare home."""
         self._trips.declares[:] = self._config.actions.declares(numbers)
         super().act(numbers)
 
@@ -115,7 +115,7 @@ class ExploreAndHomeTask(BatchedRobots):
         compute_reward(rows, arguments, CONTROL_STEP, self.observations)
 
     def _reward_arguments(self, fields: DistanceFields) -> tuple[Any, ...]:
-        """The arguments of `compute_reward`."""
+        """Return the arguments of `compute_reward`."""
         config, weights = self._config, self._config.weights
         shown = self.observing.time_scale, self.observing.layout.time_left
         rules = Rules(config.radius, config.ground, config.share, *shown)
@@ -134,12 +134,12 @@ class ExploreAndHomeTask(BatchedRobots):
 
     @property
     def ended(self) -> Bool[np.ndarray, "robots"]:
-        """Which robots have declared home, or have no time left."""
+        """Which robots have declared home or have no time left."""
         return self._trips.ended
 
     @property
     def facts(self) -> dict[str, np.ndarray]:
-        """The truth in numbers, for `info`: a row for each robot."""
+        """The true values for `info`, one row per robot."""
         trips = self._trips
         return super().facts | {
             "is_success": trips.success,

@@ -1,7 +1,7 @@
-"""Outward journeys: how robots that are to find home got to where they are.
+"""Outward journeys: how homing robots got to where their episodes begin.
 
-A robot that is to go home has first explored, by the gap explorer of `albot_core.planning`,
-and so filled its map.
+On its outward journey a robot explores, controlled by the gap explorer of
+`albot_core.planning`, and so builds its map.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from albot_core.errors import InputError
 from albot_core.planning.gap_explorer import GapExplorer, GapExplorerConfig
 from albot_core.planning.percept import Percept
 from albot_env.tasks.core.actions import ActionConfig
+from albot_env.tasks.core.episode_snapshot import EpisodeSnapshot
 from albot_env.tasks.core.journeys import Journeys, JourneySpec
 from albot_env.tasks.core.observation import ObservationConfig
-from albot_env.tasks.core.robots import BatchedRobots, EpisodeSnapshot
+from albot_env.tasks.core.robots import BatchedRobots
 from albot_env.tasks.core.settings import Equipment
 from albot_maps import ROBOT_RADIUS, World
 from albot_maps.geodesic import DistanceField
@@ -25,14 +26,14 @@ from albot_maps.geodesic import DistanceField
 
 @dataclass(frozen=True, kw_only=True)
 class OutwardJourneyConfig:
-    """How long outward journeys are."""
+    """Length of outward journeys."""
 
     shortest: float = 30.0
-    """The length of a journey is drawn from this (m)…"""
+    """Minimum length of a journey, which is drawn uniformly (m)."""
     longest: float = 100.0
-    """…to this, each as likely."""
+    """Maximum length of a journey (m)."""
     away: float = 5.0
-    """It goes on where the way home from its end would be shorter (m)."""
+    """A journey is extended while the way home from its end is shorter than this (m)."""
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -45,36 +46,36 @@ class OutwardJourneyConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OutwardJourney:
-    """An outward journey that is over."""
+    """A completed outward journey."""
 
     world: World
-    """Where it was."""
+    """World of the journey."""
     end: EpisodeSnapshot
-    """The robot at its end."""
+    """State of the robot at the end."""
     field: DistanceField
-    """How far it is home from everywhere."""
+    """Geodesic distances home from everywhere."""
     cut_short: bool
-    """Whether the robot got stuck before it came as far as it was to."""
+    """Whether the robot got stuck before it had driven the drawn length."""
 
 
 class OutwardJourneys(Journeys[OutwardJourney]):
-    """Makes outward journeys, and keeps them.
+    """Makes outward journeys, and caches them.
 
     Args:
-        environment: Its id, for the errors.
-        equipment: What the robots set out with.
-        observations: How they look at the ground that they cover.
-        config: How long journeys are.
-        count: How many different ones there are from a start; 0 for a new one each time.
+        environment: Id of the environment, for error messages.
+        equipment: Equipment of the robots.
+        observations: Observation config of the robots, including coverage.
+        config: Length of journeys.
+        count: Number of different journeys per start; 0 for a new one each time.
 
     Raises:
-        InputError: The number of journeys is negative.
+        InputError: `count` is negative.
     """
 
     _STEPS_PER_METRE = 40
-    """Steps after which the robot is stuck, for each metre of a journey…"""
+    """Step limit per metre of a journey, after which the robot counts as stuck."""
     _STEPS = 400
-    """…and besides."""
+    """Constant part of the step limit."""
 
     def __init__(
         self,
@@ -87,7 +88,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         seen = observations.coverage, observations.laser_range
         super().__init__(environment, (replace(equipment, threads=1), *seen, config), count)
         self._config = config
-        # Robots share journeys that are shown more of the ground than those they were made for.
+        # The scout always observes coverage, so that robots that do can use its journeys, too.
         parts = dict.fromkeys((*observations.parts, "coverage"))
         self._scout = BatchedRobots(
             1,
@@ -127,7 +128,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         )
 
     def _percept(self) -> Percept:
-        """What the explorer goes by now."""
+        """Return the explorer's current input."""
         scout = self._scout
         return Percept(
             ranges=np.minimum(scout.ranges[0], scout.observing.laser_range),

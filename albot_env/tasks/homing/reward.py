@@ -1,4 +1,4 @@
-"""The reward for coming home: its terms, what each is worth, and when it is given."""
+"""The reward for coming home: its terms, their weights, and when they are given."""
 
 from __future__ import annotations
 
@@ -29,56 +29,56 @@ class HomingTerms(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class HomingWeights(Weights):
-    """What the terms of the homing reward are worth. A reward is their sum.
+    """Weights of the terms of the homing reward. The reward is their sum.
 
-    Progress is shaped by a potential (Ng, Harada and Russell, Policy invariance under reward
-    transformations, ICML 1999): Φ = -`progress` · true way home (m), and 0 once
-    home was declared; and so is which way the robot looks, by Φ = -`facing` · (1 - cos α) / 2, α
-    from its heading to where the true way home turns next. A step is worth `discount` · Φ after
-    it - Φ before it, so that the discounted terms of an episode that ends with a declaration
-    sum to -Φ of its beginning, whatever way the robot took, and the best policy is the one
-    without shaping.
+    Two terms are potential-based shaping (Ng, Harada and Russell, Policy invariance under reward
+    transformations, ICML 1999). Progress has the potential Φ = -`progress` · true way home (m).
+    Facing has Φ = -`facing` · (1 - cos α) / 2, where α is the angle from the robot's heading to
+    the next turn of the true way home. Both potentials are 0 once home is declared. A step's term
+    is `discount` · Φ after it - Φ before it. So the discounted terms of an episode that ends with a
+    declaration sum to -Φ of its beginning, whatever path the robot took, and the best policy is
+    the same as without shaping.
     """
 
     terms: ClassVar[Any] = HomingTerms
 
     success: float = 10.0
-    """For declaring home where it is."""
+    """For a true declaration of home."""
     false_declaration: float = -5.0
-    """For declaring home elsewhere."""
+    """For a declaration elsewhere."""
     progress: float = 0.1
-    """For every metre that the way home gets shorter (1/m), see above."""
+    """For every metre by which the way home gets shorter (1/m), see above."""
     facing: float = 0.5
-    """For turning from right away from the way home to face it, see above: without it learners
-    who set out the wrong way drive on rather than turn."""
+    """For turning from facing away from the way home to facing it, see above. Without it, learners
+    that start facing the wrong way drive on rather than turn."""
     collision: float = -0.1
     """For every step in contact with something."""
     time: float = -0.01
     """For every second that passes (1/s)."""
     discount: float = 0.995
-    """The learner's own discount factor γ, of a step: with another one the best policy may
-    change."""
+    """The learner's discount factor γ per step. If the learner uses another one, the best policy
+    may change."""
 
 
 class HomingStats(NamedTuple):
-    """How far robots have come on their way home, a row each."""
+    """The robots' progress on their way home, one row per robot."""
 
     distances: np.ndarray
-    """(n,) float64: the true way home (m)."""
+    """(n,) float64: true geodesic distance home (m)."""
     initial: np.ndarray
     """(n,) float64: the same at the beginning (m)."""
     aversions: np.ndarray
-    """(n,) float64: how far it looks away from where that turns next, from 0 to 1 right behind."""
+    """(n,) float64: how far the robot faces away from the next turn: 0 facing it, 1 opposite."""
     driven: np.ndarray
-    """(n,) float64: how far it has truly driven since (m)."""
+    """(n,) float64: true path length since the beginning (m)."""
     turns: np.ndarray
-    """(n, 2) float64: where the true way home turns next (m, world frame)."""
+    """(n, 2) float64: next turn of the true way home (m, world frame)."""
     declares: np.ndarray
-    """(n,) bool: whether its action declares that this is home."""
+    """(n,) bool: whether the action declares home."""
     declared: np.ndarray
-    """(n,) bool: whether it has declared so."""
+    """(n,) bool: whether the robot has declared home."""
     success: np.ndarray
-    """(n,) bool: whether that was true."""
+    """(n,) bool: whether the declaration was true."""
     spl: np.ndarray
     """(n,) float64: success weighted by path length."""
     soft_spl: np.ndarray
@@ -86,7 +86,7 @@ class HomingStats(NamedTuple):
 
 
 def new_homing_stats(robots: int) -> HomingStats:
-    """Those of so many robots that have not begun."""
+    """Return the statistics of robots that have not begun."""
     return HomingStats(
         distances=np.zeros(robots),
         initial=np.zeros(robots),
@@ -104,11 +104,11 @@ def new_homing_stats(robots: int) -> HomingStats:
 @KernelDispatcher
 @kernel(nogil=True)
 def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float) -> None:
-    """Bring the statistics of robots up to date at the end of a step (s), and its reward.
+    """Update statistics and rewards of robots at the end of a step of `elapsed` (s).
 
-    `arguments` holds the weights (`HomingTerms`) and the discount of the reward, how near home (m)
-    counts as home, the area (m²) of a cell of ground, whether each robot touched something
-    (n,), `DistanceFields`, `BatchState`, `Progress`, `EpisodeStats` and `HomingStats`.
+    `arguments` holds the weights (`HomingTerms`), the discount, the radius of home (m), the area
+    (m²) of a coverage cell, whether each robot touched something (n,), `DistanceFields`,
+    `BatchState`, `Progress`, `EpisodeStats` and `HomingStats`.
     """
     weights, discount, radius, cell_area, collided, fields, state, progress, stats, homing = unpack(
         arguments
@@ -151,7 +151,7 @@ def compute_reward(rows: np.ndarray, arguments: KernelArguments, elapsed: float)
 
 @kernel()
 def _aversion(pose: np.ndarray, turn: np.ndarray) -> float:
-    """How far a robot looks away from a point, (1 - cos) / 2: 0 ahead, 1 right behind."""
+    """Return how far a robot faces away from a point, (1 - cos) / 2: 0 facing it, 1 opposite."""
     east, north = turn[0] - pose[0], turn[1] - pose[1]
     away = length_of(east, north)
     if away == 0.0:

@@ -1,4 +1,4 @@
-"""Homing: robots that are to find home again, and to say so."""
+"""Homing: robots that find their way home and declare it."""
 
 from __future__ import annotations
 
@@ -33,20 +33,20 @@ from albot_maps import World
 
 @dataclass(frozen=True, kw_only=True)
 class HomingConfig:
-    """What actions ask for, how observations are scaled, what is rewarded, and the way out."""
+    """Parameters of actions, observations, rewards and outward journeys."""
 
     actions: DeclaringActionConfig = field(default_factory=DeclaringActionConfig)
-    """What actions ask for."""
+    """Speed and turn rate of actions, and the declaration."""
     observations: ObservationConfig = field(
         default_factory=lambda: ObservationConfig(parts=HOMING_PARTS)
     )
-    """How observations are scaled, and which ground counts as covered."""
+    """Parts and scales of observations, and the coverage grid."""
     weights: HomingWeights = field(default_factory=HomingWeights)
-    """What the reward's terms are worth."""
+    """Weights of the reward's terms."""
     outing: OutwardJourneyConfig = field(default_factory=OutwardJourneyConfig)
-    """How long outward journeys are."""
+    """Length of outward journeys."""
     radius: float = 1.0
-    """How near to where the robot set out is home (m), as the crow flies."""
+    """Straight-line distance from the start within which the robot is home (m)."""
 
     def __post_init__(self) -> None:
         if not 0 < self.radius < np.inf:
@@ -54,16 +54,16 @@ class HomingConfig:
 
 
 class HomingTask(BatchedRobots):
-    """Robots that have explored and are to drive home.
+    """Robots that have explored and drive home.
 
     Args:
-        robots: How many.
-        equipment: What they set out with.
-        config: What actions ask for, how observations are scaled, what is rewarded.
-        journeys: How many outward journeys there are from a start; 0 for a new one each time.
+        robots: Number of robots.
+        equipment: Equipment of the robots.
+        config: Parameters of actions, observations, rewards and outward journeys.
+        journeys: Number of outward journeys per start; 0 for a new one each time.
 
     Raises:
-        InputError: The number of journeys is negative, or there is no such mapper.
+        InputError: `journeys` is negative, or the mapper is unknown.
     """
 
     environment: ClassVar[str] = "Albot/Homing-v0"
@@ -93,9 +93,9 @@ class HomingTask(BatchedRobots):
         self._homing = new_homing_stats(robots)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
-        """Let a robot begin at the end of an outward journey, with what it has seen on it."""
+        """Start a robot's episode in the state at the end of an outward journey."""
         journey = self._outward_journeys.draw(world, start, rng)
-        # Those who share a journey share no noise afterwards.
+        # Robots that share a journey must not share the noise after it.
         self.restore(row, world, journey.end, draw_key(rng) if self._shared else None)
         self.begin_return(row)
         self._outward_lengths[row] = journey.end.path_length
@@ -105,7 +105,7 @@ class HomingTask(BatchedRobots):
         update_way_home(row, x, y, self._fields, self._homing)
 
     def act(self, numbers: Numbers) -> None:
-        """One control step of all robots with these actions, of which some declare home."""
+        """Run one control step of all robots with these actions, some of which may declare home."""
         self._homing.declares[:] = self._config.actions.declares(numbers)
         super().act(numbers)
 
@@ -118,7 +118,7 @@ class HomingTask(BatchedRobots):
         compute_reward(rows, self._arguments.arguments(self._fields), CONTROL_STEP)
 
     def _reward_arguments(self, fields: DistanceFields) -> tuple[Any, ...]:
-        """The arguments of `compute_reward`."""
+        """Return the arguments of `compute_reward`."""
         return (
             self._config.weights.values,
             self._config.weights.discount,
@@ -139,7 +139,7 @@ class HomingTask(BatchedRobots):
 
     @property
     def facts(self) -> dict[str, np.ndarray]:
-        """The truth in numbers, for `info`: a row for each robot."""
+        """The true values for `info`, one row per robot."""
         homing = self._homing
         return super().facts | {
             "is_success": homing.success,

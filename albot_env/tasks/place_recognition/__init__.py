@@ -1,1 +1,1 @@
-"""`Albot/PlaceRecognition-v0`: say at each stop which earlier stop was here, if any."""
+"""`Albot/PlaceRecognition-v0`: say at each stop which earlier stop was at this place, if any."""

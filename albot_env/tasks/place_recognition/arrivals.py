@@ -1,7 +1,7 @@
-"""Arrivals: what a robot remembers of the places where it stopped, and how they compare.
+"""Arrivals: descriptors of the places where a robot stopped, and their comparison.
 
-All of it is a function of the readings alone: the mapper, which saw nothing else, says where
-the robot believes to be, the laser what stands around.
+All of it is a function of the readings alone: the mapper, whose only input is the readings,
+gives the believed pose, and the laser gives the surroundings.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ from albot_env.tasks.place_recognition.spaces import FEATURES
 FARTHEST = 50.0
 """Believed distance shown as 1 (m)."""
 LONGEST = 500.0
-"""Way shown as 1 (m)."""
+"""Distance driven shown as 1 (m)."""
 PAST = 3.0
-"""Sight beyond the other's place shown as 1 (m); as much short of it is -1."""
+"""Free sight beyond the other arrival's position shown as 1 (m); the same short of it is -1."""
 SHIFT = 3.0
 """Correction of the believed distance shown as 1 (m)."""
 TURN = math.radians(45.0)
 """Correction of the believed heading shown as 1 (rad)."""
 MATCHES = 16
-"""Surfaces in common shown as 1."""
+"""Number of common surfaces shown as 1."""
 LARGEST = 28
-"""Of what is seen around only so many surfaces are compared, the longest."""
+"""Maximum number of surfaces around an arrival that are compared; the longest are used."""
 
 _MATCH = MatchConfig()
 _VIEW = ViewConfig(fit_lines=True)
@@ -46,25 +46,25 @@ _VIEW = ViewConfig(fit_lines=True)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlaceDescriptor:
-    """What a robot remembers of a place where it stopped and looked around."""
+    """Descriptor of a place where the robot stopped and looked around."""
 
     belief: Pose
-    """Where it believed to be (map frame)."""
+    """Believed pose (map frame)."""
     way: float
-    """How far it had driven, by its odometer (m)."""
+    """Distance driven so far, by the odometer (m)."""
     panorama: Panorama
-    """What stood around, by the directions of the map."""
+    """Laser panorama, with directions in the map frame."""
     surfaces: Segments
-    """The longest surfaces around, by the directions of the map (m)."""
+    """The longest surfaces around, relative to the robot, with directions in the map frame (m)."""
     reading: int
-    """The number of its last reading, counted from 0."""
+    """Index of its last reading, counted from 0."""
 
 
 class PlaceDatabase:
-    """Follows a robot by its readings and notes down where it arrives.
+    """Follows a robot's readings and stores a descriptor of each arrival.
 
     Args:
-        mapper: The mapper inside; None for none.
+        mapper: The robot's mapper; None for none.
     """
 
     def __init__(self, mapper: Mapper | None) -> None:
@@ -78,7 +78,7 @@ class PlaceDatabase:
 
     @property
     def belief(self) -> Pose:
-        """Where the robot believes to be (map frame)."""
+        """Believed pose of the robot (map frame)."""
         return self._belief.copy() if self._mapper is None else self._mapper.estimate.pose
 
     @property
@@ -88,12 +88,12 @@ class PlaceDatabase:
 
     @property
     def activity(self) -> Activity | None:
-        """The activity of the mapper's attractor network; None where it has none."""
+        """The activity of the mapper's attractor network; None if it has none."""
         mapper = self._mapper
         return mapper.activity if isinstance(mapper, AttractorNetwork) else None
 
     def follow(self, reading: Reading) -> None:
-        """Take in a reading on the way."""
+        """Process a reading taken on the way."""
         if self._begun:
             self._belief = compose(self._belief, reading.motion)
             self._way += math.hypot(reading.motion[0], reading.motion[1])
@@ -103,10 +103,10 @@ class PlaceDatabase:
             self._mapper.update(reading)
 
     def arrive(self, readings: Sequence[Reading]) -> Float32[np.ndarray, "arrivals features"]:
-        """Take in the readings of a look around, and compare the place with all before.
+        """Process the readings of a look around, and compare the place with all earlier arrivals.
 
         Returns:
-            The features of each arrival before, in order, in numbers from -1 to 1.
+            The features of each earlier arrival, in order, as numbers from -1 to 1.
         """
         points: list[Points] = []
         seen: Segments = np.empty((0, 4))
@@ -134,16 +134,15 @@ class PlaceDatabase:
     def _compare(
         self, here: PlaceDescriptor, there: PlaceDescriptor, ago: int
     ) -> Float64[np.ndarray, "features"]:
-        """The features by which two arrivals are compared, in numbers from -1 to 1.
+        """Return the features by which two arrivals are compared, as numbers from -1 to 1.
 
-        `distance` between the believed places, -1 at 0 and 1 at `FARTHEST`, logarithmic;
-        `agreed` and `contradicted`, the shares of `match_panoramas`, -1 for none and 1 for
-        all; `sight` past each other's place (m), 0 where it ends there; `shift` and `turn` that
-        lay the panoramas best on each other, against what is believed, -1 for none;
-        `matches` and `share` of the structure (`match_lines`), -1 for none; `place`:
-        1 where the mapper takes both for the same place, -1 where for two, 0 where it knows
-        none; `recency`: 1 for the arrival just before, towards -1 the longer ago; `way` driven
-        since, -1 for none.
+        `distance` between the believed positions, logarithmic, -1 at 0 and 1 at `FARTHEST`;
+        `agreed` and `contradicted`, the shares of `match_panoramas`, -1 for none and 1 for all;
+        `sight` beyond each other's position (m), 0 if it ends there; `shift` and `turn` that align
+        the panoramas best, relative to the believed poses, -1 for none; `matches` and `share` of
+        the structure (`match_lines`), -1 for none; `place`: 1 if the mapper assigns both to the
+        same place, -1 if to two, 0 if it knows no place; `recency`: 1 for the previous arrival,
+        towards -1 for older ones; `way` driven since, -1 for none.
         """
         apart = np.array((*(there.belief - here.belief)[:2], 0.0))
         line_match = match_lines(here.surfaces, there.surfaces, apart, np.zeros(3), _MATCH)
@@ -171,5 +170,5 @@ class PlaceDatabase:
 
 
 def _logarithmic(length: float, knee: float, longest: float) -> float:
-    """A length as a number from -1 at 0 to 1 at the longest, finest where short."""
+    """Return a length as a number from -1 at 0 to 1 at the longest, with high resolution near 0."""
     return 2 * math.log1p(min(length, longest) / knee) / math.log1p(longest / knee) - 1

@@ -1,4 +1,4 @@
-"""`Albot/PlaceRecognition-v0`: say at each stop which earlier stop was here, if any."""
+"""`Albot/PlaceRecognition-v0`: say at each stop which earlier stop was at this place, if any."""
 
 from __future__ import annotations
 
@@ -8,74 +8,74 @@ from albot_env.tasks.place_recognition.task import PlaceRecognitionTask
 
 
 class PlaceRecognitionEnv(SingleEnv[PlaceRecognitionTask]):
-    """A robot is led from room to room, and judges which it has seen before.
+    """A robot is led from room to room and judges which places it has seen before.
 
     Description:
-        A guide leads the robot along a tour through the rooms of a building, in start-stop motion
-        of 1 m and 45° at most. It stops at a point of a room that is drawn anew each time, turns
-        round once and looks about: this is an *arrival*. Half of the stops are in rooms where it
-        has stopped before. The agent does not drive: a step is an arrival, and it judges
-        whether an earlier one was at the same place: in the same room, or where nothing but
-        open floor lies between, neither a wall nor a doorway (an opening of no more than 1.5 m).
-        Rooms that the robot only passes through are no arrivals. The place where it sets out is
-        the first arrival; of that it is asked nothing. What moves in a world is left out.
+        A guide leads the robot on a tour through the rooms of a building, in start-stop motion of
+        at most 1 m and 45°. At a random point of a room the robot stops, turns round once and
+        looks around: this is an *arrival*. Half of the stops are in rooms where it has stopped
+        before. The agent does not drive: a step is an arrival, and the agent judges whether an
+        earlier arrival was at the same place. Two arrivals are at the same place if they are in
+        the same room, or if only open floor lies between them, without a wall or a doorway (an
+        opening of at most 1.5 m). Rooms that the robot only passes through are no arrivals. The
+        start is the first arrival and is not judged. Dynamic obstacles are left out.
 
     Action space:
-        `Discrete(1 + most)`: 0 says "I never stopped here before", k "this is where I stopped at
-        my k-th arrival". Any earlier arrival at the same place is right. Arrivals are numbered
-        in the order in which they were made, which the robot knows by itself, so the numbers
-        tell nothing of the truth; `most` is the number of arrivals on a tour less one.
-        Anything else is an `InputError`.
+        `Discrete(1 + most)`: 0 means "I never stopped here before", k means "this is where I
+        stopped at my k-th arrival". Any earlier arrival at the same place is right. Arrivals are
+        numbered in the order in which they were made. The robot knows this order, so the numbers
+        reveal nothing of the truth. `most` is the number of arrivals on a tour minus one. Any
+        other action raises an `InputError`.
 
     Observation space:
         With `observation="dict"` two parts, by default the same in one row: `arrivals`
-        (most, features), for each earlier arrival what tells whether it was here
-        (`albot_env.tasks.place_recognition.spaces.FEATURES`), and `mask` (most,), which of them
-        there are. All float32 in [-1, 1]. They are a function of the readings alone.
+        (most, features), the features of each earlier arrival that tell whether it was here
+        (`albot_env.tasks.place_recognition.spaces.FEATURES`), and `mask` (most,), which of the
+        rows exist. All float32 in [-1, 1]. They are a function of the readings alone.
 
     Rewards:
-        The sum of the terms of `PlaceRecognitionWeights`; each stands in `info["reward_terms"]`.
+        The sum of the terms of `PlaceRecognitionWeights`; `info["reward_terms"]` holds each term.
 
     Starting state:
         At the second arrival of a tour. World and start are drawn, or chosen by `options`, as in
-        `Albot/Explore-v0`; the start is where the tour begins. `journeys` says from how many
-        tours from that start one is drawn. Each is made when it is first asked for, which takes
-        a second or two, and the last 256 MiB of them are kept. A tour is a function of its
-        world, start and number alone.
+        `Albot/Explore-v0`; the start is the start of the tour. The tour is drawn from `journeys`
+        tours per start. Each tour is made when it is first drawn, which takes a second or two,
+        and the most recently used 256 MiB of them are cached. A tour is a function of its world,
+        start and number alone.
 
     Episode end:
-        Terminated when the last arrival is judged; the observation then is empty. A success is
-        to have known `PlaceRecognitionConfig.recall` (85 %) of the places revisited and none
-        falsely.
+        Terminated when the last arrival is judged; the observation then is empty. The episode is
+        a success if at least the share `PlaceRecognitionConfig.recall` (85 %) of the revisited
+        places was recognised and no place was recognised falsely.
 
     Info:
         The truth, for evaluation: `world`, `room`, `pose`, `start`, `belief`, `position_error`,
-        `collided`, `path_length`, `time` as in `Albot/Explore-v0`; `arrivals` (how many there
-        were), `right_answer` (the latest earlier arrival at this place, or 0), how many answers
-        were `right_known`, `right_new`, `false_known` (named a wrong arrival) or `missed` (said
-        new of a known one), `revisits` (how many of the places judged were known), `precision`,
-        `recall`, `is_success`, `reward_terms`.
+        `collided`, `path_length`, `time` as in `Albot/Explore-v0`; `arrivals` (their number so
+        far), `right_answer` (the latest earlier arrival at this place, or 0), the numbers of
+        answers that were `right_known`, `right_new`, `false_known` (a wrong arrival named) or
+        `missed` (a known place called new), `revisits` (the number of judged places that were
+        known), `precision`, `recall`, `is_success`, `reward_terms`.
 
     Args:
         world: A world spec, a world, or worlds (see `albot_maps.load_worlds`), with two
             rooms or more each.
-        journeys: How many tours there are from a start, of which each reset draws one; 0 for a
-            new one each time.
-        config: Where tours lead, what is rewarded, and what is a success.
+        journeys: Number of tours per start, from which each reset draws one; 0 for a new one each
+            time.
+        config: Parameters of tours, rewards and success.
         settings: See `Settings`; and `render_mode`.
 
     Raises:
-        InputError: As for `SingleEnv`; or there are fewer journeys than none. A reset raises
-            one where the world has no two rooms in which a robot can stop.
+        InputError: As for `SingleEnv`; or `journeys` is negative. `reset` raises one if the world
+            does not have two rooms in which a robot can stop.
     """
 
     task = PlaceRecognitionTask
 
 
 class PlaceRecognitionVectorEnv(VectorEnv[PlaceRecognitionTask]):
-    """Robots that judge where they are, each as in a `PlaceRecognitionEnv`. They share tours.
+    """Robots that judge where they are, each as in its own `PlaceRecognitionEnv`; they share tours.
 
-    See there for everything, and `VectorEnv` for what it takes besides.
+    See `PlaceRecognitionEnv` for the task and `VectorEnv` for the further arguments.
     """
 
     task = PlaceRecognitionTask

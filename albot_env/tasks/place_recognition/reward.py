@@ -1,4 +1,4 @@
-"""The reward for recognising places: its terms, what each is worth, and when it is given."""
+"""The reward for recognising places: its terms, their weights, and when they are given."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from albot_env.tasks.core.reward import Weights
 from albot_env.tasks.core.state import BatchState, EpisodeStats
 
 RIGHT_KNOWN, RIGHT_NEW, FALSE_KNOWN, MISSED = range(4)
-"""What an answer can be: each is a term, a place in `PlaceRecognitionTerms`."""
+"""Kinds of answers: each is a term, an index into `PlaceRecognitionTerms`."""
 
 
 class PlaceRecognitionTerms(NamedTuple):
@@ -29,86 +29,86 @@ class PlaceRecognitionTerms(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceRecognitionWeights(Weights):
-    """What the terms of the reward for recognising places are worth. A reward is their sum."""
+    """Weights of the terms of the reward for recognising places. The reward is their sum."""
 
     terms: ClassVar[Any] = PlaceRecognitionTerms
 
     right_known: float = 1.0
-    """For a place known again as the one that it is."""
+    """For recognising a known place as the right one."""
     right_new: float = 0.5
-    """For a new place known as new."""
+    """For calling a new place new."""
     false_known: float = -5.0
-    """For a place taken for one that it is not: a false place spoils a map."""
+    """For naming a wrong place: a false match corrupts a map."""
     missed: float = -1.0
-    """For a known place taken for new."""
+    """For calling a known place new."""
 
 
 class TourTable(NamedTuple):
-    """The tours of all robots, a row each; column k is the k-th arrival, the start the first."""
+    """The tours of all robots, one row each; column k is the k-th arrival, column 0 the start."""
 
     counts: np.ndarray
-    """(n,) int64: how many arrivals there are."""
+    """(n,) int64: number of arrivals."""
     observations: np.ndarray
-    """(n, arrivals, length) float32: what is observed at each."""
+    """(n, arrivals, length) float32: observation at each arrival."""
     same: np.ndarray
-    """(n, arrivals, arrivals) bool: which arrivals truly were at one place."""
+    """(n, arrivals, arrivals) bool: which arrivals truly were at the same place."""
     rooms: np.ndarray
-    """(n, arrivals) int64: in which room of its world the robot truly is; -1 between rooms."""
+    """(n, arrivals) int64: index of the true room in its world; -1 between rooms."""
     poses: np.ndarray
-    """(n, arrivals, 3) float64: where it truly is (world frame)."""
+    """(n, arrivals, 3) float64: true pose (world frame)."""
     beliefs: np.ndarray
-    """(n, arrivals, 3) float64: where it believes to be (map frame)."""
+    """(n, arrivals, 3) float64: believed pose (map frame)."""
     errors: np.ndarray
-    """(n, arrivals) float64: how far that is from where it truly is (m)."""
+    """(n, arrivals) float64: distance between true and believed position (m)."""
     path_lengths: np.ndarray
-    """(n, arrivals) float64: how far it has driven (m)."""
+    """(n, arrivals) float64: true path length (m)."""
     times: np.ndarray
-    """(n, arrivals) float64: simulated time since it set out (s)."""
+    """(n, arrivals) float64: simulated time since the start (s)."""
     collided: np.ndarray
-    """(n, arrivals) bool: whether it has touched something since the arrival before."""
+    """(n, arrivals) bool: whether the robot touched something since the previous arrival."""
     ranges: np.ndarray
-    """(n, arrivals, beams) float64: what its laser sees (m)."""
+    """(n, arrivals, beams) float64: laser ranges (m)."""
     echoes: np.ndarray
-    """(n, arrivals, sonars) float64: what its sonars hear (m)."""
+    """(n, arrivals, sonars) float64: sonar ranges (m)."""
 
 
 class AnswerStats(NamedTuple):
-    """How well robots judge, a row each."""
+    """Statistics of the robots' answers, one row per robot."""
 
     answers: np.ndarray
-    """(n,) int64: the answer last given."""
+    """(n,) int64: the latest answer."""
     right_answers: np.ndarray
     """(n,) int64: the latest earlier arrival at the present place, from 1; 0 if it is new."""
     arrivals: np.ndarray
-    """(n,) int64: how often it has arrived."""
+    """(n,) int64: number of arrivals so far."""
     rooms: np.ndarray
-    """(n,) int64: the room of its world that it is in; -1 between rooms."""
+    """(n,) int64: index of the robot's room in its world; -1 between rooms."""
     tallies: np.ndarray
-    """(n, 4) int64: how many answers were of which kind, in the order of the terms."""
+    """(n, 4) int64: number of answers of each kind, in the order of the terms."""
     revisits: np.ndarray
-    """(n,) int64: how many of the places judged had been visited before."""
+    """(n,) int64: number of judged places that had been visited before."""
     precision: np.ndarray
-    """(n,) float64: share of the places taken for known ones that were right; 1 where none was."""
+    """(n,) float64: share of the places recognised that were right; 1 if there are none."""
     recall: np.ndarray
-    """(n,) float64: share of the places revisited that were known; 1 where none was."""
+    """(n,) float64: share of the revisited places that were recognised; 1 if there are none."""
     success: np.ndarray
-    """(n,) bool: whether all is judged, no place falsely known, and enough were known."""
+    """(n,) bool: whether all is judged, no place falsely recognised, and recall is high enough."""
     ended: np.ndarray
-    """(n,) bool: whether all is judged."""
+    """(n,) bool: whether all arrivals are judged."""
     collided: np.ndarray
-    """(n,) bool: whether it has touched something since the arrival before."""
+    """(n,) bool: whether the robot touched something since the previous arrival."""
     times: np.ndarray
-    """(n,) float64: simulated time since it set out (s)."""
+    """(n,) float64: simulated time since the start (s)."""
 
 
 @KernelDispatcher
 @kernel(arrays=True, nogil=True)
 def judge_answers(rows: np.ndarray, arguments: KernelArguments, observations: np.ndarray) -> None:
-    """Reward the answers of robots `rows`, and show them where they have arrived next.
+    """Reward the answers of robots `rows`, and move each to its next arrival.
 
-    Each one's observation goes into its row of `observations`. `arguments` holds the weights
-    (`PlaceRecognitionTerms`) of the reward, the recall that is wanted for success, what is observed
-    when all is judged (length,), `TourTable`, `BatchState`, `EpisodeStats` and `AnswerStats`.
+    The next observation goes into each robot's row of `observations`. `arguments` holds the weights
+    (`PlaceRecognitionTerms`), the recall needed for success, the observation after the last answer
+    (length,), `TourTable`, `BatchState`, `EpisodeStats` and `AnswerStats`.
     """
     weights, wanted, nothing, tours, state, stats, answers = unpack(arguments)
     for i in rows:
@@ -139,7 +139,7 @@ def judge_answers(rows: np.ndarray, arguments: KernelArguments, observations: np
 
 @kernel()
 def _kind(same: np.ndarray, here: int, answer: int, right: int) -> int:
-    """What kind of answer it is."""
+    """Return the kind of an answer."""
     if answer == 0:
         return MISSED if right > 0 else RIGHT_NEW
     return RIGHT_KNOWN if answer <= here and same[here, answer - 1] else FALSE_KNOWN
@@ -147,7 +147,7 @@ def _kind(same: np.ndarray, here: int, answer: int, right: int) -> int:
 
 @kernel()
 def _latest(same: np.ndarray, here: int) -> int:
-    """The latest earlier arrival at the place of the arrival `here`, from 1; 0 for none."""
+    """Return the latest earlier arrival at the place of arrival `here`, from 1; 0 for none."""
     for k in range(here - 1, -1, -1):
         if same[here, k]:
             return k + 1
@@ -163,7 +163,7 @@ def _show_arrival(
     stats: EpisodeStats,
     answers: AnswerStats,
 ) -> None:
-    """Let robot i stand at an arrival of its tour."""
+    """Put robot i at an arrival of its tour."""
     state.poses[i] = tours.poses[i, here]
     state.beliefs[i] = tours.beliefs[i, here]
     state.ranges[i] = tours.ranges[i, here]

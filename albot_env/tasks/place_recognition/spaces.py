@@ -1,4 +1,4 @@
-"""The spaces of an agent's answers, and of what it observes of arrivals."""
+"""The spaces of an agent's answers and of its observations of arrivals."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from albot_env.tasks.core.observation import ObservationConfig
 from albot_env.tasks.core.observation_kernels import Layout
 
 NEW = 0
-"""The answer that the robot was never here before."""
+"""The answer for a place where the robot never was before."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AnswerActionConfig(ActionConfig):
-    """What an answer is: 0 for a new place, k for that of the k-th arrival."""
+    """Answers: 0 for a new place, k for the place of the k-th arrival."""
 
     names: ClassVar[tuple[str, ...]] = ("answer",)
 
     most: int
-    """How many earlier arrivals there can be."""
+    """Maximum number of earlier arrivals."""
 
     @property
     def space(self) -> spaces.Space[Any]:
@@ -34,23 +34,23 @@ class AnswerActionConfig(ActionConfig):
 
     @property
     def choice_space(self) -> spaces.Discrete:
-        """The same: answers are numbers anyway."""
+        """The space of answers, which are discrete in any case."""
         return spaces.Discrete(1 + self.most)
 
     def chosen(self, choices: Any, count: int | None, environment: str) -> Any:
-        """The same: answers are numbers anyway."""
+        """Return the answers unchanged, because they are discrete in any case."""
         return choices
 
     def single(self, action: Any, environment: str) -> Numbers:
-        """An answer as a batch of one.
+        """Return an answer as a batch of one.
 
         Raises:
-            InputError: It is no whole number from 0 to `most`.
+            InputError: The answer is not a whole number from 0 to `most`.
         """
         return self._answers(action, (), environment).reshape(1, 1)
 
     def batch(self, actions: Any, count: int, environment: str) -> Numbers:
-        """The answers of a batch of so many.
+        """Return the answers of a batch of `count` environments.
 
         Raises:
             InputError: As for `single`.
@@ -58,7 +58,7 @@ class AnswerActionConfig(ActionConfig):
         return self._answers(actions, (count,), environment)[:, np.newaxis]
 
     def _answers(self, action: Any, shape: tuple[int, ...], environment: str) -> np.ndarray:
-        """Answers as numbers of the shape wanted."""
+        """Return answers as an array of the given shape."""
         expected = f"a whole number from 0 to {self.most}"
         expected = f"{expected} for each of {shape[0]}" if shape else expected
         numbers = np.asarray(action)
@@ -74,15 +74,15 @@ FEATURES = (
     "distance", "agreed", "contradicted", "sight", "shift", "turn", "matches", "share", "place",
     "recency", "way",
 )  # fmt: skip
-"""What an arrival is compared by, in the order of the numbers (see `arrivals.PlaceDatabase`)."""
+"""Features of an earlier arrival, in order (see `arrivals.PlaceDatabase`)."""
 
 
 def arrivals_observation(
     candidates: Float32[np.ndarray, "arrivals features"], most: int
 ) -> Float32[np.ndarray, "length"]:
-    """What is observed where these are the earlier arrivals, of which there can be `most`.
+    """Return the observation for these earlier arrivals, of which there can be `most`.
 
-    All features of all arrivals, 0 where there is none yet, and which of them there are (1 or -1).
+    It holds the features of all arrivals, 0 for missing ones, and then the mask (1 or -1).
     """
     features, mask = np.zeros((most, len(FEATURES)), np.float32), np.full(most, -1, np.float32)
     features[: len(candidates)], mask[: len(candidates)] = candidates, 1
@@ -91,21 +91,21 @@ def arrivals_observation(
 
 @dataclass(frozen=True, kw_only=True)
 class ArrivalsObservationConfig(ObservationConfig):
-    """What is observed of the earlier arrivals."""
+    """The observation of the earlier arrivals."""
 
     most: int
-    """How many there can be."""
+    """Maximum number of earlier arrivals."""
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """The shape of each part, in the order of the flat observation.
 
-        `arrivals`, a row for each: the features of `FEATURES`, 0 where there is none
-        yet; `mask`, which of them there are (1 or -1).
+        `arrivals` has one row per arrival with the `FEATURES`, 0 for missing ones; `mask` tells
+        which rows exist (1 or -1).
         """
         return {"arrivals": (self.most, len(FEATURES)), "mask": (self.most,)}
 
     @property
     def layout(self) -> Layout:
-        """Empty: none of the parts that driving robots observe is shown."""
+        """Empty: none of the parts of driving robots is observed."""
         return Layout(*[-1] * len(Layout._fields))

@@ -1,4 +1,4 @@
-"""Place recognition: robots led along tours, which are to say where they have been before."""
+"""Place recognition: robots on guided tours that judge which places they have seen before."""
 
 from __future__ import annotations
 
@@ -36,30 +36,30 @@ from albot_maps import World
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceRecognitionConfig:
-    """Where tours lead, what is rewarded, and what is a success."""
+    """Parameters of tours, rewards and success."""
 
     tour: TourConfig = field(default_factory=TourConfig)
-    """How long tours are, and where they lead."""
+    """Length and destinations of tours."""
     weights: PlaceRecognitionWeights = field(default_factory=PlaceRecognitionWeights)
-    """What the reward's terms are worth."""
+    """Weights of the reward's terms."""
     recall: float = 0.85
-    """A success is to know this share of the places again and none falsely."""
+    """Share of the revisited places that must be recognised, with no false match, for success."""
 
     def __post_init__(self) -> None:
         check_fields(self, SHARE, "recall")
 
 
 class PlaceRecognitionTask(BatchedRobots):
-    """Robots that are led from place to place and judge where they have been before.
+    """Robots that are led from place to place and judge which places they have seen before.
 
     Args:
-        robots: How many.
-        equipment: What they set out with. What moves is left out.
-        config: Where tours lead, what is rewarded, and what is a success.
-        journeys: How many tours there are from a start; 0 for a new one each time.
+        robots: Number of robots.
+        equipment: Equipment of the robots. Dynamic obstacles are left out.
+        config: Parameters of tours, rewards and success.
+        journeys: Number of tours per start; 0 for a new one each time.
 
     Raises:
-        InputError: The number of journeys is negative, or there is no such mapper.
+        InputError: `journeys` is negative, or the mapper is unknown.
     """
 
     environment: ClassVar[str] = "Albot/PlaceRecognition-v0"
@@ -120,16 +120,16 @@ class PlaceRecognitionTask(BatchedRobots):
         self._arguments = KernelArguments((*weights, nothing, *tables))
 
     def check_start(self, world: World, start: Pose) -> None:
-        """Raise InputError unless a robot can start there and a tour leads through the world.
+        """Raise InputError unless a robot can start there and the world has a tour.
 
         Raises:
-            InputError: As for all robots; or the world has no two rooms to stop in.
+            InputError: As for all robots; or the world does not have two rooms to stop in.
         """
         super().check_start(world, start)
         self._tours.check(world)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
-        """Let a robot begin a tour."""
+        """Start a tour for a robot."""
         tour = self._tours.draw(world, start, rng)
         self._worlds[row], self.world_names[row] = world, world.name
         self._current_tours[row] = tour
@@ -141,35 +141,35 @@ class PlaceRecognitionTask(BatchedRobots):
             getattr(table, name)[row, :count] = column
 
     def act(self, numbers: Numbers) -> None:
-        """Take the answers, and lead all robots on to their next stops."""
+        """Store the answers, and move all robots to their next stops."""
         self._answers.answers[:] = numbers[:, 0]
         steps = self._stats.steps
         steps += 1
         self.observations = np.empty_like(self.observations)
 
     def observe(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
-        """Judge what all robots, or some, have answered, and show them where they are now."""
+        """Judge the answers of all robots, or of some, and fill in their next observations."""
         chosen = self._everyone if rows is None else rows
         judge_answers(chosen, self._arguments, self.observations)
 
     @property
     def ended(self) -> Bool[np.ndarray, "robots"]:
-        """Whose tour is over."""
+        """Which robots' tours are over."""
         return self._answers.ended
 
     @property
     def collided(self) -> Bool[np.ndarray, "robots"]:
-        """Whether each has touched something since the arrival before."""
+        """Whether each robot touched something since the previous arrival."""
         return self._answers.collided
 
     @property
     def times(self) -> Float64[np.ndarray, "robots"]:
-        """Simulated time since each set out (s)."""
+        """Simulated time since the start (s)."""
         return self._answers.times
 
     @property
     def facts(self) -> dict[str, np.ndarray]:
-        """The truth in numbers, for `info`: a row for each robot."""
+        """The true values for `info`, one row per robot."""
         answers = self._answers
         names = "pose", "start", "belief", "position_error", "collided", "path_length", "time"
         facts = super().facts
@@ -185,29 +185,29 @@ class PlaceRecognitionTask(BatchedRobots):
         }
 
     def snapshot(self, row: int) -> MapSnapshot:
-        """A robot's map as it was where it is now."""
+        """Return a robot's map at its current arrival."""
         return self._at(row).snapshot
 
     def activity(self, row: int) -> Activity | None:
-        """The activity of a robot's attractor network as it was where it is now."""
+        """Return the activity of a robot's attractor network at its current arrival."""
         return self._at(row).activity
 
     @property
     def map_versions(self) -> Int64[np.ndarray, "robots"]:
-        """As `updates`."""
+        """The same as `updates`."""
         return self._answers.arrivals
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
-        """At how many arrivals what each remembers has changed: at every one."""
+        """Number of updates of each robot's place database: one per arrival."""
         return self._answers.arrivals
 
     def things(self, row: int) -> Segments:
-        """Nothing moves around robots on tours."""
+        """Return no outlines: tours have no dynamic obstacles."""
         return np.empty((0, 4))
 
     def room(self, row: int) -> str:
-        """Name of the room that a robot is truly in; empty between rooms."""
+        """Return the name of the room that a robot is truly in; empty between rooms."""
         room = self._at(row).room
         return self.world(row).rooms[room].name if room >= 0 else ""
 
@@ -219,7 +219,7 @@ class PlaceRecognitionTask(BatchedRobots):
         )
 
     def _at(self, row: int) -> TourStop:
-        """Where a robot is on its tour."""
+        """Return a robot's current stop of its tour."""
         tour = self._current_tours[row]
         assert tour is not None, "a robot is nowhere before it begins"
         return tour.stops[int(self._answers.arrivals[row]) - 1]

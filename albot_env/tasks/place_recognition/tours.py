@@ -1,6 +1,6 @@
-"""Tours: robots guided through a building, in whose rooms they stop more than once.
+"""Tours: robots are guided through a building and stop in its rooms more than once.
 
-The guide sees where the robot truly is, so that what it errs does not change the way.
+The guide uses the robot's true pose, so that mapping errors do not change the path.
 """
 
 from __future__ import annotations
@@ -33,59 +33,59 @@ from albot_maps.geodesic import DistanceField
 from albot_maps.same_place import same_places
 
 AROUND = 8
-"""At each stop the robot turns round in so many parts, and looks after each."""
+"""Number of parts of the turn at each stop; a reading is taken after each."""
 _WORLDS_KEPT = 1024
-"""In so many worlds it is kept where tours can stop."""
+"""Maximum number of worlds whose stopping rooms are cached."""
 _ROOM = 0.1
-"""How much farther than it must the robot keeps from walls on its way (m)."""
+"""Extra clearance from walls on the path (m)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TourStop:
-    """An arrival: what the robot then knew, and how things truly were."""
+    """An arrival: the robot's knowledge at that time, and the truth."""
 
     candidates: Float32[np.ndarray, "arrivals features"]
-    """The features of each arrival before (see `spaces.FEATURES`)."""
+    """The features of each earlier arrival (see `spaces.FEATURES`)."""
     reading: Reading
     """The last reading."""
     belief: Pose
-    """Where it believed to be (map frame)."""
+    """Believed pose (map frame)."""
     snapshot: MapSnapshot
-    """Its map."""
+    """The robot's map."""
     activity: Activity | None
-    """The activity of its attractor network; None where its mapper has none."""
+    """The activity of its attractor network; None if its mapper has none."""
     pose: Pose
-    """Where it was (world frame)."""
+    """True pose (world frame)."""
     room: int
-    """In which room of the world."""
+    """Index of the true room in the world; -1 between rooms."""
     path_length: float
-    """How far it had driven (m)."""
+    """True path length (m)."""
     collided: bool
-    """Whether it had touched something since the arrival before."""
+    """Whether the robot touched something since the previous arrival."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tour:
-    """A tour that is over."""
+    """A completed tour."""
 
     world: World
-    """Where it was."""
+    """World of the tour."""
     start: Pose
-    """Where it began (world frame)."""
+    """Start pose (world frame)."""
     stops: tuple[TourStop, ...]
-    """Its arrivals, that where it began the first."""
+    """The arrivals; the first is the start."""
     most: int
-    """How many earlier arrivals there can be on such a tour."""
+    """Maximum number of earlier arrivals on such a tour."""
 
     @cached_property
     def same(self) -> Bool[np.ndarray, "arrivals arrivals"]:
-        """Which arrivals truly were at one place (see `albot_maps.same_place`)."""
+        """Which arrivals truly were at the same place (see `albot_maps.same_place`)."""
         rooms = np.array([stop.room for stop in self.stops])
         return same_places(self.world, np.array([stop.pose[:2] for stop in self.stops]), rooms)
 
     @cached_property
     def columns(self) -> dict[str, np.ndarray]:
-        """The arrivals in arrays, a row each, by the names of `reward.TourTable`."""
+        """Return the arrivals as arrays, one row each, by the names of `reward.TourTable`."""
         stops, beliefs = self.stops, np.array([stop.belief for stop in self.stops])
         poses = np.array([stop.pose for stop in stops])
         sonars = [stop.reading.sonar for stop in stops]
@@ -106,16 +106,16 @@ class Tour:
 
 
 class Tours(Journeys[Tour]):
-    """Makes tours, and keeps them.
+    """Makes tours, and caches them.
 
     Args:
-        environment: Its id, for the errors.
-        equipment: What the robots set out with. What moves is left out.
-        config: How long tours are, and where they lead.
-        count: How many different ones there are from a start; 0 for a new one each time.
+        environment: Id of the environment, for error messages.
+        equipment: Equipment of the robots. Dynamic obstacles are left out.
+        config: Length and destinations of tours.
+        count: Number of different tours per start; 0 for a new one each time.
 
     Raises:
-        InputError: The number of journeys is negative, or the robot has no laser.
+        InputError: `count` is negative, or the robot has no laser.
     """
 
     def __init__(
@@ -130,10 +130,10 @@ class Tours(Journeys[Tour]):
         self._stops: OrderedDict[int, StoppingRooms] = OrderedDict()
 
     def check(self, world: World) -> None:
-        """Refuse a world through which there is no tour.
+        """Raise InputError if a world has no tour.
 
         Raises:
-            InputError: It has no two rooms in which a robot can stop, or not those wanted.
+            InputError: It does not have two rooms to stop in, or lacks a room of the config.
         """
         self._find_stops(world).named(self._config.rooms)
 
@@ -162,7 +162,7 @@ class Tours(Journeys[Tour]):
 
 
 class _Guide:
-    """Leads a robot, which takes notes, from stop to stop."""
+    """Leads a robot with a place database from stop to stop."""
 
     def __init__(
         self, world: World, equipment: Equipment, start: Pose, rng: np.random.Generator
@@ -175,7 +175,7 @@ class _Guide:
         self._collided = False
 
     def go(self, goal: Float64[np.ndarray, "2"]) -> bool:
-        """Lead the robot to a point (m, world frame); whether there is a way for it."""
+        """Lead the robot to a point (m, world frame); return whether there is a path."""
         simulator = self._simulator
         field = DistanceField(self._world.walls, ROBOT_RADIUS + _ROOM, goal)
         way = field.way(simulator.pose[:2])
@@ -192,7 +192,7 @@ class _Guide:
         return len(way) > 0
 
     def arrive(self) -> TourStop:
-        """Let the robot look around, and note where it is."""
+        """Let the robot look around; return the stop."""
         simulator = self._simulator
         readings = [simulator.turn(2 * math.pi / AROUND) for _ in range(AROUND)]
         candidates = self._places.arrive(readings)
@@ -212,31 +212,31 @@ class _Guide:
 
 
 def _room_at(world: World, pose: Pose) -> int:
-    """The number of the room at a pose; -1 between rooms."""
+    """Return the index of the room at a pose; -1 between rooms."""
     name = world.room_at(float(pose[0]), float(pose[1]))
     return -1 if name is None else [room.name for room in world.rooms].index(name)
 
 
 CLEARANCE = 0.4
-"""How far from walls, and from the room's outline, a tour stops (m)."""
+"""Minimum distance of a stop from walls and from the room's outline (m)."""
 SMALLEST = 0.15
-"""Where less of a room is left, no tour stops there (m²)."""
+"""Minimum area of a room, after that clearance, for a tour to stop there (m²)."""
 NEAREST = 4
-"""The next room is one of so many that are nearest."""
+"""The next room is drawn from this many nearest rooms."""
 _DRAWN = 32
-"""Points drawn at a time until one is free."""
+"""Number of points drawn at a time until one is free."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TourConfig:
-    """How long a tour is, and where it leads."""
+    """Length and destinations of a tour."""
 
     arrivals: int = 20
-    """How often the robot arrives somewhere, the place where it sets out counted."""
+    """Number of arrivals, including the start."""
     revisits: float = 0.5
-    """Share of the stops after the first two that are in rooms where it has been before."""
+    """Share of the stops after the first two that are in rooms visited before."""
     rooms: tuple[str, ...] = ()
-    """Names of the rooms to stop in, one after another; none given, they are drawn."""
+    """Names of the rooms to stop in, in order; empty to draw rooms."""
 
     def __post_init__(self) -> None:
         if self.arrivals < 2:
@@ -245,7 +245,7 @@ class TourConfig:
 
     @property
     def most(self) -> int:
-        """How many earlier arrivals there can be."""
+        """Maximum number of earlier arrivals."""
         return (len(self.rooms) + 1 if self.rooms else self.arrivals) - 1
 
 
@@ -253,10 +253,10 @@ class StoppingRooms:
     """The rooms of a world in which a tour can stop.
 
     Args:
-        world: The world; what moves in it is left out.
+        world: The world; its dynamic obstacles are left out.
 
     Raises:
-        InputError: It has no two rooms in which a robot can stop.
+        InputError: It does not have two rooms in which a robot can stop.
     """
 
     def __init__(self, world: World) -> None:
@@ -275,14 +275,14 @@ class StoppingRooms:
 
     @property
     def rooms(self) -> list[int]:
-        """The numbers of these rooms."""
+        """Indices of these rooms."""
         return list(self._parts)
 
     def named(self, names: tuple[str, ...]) -> list[int]:
-        """The rooms of these names.
+        """Return the indices of the rooms with these names.
 
         Raises:
-            InputError: There is no such room, or none in which a robot can stop.
+            InputError: A room is unknown, or a robot cannot stop in it.
         """
         numbers = {room.name: number for number, room in enumerate(self.world.rooms)}
         rooms = [numbers.get(name, -1) for name in names]
@@ -293,10 +293,10 @@ class StoppingRooms:
         return rooms
 
     def drawn(self, first: int, config: TourConfig, rng: np.random.Generator) -> Iterator[int]:
-        """Rooms to stop in after the first one: near ones, new or known as the shares say.
+        """Yield the rooms to stop in after the first: near, and visited with share `revisits`.
 
-        No room follows itself. The first one may be none in which a robot can stop. Where all are
-        known, known ones follow; where only one is, a new one does.
+        No room follows itself. The first may be one where a robot cannot stop. If all rooms are
+        visited, visited ones follow; if only one is, a new one follows.
         """
         here, known = first, [first] if first in self._parts else []
         for _ in range(config.arrivals - 1):
@@ -309,14 +309,14 @@ class StoppingRooms:
             yield here
 
     def _near(self, here: int, rooms: list[int], rng: np.random.Generator) -> int:
-        """One of the rooms that are nearest, as the crow flies."""
+        """Return one of the nearest rooms, by straight-line distance."""
         middle = self._middles.get(here, self._middles[next(iter(self._middles))])
         away = [float(np.hypot(*(self._middles[room] - middle))) for room in rooms]
         nearest = np.argsort(away, kind="stable")[:NEAREST]
         return rooms[int(rng.choice(nearest))]
 
     def point(self, room: int, rng: np.random.Generator) -> Float64[np.ndarray, "2"]:
-        """A point of a room in which to stop (m), each as likely."""
+        """Return a point of a room in which to stop (m), drawn uniformly."""
         part = self._parts[room]
         x_min, y_min, x_max, y_max = part.bounds
         while True:

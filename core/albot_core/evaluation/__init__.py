@@ -1,1 +1,1 @@
-"""Errors of trajectories, quality of maps, precision and recall of place recognition."""
+"""Trajectory errors, map quality, precision and recall of place recognition."""

@@ -1,4 +1,4 @@
-"""Confidence intervals of what was found in a sample of episodes."""
+"""Confidence intervals of figures measured in a sample of episodes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _RESAMPLES = 10_000
 
 
 def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """The 95 % score interval of a probability (Wilson, J. Am. Stat. Assoc. 22, 1927).
+    """Return the 95 % score interval of a probability (Wilson, J. Am. Stat. Assoc. 22, 1927).
 
     Raises:
         InputError: There are no trials, or more successes than trials.
@@ -30,11 +30,13 @@ def bootstrap(
     measure: Callable[..., np.ndarray],
     rng: np.random.Generator,
 ) -> tuple[float, float]:
-    """The 95 % percentile bootstrap interval of a measure (Efron and Tibshirani 1993, chapter 13).
+    """Return the 95 % percentile bootstrap interval of a statistic.
+
+    Source: Efron and Tibshirani, An introduction to the bootstrap, 1993, chapter 13.
 
     Args:
         values: The sample.
-        measure: `np.mean`, `np.median` or another that takes `axis`.
+        measure: The statistic: `np.mean`, `np.median` or another function that takes `axis`.
         rng: Draws the resamples.
 
     Raises:

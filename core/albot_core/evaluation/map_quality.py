@@ -1,6 +1,6 @@
-"""How good a map is: its distance from the true walls, and its entropy, which needs no truth.
+"""Map quality: the distance from the true walls, and the entropy, which needs no ground truth.
 
-Where it is not known where on a floor the robot began, `register` lays the map on it first.
+If the robot's start on the floor is unknown, `register` aligns the map with the floor first.
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ _Walls = Float64[np.ndarray, "walls 4"]
 _Cloud = Float64[np.ndarray, "points 2"]
 
 LASER_NOISE = 0.01
-"""Standard deviation (m) of the laser's own noise; walls sharper than this are not told apart."""
+"""Standard deviation of the laser's noise (m); sharper walls do not lower the entropy."""
 MIN_NEIGHBOURS = 5
-"""Points with fewer neighbours do not count for the entropy."""
+"""Least number of neighbours of a point that counts for the entropy."""
 _ROUNDING = 1e-6
-"""A length within this of a multiple of the spacing makes no further piece (shares of it)."""
+"""Tolerance when lengths are divided into pieces, as a share of the spacing."""
 
 _CELL = 0.2
-"""Cells of the first, coarse search (m)."""
+"""Cell size of the coarse search (m)."""
 _NEARNESS_SIGMA = 0.4
-"""In the coarse search a point counts by a Gaussian of its distance from a wall (m)."""
+"""Coarse search: standard deviation of a point's Gaussian score over its wall distance (m)."""
 _HEADINGS = 180
-"""Turns tried in the coarse search, evenly over the circle."""
+"""Number of rotations in the coarse search, evenly spaced over the circle."""
 _BEST = 5
-"""How many of the turns are then refined."""
+"""Number of best rotations that are refined."""
 _MOST = 2000
-"""How many of the points, evenly chosen, are laid."""
+"""Largest number of points that are aligned, evenly chosen."""
 _FAR = 1.0
-"""Points farther than this from all walls count as this far (m): they may not be on the plan."""
+"""Largest wall distance that counts (m); points farther away may not be on the plan."""
 
 
 def sample_segments(segments: Segments, spacing: float) -> Float64[np.ndarray, "points 2"]:
-    """Points at the middles of equal pieces of the segments, none longer than `spacing` (m).
+    """Return the centres of equal pieces of the segments, each at most `spacing` long (m).
 
-    So a surface counts by its length; one that is a point gives one point.
+    A segment is thus weighted by its length; a segment of length 0 gives one point.
     """
     if not 0 < spacing < np.inf:
         raise InputError("spacing", "a positive length (m)", str(spacing))
@@ -66,12 +66,12 @@ def sample_segments(segments: Segments, spacing: float) -> Float64[np.ndarray, "
 def surface_distances(
     surfaces: _Surfaces, walls: _Walls, frame: Pose, spacing: float = 0.05
 ) -> Float64[np.ndarray, "points"]:
-    """Distance (m) from points along the surfaces to the nearest wall.
+    """Return the distances (m) from points along the surfaces to the nearest wall.
 
     Args:
-        surfaces: The map's surfaces, in the map's frame.
-        walls: The true walls, in the world's frame.
-        frame: The map's frame as a pose in the world's: how the map is laid on the world.
+        surfaces: The map's surfaces (m, map frame).
+        walls: The true walls (m, world frame).
+        frame: Pose of the map's frame in the world frame.
         spacing: Largest distance (m) between neighbouring points on a surface.
 
     Raises:
@@ -90,9 +90,9 @@ def surface_distances(
 def surface_error(
     surfaces: _Surfaces, walls: _Walls, frame: Pose, spacing: float = 0.05
 ) -> float | None:
-    """Median distance (m) from the surfaces' points to the nearest true wall.
+    """Return the median distance (m) from the surfaces' points to the nearest true wall.
 
-    The arguments are those of `surface_distances`. None where the map has no surfaces.
+    Arguments and errors are those of `surface_distances`. None if the map has no surfaces.
     """
     if not len(surfaces):
         return None
@@ -102,7 +102,7 @@ def surface_error(
 def cloud_error(
     surfaces: _Surfaces, cloud: Float64[np.ndarray, "cloud 2"], frame: Pose, spacing: float = 0.05
 ) -> float | None:
-    """As `surface_error`, where the walls are known only as the points of a cloud (m).
+    """Return `surface_error` with respect to walls that are given as a cloud of points (m).
 
     Raises:
         InputError: The cloud is empty, or `spacing` is not a positive length.
@@ -116,28 +116,58 @@ def cloud_error(
     return float(np.median(distances))
 
 
+def precision_and_recall(
+    points: _Cloud,
+    walls: Float64[np.ndarray, "walls 2"],
+    seen: Float64[np.ndarray, "seen 2"],
+    within: float,
+) -> tuple[float, float]:
+    """How much of a map is right, and how much of what was seen it holds, as shares from 0 to 1.
+
+    Precision is the share of the map's points that lie within `within` (m) of a wall; recall the
+    share of the walls seen that lie as near to the map. Points evenly spaced along lines (see
+    `sample_segments`) make both shares of wall length. Both are 0 for a map of nothing.
+
+    Args:
+        points: Points of the map, laid on the floor (m).
+        walls: Points of all true walls (m).
+        seen: Those of them that the map could hold.
+        within: The largest distance that is no error (m).
+
+    Raises:
+        InputError: There are no walls, or none was seen.
+    """
+    if not len(walls) or not len(seen):
+        raise InputError("walls", "walls, and some seen", f"{len(walls)}, {len(seen)} seen")
+    if not len(points):
+        return 0.0, 0.0
+    right = KDTree(walls).query(points)[0] <= within
+    found = KDTree(points).query(seen)[0] <= within
+    return float(right.mean()), float(found.mean())
+
+
 def scan_cloud(scans: Sequence[LaserScan], poses: Poses, most: int = 40_000) -> _Cloud:
-    """The points of all scans where the poses put them, evenly thinned to `most`."""
+    """Return the points of all scans, transformed by the poses and evenly thinned to `most`."""
     clouds = [transform_points(pose, scan.points) for scan, pose in zip(scans, poses, strict=True)]
     cloud = np.concatenate(clouds) if clouds else np.empty((0, 2))
     return cloud[:: max(1, -(-len(cloud) // most))]
 
 
 def mean_map_entropy(points: _Cloud, radius: float = 0.3, samples: int = 4_000) -> float | None:
-    """Mean differential entropy (nats) of the points around each point; less is sharper.
+    """Return the mean differential entropy (nats) of each point's neighbourhood; less is sharper.
 
-    The points within `radius` are taken for a normal distribution with covariance S, whose
-    entropy is ln |2 pi e S| / 2. Walls that one pass smears or two passes double spread
-    their points and raise it. None where no point has neighbours enough.
+    The points within `radius` are modelled by a normal distribution with covariance S, whose
+    entropy is ln |2 pi e S| / 2. Walls that are blurred or doubled have more widely spread points,
+    which raises the entropy. None if no point has enough neighbours.
 
     Source: Droeschel, Stückler and Behnke, Local multi-resolution representation for 6D
     motion estimation and mapping with a continuously rotating 3D laser scanner, ICRA 2014;
     in the plane here.
 
     Args:
-        points: (points, 2) in any one frame (m).
-        radius: How far neighbours reach (m).
-        samples: At how many points, evenly chosen, it is measured.
+        points: (points, 2), all in one frame (m).
+        radius: Radius of a neighbourhood (m).
+        samples: Number of points, evenly chosen, whose neighbourhoods are measured.
 
     Raises:
         InputError: The radius is not a positive length.
@@ -159,12 +189,12 @@ def mean_map_entropy(points: _Cloud, radius: float = 0.3, samples: int = 4_000) 
 
 
 def register(points: _Cloud, walls: Float64[np.ndarray, "walls 2"]) -> Pose:
-    """The rigid motion that lays `points` best on `walls`, both sampled as points (m).
+    """Return the rigid motion that best aligns `points` with `walls`, both given as points (m).
 
-    All places and turns are searched on a grid, by correlation; the best are refined until
-    the mean distance to the nearest wall, cut off at 1 m, falls no more. Olson, *Real-time
-    correlative scan matching*, ICRA 2009, searches alike. Returns the frame of the points as
-    a pose in the frame of the walls; for `transform_points`.
+    All positions and rotations on a grid are searched by correlation. The best ones are refined
+    until the mean distance to the nearest wall, cut off at 1 m, is minimal. Olson, *Real-time
+    correlative scan matching*, ICRA 2009, searches in a similar way. The result is the pose of the
+    points' frame in the walls' frame, for `transform_points`.
 
     Raises:
         InputError: There are no points or no walls.
@@ -188,7 +218,7 @@ def register(points: _Cloud, walls: Float64[np.ndarray, "walls 2"]) -> Pose:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Nearness:
-    """Every cell's nearness to the walls, ready for correlation."""
+    """The score of each cell by its nearness to walls, in the form for correlation."""
 
     corner: np.ndarray
     spectrum: np.ndarray
@@ -206,7 +236,7 @@ def _nearness(walls: _Cloud, margin: float) -> _Nearness:
 
 
 def _best_place(centred: _Cloud, nearness_grid: _Nearness, heading: float) -> tuple[float, Pose]:
-    """The best place under one turn, and the sum of all points' nearness there."""
+    """Return the best score for one rotation (the points' summed nearness), and its pose."""
     turned = transform_points(np.array((0.0, 0.0, heading)), centred)
     cells = np.round(turned / _CELL).astype(int) % np.array(nearness_grid.shape)
     mask = np.zeros(nearness_grid.shape)

@@ -1,19 +1,19 @@
-"""How well places are recognised by what is seen there: precision and recall, and detection.
+"""Place recognition by structure: precision and recall of places, detection rate of pairs.
 
-Along a log with known true poses a local submap is made every few metres: what the robot saw in
-the last part of its way, laid together by how it believed to move. Each is matched with all those
-from at least APART of way before, wherever the map has them and however turned (`match_submaps`).
+Along a log with known true poses, a local submap is built every few metres: the scans of the last
+part of the path, joined by the estimated motion. Each submap is matched with all submaps at least
+APART earlier on the path, at any position in the map and any rotation (`match_submaps`).
 
-**Places.** Every submap claims the place of the one that it matches best. A claim is right where
-the two true positions are within NEAR of each other, whatever the headings. A submap is a *query*
-where any of those that it is matched with is so near: it could be recognised. With claims counted
-only from some match score on, *precision* is the share of them that is right (false alarms at
-places never seen before included), and *recall* the share of queries with a right claim.
+**Places.** Every submap claims the place of the submap that it matches best. A claim is right if
+the two true positions are within NEAR of each other, at any heading. A submap is a *query* if any
+submap that it is matched with is within NEAR, so that it could be recognised. If only claims above
+a match score count, *precision* is the share of right claims among them (false alarms at new places
+included), and *recall* is the share of queries with a right claim.
 
-**Pairs.** Every pair of submaps is a test, as in Granström et al. (2009, 2011), who tell pairs of
-laser scans taken within 3 m of each other from others. The *detection rate* is the share found of
-the pairs that are within NEAR, the *false alarm rate* the share found of all others. There is no
-gap between: the others begin just beyond NEAR.
+**Pairs.** Every pair of submaps is a test, as in Granström et al. (2009, 2011), who distinguish
+pairs of laser scans taken within 3 m of each other from others. The *detection rate* is the share
+of pairs within NEAR that are found, the *false alarm rate* the share of all other pairs that are
+found. There is no margin between the two classes: the others begin just beyond NEAR.
 """
 
 from __future__ import annotations
@@ -33,53 +33,53 @@ from albot_core.matching.submaps import local_submaps, match_submaps
 from albot_core.sensing.reading import Reading
 
 APART = 10.0
-"""Submaps nearer along the way are not matched (m)."""
+"""Least path length between two submaps that are matched (m)."""
 NEAR = 3.0
-"""True positions no farther apart than this are one place (m)."""
+"""Largest distance of true positions of the same place (m)."""
 MAX_SHIFT = 0.9 * NEAR
-"""Two submaps match only where their frames come to lie no farther apart than this (m)."""
+"""Largest distance of the frames of two matching submaps, after alignment (m)."""
 LEAP = 0.5
-"""Where belief and odometer differ by more from one reading to the next (m), the mapper corrected
-its belief: there the odometer's motion is used."""
+"""Difference between estimated and odometer motion (m) above which the mapper has corrected its
+pose; the odometer's motion is used there."""
 NO_MATCH = -9.0
 """Score of pairs that do not match; lower than the score of any matching pair."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recognition:
-    """All claims, how many queries there were, and all pairs."""
+    """All claims, the number of queries, and all pairs."""
 
     scores: Float64[np.ndarray, "claims"]
     """The match score of each claim."""
     right: Bool[np.ndarray, "claims"]
-    """Whether it is right."""
+    """Whether each claim is right."""
     queries: int
-    """How many submaps could be recognised."""
+    """Number of submaps that could be recognised."""
     pair_scores: Float64[np.ndarray, "pairs"]
     """The match score of each pair of submaps."""
     pair_near: Bool[np.ndarray, "pairs"]
-    """Whether they truly are of one place."""
+    """Whether the true positions of each pair are the same place."""
 
     @property
     def curve(self) -> Float64[np.ndarray, "thresholds 2"]:
-        """Recall and precision as the score asked for falls; a row for each score."""
+        """Recall and precision, one row per threshold on the match score, in falling order."""
         counts = _counted(self.scores, self.right)
         return np.stack((counts[:, 0] / max(self.queries, 1), counts[:, 0] / counts.sum(1)), -1)
 
     def recall_at(self, precision: float) -> float:
-        """The greatest recall at which the precision is at least this; 0 where it never is."""
+        """Return the largest recall at a precision of at least `precision`; 0 if there is none."""
         recalls = [recall for recall, reached in self.curve.tolist() if reached >= precision]
         return max(recalls, default=0.0)
 
     @property
     def pair_curve(self) -> Float64[np.ndarray, "thresholds 2"]:
-        """Detection and false alarm rate of pairs as the score asked for falls."""
+        """Detection rate and false alarm rate of pairs, one row per threshold, in falling order."""
         near = int(self.pair_near.sum())
         totals = np.maximum((near, len(self.pair_near) - near), 1)
         return _counted(self.pair_scores, self.pair_near) / totals
 
     def detection_at(self, false_alarms: float) -> float:
-        """The greatest detection rate with no more than this share of false alarms."""
+        """Return the largest detection rate at a false alarm rate of at most `false_alarms`."""
         rates = [found for found, wrong in self.pair_curve.tolist() if wrong <= false_alarms]
         return max(rates, default=0.0)
 
@@ -87,7 +87,7 @@ class Recognition:
 def _counted(
     scores: Float64[np.ndarray, "all"], right: Bool[np.ndarray, "all"]
 ) -> Float64[np.ndarray, "thresholds 2"]:
-    """How many are right, and how many wrong, from each score on, the greatest first."""
+    """Return how many are right and wrong at or above each score, in falling order of scores."""
     order = np.argsort(-scores, kind="stable")
     scores, hits = scores[order], np.cumsum(right[order])
     last = np.flatnonzero(np.append(scores[1:] != scores[:-1], True)[: len(scores)])
@@ -100,10 +100,10 @@ def measure_recognition(
     """Measure how well the places of a log are recognised.
 
     Args:
-        readings: What the robot sensed.
-        truth: Where it truly was at each reading (m, rad). It tells right from wrong alone.
-        believed: Where a mapper believed it to be, in its map's frame; by default as its
-            odometer says.
+        readings: The log's readings.
+        truth: The true pose at each reading (m, rad); used only to score.
+        believed: A mapper's estimated poses, in the map's frame (m, rad); by default those by
+            odometry.
     """
     config = MatchConfig(max_shift=NEAR, max_turn=np.pi)
     submaps = local_submaps(readings, _motions(readings, believed), config)
@@ -137,7 +137,7 @@ def measure_recognition(
 
 
 def _motions(readings: Sequence[Reading], believed: Poses | None) -> Poses:
-    """How the robot believed to move to each reading from the one before (m, rad)."""
+    """Return the estimated motion to each reading from the one before (m, rad)."""
     motions = np.array([reading.motion for reading in readings])
     if believed is None:
         return motions
@@ -151,8 +151,8 @@ def _motions(readings: Sequence[Reading], believed: Poses | None) -> Poses:
 def draw_precision_recall(
     path: Path, title: str, curve: Float64[np.ndarray, "thresholds 2"]
 ) -> None:
-    """Draw a curve of recall and precision as a PNG file, whole or not at all."""
-    # Imported here, since it takes long and most runs draw nothing.
+    """Draw a precision-recall curve to a PNG file, atomically."""
+    # Imported here because it is slow to load and most runs draw nothing.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -1,7 +1,7 @@
 """Trajectories and their errors.
 
-`trajectory_error` is the absolute trajectory error (ATE) against a reference; `relation_error` is
-that of Kümmerle et al. (2009), against known relations between poses.
+`trajectory_error` is the absolute trajectory error (ATE) against a reference. `relation_error` is
+the error of Kümmerle et al. (2009) against known relations between poses.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from albot_core.geometry.poses import compose, inverse, relative, transform_poin
 from albot_core.geometry.types import Pose, Poses
 
 STAMP_TOLERANCE = 0.01
-"""Stamps no farther apart than this (s) name the same moment."""
+"""Largest difference of stamps of the same moment (s)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trajectory:
-    """Where a robot was, moment by moment."""
+    """The poses of a robot over time."""
 
     stamps: Float64[np.ndarray, "moments"]
-    """Time (s), never falling."""
+    """Time (s), not decreasing."""
     poses: Float64[np.ndarray, "moments 3"]
-    """The robot's pose at each stamp, all in one frame."""
+    """The robot's pose at each stamp (m, rad), all in one frame."""
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.stamps).all() and np.isfinite(self.poses).all()):
@@ -41,10 +41,10 @@ class Trajectory:
 
 @dataclass(frozen=True, kw_only=True)
 class TrajectoryError:
-    """How far the positions of one trajectory are from those of another, once aligned."""
+    """Distances between the positions of two trajectories after alignment."""
 
     count: int
-    """Moments compared."""
+    """Number of moments compared."""
     rmse: float
     """Root of the mean squared distance (m): the absolute trajectory error (ATE)."""
     mean: float
@@ -56,7 +56,7 @@ class TrajectoryError:
 
 
 def path_length(poses: Poses) -> float:
-    """The sum of the straight steps between the poses (m)."""
+    """Return the summed straight distances between consecutive poses (m)."""
     steps = np.diff(poses[..., :2], axis=0)
     return float(np.hypot(steps[..., 0], steps[..., 1]).sum())
 
@@ -66,10 +66,10 @@ def associate(
     wanted: Float64[np.ndarray, "others"],
     tolerance: float = STAMP_TOLERANCE,
 ) -> tuple[Int64[np.ndarray, "pairs"], Int64[np.ndarray, "pairs"]]:
-    """Pair each wanted stamp with the nearest one of `stamps`, if within `tolerance` (s).
+    """Pair each stamp in `wanted` with the nearest one in `stamps`, if within `tolerance` (s).
 
-    `stamps` never fall. Returns the indices of the pairs in `stamps` and in `wanted`; of
-    equally near stamps the earlier is taken, and a stamp may be taken more than once.
+    `stamps` must not decrease. Returns the indices of the pairs in `stamps` and in `wanted`. Of
+    equally near stamps the earlier one is taken; a stamp may be taken more than once.
     """
     if not len(stamps):
         return np.empty(0, np.int64), np.empty(0, np.int64)
@@ -82,17 +82,17 @@ def associate(
 
 
 Align = Callable[["Trajectory", "Trajectory", float], Pose | None]
-"""What lays a trajectory on another one: as `alignment`."""
+"""A function that aligns two trajectories, with the signature of `alignment`."""
 
 
 def align(
     points: Float64[np.ndarray, "points 2"], targets: Float64[np.ndarray, "points 2"]
 ) -> Pose:
-    """The rigid motion, without scale, that lays `points` best on `targets` (least squares).
+    """Return the rigid motion, without scale, that aligns `points` with `targets` (least squares).
 
     Umeyama, *Least-squares estimation of transformation parameters between two point
-    patterns*, PAMI 1991, in the plane, where the best turn has a closed form. Returns the
-    frame of the points as a pose in the frame of the targets; for `transform_points`.
+    patterns*, PAMI 1991, in the plane, where the best rotation has a closed form. The result is the
+    pose of the points' frame in the targets' frame, for `transform_points`.
     """
     centre, aim = points.mean(axis=0), targets.mean(axis=0)
     (x, y), (u, v) = (points - centre).T, (targets - aim).T
@@ -104,9 +104,9 @@ def align(
 def alignment(
     estimate: Trajectory, reference: Trajectory, tolerance: float = STAMP_TOLERANCE
 ) -> Pose | None:
-    """The frame of `estimate` as a pose in the frame of `reference`.
+    """Return the pose of the frame of `estimate` in the frame of `reference` (least squares).
 
-    None where fewer than two moments are common to both.
+    None if fewer than two moments are common to both.
     """
     mine, theirs = associate(estimate.stamps, reference.stamps, tolerance)
     if len(mine) < 2:
@@ -117,9 +117,9 @@ def alignment(
 def alignment_at_start(
     estimate: Trajectory, reference: Trajectory, tolerance: float = STAMP_TOLERANCE
 ) -> Pose | None:
-    """The frame of `estimate` in that of `reference`, by which their first common poses agree.
+    """Return the pose of the frame of `estimate` in that of `reference` at the first common moment.
 
-    So a robot sees its map that knows where it set out. None where no moment is common to both.
+    This is the alignment of a robot that knows its start. None if no moment is common to both.
     """
     mine, theirs = associate(estimate.stamps, reference.stamps, tolerance)
     if not len(mine):
@@ -134,18 +134,16 @@ def trajectory_error(
     *,
     align: Align = alignment,
 ) -> TrajectoryError | None:
-    """The error of the positions of `estimate` after rigid alignment on `reference`.
+    """Return the error of the positions of `estimate` after rigid alignment with `reference`.
 
-    Moments are paired by stamp, to within `tolerance` (s). None where fewer than two are
-    common to both. Sturm et al., *A benchmark for the evaluation of RGB-D SLAM systems*,
-    IROS 2012.
+    None if fewer than two moments are common to both. Source: Sturm et al., *A benchmark for the
+    evaluation of RGB-D SLAM systems*, IROS 2012.
 
     Args:
         estimate: The trajectory.
-        reference: What it is compared with.
-        tolerance: Stamps no farther apart than this (s) name the same moment.
-        align: What lays the one on the other: `alignment`, as best it goes, or
-            `alignment_at_start`.
+        reference: The reference trajectory.
+        tolerance: Largest difference of stamps of the same moment (s).
+        align: The alignment: `alignment` (least squares) or `alignment_at_start`.
     """
     mine, theirs = associate(estimate.stamps, reference.stamps, tolerance)
     frame = align(estimate, reference, tolerance)
@@ -164,10 +162,10 @@ def trajectory_error(
 
 
 SAME_STAMP = 1e-4
-"""Relations name their moments by the stamps of the log, to the rounding of its digits (s).
+"""Tolerance for the stamps of relations, which are those of the log up to rounding (s).
 
-A wider match takes in what the robot does between two scans: at 10 ms the Intel log's own
-reference seems 1.9° off where it is 0.4°.
+A larger tolerance includes motion between two scans: with 10 ms, the error of the Intel log's own
+reference appears as 1.9° instead of 0.4°.
 """
 
 _FIELDS = 8
@@ -175,20 +173,20 @@ _FIELDS = 8
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Relations:
-    """Where a robot truly was at one moment, seen from where it was at another."""
+    """True poses of a robot relative to its pose at another moment."""
 
     stamps: Float64[np.ndarray, "relations 2"]
-    """The two moments (s)."""
+    """Stamps of the two moments (s)."""
     poses: Float64[np.ndarray, "relations 3"]
-    """The pose at the second moment in the robot's frame at the first."""
+    """The pose at the second moment in the robot's frame at the first (m, rad)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RelationError:
-    """How far a trajectory's relations are from the true ones."""
+    """Errors of a trajectory's relations against the true ones."""
 
     count: int
-    """Relations both of whose moments the trajectory holds."""
+    """Number of relations whose moments are both in the trajectory."""
     translation_mean: float
     """Mean distance between the relative positions (m)."""
     translation_std: float
@@ -200,9 +198,9 @@ class RelationError:
 
 
 def read_relations(path: Path) -> Relations:
-    """Read relations: a line each, `t1 t2 x y z roll pitch yaw` (s, m, rad).
+    """Read relations, one per line: `t1 t2 x y z roll pitch yaw` (s, m, rad).
 
-    Empty lines and lines that begin with `#` are passed over; z, roll and pitch are not used.
+    Empty lines and lines that begin with `#` are skipped; z, roll and pitch are not used.
 
     Raises:
         InputError: The file cannot be read, or a line is not eight finite numbers.
@@ -236,14 +234,14 @@ def _numbers(words: list[str], path: Path, number: int) -> list[float]:
 def relation_error(
     trajectory: Trajectory, relations: Relations, tolerance: float = SAME_STAMP
 ) -> RelationError | None:
-    """The error of `trajectory` against the true relations.
+    """Return the error of `trajectory` against the true relations.
 
-    Both moments of a relation are looked up by stamp, to within `tolerance` (s); relations
-    that the trajectory does not hold are not counted. None where it holds none.
+    Both moments of a relation are looked up by stamp, to within `tolerance` (s). Relations whose
+    moments are not in the trajectory do not count. None if none counts.
 
-    Kümmerle, Steder, Dornhege, Ruhnke, Grisetti, Stachniss & Kleiner, *On measuring the
-    accuracy of SLAM algorithms*, Autonomous Robots 2009, Eq. (4), its translational and
-    its rotational part apart, as means of the magnitudes.
+    Source: Kümmerle, Steder, Dornhege, Ruhnke, Grisetti, Stachniss & Kleiner, *On measuring the
+    accuracy of SLAM algorithms*, Autonomous Robots 2009, Eq. (4), with separate translational and
+    rotational parts, as means of the magnitudes.
     """
     first = _lookup(trajectory, relations.stamps[:, 0], tolerance)
     second = _lookup(trajectory, relations.stamps[:, 1], tolerance)
@@ -266,7 +264,7 @@ def relation_error(
 def _lookup(
     trajectory: Trajectory, wanted: Float64[np.ndarray, "relations"], tolerance: float
 ) -> np.ndarray:
-    """The index in the trajectory of every wanted stamp; -1 where it holds none near."""
+    """Return the trajectory's index of each wanted stamp; -1 if there is none within tolerance."""
     indices = np.full(len(wanted), -1)
     mine, theirs = associate(trajectory.stamps, wanted, tolerance)
     indices[theirs] = mine

@@ -1,1 +1,1 @@
-"""Files that other programs read: one function a layer and format."""
+"""Files for other programs: one function per layer and format."""

@@ -1,8 +1,7 @@
-"""Maps as GeoJSON, for geographic and plotting programs: one function a layer.
+"""Maps as GeoJSON, for geographic and plotting programs: one function per layer.
 
-The coordinates are no longitudes and latitudes, which RFC 7946 would have, but metres in the map's
-frame: x forward and y left of the robot as it stood when the map began. The collection's member
-`frame` says so.
+Unlike in RFC 7946, coordinates are not longitudes and latitudes but metres in the map's frame: x
+forward and y left of the robot's first pose. The collection's member `frame` says so.
 """
 
 from __future__ import annotations
@@ -25,28 +24,30 @@ from albot_core.maps.layers import (
     SegmentsLayer,
     TrajectoryLayer,
 )
+from albot_core.maps.outlines import outlines
 
 FRAME = "metres; x forward and y left of where the robot set out"
 
 OCCUPIED = 0.65
-"""Cells of an occupancy grid are exported from this probability on."""
+"""Least probability of the cells of an occupancy grid that are exported."""
 
 _DIGITS = 4
-"""Digits after the point: a tenth of a millimetre."""
+"""Decimals of coordinates: a tenth of a millimetre."""
 
 
 Feature = dict[str, object]
 
 
 def map_to_geojson(snapshot: MapSnapshot) -> dict[str, object]:
-    """A map as a GeoJSON FeatureCollection.
+    """Return a map as a GeoJSON FeatureCollection.
 
     - Line segments: a LineString each; `id` is its number in the map.
     - Occupancy grid: a Point with `kind` `cell` at the centre of each occupied cell, with its
-      `probability`.
+      `probability`; a LineString with `kind` `outline` for each piece of the border between free
+      and occupied ground (see `outlines`).
     - Place graph: a Point with `kind` `place` for each place, with its number as `id` and its
-      `label`; for each edge a LineString, with the numbers of the place that it is `of` and that
-      it `leads_to`: with `kind` `exit` across its doorway, or, where it has none, with `kind`
+      `label`. For each edge a LineString with the numbers of its source (`of`) and target
+      (`leads_to`): with `kind` `exit` across its doorway or, without a doorway, with `kind`
       `link` from place to place.
     - Particles: a Point with `kind` `particle` each, with `heading` (rad) and `weight`.
     - Trajectory: a LineString with `kind` `trajectory`.
@@ -56,13 +57,13 @@ def map_to_geojson(snapshot: MapSnapshot) -> dict[str, object]:
 
 
 def write_geojson(snapshot: MapSnapshot, path: Path) -> None:
-    """Write a map as a GeoJSON file, whole or not at all."""
+    """Write a map as a GeoJSON file, atomically."""
     write_text(path, json.dumps(map_to_geojson(snapshot)) + "\n")
 
 
 @singledispatch
 def layer_features(layer: Layer) -> list[Feature]:
-    """The features of a layer, see `map_to_geojson`."""
+    """Return the features of a layer; see `map_to_geojson`."""
     raise NotImplementedError(type(layer).__name__)
 
 
@@ -77,10 +78,11 @@ def _occupancy_grid(layer: OccupancyGridLayer) -> list[Feature]:
         occupied = layer.occupancy >= OCCUPIED
     chances = layer.occupancy[occupied].round(_DIGITS).tolist()
     centres = layer.centres(OCCUPIED)
-    return [
+    cells = [
         _point(at, kind="cell", probability=chance)
         for at, chance in zip(centres, chances, strict=True)
     ]
+    return cells + [_line(line.reshape(2, 2), kind="outline") for line in outlines(layer)]
 
 
 @layer_features.register

@@ -1,4 +1,4 @@
-"""Place graphs as GraphML, for programs that draw and count graphs."""
+"""Place graphs as GraphML, for programs that draw and analyse graphs."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ if TYPE_CHECKING:
     import networkx as nx
 
 _DIGITS = 4
-"""Digits after the point: a tenth of a millimetre."""
+"""Decimals of coordinates: a tenth of a millimetre."""
 
 
 def place_graph_to_networkx(graph: PlaceGraph) -> nx.MultiGraph:
-    """A place graph as an undirected graph; two places may be joined by several edges.
+    """Return a place graph as an undirected graph, with possibly several edges between two places.
 
     Nodes are the ids of places, with `x` and `y` (the place's middle in the map's frame, m),
-    `surfaces` and `exits` (how many it has), and `current` and `home`. An edge that is known both
-    ways stands there once, with the motion `dx`, `dy` (m), `dtheta` (rad) from the frame of the
-    place `of` to the other's, and, where it has a doorway, the doorway's `line` (x1 y1 x2 y2 in
-    the map's frame, m), `of` to its left.
+    `surfaces` and `exits` (their numbers), `current` and `home`. An edge that is known in both
+    directions appears once. It has the motion `dx`, `dy` (m), `dtheta` (rad) from the frame of
+    the place `of` to that of the other place, and the `line` of its doorway if it has one (x1 y1
+    x2 y2 in the map's frame, m), with `of` on its left.
     """
-    # Imported here, since it takes long and most runs write no graph.
+    # Imported here because it is slow to load and most runs write no graph.
     import networkx as nx
 
     made = nx.MultiGraph(frame="metres; x forward and y left of where the robot set out")
@@ -60,7 +60,7 @@ def place_graph_to_networkx(graph: PlaceGraph) -> nx.MultiGraph:
 
 
 def write_graphml(graph: PlaceGraph, path: Path) -> None:
-    """Write a place graph as a GraphML file, whole or not at all."""
+    """Write a place graph as a GraphML file, atomically."""
     import networkx as nx
 
     content = io.BytesIO()
@@ -70,5 +70,5 @@ def write_graphml(graph: PlaceGraph, path: Path) -> None:
 
 
 def _as_text(line: Float64[np.ndarray, "4"]) -> str:
-    """A line as four numbers; GraphML knows no lists."""
+    """Return a line as a text of four numbers, because GraphML has no lists."""
     return " ".join(f"{number:.{_DIGITS}f}" for number in line.round(_DIGITS) + 0.0)

@@ -1,8 +1,8 @@
-"""An occupancy grid as ROS's map_server reads it: a picture of gray cells (PGM) and a YAML file.
+"""Occupancy grids in the format of ROS's map_server: a picture of gray cells (PGM) and a YAML file.
 
-https://wiki.ros.org/map_server, section "Map format": rows from the top, that is from the greatest
-y; a cell's probability is (255 - gray) / 255; above `occupied_thresh` it is occupied, below
-`free_thresh` free, and between the two unknown.
+https://wiki.ros.org/map_server, section "Map format": the first row has the largest y. The
+probability of a cell is (255 - gray) / 255. The cell is occupied above `occupied_thresh`, free
+below `free_thresh`, and unknown in between.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from albot_core.files import replacing, write_text
 from albot_core.maps.layers import OccupancyGridLayer
 
 OCCUPIED, FREE = 0.65, 0.196
-"""The thresholds that map_saver writes."""
+"""Thresholds as written by map_saver."""
 _BLACK, _WHITE, _UNKNOWN = 0, 254, 205
-"""The grays that map_saver writes."""
+"""Gray values as written by map_saver."""
 
 
 def write_map_server(layer: OccupancyGridLayer, path: Path) -> None:
-    """Write a grid as `path`, a YAML file, and the picture of the same name that ends in `.pgm`.
+    """Write a grid as the YAML file `path`, and a picture with the same name and suffix `.pgm`.
 
-    As map_saver does, a cell becomes occupied, free or unknown: free below 0.5, which a map of few
-    scans needs, and not only below `FREE`.
+    As in map_saver, a cell becomes occupied, free or unknown. Unlike there, it is free below 0.5,
+    not only below `FREE`, because a map of few scans needs this.
 
     Args:
         layer: The grid.
         path: The YAML file, whose name ends in `.yaml`.
 
     Raises:
-        InputError: The name ends otherwise, or the grid has no cells.
+        InputError: The name does not end in `.yaml`, or the grid has no cells.
     """
     if path.suffix != ".yaml":
         raise InputError(path, "a name that ends in .yaml", path.name)

@@ -1,4 +1,4 @@
-"""A picture of a map: its layers, and where the robot believed to go. One function a layer."""
+"""Pictures of maps: the layers and the estimated trajectory. One function per layer."""
 
 from __future__ import annotations
 
@@ -30,19 +30,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _WIDTH = 10.0
-"""Width of the picture of one map (inch)."""
+"""Width of the picture of one map (inches)."""
 _COLUMNS = 3
-"""Most maps side by side."""
+"""Largest number of maps side by side."""
 _WIDEST = 1.6
-"""Width of a picture of many maps, to that of one."""
+"""Width of a picture of several maps, relative to that of one."""
 _NETWORK = 0.6
-"""Width of a network's plane, to the map's."""
+"""Width of a network's plane, relative to the map's."""
 
 _SHAPES = (0.4, 1.4)
-"""Least and largest height of the map's frame, to its width."""
-
-_MOST_LABELLED = 100
-"""Places of larger graphs are drawn small, and without their labels."""
+"""Least and largest height of the map's frame, relative to its width."""
 
 _SURFACE, _PATH, _REFERENCE, _HOME = "#1f2933", "#d9480f", "#2b8a3e", "#1864ab"
 _PLACE, _EXIT, _PARTICLE, _TRAJECTORY = "#5f3dc4", "#e64980", "#f59f00", "#0b7285"
@@ -57,16 +54,16 @@ def write_picture(
     reference: Float64[np.ndarray, "others 3"] | None = None,
     network: tuple[Activity, Points] | None = None,
 ) -> None:
-    """Draw a map as a PNG file, whole or not at all; all in the map's frame (m).
+    """Draw a map to a PNG file, atomically; everything in the map's frame (m).
 
     Args:
-        path: Where to write it.
-        title: What stands above it.
+        path: The file.
+        title: The title above the map.
         snapshot: The map.
-        believed: Where the robot believed to be.
-        reference: Where it was, aligned with `believed`; not drawn where there is none.
-        network: The activity of the mapper's attractor network, and where its packet has been in
-            the network's plane (m): drawn on the left of the map.
+        believed: The estimated trajectory.
+        reference: The reference trajectory, aligned with `believed`; None for none.
+        network: The activity of the mapper's attractor network, and the path of its packet in
+            the network's plane (m), drawn to the left of the map; None for none.
     """
     panel = Panel(title, snapshot, believed, reference)
     figure, (axes,) = _make_figure([panel], columns=1, network=network)
@@ -85,10 +82,10 @@ class Panel:
 
 
 def write_pictures(path: Path, panels: Sequence[Panel]) -> None:
-    """Draw maps side by side as one PNG file, whole or not at all; each in its own frame (m).
+    """Draw maps side by side to one PNG file, atomically; each in its own frame (m).
 
     Raises:
-        InputError: There is no panel.
+        InputError: `panels` is empty.
     """
     if not panels:
         raise InputError(path, "at least one map to draw", "none")
@@ -99,8 +96,8 @@ def write_pictures(path: Path, panels: Sequence[Panel]) -> None:
 def _make_figure(
     panels: Sequence[Panel], columns: int, network: tuple[Activity, Points] | None = None
 ) -> tuple[Figure, list[Axes]]:
-    """A figure of maps, all frames of one shape, that of the highest; a network on their left."""
-    # Imported here, since it takes long and most runs draw nothing.
+    """Return a figure of maps in equal frames, with a network on their left, and the maps' axes."""
+    # Imported here because it is slow to load and most runs draw nothing.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -153,7 +150,7 @@ def _save(figure: Figure, path: Path) -> None:
 
 
 def _drawn_points(panel: Panel) -> Float64[np.ndarray, "points 2"]:
-    """Points of all that a panel shows (m)."""
+    """Return points that span everything in a panel (m)."""
     drawn = [np.zeros((1, 2)), panel.believed[:, :2], *map(layer_points, panel.snapshot.layers)]
     if panel.reference is not None:
         drawn.append(panel.reference[:, :2])
@@ -161,7 +158,7 @@ def _drawn_points(panel: Panel) -> Float64[np.ndarray, "points 2"]:
 
 
 def _draw_network(activity: Activity, packets: Points, axes: Axes) -> None:
-    """The network's plane: the packet's path, and how active it is at the end."""
+    """Draw the network's plane: the packet's path, and the activity at the end."""
     from matplotlib.collections import LineCollection
 
     width, height = activity.size
@@ -182,7 +179,7 @@ def _draw_network(activity: Activity, packets: Points, axes: Axes) -> None:
 def _bounds(
     points: Float64[np.ndarray, "points 2"],
 ) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2"]]:
-    """The corners of a rectangle around the points, with a margin (m)."""
+    """Return the lower and upper corner of a rectangle around the points, with a margin (m)."""
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.5 + 0.03 * (high - low).max()
     return low - margin, high + margin
@@ -190,7 +187,7 @@ def _bounds(
 
 @singledispatch
 def layer_points(layer: Layer) -> Float64[np.ndarray, "points 2"]:
-    """Points of a layer, so many that the picture that shows them shows all of it (m)."""
+    """Return points that span a layer, for the bounds of the picture (m)."""
     raise NotImplementedError(type(layer).__name__)
 
 
@@ -221,7 +218,7 @@ def _points_of_grid(layer: OccupancyGridLayer) -> Float64[np.ndarray, "points 2"
 
 @draw_layer.register(OccupancyGridLayer)
 def _draw_grid(layer: OccupancyGridLayer, axes: Axes) -> None:
-    """Occupied cells black, free ones white; what is unknown stays as the paper."""
+    """Draw occupied cells black, free cells white and unknown cells transparent."""
     from matplotlib.transforms import Affine2D
 
     rows, columns = layer.occupancy.shape
@@ -260,20 +257,18 @@ def _draw_graph(layer: PlaceGraph, axes: Axes) -> None:
         if lines:
             axes.add_collection(LineCollection(lines, zorder=4, **style), autolim=False)
     x, y = np.array(list(middles.values())).T
-    many = len(middles) > _MOST_LABELLED
-    size, label = (4 if many else 15), "places"
     axes.plot(
         x,
         y,
         "o",
         color=_PLACE,
-        markersize=size,
+        markersize=4 if layer.is_dense else 15,
         alpha=0.85,
         linestyle="none",
-        label=label,
+        label="places",
         zorder=5,
     )
-    if many:
+    if layer.is_dense:
         return
     for node, across, up in zip(layer.nodes, x, y, strict=True):
         axes.text(across, up, node.label, color="white", size=7, ha="center", va="center", zorder=6)

@@ -1,6 +1,6 @@
-"""Trajectories in the TUM format: a line each, `stamp x y z qx qy qz qw`.
+"""Trajectories in the TUM format, one pose per line: `stamp x y z qx qy qz qw`.
 
-Seconds, metres, and the heading as a quaternion about z; lines that begin with `#` are
+Units are seconds and metres; the heading is a quaternion about z. Lines that begin with `#` are
 comments. https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats
 """
 
@@ -17,14 +17,14 @@ from albot_core.files import write_text
 from albot_core.logs.text import LogText
 
 FIELDS = "stamp x y z qx qy qz qw"
-"""What stands in a line."""
+"""The fields of a line."""
 _EXPECTED = f"eight finite numbers, {FIELDS}"
 
 
 def write_tum(trajectory: Trajectory, path: Path) -> None:
-    """Write a trajectory, whole or not at all.
+    """Write a trajectory, atomically.
 
-    Read back, stamps and positions are the same to the last bit, headings to rounding.
+    Stamps and positions read back exactly, headings up to rounding.
     """
     lines = [f"# {FIELDS}"]
     for stamp, (x, y, heading) in zip(trajectory.stamps, trajectory.poses, strict=True):
@@ -34,11 +34,11 @@ def write_tum(trajectory: Trajectory, path: Path) -> None:
 
 
 def read_tum(text: LogText) -> Trajectory:
-    """Read a trajectory; only the turn about z is used. Lines may stand in any order.
+    """Read a trajectory; only the rotation about z is used. Lines may be in any order.
 
     Raises:
-        InputError: A line is not eight finite numbers, its quaternion is not of length 1, or
-            there is no line at all.
+        InputError: A line is not eight finite numbers, its quaternion does not have length 1,
+            or there is no line.
     """
     rows = []
     for number, line in enumerate(text.lines, start=1):
@@ -60,6 +60,6 @@ def read_tum(text: LogText) -> Trajectory:
 
 
 def _shortest(number: float) -> str:
-    """The fewest digits that give this number back; 0 without its sign."""
+    """Return a number as text with the fewest digits that read back exactly; -0 becomes 0."""
     text = repr(float(number) + 0.0)
     return text.removesuffix(".0")

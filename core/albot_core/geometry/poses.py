@@ -1,6 +1,6 @@
 """Poses in the plane as arrays `(..., 3)` of x, y (m) and heading (rad).
 
-Compiled code has the same vocabulary for single poses and points: `pose_kernels`.
+`pose_kernels` has the same functions for single poses and points, for compiled code.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from albot_core.geometry.types import BroadcastPoses, Points, Poses, Segments
 def wrap_angle(
     angle: Float64[np.ndarray, "*angles"] | float,
 ) -> Float64[np.ndarray, "*angles"] | np.float64:
-    """The same angle in [-pi, pi)."""
+    """Return the same angle in [-pi, pi)."""
     return np.asarray((np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi)[()]
 
 
 def compose(first: BroadcastPoses, second: BroadcastPoses) -> BroadcastPoses:
-    """The pose reached by `second` seen from `first`: first ⊕ second. Shapes broadcast."""
-    if first.ndim == second.ndim == 1:  # Plain numbers are several times faster, to the same bits.
+    """Return first ⊕ second: `second`, given in the frame `first`. Shapes broadcast."""
+    if first.ndim == second.ndim == 1:  # Faster with plain floats; same bits.
         (east, north, heading), (x, y, turn) = first.tolist(), second.tolist()
         cos, sin = float(np.cos(heading)), float(np.sin(heading))
         turned = (heading + turn + math.pi) % (2 * math.pi) - math.pi
@@ -38,7 +38,7 @@ def compose(first: BroadcastPoses, second: BroadcastPoses) -> BroadcastPoses:
 
 
 def inverse(pose: Poses) -> Poses:
-    """The pose that undoes `pose`: the one composed with the other is the origin."""
+    """Return the inverse pose: `pose` composed with it is the origin."""
     if pose.ndim == 1:  # As in `compose`.
         x, y, heading = pose.tolist()
         cos, sin = float(np.cos(heading)), float(np.sin(heading))
@@ -54,12 +54,12 @@ def inverse(pose: Poses) -> Poses:
 
 
 def relative(origin: BroadcastPoses, target: BroadcastPoses) -> BroadcastPoses:
-    """`target` seen from `origin`, so that `origin` composed with it is `target`."""
+    """Return `target` in the frame `origin`: `origin` composed with the result is `target`."""
     return compose(inverse(origin), target)
 
 
 def transform_points(frame: Float64[np.ndarray, "3"], points: Points) -> Points:
-    """Points given in `frame`, expressed in the frame that `frame` is given in."""
+    """Transform points from `frame` to the frame in which `frame` is given (m)."""
     cos, sin = np.cos(frame[2]), np.sin(frame[2])
     x, y = points[..., 0], points[..., 1]
     moved = np.empty(points.shape)
@@ -69,5 +69,5 @@ def transform_points(frame: Float64[np.ndarray, "3"], points: Points) -> Points:
 
 
 def transform_segments(frame: Float64[np.ndarray, "3"], segments: Segments) -> Segments:
-    """Segments given in `frame`, expressed in the frame that `frame` is given in."""
+    """Transform segments from `frame` to the frame in which `frame` is given (m)."""
     return transform_points(frame, segments.reshape(-1, 2, 2)).reshape(-1, 4)

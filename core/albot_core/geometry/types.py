@@ -1,4 +1,4 @@
-"""Names for the arrays that every part passes around; shapes are checked in the test run."""
+"""Types of common arrays; the test run checks their shapes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Poses = Float64[np.ndarray, "*poses 3"]
 """Any number of poses."""
 
 BroadcastPoses = Float64[np.ndarray, "*#poses 3"]
-"""Poses whose number may also be one where others beside them are many."""
+"""Poses whose shape broadcasts against that of other arguments."""
 
 Points = Float64[np.ndarray, "*points 2"]
 """Any number of points x, y (m)."""
@@ -21,4 +21,4 @@ Segments = Float64[np.ndarray, "segments 4"]
 """Line segments x1, y1, x2, y2 (m)."""
 
 Ranges = Float64[np.ndarray, "beams"]
-"""Distances along beams (m); infinity where nothing came back."""
+"""Distances along beams (m); infinity where there was no return."""

@@ -1,7 +1,7 @@
 """Kernel arguments: many arrays that compiled code takes as one address.
 
-numba unpacks each array that Python passes to a compiled call, which costs most of a microsecond
-an array: far more than the work of many a call. `KernelArguments` are unpacked once, when they are
+numba unpacks each array that Python passes to a compiled call. This costs most of a microsecond per
+array, often far more than the work of the call. `KernelArguments` are unpacked once, when they are
 made. Then a call takes one address, and the kernel gets the arrays back by `unpack`.
 """
 
@@ -29,16 +29,16 @@ from numba.extending import (
 from albot_core.kernels.compiled import kernel
 
 _LINE = 64
-"""Contents begin at a multiple of so many bytes."""
+"""Contents begin at a multiple of this many bytes."""
 
 
 class KernelArguments:
     """Arrays and numbers, in nested tuples, that compiled code gets back by `unpack`.
 
-    The values in the arrays may change; which arrays they are may not.
+    The values in the arrays may change; the arrays cannot be replaced.
 
     Args:
-        contents: A tuple of arrays, numbers and such tuples.
+        contents: A tuple of arrays, numbers and nested tuples.
     """
 
     def __init__(self, contents: tuple[Any, ...]) -> None:
@@ -48,16 +48,16 @@ class KernelArguments:
         self.kind = KernelArgumentsType(kind)
         """The numba type."""
         self.address = -(-self._room.ctypes.data // _LINE) * _LINE
-        """Where the contents are stored, in compiled code's own layout."""
+        """Address of the contents, in compiled code's own layout."""
         _pack(contents, self.address)
 
     def __reduce__(self) -> tuple[type[KernelArguments], tuple[Any, ...]]:
-        """A copy holds the copied contents, at an address of its own."""
+        """Copy or pickle the contents; the copy has an address of its own."""
         return KernelArguments, (self._kept,)
 
 
 class ArgumentsCache:
-    """Keeps the last `KernelArguments`, and makes new ones only for other parts.
+    """Keeps the last `KernelArguments`, and makes new ones only if a part is replaced.
 
     Args:
         arrange: Makes the contents from the parts.
@@ -68,10 +68,10 @@ class ArgumentsCache:
         self._packed: tuple[tuple[Any, ...], KernelArguments] | None = None
 
     def arguments(self, *parts: Any) -> KernelArguments:
-        """The arguments made from these parts; parts are compared by identity, not by value."""
+        """Return the arguments made from these parts; parts are compared by identity, not value."""
         packed = self._packed
         if packed is None or any(map(is_not, parts, packed[0])):
-            # In one assignment, for threads that ask at the same time.
+            # In one assignment, for threads that call this at the same time.
             self._packed = packed = parts, KernelArguments(self._arrange(*parts))
         return packed[1]
 
@@ -79,30 +79,30 @@ class ArgumentsCache:
 class KernelDispatcher:
     """Calls compiled code that takes `KernelArguments`, from Python: a decorator over `kernel`.
 
-    numba works out the types of all arguments at each call, which takes longer for
-    `KernelArguments` than the work of many a call. This dispatcher does so only when the contents'
-    type differs from the call before; so all other arguments must have the same types at each
-    call, and arrays must be contiguous.
+    numba works out the types of all arguments at each call. For `KernelArguments` this often takes
+    longer than the work of the call. This dispatcher does so only if the contents' type differs
+    from the call before. So all other arguments must have the same types at each call, and arrays
+    must be contiguous.
 
     Args:
-        compiled: The compiled code; compiled code itself must call this, not the dispatcher.
+        compiled: The compiled function; other compiled code must call this, not the dispatcher.
     """
 
     def __init__(self, compiled: Callable[..., Any]) -> None:
         self.compiled: Any = compiled
-        """The compiled code."""
+        """The compiled function."""
         self._known: tuple[KernelArgumentsType | None, Callable[..., Any]] = None, compiled
         update_wrapper(self, compiled)
 
     def __call__(self, rows: np.ndarray, arguments: KernelArguments, *others: Any) -> Any:
-        """Run the compiled code for these rows."""
+        """Run the compiled function for these rows."""
         kind, run = self._known
         if kind is not arguments.kind:
             run = self._find(rows, arguments, *others)
         return run(rows, arguments, *others)
 
     def _find(self, *arguments: Any) -> Callable[..., Any]:
-        """The machine code for arguments of these types, compiled if need be."""
+        """Return the machine code for arguments of these types; compile it if needed."""
         signature = tuple(map(typeof, arguments))
         self.compiled.compile(signature)
         found: Callable[..., Any] = self.compiled.overloads[signature].entry_point
@@ -120,7 +120,7 @@ class KernelArgumentsType(types.Type):
 
 @cache
 def _size_of(kind: Any) -> int:
-    """Bytes that contents of a numba type take."""
+    """Return the number of bytes that contents of a numba type take."""
     context = cpu_target.target_context
     size: int = context.get_abi_sizeof(context.get_value_type(kind))
     return size
@@ -159,7 +159,7 @@ def _store(typing: Any, contents: Any, address: Any) -> Any:
 
 
 def _unowned(context: Any, builder: Any, kind: Any, value: Any) -> Any:
-    """The same value without reference counts: the `KernelArguments` keep the arrays alive."""
+    """Return the value without reference counts: `KernelArguments` keep the arrays alive."""
     if isinstance(kind, types.Array):
         array = context.make_array(kind)(context, builder, value)
         array.meminfo = array.meminfo.type(None)
@@ -176,7 +176,7 @@ def _unowned(context: Any, builder: Any, kind: Any, value: Any) -> Any:
 
 
 def _unpack(typing: Any, arguments: Any) -> Any:
-    """The contents, as compiled code's own tuples and arrays."""
+    """Return the contents, as compiled code's own tuples and arrays."""
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         kind = context.get_value_type(signature.return_type)

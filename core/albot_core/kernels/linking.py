@@ -10,6 +10,9 @@ Only what Python has called is kept on disk: its machine code holds all that it 
 
 from __future__ import annotations
 
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from copy import copy
 from typing import Any
 
@@ -17,6 +20,7 @@ from llvmlite import binding as llvm
 from numba.core import compiler, dispatcher, registry
 from numba.core.codegen import JITCodeLibrary, RuntimeLinker
 from numba.core.environment import Environment
+from numba.core.errors import UnsupportedError
 
 from albot_core.kernels.notice import Notice
 
@@ -51,6 +55,12 @@ class Kernel(registry.CPUDispatcher):
     def get_overload(self, sig: Any) -> Any:
         """By what `get_function` of numba's target finds the code for these types."""
         return self.linked.get_overload(sig)
+
+    @property
+    def is_compiled(self) -> bool:
+        """Whether there is machine code of it for any types, in this process or on disk."""
+        kept: Any = self._cache  # type: ignore[attr-defined]
+        return bool(self.overloads or kept._cache_file._load_index())
 
     @property
     def is_compiling(self) -> Any:
@@ -112,7 +122,7 @@ class _KernelCompiler(_FunctionCompiler):  # type: ignore[misc]
         self._kernel = kernel
 
     def _compile_core(self, args: Any, return_type: Any) -> Any:
-        with _notice.compiling():
+        with _notice.compiling(), _garbage_left():
             wanted = return_type(*args) if return_type else tuple(args)
             self._kernel.linked.compile(wanted)
             _notice.give_if_due()
@@ -144,6 +154,22 @@ class _KernelCompiler(_FunctionCompiler):  # type: ignore[misc]
         for referenced in compiled._find_referenced_environments():
             library.codegen.set_env(referenced.env_name, referenced)
         return compiled
+
+
+@contextmanager
+def _garbage_left() -> Iterator[None]:
+    """Let the garbage collector wait until a function is compiled.
+
+    It would take a seventh of the time, and find little: most of a compiler's many objects are in
+    use until then.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 class _LinkedLibrary(JITCodeLibrary):
@@ -178,10 +204,11 @@ class _LinkedLibrary(JITCodeLibrary):
             whole.link_in(part._final_module, preserve=True)
         for library in self._others:
             whole.link_in(library._get_module_for_linking(), preserve=True)
-        # Functions that call each other in turns are found by their names once they are loaded.
-        sought = {variable.name for variable in whole.global_variables}
+        # numba looks for such functions by their names as it links, and not in code that was kept:
+        # there the call would jump to address 0.
+        if any(each.name.startswith(RuntimeLinker.PREFIX) for each in whole.global_variables):
+            raise UnsupportedError(f"{self.name}: a kernel calls itself by way of another one")
         for function in whole.functions:
             if not function.is_declaration and function.linkage == llvm.Linkage.external:
-                by_name = RuntimeLinker.PREFIX + function.name in sought
-                function.linkage = "weak_odr" if by_name else "linkonce_odr"
+                function.linkage = "linkonce_odr"
         return whole

@@ -1,6 +1,6 @@
-"""One line that says why the first call takes long: something is compiled.
+"""A warning that the first call takes long because code is compiled.
 
-It is a warning of the logger `albot_core.kernels`, which logging's usual means silence.
+Its logger is `albot_core.kernels`, which the settings of `logging` can silence.
 """
 
 from __future__ import annotations
@@ -12,16 +12,16 @@ from contextlib import contextmanager
 from multiprocessing import parent_process
 
 PATIENCE = 1.0
-"""Seconds of compiling in a process after which the line is due."""
+"""Time spent on compiling in a process after which the warning is given (s)."""
 TEXT = (
-    "albot: compiling, the first time only: for an environment and its mapper most of a minute "
-    "of a free core (`albot warm-up` does it beforehand)"
+    "albot: compiling, the first time only: for an environment and its mapper some 20 seconds "
+    "of two free cores (`albot warm-up` does it beforehand)"
 )
 _logger = logging.getLogger("albot_core.kernels")
 
 
 class Notice:
-    """Says once in a process that compiling takes long; worker processes say nothing."""
+    """Warns once per process that compiling takes long; worker processes do not warn."""
 
     def __init__(self) -> None:
         self._seconds = 0.0
@@ -29,7 +29,7 @@ class Notice:
 
     @contextmanager
     def compiling(self) -> Iterator[None]:
-        """Count the seconds of the block."""
+        """Add the duration of the block to the time spent on compiling."""
         self._began = time.monotonic()
         try:
             yield
@@ -37,7 +37,7 @@ class Notice:
             self._seconds += time.monotonic() - self._began
 
     def give_if_due(self) -> None:
-        """Say it, within the block, if that is due."""
+        """Give the warning if it is due; call this within the block."""
         if not self._is_given and self._seconds + time.monotonic() - self._began > PATIENCE:
             self._is_given = True
             _logger.warning(TEXT)

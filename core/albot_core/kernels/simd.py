@@ -1,16 +1,16 @@
 """SIMD vectors in compiled code: eight or sixteen columns of a table at a time.
 
-The compiler turns a loop into vector instructions only after a check, each time the loop is
-entered, that what is written does not overlap what is read. That check costs more than loops as
-short as ours. So vector code is written with Python's operators on `FloatVector` (or
-`UInt64Vector`), and a decorator makes of it a function that compiled code can call:
+The compiler turns a loop into vector instructions only behind a check, at each entry of the loop,
+that the memory that is written does not overlap the memory that is read. In short loops that check
+costs more than the loop. So vector code is written with Python's operators on `FloatVector` (or
+`UInt64Vector`), and a decorator turns it into a function that compiled code can call:
 
 | decorator | columns of |
 |---|---|
 | `float64_predicate` | 8 float64 |
-| `float32_predicate` | 16 float32, where less exact will do |
-| `mixed_predicate` | 8, of a float64 array and of a float32 array beside it |
-| `uint64_predicate` | 8 uint64, looked up at places of their own |
+| `float32_predicate` | 16 float32, where less precision is enough |
+| `mixed_predicate` | 8, of a float64 array and of a float32 array |
+| `uint64_predicate` | 8 uint64, each looked up at its own position |
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from numba.extending import intrinsic
 from albot_core.kernels.compiled import kernel
 
 LANES, LANES32 = 8, 16
-"""Columns in a vector of float64 (or uint64), and of float32."""
+"""Number of columns in a vector of float64 (or uint64), and of float32."""
 
 Arrays = np.ndarray | tuple[np.ndarray, ...]
 Predicate = Callable[[Arrays, int | tuple[int, ...], tuple[Any, ...]], int]
-"""What compiled code calls: see `float64_predicate`."""
+"""A function that compiled code calls: see `float64_predicate`."""
 
 _WORD = ir.IntType(64)
 _UINT64S = ir.VectorType(ir.IntType(64), LANES)
@@ -41,7 +41,7 @@ _BOOLS = ir.VectorType(ir.IntType(1), LANES)
 
 
 class FloatVector:
-    """Floats, or booleans (a mask), one a lane, known when the code runs; operators act on all."""
+    """Floats, or booleans (a mask), one per lane, known at run time; operators act on all lanes."""
 
     def __init__(self, builder: Any, value: Any) -> None:
         self._builder, self.value = builder, value
@@ -86,7 +86,7 @@ class FloatVector:
         return self._vector(self._builder.or_(self.value, other.value))
 
     def _compare(self, how: str, other: FloatVector | float) -> FloatVector:
-        """NaN compares as false."""
+        """Compare lane by lane; NaN compares as false."""
         return self._vector(self._builder.fcmp_ordered(how, self.value, self._like(other)))
 
     def _like(self, other: FloatVector | float) -> Any:
@@ -98,43 +98,46 @@ class FloatVector:
         return FloatVector(self._builder, value)
 
     def where(self, other: FloatVector | float, mask: FloatVector) -> FloatVector:
-        """These numbers where the mask is true, the others elsewhere."""
+        """Return these numbers where the mask is true, the others elsewhere."""
         return self._vector(self._builder.select(mask.value, self.value, self._like(other)))
 
     def minimum(self, other: FloatVector | float) -> FloatVector:
-        """The lesser of both in each lane; the other where one is NaN."""
+        """Return the lesser of both in each lane; the other where one is NaN."""
         return self.where(other, self < other)
 
     def maximum(self, other: FloatVector | float) -> FloatVector:
-        """The greater of both in each lane; the other where one is NaN."""
+        """Return the greater of both in each lane; the other where one is NaN."""
         return self.where(other, self > other)
 
     def abs(self) -> FloatVector:
-        """Without their signs."""
+        """Return the absolute values."""
         return self._vector(_call_llvm(self._builder, "llvm.fabs", self.value))
 
     def sqrt(self) -> FloatVector:
-        """Their square roots."""
+        """Return the square roots."""
         return self._vector(_call_llvm(self._builder, "llvm.sqrt", self.value))
 
     def to_float32(self) -> FloatVector:
-        """The nearest float32 numbers."""
+        """Return the nearest float32 numbers."""
         kind = ir.VectorType(ir.FloatType(), self.value.type.count)
         return self._vector(self._builder.fptrunc(self.value, kind))
 
     def lane_numbers(self) -> FloatVector:
-        """The numbers of the lanes, from 0."""
+        """Return the numbers of the lanes, from 0."""
         kind = self.value.type
         return self._vector(ir.Constant(kind, [float(lane) for lane in range(kind.count)]))
 
     def compress(self, mask: FloatVector) -> FloatVector:
-        """Those where the mask is true, in order, in the first lanes; undefined in the rest."""
+        """Return those where the mask is true, in order, in the first lanes.
+
+        The remaining lanes are undefined.
+        """
         undefined = self.value.type(ir.Undefined)
         name = "llvm.experimental.vector.compress"
         return self._vector(_call_llvm(self._builder, name, self.value, mask.value, undefined))
 
     def reduce_min(self) -> FloatVector:
-        """The least of all lanes, in every lane."""
+        """Return the least of all lanes, in every lane."""
         least, count = self, self.value.type.count
         order = ir.VectorType(ir.IntType(32), count)
         apart = count // 2
@@ -146,7 +149,7 @@ class FloatVector:
 
 
 def _call_llvm(builder: Any, name: str, *values: Any) -> Any:
-    """The result of one of LLVM's own functions (intrinsics) on vectors."""
+    """Return the result of one of LLVM's own functions (intrinsics) on vectors."""
     first = values[0].type
     kind = ir.FunctionType(first, [value.type for value in values])
     width = "f32" if first.element == ir.FloatType() else "f64"
@@ -194,7 +197,7 @@ class UInt64Vector:
         return UInt64Vector(self._builder, self._builder.or_(self.value, other.value))
 
     def __rshift__(self, other: UInt64Vector | int) -> UInt64Vector:
-        """By less than 64."""
+        """Shift right by less than 64 bits."""
         return UInt64Vector(self._builder, self._builder.lshr(self.value, _uint64s(other)))
 
     def __lt__(self, other: UInt64Vector) -> UInt64Vector:
@@ -203,23 +206,23 @@ class UInt64Vector:
         )
 
     def stepped(self, step: UInt64Vector) -> UInt64Vector:
-        """These numbers plus 0, 1, 2, … steps, from the first lane on."""
+        """Return these numbers plus 0, 1, 2, … steps, from the first lane on."""
         lanes = ir.Constant(_UINT64S, list(range(LANES)))
         return self + UInt64Vector(self._builder, self._builder.mul(step.value, lanes))
 
     def is_odd(self) -> UInt64Vector:
-        """A mask: whether each is odd."""
+        """Return a mask: whether each is odd."""
         return UInt64Vector(self._builder, self._builder.trunc(self.value, _BOOLS))
 
 
 class UInt64Table:
-    """A table of uint64, whose rows stand one after another."""
+    """A table of uint64, with its rows one after another in memory."""
 
     def __init__(self, builder: Any, kind: Any, data: Any, length: Any, first: Any) -> None:
         self._builder, self._begin = builder, builder.gep(data, [first], inbounds=True)
 
     def at(self, places: UInt64Vector, mask: UInt64Vector) -> UInt64Vector:
-        """The numbers at some places from the first column on; 0 where the mask is false."""
+        """Return the numbers at places from the first column on; 0 where the mask is false."""
         builder = self._builder
         chosen = builder.select(mask.value, places.value, _uint64s(0))
         numbers = _UINT64S(ir.Undefined)
@@ -241,18 +244,18 @@ Masks = FloatVector | tuple[FloatVector, ...]
 
 
 def float64_predicate(function: Callable[..., Masks]) -> Predicate:
-    """Makes a function that compiled code calls to test eight columns of float64 at once.
+    """Make a function that compiled code calls to test eight columns of float64 at once.
 
     Args:
         function: The test: `function(table, *numbers)`, where each number is the same in all
             lanes. It may also write rows of the table, and return several masks.
 
     Returns:
-        A function for compiled code of: an array (rows, a multiple of LANES), contiguous float64,
-        or a tuple of such; the first of the columns, or a tuple of firsts, for each of which
-        `function` is given a table; a tuple of float64, the numbers. It returns an int64 with a
-        bit for each column, the first column's the lowest; the bits of a second mask follow, and
-        so on.
+        A function for compiled code with three arguments. First: a contiguous array of float64
+        (rows, a multiple of LANES), or a tuple of such arrays. Second: the first of the columns, or
+        a tuple of first columns, for each of which `function` is given a table. Third: the numbers,
+        a tuple of float64. It returns an int64 with a bit for each column; the lowest bit is the
+        first column's. The bits of a second mask follow, and so on.
     """
     return _make_predicate(function, (types.float64,), LANES)
 
@@ -263,7 +266,7 @@ def float32_predicate(function: Callable[..., Masks]) -> Predicate:
 
 
 def mixed_predicate(function: Callable[..., Masks]) -> Predicate:
-    """As `float64_predicate`, for two arrays with a first each; the second array is float32."""
+    """As `float64_predicate`, for two arrays, each with a first column; the second is float32."""
     return _make_predicate(function, (types.float64, types.float32), LANES)
 
 
@@ -279,14 +282,14 @@ def _make_predicate(
     vector: Any = FloatVector,
     table: Any = FloatTable,
 ) -> Predicate:
-    """A predicate of any kind.
+    """Make a predicate of any kind.
 
     Args:
         function: The test.
-        elements: The arrays' dtypes, as numba names them; the first is the numbers', too.
-        count: How many columns are tested at once.
-        vector: The class of what `function` is given for numbers.
-        table: The class of what it is given for arrays.
+        elements: The arrays' dtypes as numba types; the first is also the numbers' dtype.
+        count: Number of columns that are tested at once.
+        vector: Class of the vectors that `function` gets for the numbers.
+        table: Class of the tables that `function` gets for the arrays.
     """
 
     def _test(typing: Any, array: Any, first: Any, given: Any) -> Any:
@@ -312,7 +315,7 @@ def _make_predicate(
         fit = all(of.layout == "C" for of in arrays)
         fit &= tuple(of.dtype for of in arrays) == elements
         if not fit or any(number != elements[0] for number in given):
-            return None  # Numba then says that there is no such function for these arguments.
+            return None  # numba then reports that no function takes these arguments.
         return types.int64(array, first, given), generate
 
     _test.__name__ = function.__name__
@@ -320,7 +323,7 @@ def _make_predicate(
 
 
 def _parts(builder: Any, value: Any, kind: Any) -> list[tuple[Any, Any]]:
-    """The parts of a tuple with their types; of anything else itself."""
+    """Return the parts of a tuple with their types; of any other value, itself."""
     if not isinstance(kind, types.BaseTuple):
         return [(value, kind)]
     elements: Any = kind
@@ -328,7 +331,7 @@ def _parts(builder: Any, value: Any, kind: Any) -> list[tuple[Any, Any]]:
 
 
 def _broadcast(builder: Any, kind: Any, number: Any) -> Any:
-    """A vector of this kind with a number in all lanes."""
+    """Return a vector of this kind with a number in all lanes."""
     undefined, place = kind(ir.Undefined), ir.IntType(32)
     one = builder.insert_element(undefined, number, place(0))
     zeros = ir.Constant(ir.VectorType(place, kind.count), [0] * kind.count)
@@ -337,11 +340,11 @@ def _broadcast(builder: Any, kind: Any, number: Any) -> Any:
 
 @kernel()
 def padded_length(count: int) -> int:
-    """The least multiple of LANES that holds so many columns: the length of a table's rows."""
+    """Return the row length of a table: the least multiple of LANES not below `count`."""
     return (count + LANES - 1) // LANES * LANES
 
 
 @kernel()
 def first_bits(count: int) -> int:
-    """A mask with the bits of the first `count` columns set, at most LANES of them."""
+    """Return a mask with the bits of the first `count` columns set, at most LANES of them."""
     return (1 << min(count, LANES)) - 1

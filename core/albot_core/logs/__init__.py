@@ -1,1 +1,1 @@
-"""Readers of real robots' logs, a format a file."""
+"""Readers of real robots' logs, one module per format."""

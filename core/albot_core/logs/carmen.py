@@ -1,26 +1,27 @@
 """Logs of CARMEN, the Carnegie Mellon robot navigation toolkit.
 
-A line is a message, `NAME contents ipc_stamp host logger_stamp`. Used are the first stamp and
+A line is a message, `NAME contents ipc_stamp host logger_stamp`. The reader uses the first stamp of
+these messages:
 
 - `ODOM x y heading speed turn_rate acceleration`
 - `FLASER n r1 … rn x y heading odom_x odom_y odom_heading`
 - `ROBOTLASER1 type start_angle field_of_view spacing max_range accuracy remission_mode
   n r1 … rn m e1 … em laser_x laser_y laser_heading robot_x robot_y robot_heading
-  speed turn_rate front_distance side_distance turn_axis` (early logs have no remissions: no
+  speed turn_rate front_distance side_distance turn_axis` (early logs have no remissions
   `m e1 … em`)
 
-Metres and radians; ranges run from the right to the left. Of a log with scans of both kinds
-those of the first kind met are read. Other messages are passed over.
+Units are metres and radians; ranges run from right to left. In a log with both kinds of scans, only
+the kind of the first scan is read. Other messages are skipped.
 http://carmen.sourceforge.net/logger_playback.html
 
-A scan's first pose is the laser's, its second the robot's by its odometer. Where the first
-wanders from the second, a program has corrected it, and it is taken for the reference.
+A scan's first pose is that of the laser, its second that of the robot by its odometer. If the first
+drifts relative to the second, a program has corrected it, and it becomes the reference.
 
-In other logs both poses of every scan are the corrected one: GMapping's `gfs2log` writes such (the
-`*-corrected.log` of Radish). There the `ODOM` line before a scan bears the scan's stamp and tells
-where the odometer had come since the previous corrected pose, and the one after it repeats the
-corrected pose, from which the odometer's steps then go on. So from each corrected pose to the
-`ODOM` line before the next lies the odometer's raw motion (`_raw_odometry`).
+In other logs both poses of every scan are the corrected one; GMapping's `gfs2log` writes such logs
+(the `*-corrected.log` of Radish). There, the `ODOM` line before a scan has the scan's stamp and the
+odometer's pose, integrated from the previous corrected pose. The `ODOM` line after the scan repeats
+the corrected pose, from which the odometer continues. So the odometer's raw motion leads from each
+corrected pose to the `ODOM` line before the next (`_raw_odometry`).
 """
 
 from __future__ import annotations
@@ -45,7 +46,7 @@ _READ = ("ODOM", "FLASER", "ROBOTLASER1")
 _SCANS = ("FLASER", "ROBOTLASER1")
 _AT_CENTRE = (0.0, 0.0, 0.0)
 _TAIL = 3
-"""Fields at the end of a message: two stamps and a host between them."""
+"""Number of fields at the end of a message: a stamp, a host, a stamp."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,7 +69,7 @@ class _Sweep:
 
 @dataclass(frozen=True, kw_only=True)
 class _Header:
-    """What a scan says of its laser; the same in all scans of a log."""
+    """A scan's description of its laser; the same in all scans of a log."""
 
     beams: int
     configuration: tuple[str, ...] = ()
@@ -76,10 +77,10 @@ class _Header:
 
 
 def read(text: LogText, keep_going: bool) -> Recording:
-    """Read a CARMEN log.
+    """Read a CARMEN log. With `keep_going`, read a damaged log up to the first damaged line.
 
     Raises:
-        InputError: A line is damaged, and is the first or not to be passed over.
+        InputError: A line is damaged, and no scan comes before it or `keep_going` is not set.
     """
     messages = _Messages(text)
     records, error = good_beginning(iter(messages), keep_going)
@@ -101,7 +102,7 @@ def read(text: LogText, keep_going: bool) -> Recording:
 def _poses(
     records: Sequence[_Odometer | _Sweep], sweeps: Sequence[_Sweep], source: Path
 ) -> tuple[Poses, Poses | None, tuple[float, float, float]]:
-    """The odometer's poses, the reference where there is one, and the laser's mount."""
+    """Return the odometer's poses, the reference (None without one), and the laser's mount."""
     robot = np.stack([sweep.robot for sweep in sweeps])
     laser = np.stack([sweep.laser for sweep in sweeps])
     raw = _raw_odometry(records, source)
@@ -114,14 +115,14 @@ def _poses(
 
 
 def _raw_odometry(records: Sequence[_Odometer | _Sweep], source: Path) -> Poses | None:
-    """The odometer's pose at every scan of a corrected log, beginning at the first's pose.
+    """Return the odometer's pose at every scan of a corrected log, from the first scan's pose on.
 
-    None where the log is not corrected: where most scans lack an `ODOM` line beside them
-    that says what it would, or the odometer is nowhere apart from the scans' poses.
+    None if the log is not corrected: most scans lack the neighbouring `ODOM` lines of a corrected
+    log, or the odometer never differs from the scans' poses.
 
     Raises:
-        InputError: Most scans are corrected ones and some is not: its lines were torn
-            apart, and its raw motion with them. Its pose is the truth and no odometry.
+        InputError: Most scans are corrected but some lack their `ODOM` lines, so that their raw
+            motion is lost. The pose in such a scan is the reference, not odometry.
     """
     scans = list(_with_neighbours(records))
     arrivals = [_arrival(scan, first=k == 0) for k, scan in enumerate(scans)]
@@ -149,7 +150,7 @@ def _raw_odometry(records: Sequence[_Odometer | _Sweep], source: Path) -> Poses 
 
 
 def _arrival(scan: _Neighbours, *, first: bool) -> Pose | None:
-    """Where the odometer had come at a corrected scan; None if the scan is not like one."""
+    """Return the odometer's pose at a corrected scan; None if it is not a corrected scan."""
     sweep, before, after = scan.sweep, scan.before, scan.after
     if not np.array_equal(sweep.laser, sweep.robot):
         return None
@@ -173,7 +174,7 @@ def _with_neighbours(records: Sequence[_Odometer | _Sweep]) -> Iterator[_Neighbo
 
 @dataclass(frozen=True, kw_only=True)
 class _Neighbours:
-    """A scan and the messages beside it."""
+    """A scan and the messages before and after it."""
 
     before: _Odometer | _Sweep | None
     sweep: _Sweep
@@ -181,7 +182,7 @@ class _Neighbours:
 
 
 class _Messages:
-    """The messages of a log that are used, and the laser that they tell of."""
+    """The used messages of a log, and the laser that they describe."""
 
     def __init__(self, text: LogText) -> None:
         self._text = text
@@ -197,7 +198,7 @@ class _Messages:
                 yield self._flaser(words) if words[0] == "FLASER" else self._robotlaser(words)
 
     def geometry(self, mount: tuple[float, float, float]) -> LaserGeometry:
-        """The laser of the scans read, at its place on the robot."""
+        """Return the geometry of the scans' laser, with its mount on the robot."""
         assert self._header is not None
         if not self._header.configuration:
             return sick_laser(self._header.beams, NO_RETURN, mount)
@@ -236,9 +237,9 @@ class _Messages:
         return self._sweep(words, ranges, self._after_remissions(rest))
 
     def _after_remissions(self, rest: list[str]) -> list[str]:
-        """What follows the remissions, which stand after the ranges but in early logs."""
+        """Return the fields after the remissions, which follow the ranges except in early logs."""
         poses = 11 + _TAIL
-        # A host that is a number gives away a line that is torn to the length of an early one.
+        # If the host is a number, the line is truncated to the length of an early one.
         if len(rest) == poses and not is_number(rest[-2]):
             return rest
         remissions = self._text.count(rest[0], "remissions") if rest else 0

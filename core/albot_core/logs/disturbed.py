@@ -1,7 +1,7 @@
 """Disturbed versions of a log: what a worse odometer or a poorer laser would have recorded.
 
-A mapper that is tuned on a log may live on its odometer's virtues. How its error grows over such
-versions tells how much of it does.
+The growth of a mapper's error over such versions tells how far it depends on the log that it was
+tuned on.
 """
 
 from __future__ import annotations
@@ -16,33 +16,43 @@ from albot_core.geometry.poses import compose, relative
 from albot_core.logs.log import Log, with_noise
 
 TURN_SCALE, TURN_FREEDOM = np.radians(4.0), 2
-"""A turn's error follows Student's t of so many degrees of freedom, times this (rad): one in 26 is
-beyond 20°…"""
+"""Scale (rad) and degrees of freedom of the error of a turn, which follows Student's t: one turn in
+26 is off by more than 20°."""
 LARGEST_TURN_ERROR = np.radians(30.0)
-"""…and none beyond this (rad)."""
+"""Largest error of a turn (rad)."""
+BAD_TURN, BAD_LENGTH = np.radians(25.0), 0.1
+"""Largest error of a bad odometer's turn (rad), and of a length, as a share of it."""
 SHORTEST, LONGEST = 0.85, 1.15
-"""A motion's length is off by a factor between these."""
+"""Least and largest factor by which a motion's length is off."""
 NEAR = 8.0
-"""A near-sighted laser sees so far (m)."""
+"""Range of the near-sighted laser (m)."""
 
 
 def with_false_turns(log: Log, rng: np.random.Generator) -> Log:
-    """A copy of the log in which every turn is off, mostly a little and now and then by far."""
+    """Return a copy of the log in which every turn is off, mostly slightly and at times strongly."""
     motions = relative(log.odometry[:-1], log.odometry[1:])
     errors = TURN_SCALE * rng.standard_t(TURN_FREEDOM, len(motions))
     motions[:, 2] += np.clip(errors, -LARGEST_TURN_ERROR, LARGEST_TURN_ERROR)
     return _with_motions(log, motions)
 
 
+def with_bad_odometer(log: Log, rng: np.random.Generator) -> Log:
+    """Return a copy of the log in which every turn is off by up to 25°, every length by a tenth."""
+    motions = relative(log.odometry[:-1], log.odometry[1:])
+    motions[:, :2] *= rng.uniform(1 - BAD_LENGTH, 1 + BAD_LENGTH, (len(motions), 1))
+    motions[:, 2] += rng.uniform(-BAD_TURN, BAD_TURN, len(motions))
+    return _with_motions(log, motions)
+
+
 def with_false_lengths(log: Log, rng: np.random.Generator) -> Log:
-    """A copy of the log in which every motion is longer or shorter, each by a factor of its own."""
+    """Return a copy of the log in which each motion is scaled by a random factor."""
     motions = relative(log.odometry[:-1], log.odometry[1:])
     motions[:, :2] *= rng.uniform(SHORTEST, LONGEST, (len(motions), 1))
     return _with_motions(log, motions)
 
 
 def with_half_the_beams(log: Log, rng: np.random.Generator) -> Log:
-    """A copy of the log with every second beam, from the first or the second on.
+    """Return a copy of the log with every second beam, from the first or the second on.
 
     Raises:
         InputError: The log has no laser.
@@ -61,7 +71,7 @@ def with_half_the_beams(log: Log, rng: np.random.Generator) -> Log:
 
 
 def without_every_third(log: Log, rng: np.random.Generator) -> Log:
-    """A copy of the log without every third reading; which of three is drawn."""
+    """Return a copy of the log without every third reading, from a random first one on."""
     kept = np.arange(len(log.stamps)) % 3 != rng.integers(3)
 
     def thinned(rows: np.ndarray | None) -> np.ndarray | None:
@@ -79,7 +89,7 @@ def without_every_third(log: Log, rng: np.random.Generator) -> Log:
 
 
 def near_sighted(log: Log, _: np.random.Generator) -> Log:
-    """A copy of the log whose laser sees no farther than `NEAR`.
+    """Return a copy of the log whose laser sees no farther than `NEAR`.
 
     Raises:
         InputError: The log has no laser.
@@ -101,28 +111,29 @@ DISTURBANCES: dict[str, Callable[[Log, np.random.Generator], Log]] = {
     "noise": lambda log, _: log,
     "turns": with_false_turns,
     "lengths": with_false_lengths,
+    "odometer": with_bad_odometer,
     "beams": with_half_the_beams,
     "views": without_every_third,
     "range": near_sighted,
     "all": _all,
 }
-"""The disturbances by name; "noise" is none but that of `disturbed`."""
+"""The disturbances by name; "noise" adds only the noise of `disturbed`."""
 
 
 def disturbed(log: Log, disturbance: str, seed: int) -> Log:
-    """The log under a disturbance, and with a little noise, so that no two seeds are the same.
+    """Return the log under a disturbance, with a little noise, so that no two seeds are the same.
 
     Args:
         log: The log.
         disturbance: One of `DISTURBANCES`.
-        seed: What is drawn follows from it.
+        seed: Seed of the random numbers.
     """
     rng = np.random.default_rng(seed)
     return with_noise(DISTURBANCES[disturbance](log, rng), rng)
 
 
 def _with_motions(log: Log, motions: np.ndarray) -> Log:
-    """A copy of the log with other motions from reading to reading."""
+    """Return a copy of the log with other motions between readings."""
     poses = [log.odometry[0]]
     for motion in motions:
         poses.append(compose(poses[-1], motion))

@@ -1,8 +1,8 @@
 """Logs of Duke University's DP-SLAM: `Odometry x y heading`, then `Laser n r1 … rn`.
 
-Metres and radians; beams from -90° on, 1° apart; no clock, so the scan's number stands for
-its stamp. The README of DP-SLAM 0.1.1 describes the format, and its `ThisRobot.h` sets the
-laser 0.40 m ahead of the point about which the robot turns
+Units are metres and radians. Beams start at -90°, 1° apart. There is no clock, so the scan's number
+is its stamp. The README of DP-SLAM 0.1.1 describes the format. Its `ThisRobot.h` places the laser
+0.40 m ahead of the robot's centre of rotation
 (https://github.com/OpenSLAM-org/openslam_dpslam).
 """
 
@@ -19,16 +19,16 @@ NAME = "Duke (Odometry and Laser lines)"
 KEYWORDS = ("Odometry", "Laser")
 
 _MAX_RANGE = 8.18
-"""The laser measures in millimetres up to here; 8.183 m and above are its codes for no return."""
+"""Largest range of the laser (m), in millimetre mode; 8.183 m and above are codes for no return."""
 
 _MOUNT = (0.40, 0.0, 0.0)
 
 
 def read(text: LogText, keep_going: bool) -> Recording:
-    """Read a Duke log.
+    """Read a Duke log. With `keep_going`, read a damaged log up to the first damaged line.
 
     Raises:
-        InputError: A line is damaged, and is the first or not to be passed over.
+        InputError: A line is damaged, and no scan comes before it or `keep_going` is not set.
     """
     scans, error = good_beginning(_scans(text), keep_going)
     if not scans:

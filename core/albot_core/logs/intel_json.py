@@ -1,8 +1,8 @@
 """Logs as JSON, `{"map": {stamp: {"range": […], "x": …, "y": …, "theta": …}}}`.
 
-The Intel Research Lab log goes about in this form, once with the odometer's poses and once
-with corrected ones; the file does not say which. Metres, radians, seconds; ranges run from
-the right to the left. Entries are parsed one by one, so that a torn file has a beginning.
+The Intel Research Lab log is distributed in this form, with the odometer's poses and with corrected
+ones; the file does not say which. Units are metres, radians and seconds; ranges run from right to
+left. Entries are parsed one by one, so that a truncated file can be read up to its end.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _ENTRY = "range (a list), x, y and theta"
 
 
 def read(text: LogText, keep_going: bool) -> Recording:
-    """Read a log as JSON.
+    """Read a log as JSON. With `keep_going`, read a damaged log up to the first damaged entry.
 
     Raises:
-        InputError: An entry is damaged, and is the first or not to be passed over.
+        InputError: An entry is damaged, and it is the first or `keep_going` is not set.
     """
     cursor = _Cursor(text)
     scans, error = good_beginning(_scans(text, cursor), keep_going)
@@ -78,7 +78,7 @@ def _ranges(text: LogText, values: list[Any]) -> Ranges:
 
 
 def _entries(cursor: _Cursor) -> Iterator[tuple[str, Any]]:
-    """The members of the object under "map", wherever that stands in the outermost object."""
+    """Yield the members of the object "map", which may be anywhere in the outermost object."""
     for name in cursor.members():
         if name == "map":
             for stamp in cursor.members():
@@ -97,7 +97,7 @@ def _finite(word: str) -> float:
 
 
 class _Cursor:
-    """A place in a JSON text; tells the log which line it has come to."""
+    """A position in a JSON text, which keeps the log's line number up to date."""
 
     _decoder = json.JSONDecoder(parse_float=_finite)
 
@@ -110,7 +110,7 @@ class _Cursor:
         text.number = 1
 
     def members(self) -> Iterator[str]:
-        """The names in the object that begins here; each one's value is to be read next."""
+        """Yield the names in the object that begins here; read each value before the next name."""
         self._expect("{")
         if self._peek() == "}":
             self._at += 1
@@ -127,7 +127,7 @@ class _Cursor:
             self._expect(",")
 
     def value(self) -> Any:
-        """The value that begins here."""
+        """Read the value that begins here."""
         self._peek()
         try:
             value, self._at = self._decoder.raw_decode(self._content, self._at)
@@ -141,16 +141,16 @@ class _Cursor:
         return value
 
     def settle(self) -> None:
-        """All up to here is good."""
+        """Mark everything up to here as valid."""
         self._settled = self._at
 
     def left_out(self, error: InputError) -> LeftOut:
-        """What is lost when only what was settled is used."""
+        """Return what is lost if only the part marked by `settle` is used."""
         lost = self._content[self._settled :]
         return LeftOut(lines=lost.count("\n") + 1, scans=lost.count('"range"'), reason=str(error))
 
     def end(self) -> None:
-        """Nothing may follow."""
+        """Raise InputError if anything follows."""
         rest = self._peek()
         if rest:
             raise self._text.error("the end of the file", repr(rest))
@@ -162,7 +162,7 @@ class _Cursor:
         self._at += 1
 
     def _peek(self) -> str:
-        """The next character that is no white space, which is passed over; "" at the end."""
+        """Skip white space and return the next character; "" at the end."""
         content = self._content
         while self._at < len(content) and content[self._at] in " \t\r\n":
             self._at += 1

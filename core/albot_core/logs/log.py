@@ -1,6 +1,6 @@
-"""The log of a real robot's run: as it stands in its file (`Recording`), and as it is used (`Log`).
+"""The log of a robot's run: as in its file (`Recording`), and sorted by time (`Log`).
 
-Readers of all formats hand over a recording. What they know of lasers stands here too.
+The readers of all formats return a recording. This module also holds what they share about lasers.
 """
 
 from __future__ import annotations
@@ -27,57 +27,57 @@ from albot_core.sensing.reading import (
 )
 
 NO_RETURN = 30.0
-"""Ranges at and beyond this (m) are taken for none: a SICK LMS sees no farther, and writes
-81.83 and above where nothing came back."""
+"""Ranges at or above this (m) count as no return: a SICK LMS sees no farther, and writes 81.83 and
+above for no return."""
 SICK_SPACINGS = {180: 1.0, 181: 1.0, 360: 0.5, 361: 0.5}
-"""Degrees between the beams of a SICK LMS that sweeps 180°, by their number."""
+"""Angle between the beams of a SICK LMS over 180° (degrees), by the number of beams."""
 _MOUNT_PLAY = 0.01
-"""How far (m, rad) a recorded laser may seem to stray from its place on the robot."""
+"""Largest deviation of a laser's recorded mount from its median (m, rad)."""
 _MOUNT_DIGITS = 4
-"""Digits after the point (m, rad) to which the rounded poses of a log tell a mount."""
+"""Decimals to which a mount is rounded (m, rad), because a log's poses are rounded."""
 RANGE_NOISE = 0.005
-"""Standard deviation (m) of what is added to every range, far below the laser's own."""
+"""Standard deviation (m) of the noise that `with_noise` adds to ranges; far below the laser's."""
 MOTION_NOISE = np.array([0.003, 0.003, np.radians(0.1)])
-"""Standard deviations (m, m, rad) of what is added to every motion."""
+"""Standard deviations (m, m, rad) of the noise that `with_noise` adds to motions."""
 
 Record = TypeVar("Record")
 
 
 @dataclass(frozen=True, kw_only=True)
 class LeftOut:
-    """What of a damaged log was not read.
+    """The part of a damaged log that was not read.
 
-    Where an archive is torn, only what still unpacks is counted.
+    In a damaged archive, only the part that still unpacks is counted.
     """
 
     lines: int
-    """Lines from the first bad one on."""
+    """Number of lines from the first bad one on."""
     scans: int
-    """Scans begun in those lines."""
+    """Number of scans that begin in those lines."""
     reason: str
-    """What is wrong, and where, in one line."""
+    """The error, in one line."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Log:
-    """A robot's run: what it sensed, scan by scan, in the order of time."""
+    """A robot's run: its sensor data at every scan, ordered by time."""
 
     name: str
     """The file's name."""
     geometry: LaserGeometry | None
-    """Where the laser's beams point; None in a log without a laser."""
+    """Beam geometry of the laser; None in a log without a laser."""
     stamps: Float64[np.ndarray, "scans"]
-    """Time of every scan (s), never falling; the scan's number where the log has no clock."""
+    """Time of every scan (s), not decreasing; the scan's number if the log has no clock."""
     ranges: Float64[np.ndarray, "scans beams"] | None
-    """Distance along every beam (m), infinity where nothing came back; None without a laser."""
+    """Distance along every beam (m), infinity where there was no return; None without a laser."""
     odometry: Poses
-    """The odometer's pose at every scan, in the odometer's frame."""
+    """The odometer's pose at every scan (m, rad), in the odometer's frame."""
     sonar: SonarGeometry | None = None
-    """Where the sonars sit and point; None in a log without."""
+    """Geometry of the sonars; None in a log without sonars."""
     echoes: Float64[np.ndarray, "scans sonars"] | None = None
-    """The sonars' ranges at every scan (m); None in a log without."""
+    """The sonars' ranges at every scan (m); None in a log without sonars."""
     scenes: Int64[np.ndarray, "scans"] | None = None
-    """The visual scene at every scan, -1 where none is seen; None in a log without."""
+    """The visual scene at every scan, -1 for none; None in a log without a camera."""
     reference: Poses | None = None
     """The robot's corrected pose at every scan, where the log holds one."""
     left_out: LeftOut | None = None
@@ -85,7 +85,7 @@ class Log:
 
     @cached_property
     def readings(self) -> list[Reading]:
-        """A reading for every scan; the first one's motion is none."""
+        """One reading per scan; the motion of the first is zero."""
         motions = np.zeros_like(self.odometry)
         motions[1:] = relative(self.odometry[:-1], self.odometry[1:])
         return [self._reading(scan, motion) for scan, motion in enumerate(motions)]
@@ -103,7 +103,7 @@ class Log:
 
     @property
     def sensors(self) -> frozenset[Sensor]:
-        """Which sensors the log holds besides the odometer."""
+        """The sensors in the log besides the odometer."""
         held: dict[Sensor, object] = {
             "laser": self.ranges,
             "sonar": self.sonar,
@@ -113,17 +113,17 @@ class Log:
 
     @property
     def path_length(self) -> float:
-        """How far the odometer says that the robot went (m)."""
+        """Length of the path by odometry (m)."""
         return path_length(self.odometry)
 
     @property
     def odometry_trajectory(self) -> Trajectory:
-        """Where the odometer says that the robot was."""
+        """The trajectory by odometry."""
         return Trajectory(stamps=self.stamps, poses=self.odometry)
 
     @property
     def reference_trajectory(self) -> Trajectory | None:
-        """Where the log's own reference says that the robot was."""
+        """The log's reference trajectory; None without one."""
         if self.reference is None:
             return None
         return Trajectory(stamps=self.stamps, poses=self.reference)
@@ -131,10 +131,10 @@ class Log:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scan:
-    """A scan as it stands in a log."""
+    """A scan as recorded in a log."""
 
     stamp: float
-    """Time (s); the scan's number where the log has no clock."""
+    """Time (s); the scan's number if the log has no clock."""
     ranges: Ranges
     """Distance along every beam (m), as recorded."""
     odometry: Pose
@@ -143,10 +143,10 @@ class Scan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """A log as it stands in its file, scans in the file's order."""
+    """A log as in its file, with scans in the file's order."""
 
     geometry: LaserGeometry
-    """Where the laser's beams point."""
+    """Beam geometry of the laser."""
     scans: list[Scan]
     """At least one scan, all of `geometry.beams` ranges."""
     reference: list[Pose] | None = None
@@ -155,11 +155,11 @@ class Recording:
     """What was not read; None where the log is whole."""
 
     def in_time(self, name: str) -> Log:
-        """The log in the order of time.
+        """Return the log in the order of time.
 
-        Scans are sorted by stamp, those of one stamp staying as they stand: robots' logs
-        are merged from several programs and come late. A range of none, or at and beyond
-        the laser's largest, becomes infinite, and so does 0, with which lasers tell a fault.
+        Scans are sorted by stamp; scans with the same stamp keep their order. Robots' logs are
+        merged from several programs, and messages can arrive late. Ranges at or above the
+        laser's maximum become infinite, and so does 0, with which lasers report a fault.
         """
         stamps = np.array([scan.stamp for scan in self.scans])
         order = np.argsort(stamps, kind="stable")
@@ -179,10 +179,10 @@ class Recording:
 def good_beginning(
     records: Iterator[Record], keep_going: bool
 ) -> tuple[list[Record], InputError | None]:
-    """All records; or, if told to keep going, those before the first bad one and its error.
+    """Return all records and None; with `keep_going`, those before the first bad one and its error.
 
     Raises:
-        InputError: A record is bad, and none came before it or it is not to be passed over.
+        InputError: A record is bad, and it is the first or `keep_going` is not set.
     """
     good: list[Record] = []
     try:
@@ -200,18 +200,18 @@ def sick_laser(
     max_range: float = NO_RETURN,
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> LaserGeometry:
-    """The SICK laser with one of the numbers of beams in `SICK_SPACINGS`, from -90° on."""
+    """Return the geometry of a SICK laser; `beams` is a key of `SICK_SPACINGS`."""
     spacing = float(np.deg2rad(SICK_SPACINGS[beams]))
     return LaserGeometry(beams=beams, spacing=spacing, max_range=max_range, mount=mount)
 
 
 def steady_mount(robot: Poses, laser: Poses) -> tuple[float, float, float] | None:
-    """The laser's pose in the robot's frame, from the poses of both at every scan.
+    """Return the laser's pose in the robot's frame, from the poses of both at every scan.
 
-    None where it does not keep still: then the two are not one body's, but two estimates.
+    None if it is not constant: then the poses are two different estimates.
     """
     mounts = relative(robot, laser)
-    # Seen from the first, so that no heading lies where angles wrap.
+    # Relative to the first, so that no heading is near the wrap of angles.
     middle = compose(mounts[0], np.median(relative(mounts[0], mounts), axis=0))
     if (np.abs(relative(middle, mounts)) > _MOUNT_PLAY).any():
         return None
@@ -220,9 +220,9 @@ def steady_mount(robot: Poses, laser: Poses) -> tuple[float, float, float] | Non
 
 
 def with_noise(log: Log, rng: np.random.Generator) -> Log:
-    """A copy of the log with a little noise on every range and every motion.
+    """Return a copy of the log with a little noise on every range and motion.
 
-    How a mapper's error varies over such copies tells how much of it on one real log is luck.
+    The spread of a mapper's error over such copies shows how much its error on one log is chance.
     """
     ranges = log.ranges
     if ranges is not None:

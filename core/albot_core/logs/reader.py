@@ -1,4 +1,4 @@
-"""Reading a robot's log in any known format, and the reference that a mapping is scored by."""
+"""Read a robot's log in any known format, and the reference trajectory for scoring a mapper."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from albot_core.logs.text import LogText, is_number
 
 
 class _Format(Protocol):
-    """What the module of a format of lines offers."""
+    """The members of a module that reads a line-based format."""
 
     @property
     def NAME(self) -> str: ...  # noqa: N802
@@ -31,25 +31,25 @@ class _Format(Protocol):
 _LINE_FORMATS: tuple[_Format, ...] = (carmen, wean, duke)
 
 FORMATS = (*(known.NAME for known in _LINE_FORMATS), intel_json.NAME)
-"""What the known formats are called."""
+"""Names of the known formats."""
 _BEGINNING = 1000
-"""So many characters of a text hold no zero byte; those of a picture or an archive do."""
+"""Number of characters checked for a zero byte, which means that the file is not text."""
 
 
 def read_log(path: str | Path, keep_going: bool = False) -> Log:
-    """Read a robot's log, in the format that its content shows.
+    """Read a robot's log; its content determines the format.
 
-    Files that end in `.gz` or `.xz` are unpacked. Scans come in the order of their stamps.
-    Messages of other kinds are passed over.
+    Files that end in `.gz` or `.xz` are unpacked. Scans are ordered by stamp. Messages of other
+    kinds are skipped.
 
     Args:
         path: The file.
-        keep_going: Read the good beginning of a damaged log; the log's `left_out` says how
-            much was lost. At least one scan must be good.
+        keep_going: Whether to read a damaged log up to the first damage; the log's `left_out`
+            says how much was lost. At least one scan must be good.
 
     Raises:
-        InputError: The file cannot be read, is in no known format, holds no scan, or is
-            damaged and not to be read as far as it is good.
+        InputError: The file cannot be read, has no known format, holds no scan, or is damaged
+            and `keep_going` is not set.
     """
     path = Path(path)
     content, torn = read_beginning(path)
@@ -70,7 +70,7 @@ def _read(text: LogText, keep_going: bool) -> Recording:
 
 
 def _reader(text: LogText) -> Callable[[LogText, bool], Recording] | None:
-    """What reads the format that the content shows; None for no known one."""
+    """Return the reader for the content's format; None if the format is unknown."""
     content = "\n".join(text.lines)
     if content.lstrip().startswith("{"):
         return intel_json.read
@@ -82,7 +82,7 @@ def _reader(text: LogText) -> Callable[[LogText, bool], Recording] | None:
 
 
 def _kind(text: LogText) -> str:
-    """What a file of no known format seems to be."""
+    """Return a description of a file of unknown format, for the error."""
     beginning = next((line for line in text.lines if line.strip()), "")[:40]
     if not beginning:
         return "an empty file"
@@ -92,7 +92,7 @@ def _kind(text: LogText) -> str:
 
 
 def _torn(recording: Recording, torn: InputError) -> Recording:
-    """The beginning of a log that was unpacked from a torn archive."""
+    """Return a recording from a damaged archive, with the archive's error in `left_out`."""
     lost = recording.left_out or LeftOut(lines=0, scans=0, reason="")
     return replace(recording, left_out=replace(lost, reason=str(torn)))
 
@@ -100,7 +100,7 @@ def _torn(recording: Recording, torn: InputError) -> Recording:
 def read_reference(path: Path) -> Trajectory:
     """Read a reference: a TUM trajectory, a JSON log, or a CARMEN log of corrected poses.
 
-    A JSON log's poses are taken as they are; the format does not say whose they are.
+    The poses of a JSON log are taken as the reference; the format does not say what they are.
 
     Raises:
         InputError: The file cannot be read, or is none of these.
@@ -120,7 +120,7 @@ def read_reference(path: Path) -> Trajectory:
 
 
 def _is_tum(text: LogText) -> bool:
-    """Whether the first line that is no comment begins with a number: that of no log does."""
+    """Return whether the first line that is not a comment begins with a number, unlike in logs."""
     for line in text.lines:
         words = line.split()
         if words and not words[0].startswith("#"):

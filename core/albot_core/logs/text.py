@@ -1,4 +1,4 @@
-"""A log's text, read record by record by a reader that knows where it is."""
+"""The text of a log, read record by record, with line numbers for errors."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from albot_core.logs.log import SICK_SPACINGS, LeftOut
 from albot_core.plain_data import LARGEST
 
 _LONGEST_COUNT = 9
-"""Digits in a number of things."""
+"""Largest number of digits of a count."""
 
 
 class LogText:
-    """The lines of a log, and the number of the one being read.
+    """The lines of a log, and the number of the current line.
 
     Args:
-        source: The file that errors name.
+        source: The file, for errors.
         text: Its content.
     """
 
@@ -33,19 +33,20 @@ class LogText:
             self.lines.pop()
 
     def records(self, keywords: Collection[str], fixed_end: bool = False) -> Iterator[list[str]]:
-        """The words of every line that begins with a keyword; other lines are passed over.
+        """Yield the words of every line that begins with a keyword; other lines are skipped.
 
-        Some programs write no newline after the last line, so that alone is no sign of a
-        torn one. Too few words are, which is for the caller to check.
+        Some programs write no newline after the last line, so a missing newline alone does not mean
+        that the line is truncated. Too few words do; the caller must check their number.
 
         Args:
-            keywords: What the lines of interest begin with.
-            fixed_end: Whether their last words are numbers of as many decimals each, so
-                that fewer in the last line show that it is torn. The first line of its kind
-                is held against the lines of other kinds, and the word before its last.
+            keywords: The first words of the lines to yield.
+            fixed_end: Whether the last words of these lines are numbers with the same number of
+                decimals, so that fewer decimals in the last line mean that it is truncated. The
+                first line of a kind is compared with lines of other kinds and with its last but
+                one word.
 
         Raises:
-            InputError: The last line is torn within its keyword or its last number.
+            InputError: The last line is truncated in its keyword or its last number.
         """
         decimals: dict[str, int] = {}
         for number, line in enumerate(self.lines, start=1):
@@ -65,20 +66,20 @@ class LogText:
                 raise self.error("a whole line", repr(line))
 
     def error(self, expected: str, found: str) -> InputError:
-        """The error that names the line being read."""
+        """Return an error that names the current line."""
         return InputError(self.source, expected, found, place=f"line {self.number}")
 
     def left_out(self, scan_keywords: Collection[str], error: InputError) -> LeftOut:
-        """What is lost when reading ends at this line because of `error`."""
+        """Return what is lost if reading ends at the current line because of `error`."""
         rest = self.lines[self.number - 1 :]
         scans = sum(word in scan_keywords for line in rest for word in line.split(None, 1)[:1])
         return LeftOut(lines=len(rest), scans=scans, reason=str(error))
 
     def numbers(self, words: Sequence[str], what: str) -> Float64[np.ndarray, "numbers"]:
-        """The words as finite numbers, small enough to reckon with.
+        """Parse words as finite numbers; `what` names them in errors.
 
         Raises:
-            InputError: One is no number, or is none within `LARGEST`.
+            InputError: A word is not a number within ±`LARGEST`.
         """
         values = self._parse(words, what)
         good = np.abs(values) <= LARGEST
@@ -87,10 +88,10 @@ class LogText:
         return values
 
     def ranges(self, words: Sequence[str]) -> Float64[np.ndarray, "ranges"]:
-        """The words as distances: numbers not below 0, infinity among them.
+        """Parse words as distances: numbers from 0, or infinity.
 
         Raises:
-            InputError: One is no distance, or a number too large to be one.
+            InputError: A word is not a distance, or is a number that overflows to infinity.
         """
         values = self._parse(words, "a range")
         for k in np.flatnonzero(np.isinf(values)).tolist():
@@ -101,24 +102,24 @@ class LogText:
         return values
 
     def count(self, word: str, what: str) -> int:
-        """The word as a whole number of things.
+        """Parse a word as a count; `what` names it in errors.
 
         Raises:
-            InputError: It is none.
+            InputError: The word is not a count, or has more than `_LONGEST_COUNT` digits.
         """
         if not (word.isascii() and word.isdecimal() and len(word) <= _LONGEST_COUNT):
             raise self.error(f"the number of {what}", repr(word))
         return int(word)
 
     def beams(self, words: Sequence[str], first: int | None) -> int:
-        """The number of beams of a SICK laser's scan, told by the only one of `words`.
+        """Parse the number of beams of a SICK laser's scan.
 
         Args:
-            words: The field that tells it; none where the line is too short.
-            first: The number in the first scan; None where this is the first.
+            words: A list of the one word with the number; empty if the line is too short.
+            first: The number in the first scan; None if this is the first.
 
         Raises:
-            InputError: No such laser is known, or the first scan had another number.
+            InputError: No SICK laser has this number, or the first scan had another one.
         """
         beams = self.count(words[0], "beams") if words else 0
         if first is not None and beams != first:
@@ -136,12 +137,12 @@ class LogText:
 
 
 def _decimals(word: str) -> int:
-    """Number of characters after the point."""
+    """Return the number of characters after the decimal point."""
     return len(word.partition(".")[2])
 
 
 def is_number(word: str) -> bool:
-    """Whether a word is a number, NaN and infinity among them."""
+    """Return whether a word is a number, including NaN and infinity."""
     try:
         float(word)
     except ValueError:

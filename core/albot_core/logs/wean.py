@@ -1,15 +1,14 @@
 """Logs and the map of Carnegie Mellon's Wean Hall. Logs: `O` lines of odometry, `L` lines of scans.
 
-`O x y heading stamp` and `L x y heading xl yl headingl r1 … rn stamp`: the robot's pose by its
-odometer, the laser's, and the ranges from the right to the left; centimetres, radians,
-seconds. The scan's own pose is used, so `O` lines are only checked.
+The lines are `O x y heading stamp` and `L x y heading xl yl headingl r1 … rn stamp`: the robot's
+pose by its odometer, the laser's pose, and the ranges from right to left, in centimetres, radians
+and seconds. The poses of the scans are used, so `O` lines are only checked.
 
 The map that comes with the logs is a grid: a few lines of `robot_specifications->NAME VALUE`, a
-line `global_map[0]: ROWS COLUMNS`, and the cells, a line each row: a probability, or -1 where
-nothing is known. The resolution is in centimetres; x runs along the rows' number, y along the
-columns'. The text that comes with the map says that 1 is occupied; but the corridors, in which the
-robot drove, hold 1, and their walls 0. Walls are some 0.5 m thick in it, for the laser saw but
-their faces.
+line `global_map[0]: ROWS COLUMNS`, and one line per row of cells: probabilities, or -1 for unknown.
+The resolution is in centimetres; x grows with the row number, y with the column number. The text
+that comes with the map says that 1 is occupied. But the corridors, in which the robot drove, hold
+1, and their walls 0. Walls in it are about 0.5 m thick, because the laser saw only their faces.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ NAME = "Wean Hall (O and L lines)"
 KEYWORDS = ("O", "L")
 
 _METRE = np.array((0.01, 0.01, 1.0))
-"""From the log's centimetres and radians."""
+"""Factors from the log's centimetres and radians."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,11 +40,11 @@ class _LaserLine:
 
 
 def read(text: LogText, keep_going: bool) -> Recording:
-    """Read a Wean Hall log.
+    """Read a Wean Hall log. With `keep_going`, read a damaged log up to the first damaged line.
 
     Raises:
-        InputError: A line is damaged, and is the first or not to be passed over; or the
-            laser does not keep its place on the robot.
+        InputError: A line is damaged, and no scan comes before it or `keep_going` is not set; or
+            the laser's mount on the robot is not constant.
     """
     lines, error = good_beginning(_laser_lines(text), keep_going)
     if not lines:
@@ -82,16 +81,16 @@ def _laser_lines(text: LogText) -> Iterator[_LaserLine]:
 
 
 WALL, FREE = 0.5, 0.9
-"""A known cell below the first is part of a wall, one above the second is free."""
+"""A known cell below `WALL` is part of a wall; a cell above `FREE` is free."""
 _RESOLUTION = "robot_specifications->resolution"
 _CELLS = "global_map[0]:"
 
 
 def read_wean_map(path: Path) -> Points:
-    """The middles (n, 2) of the cells that are the face of a wall: free ones are beside (m).
+    """Return the centres (n, 2) of the wall cells that have a free neighbour (m).
 
     Raises:
-        InputError: The file cannot be read, or is no such map.
+        InputError: The file cannot be read, or is not such a map.
     """
     lines = read_bytes(path).decode("utf-8", "replace").splitlines()
     header = {words[0]: words[1:] for words in map(str.split, lines[:20]) if words}

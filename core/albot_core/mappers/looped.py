@@ -1,4 +1,4 @@
-"""A batch of mappers that know nothing of batches."""
+"""A batch of single mappers, for mappers without a batch of their own."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from albot_core.maps.layers import MapSnapshot, SegmentsLayer
 from albot_core.sensing.reading import Readings
 
 _TRAVEL, _BEGUN = "batch.travel", "batch.begun"
-"""What a state holds besides the mapper's own arrays."""
+"""Arrays that a state holds besides the mapper's own."""
 
 
 class LoopedMappers:
-    """Mappers that take in their readings one after the other (a `MapperBatch`).
+    """Single mappers as a `MapperBatch`; their readings are processed one after another.
 
     Args:
-        mappers: The mappers, one a robot, one at least, all of one kind.
+        mappers: The mappers, one per robot; at least one, all of one kind.
     """
 
     def __init__(self, mappers: Sequence[Mapper]) -> None:
@@ -53,7 +53,7 @@ class LoopedMappers:
             self._take_estimate(row)
 
     def reset(self, row: int, rng: np.random.Generator) -> None:
-        """Let one forget everything."""
+        """Reset the mapper of a row."""
         self._mappers[row].reset(rng)
         self.ways_home[row, TRAVEL] = 0.0
         self._begun[row] = False
@@ -61,7 +61,7 @@ class LoopedMappers:
         self._take_estimate(row)
 
     def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
-        """Let some take in their readings, which stand in the same rows."""
+        """Update the mappers of some rows with the readings of these rows."""
         for row in rows.tolist():
             reading = readings[row]
             self._mappers[row].update(reading)
@@ -72,17 +72,17 @@ class LoopedMappers:
             self._take_estimate(row)
 
     def begin_return(self, row: int) -> None:
-        """Tell one that the robot turns round for home, where its mapper asks."""
+        """Tell the mapper of a row that the robot turns for home, if it is `ReturnAware`."""
         mapper = self._mappers[row]
         if isinstance(mapper, ReturnAware):
             mapper.begin_return()
             self._take_estimate(row)
 
     def match_readings(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Do nothing: `matched_readings` are up to date."""
+        """Do nothing; `matched_readings` are always up to date."""
 
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Find the ways home of some, where the mappers know any."""
+        """Find the ways home of some rows, if the mappers know any."""
         if self._knows_routes:
             for row in rows.tolist():
                 mapper = self._mappers[row]
@@ -90,23 +90,23 @@ class LoopedMappers:
                 self.ways_home[row] = mapper.way_home
 
     def snapshot(self, row: int) -> MapSnapshot:
-        """The map of one."""
+        """Return the map of a row."""
         return self._mappers[row].snapshot()
 
     def activity(self, row: int) -> Activity | None:
-        """The activity of one's attractor network; None where the mappers have none."""
+        """Return the activity of a row's attractor network; None if the mappers have none."""
         mapper = self._mappers[row]
         return mapper.activity if isinstance(mapper, AttractorNetwork) else None
 
     def state(self, row: int) -> dict[str, np.ndarray]:
-        """Everything that one remembers, as arrays by name (copies)."""
+        """Return everything that a row's mapper remembers, as arrays by name (copies)."""
         return self._mappers[row].state() | {
             _TRAVEL: np.array(self.ways_home[row, TRAVEL]),
             _BEGUN: np.array(self._begun[row]),
         }
 
     def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
-        """Let one become the one that returned `state`."""
+        """Restore a row's mapper from what `state` returned."""
         own = {name: array for name, array in state.items() if not name.startswith("batch.")}
         self._mappers[row].restore(own)
         self.ways_home[row, TRAVEL] = state[_TRAVEL]

@@ -19,13 +19,13 @@ FORMAT = "albot-map"
 VERSION = 5
 
 _MOST = 2**53
-"""No count is larger, so that each is a float as well."""
+"""Largest count in a file; up to this, whole numbers are exact as floats."""
 
 _FILE = ArchiveFormat(name=FORMAT, version=VERSION, kind="map file", largest=1 << 28)
 
 
 def save_map(mapper: Mapper, path: str | Path) -> None:
-    """Write all that `mapper` remembers to `path`, whole or not at all."""
+    """Write everything that `mapper` remembers to `path`, completely or not at all."""
     spec = mapper.spec
     changed = changed_fields(mapper.config, mapper_config(spec))
     header = {"mapper": spec.name, "config": yaml.safe_dump(changed)}
@@ -33,11 +33,11 @@ def save_map(mapper: Mapper, path: str | Path) -> None:
 
 
 def load_map(path: str | Path) -> Mapper:
-    """The mapper that was saved to `path`; its run continues as if never stopped.
+    """Return the mapper that was saved to `path`; its run continues as if never stopped.
 
     Raises:
-        InputError: The file is missing or torn, is no map, is of another version, or holds
-            what its mapper's memory does not.
+        InputError: The file is missing or damaged, is not a map, is of another version, or holds
+            arrays that do not fit its mapper.
     """
     path = Path(path)
     header, state = _FILE.read(path)
@@ -58,7 +58,7 @@ def load_map(path: str | Path) -> Mapper:
 
 
 def _mapper_name(path: Path, header: dict[str, Any]) -> str:
-    """The mapper named in the header."""
+    """Return the mapper's name in the header."""
     name = header.get("mapper")
     if not isinstance(name, str) or name not in MAPPERS:
         found = repr(name)
@@ -67,9 +67,9 @@ def _mapper_name(path: Path, header: dict[str, Any]) -> str:
 
 
 def _check_state(path: Path, mapper: Mapper, state: dict[str, np.ndarray]) -> None:
-    """Raise InputError unless the arrays are of the names and kinds that the mapper keeps.
+    """Raise InputError unless the arrays have the names and types that the mapper keeps.
 
-    What their shapes are, and how they belong together, the mapper checks.
+    The mapper itself checks their shapes, and whether they fit together.
     """
     kept = mapper.state()
     for name in sorted(kept.keys() | state.keys()):

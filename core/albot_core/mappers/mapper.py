@@ -1,4 +1,4 @@
-"""The mapper: what every mapping system offers, and what some offer more."""
+"""The mapper: the interface of all mapping systems, and the capabilities of some."""
 
 from __future__ import annotations
 
@@ -19,29 +19,29 @@ from albot_core.sensing.reading import Reading, Readings, Sensor
 
 @dataclass(frozen=True, kw_only=True)
 class MapperSpec:
-    """What is known of a mapping system before one is made."""
+    """Description of a mapping system, known before a mapper is made."""
 
     name: str
-    """The name in commands, files and results."""
+    """Name in commands, files and results."""
     summary: str
     """What it does, in one line."""
     paper: str
-    """Where it is described."""
+    """Publication that describes it."""
     sensors: frozenset[Sensor]
-    """The sensors without which it does not work, besides the odometer."""
+    """Sensors that it needs besides the odometer."""
     layers: tuple[str, ...]
-    """The kinds of layers that its maps have (see `albot_core.maps.layers`)."""
+    """Kinds of layers of its maps (see `albot_core.maps.layers`)."""
     factory: str
-    """What makes one from a config, `module:name`, imported when it is first needed."""
+    """`module:name` of what makes a mapper from a config; imported when first needed."""
     config: str
-    """What makes its default config, a frozen dataclass, `module:name`."""
+    """`module:name` of what makes its default config, a frozen dataclass."""
     batch: str | None = None
-    """What makes a batch from a count of robots and a config, `module:name`; None where nothing
-    does, and the mappers of many robots are looped over."""
+    """`module:name` of what makes a batch from a number of robots and a config. None: the batch is
+    a loop over single mappers."""
     extra: str | None = None
-    """The extra of `albot-env` that brings what it needs besides; None where it needs nothing…"""
+    """Extra of `albot-env` that installs its further dependencies; None if it has none."""
     modules: tuple[str, ...] = ()
-    """…and the modules that it then imports."""
+    """Modules that it imports from that extra."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,24 +49,24 @@ class Estimate:
     """What a mapper believes after its latest reading."""
 
     pose: Pose
-    """Where the robot is, in the map's frame."""
+    """The robot's pose in the map's frame."""
     home: Pose
-    """Where the robot set out, in the map's frame."""
+    """The robot's start pose in the map's frame."""
     localised: bool = True
-    """Whether it believes that the pose is right; false while it knows that it is lost."""
+    """Whether it believes that the pose is right; False while it knows that it is lost."""
     place: int | None = None
-    """Id of the present place; None where it knows no places."""
+    """Id of the present place; None if it knows no places."""
     matched_reading: int | None = None
-    """The earlier reading, counted from 0 since the reset, that it believes was taken at the
-    present place on an earlier visit: "I have been here". None where it recognises nothing."""
+    """Number of an earlier reading, counted from 0 since the reset, that it believes was taken at
+    the present place on an earlier visit. None if it recognises nothing."""
     updates: int = 0
-    """How often it has added what it saw to its map."""
+    """Number of times that it has added what it saw to its map."""
     map_version: int = 0
-    """Grows with every change of the map, also where only what was remembered has moved."""
+    """Number that grows with every change of the map, even if only known parts have moved."""
 
     @property
     def home_from_robot(self) -> Pose:
-        """Where the robot set out, in the robot's present frame."""
+        """The robot's start pose in its present frame."""
         return relative(self.pose, self.home)
 
 
@@ -75,16 +75,17 @@ class Mapper(Protocol):
     """A system that builds a map from readings.
 
     The map's frame is the robot's frame at the first reading after a reset. A mapper draws every
-    random number from the generator given to `reset`, or from one made of seed 0 before the first.
+    random number from the generator given to `reset`; before the first reset, from a generator of
+    seed 0.
     """
 
     @property
     def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
+        """The mapper's spec."""
 
     @property
     def config(self) -> Any:
-        """All its thresholds: a frozen dataclass."""
+        """All its parameters: a frozen dataclass."""
 
     @property
     def estimate(self) -> Estimate:
@@ -94,36 +95,36 @@ class Mapper(Protocol):
         """Forget everything; the next reading is the first."""
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading; true where it was added to the map.
+        """Process a reading; return whether it was added to the map.
 
-        The motion of the first reading after a reset is ignored: it says how the robot came to
-        the place where the map begins.
+        The motion of the first reading after a reset is ignored: it leads to the place where the
+        map begins.
 
         Raises:
-            InputError: The reading lacks a sensor that the spec names.
+            InputError: The reading lacks a sensor that the spec lists.
         """
 
     def snapshot(self) -> MapSnapshot:
-        """The map as it is now. Its arrays stay as they are while the mapper goes on."""
+        """Return the present map. Its arrays do not change when the mapper goes on."""
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
+        """Return everything the mapper remembers, as arrays by name."""
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`; the run continues as if never stopped."""
+        """Restore the mapper that returned `state`; the run continues as if never stopped."""
 
 
 WayHome = Float64[np.ndarray, "7"]
-"""A believed way home, in the map's frame: `EXIT`, `POINT` and `TRAVEL`."""
+"""A believed way home in the map's frame: `EXIT`, `POINT` and `TRAVEL`."""
 EXIT = slice(0, 4)
-"""The line across the next exit on the way, the present place to its left; NaN where home is in
-this place or at hand, or where no way through exits is known."""
+"""The line across the next exit on the way, with the present place to its left. NaN if home is in
+this place or near, or if no way through exits is known."""
 POINT = slice(4, 6)
-"""A point a little ahead on the way; NaN where home is nearer, or where none is known."""
+"""A point a little ahead on the way. NaN if home is nearer, or if no such point is known."""
 TRAVEL = 6
-"""Length of the travel that the belief of where home is rests on (m): along the way remembered,
-or all that was driven where home is known by path integration alone; infinite where the
-robot has lost its way or knows none."""
+"""Length of the travel on which the belief of where home is rests (m): along the remembered way, or
+all that was driven if home is known by path integration alone. Infinite if the robot has lost its
+way or knows none."""
 
 
 @runtime_checkable
@@ -132,22 +133,22 @@ class RouteHome(Protocol):
 
     @property
     def way_home(self) -> WayHome:
-        """The way home that it believes in, from where it is now (see `WayHome`).
+        """The believed way home from the present pose (see `WayHome`).
 
-        It may be kept for a little way, until the robot has moved on.
+        The mapper may reuse it until the robot has moved on a little.
         """
 
 
 @runtime_checkable
 class PlaceMemory(Protocol):
-    """A mapper that remembers places, recognises them, and says why."""
+    """A mapper that remembers and recognises places, and tells why."""
 
     @property
     def events(self) -> Sequence[object]:
-        """What happened to its places and why, in order; each is told as one line."""
+        """What happened to its places and why, in order; `str` gives each as one line."""
 
     def place_at(self, reading: int) -> int:
-        """Id of the place where a reading was taken, as it believes now.
+        """Return the id of the place where a reading was taken, as believed now.
 
         Args:
             reading: The reading's number, counted from 0 since the reset.
@@ -156,10 +157,10 @@ class PlaceMemory(Protocol):
 
 @runtime_checkable
 class ReturnAware(Protocol):
-    """A mapper that maps the way home apart from the way out."""
+    """A mapper that maps the way home separately from the way out."""
 
     def begin_return(self) -> None:
-        """Take what was driven so far for the way out, and what follows for the way home."""
+        """Treat the travel so far as the way out, and what follows as the way home."""
 
 
 @runtime_checkable
@@ -167,16 +168,16 @@ class CorrectedTrajectory(Protocol):
     """A mapper that corrects its earlier poses."""
 
     def corrected_poses(self) -> Poses:
-        """The robot's pose at every reading since the reset, as believed now, (readings, 3)."""
+        """Return the pose at every reading since the reset, as believed now, (readings, 3)."""
 
 
 @runtime_checkable
 class AttractorNetwork(Protocol):
-    """A mapper that believes where the robot is by the activity of an attractor network."""
+    """A mapper that represents the robot's pose by the activity of an attractor network."""
 
     @property
     def activity(self) -> Activity:
-        """The activity as it is now: the same object until it changes."""
+        """The present activity; the same object until it changes."""
 
 
 Capability = TypeVar("Capability")
@@ -190,10 +191,10 @@ _CAPABILITIES: dict[type, str] = {
 
 
 def require(mapper: Mapper, capability: type[Capability]) -> Capability:
-    """The mapper as one that has a capability, such as `RouteHome` or `PlaceMemory`.
+    """Return the mapper as one with a capability, such as `RouteHome` or `PlaceMemory`.
 
     Raises:
-        InputError: The mapper lacks it.
+        InputError: The mapper lacks the capability.
     """
     if not isinstance(mapper, capability):
         has = [what for kind, what in _CAPABILITIES.items() if isinstance(mapper, kind)]
@@ -205,39 +206,38 @@ def require(mapper: Mapper, capability: type[Capability]) -> Capability:
 
 @runtime_checkable
 class MapperBatch(Protocol):
-    """Mappers of one kind, one a robot, that take in the readings of many at once.
+    """Mappers of one kind, one per robot, that process the readings of many robots at once.
 
-    What the mapper of a row does is to the last bit what a single one does. Rows do not
-    touch each other: threads may update disjoint rows at the same time. The arrays are written
-    over by updates.
+    The mapper of a row gives the same result as a single one, to the last bit. Rows are
+    independent: threads may update disjoint rows at the same time. Updates overwrite the arrays.
     """
 
     @property
     def spec(self) -> MapperSpec:
-        """What is known of the mappers by their name."""
+        """The mappers' spec."""
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
-        """`Estimate.pose` of each: one and the same array."""
+        """`Estimate.pose` of each; always the same array."""
 
     @property
     def homes(self) -> Float64[np.ndarray, "robots 3"]:
-        """`Estimate.home` of each: one and the same array."""
+        """`Estimate.home` of each; always the same array."""
 
     @property
     def places(self) -> Bool[np.ndarray, "robots 2"]:
-        """Whether each recognises its place; whether it is lost: one and the same array."""
+        """Whether each recognises its place, and whether it is lost; always the same array."""
 
     @property
     def matched_readings(self) -> Int64[np.ndarray, "robots"]:
-        """`Estimate.matched_reading` of each, -1 for none: one and the same array.
+        """`Estimate.matched_reading` of each, -1 for none; always the same array.
 
-        Which reading it is, is as of the last `match_readings`; whether there is one, as of the
-        last update.
+        The last update decides whether there is a matched reading; the last `match_readings`
+        decides which one it is.
         """
 
     def match_readings(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Bring `matched_readings` of some up to date."""
+        """Bring `matched_readings` of some rows up to date."""
 
     @property
     def map_versions(self) -> Int64[np.ndarray, "robots"]:
@@ -249,39 +249,39 @@ class MapperBatch(Protocol):
 
     @property
     def segment_counts(self) -> Int64[np.ndarray, "robots"]:
-        """How many line segments are in each one's map."""
+        """Number of line segments in each map."""
 
     @property
     def recognises_places(self) -> bool:
-        """Whether they are mappers with a memory of places, who can match readings."""
+        """Whether the mappers remember places (`PlaceMemory`), and so can match readings."""
 
     @property
     def ways_home(self) -> Float64[np.ndarray, "robots 7"]:
-        """`RouteHome.way_home` of each, as of the last `find_ways`: one and the same array.
+        """`RouteHome.way_home` of each, as of the last `find_ways`; always the same array.
 
-        Of mappers that know no way home, only the travel that their belief of home rests on.
+        If the mappers know no way home, only `TRAVEL` is known.
         """
 
     def find_ways(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Find the ways home of some."""
+        """Find the ways home of some rows."""
 
     def reset(self, row: int, rng: np.random.Generator) -> None:
-        """Let one forget everything."""
+        """Reset the mapper of a row."""
 
     def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
-        """Let some take in their readings, which stand in the same rows."""
+        """Update the mappers of some rows with the readings of these rows."""
 
     def begin_return(self, row: int) -> None:
-        """Tell one that the robot turns round for home (see `ReturnAware`)."""
+        """Tell the mapper of a row that the robot turns for home (see `ReturnAware`)."""
 
     def snapshot(self, row: int) -> MapSnapshot:
-        """The map of one."""
+        """Return the map of a row."""
 
     def activity(self, row: int) -> Activity | None:
-        """`AttractorNetwork.activity` of one; None of mappers that have no such network."""
+        """Return `AttractorNetwork.activity` of a row; None if the mappers have no network."""
 
     def state(self, row: int) -> dict[str, np.ndarray]:
-        """Everything that one remembers, as arrays by name (copies)."""
+        """Return everything that a row's mapper remembers, as arrays by name (copies)."""
 
     def restore(self, row: int, state: Mapping[str, np.ndarray]) -> None:
-        """Let one become the one that returned `state`."""
+        """Restore a row's mapper from what `state` returned."""

@@ -1,6 +1,6 @@
 """Compile a mapper before it is needed: `python -m albot_core.mappers.precompile albot1`.
 
-In a process of its own this takes the time of another processor.
+Run in a separate process, this uses the time of another processor.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from albot_core.sensing.reading import LaserGeometry, Readings, SonarGeometry
 
 
 def precompile(mapper: str) -> None:
-    """Let a mapper take in two readings, so that all it runs is compiled and kept.
+    """Let a mapper process two readings, so that all code that it runs is compiled and cached.
 
     Raises:
-        InputError: There is no such mapper.
+        InputError: The mapper is unknown.
     """
     mappers, laser, sonar = make_mappers(mapper, 1), LaserGeometry(), SonarGeometry()
     readings = Readings(

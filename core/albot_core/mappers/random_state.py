@@ -11,7 +11,7 @@ _WORD = (1 << 64) - 1
 
 
 def generator_state(rng: np.random.Generator) -> UInt64[np.ndarray, "6"]:
-    """The state of a generator, of numpy's default kind (PCG64).
+    """Return the state of a generator of numpy's default kind (PCG64).
 
     Raises:
         InputError: The generator is of another kind.
@@ -26,7 +26,7 @@ def generator_state(rng: np.random.Generator) -> UInt64[np.ndarray, "6"]:
 
 
 def generator_of(state: UInt64[np.ndarray, "6"]) -> np.random.Generator:
-    """The generator with a state that `generator_state` gave."""
+    """Return the generator with a state that `generator_state` returned."""
     low, high, inc_low, inc_high, has_half, half = (int(word) for word in state)
     bits = np.random.PCG64()
     bits.state = {

@@ -60,6 +60,16 @@ MAPPERS: dict[str, MapperSpec] = {
             batch="albot_core.mappers.albot1.batch:Albot1Batch",
         ),
         MapperSpec(
+            name="albot1-tracked",
+            summary="Albot1 by several landmarks tracked from view to view; no match with the map.",
+            paper=_HOSSAIN,
+            sensors=_LASER,
+            layers=("segments", "place_graph"),
+            factory="albot_core.mappers.albot1.mapper:Albot1",
+            config="albot_core.mappers.albot1.config:Albot1Config.tracked",
+            batch="albot_core.mappers.albot1.batch:Albot1Batch",
+        ),
+        MapperSpec(
             name="association",
             summary="A global map of surfaces, each added by where it is from a recognised one.",
             paper=_YEAP,
@@ -93,7 +103,7 @@ MAPPERS: dict[str, MapperSpec] = {
             sensors=_LASER,
             layers=("occupancy_grid", "place_graph", "trajectory"),
             factory="albot_core.mappers.slam.graph_slam:GraphSlam",
-            config="albot_core.mappers.slam.graph_slam:GraphSlamConfig",
+            config="albot_core.mappers.slam.graph_slam_config:GraphSlamConfig",
             extra="slam",
             modules=("gtsam",),
         ),
@@ -155,34 +165,33 @@ MAPPERS: dict[str, MapperSpec] = {
         ),
     )
 }
-"""All mapping systems by name, in the order of the alphabet."""
+"""All mapping systems by name, in alphabetical order."""
 
 
 def register_mapper(spec: MapperSpec) -> None:
-    """Make a mapping system known by its name.
+    """Register a mapping system under its name.
 
     Raises:
-        InputError: Another one has this name.
+        InputError: Another mapper has this name.
     """
     if MAPPERS.setdefault(spec.name, spec) != spec:
         raise InputError("register_mapper", "a name that no other mapper has", repr(spec.name))
 
 
 def mapper_names() -> tuple[str, ...]:
-    """The names of all mapping systems that are registered."""
+    """Return the names of all registered mapping systems."""
     return tuple(MAPPERS)
 
 
 def mapper_spec(name: str) -> MapperSpec:
-    """What is known of a mapping system.
+    """Return the spec of a mapping system.
 
     Args:
         name: Its name; or, as in gymnasium, `module:name`, where `module` is imported first and
-            registers it.
+            registers the mapper.
 
     Raises:
-        InputError: There is no such module, or no mapper of that name; the message names the
-            nearest.
+        InputError: The module or the mapper is unknown; the message suggests the closest name.
     """
     module, colon, last = str(name).rpartition(":")
     if colon:
@@ -199,12 +208,12 @@ def mapper_spec(name: str) -> MapperSpec:
 
 
 def installed_mappers() -> tuple[str, ...]:
-    """The names of the mapping systems that can be made here: no extra is missing."""
+    """Return the names of the mapping systems whose extras are installed."""
     return tuple(name for name, spec in MAPPERS.items() if not _missing(spec))
 
 
 def check_installed(spec: MapperSpec) -> None:
-    """Refuse a mapper whose extra is not installed.
+    """Check that the extra that a mapper needs is installed.
 
     Raises:
         InputError: A module is missing; the message names the extra.
@@ -221,15 +230,15 @@ def _missing(spec: MapperSpec) -> list[str]:
 
 
 def check_sensors(spec: MapperSpec, available: Collection[Sensor], source: object) -> None:
-    """Refuse a mapper that needs a sensor which is not there.
+    """Check that the sensors that a mapper needs are available.
 
     Args:
         spec: The mapper.
-        available: The sensors that there are.
-        source: Whose they are, for the error: an environment or a log.
+        available: The available sensors.
+        source: Owner of these sensors, for the error: an environment or a log.
 
     Raises:
-        InputError: One is missing; the message names it.
+        InputError: A sensor is missing; the message names it.
     """
     missing = sorted(spec.sensors - set(available))
     if missing:
@@ -243,12 +252,12 @@ def make_mapper(name: str, *, config: Any = None, rng: np.random.Generator | Non
 
     Args:
         name: See `mapper_spec`.
-        config: Its thresholds: of its own config class, or as a mapping of those that differ from
-            the default ones.
-        rng: Where it draws its random numbers; a generator of seed 0 where none is given.
+        config: Its parameters: an instance of its config class, or a mapping of the values that
+            differ from the defaults.
+        rng: Source of its random numbers; by default a generator of seed 0.
 
     Raises:
-        InputError: There is no such mapper, the config is not of its kind, or an extra that the
+        InputError: The mapper is unknown, the config is not of its class, or an extra that the
             mapper needs is not installed.
     """
     spec = mapper_spec(name)
@@ -260,7 +269,7 @@ def make_mapper(name: str, *, config: Any = None, rng: np.random.Generator | Non
 
 
 def make_mappers(name: str, count: int, *, config: Any = None) -> MapperBatch:
-    """Make fresh mappers of one kind for many robots.
+    """Make a batch of fresh mappers of one kind, one per robot.
 
     Raises:
         InputError: As for `make_mapper`.
@@ -274,17 +283,17 @@ def make_mappers(name: str, count: int, *, config: Any = None) -> MapperBatch:
 
 
 def mapper_config(spec: MapperSpec, config: Any = None, where: Location | None = None) -> Any:
-    """The thresholds that a mapper gets.
+    """Return the config that a mapper gets.
 
     Args:
-        spec: Which mapper.
-        where: Where the config stands, for errors.
-        config: A config of its class; or a mapping, as YAML gives it, of what differs from its
-            default; or None for that.
+        spec: The mapper.
+        where: Location of the config, for errors.
+        config: An instance of its config class; or a mapping, as read from YAML, of the values that
+            differ from the defaults; or None for the defaults.
 
     Raises:
-        InputError: The config is of another kind, or the mapping holds a key that is no threshold
-            or a value that it does not take; the message names it.
+        InputError: The config is of another class, or the mapping holds an unknown key or an
+            invalid value; the message names it.
     """
     default = _load(spec.config)()
     if config is None:
@@ -298,7 +307,7 @@ def mapper_config(spec: MapperSpec, config: Any = None, where: Location | None =
 
 
 def _load(where: str) -> Any:
-    """What stands at `module:name`, imported now."""
+    """Import and return what `module:name` names."""
     module, name = where.split(":")
     loaded: Any = importlib.import_module(module)
     for part in name.split("."):

@@ -1,7 +1,7 @@
-"""What the arrays of a mapper's state may be; for `restore`, which gets them from files.
+"""Checks of the arrays of a mapper's state; for `restore`, which gets them from files.
 
-Compiled code checks no bounds, and runs along surfaces: a shape or a length that no mapper made
-would end in memory that is not its own, or not end at all.
+Compiled code checks no bounds, and loops along surfaces. An invalid shape or length could make it
+access memory that is not its own, or run for ever.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 
 LONGEST = 1000.0
-"""No surface, exit or link of a map is longer (m): no laser of a robot measures half as far."""
+"""Largest length of a surface, exit or link of a map (m); no robot's laser measures half as far."""
 
 Shape = tuple[str | int, ...]
-"""The lengths of an array's axes; a name stands for one that must agree wherever it stands."""
+"""Lengths of an array's axes; axes with the same name must have the same length."""
 
 
 def check_shapes(
@@ -28,10 +28,10 @@ def check_shapes(
     Args:
         arrays: The arrays.
         shapes: The shapes by the arrays' names.
-        prefix: What goes before the names in errors.
+        prefix: Prefix of the names in errors.
 
     Raises:
-        InputError: One is of another shape.
+        InputError: An array has another shape.
     """
     lengths: dict[str, int] = {}
     for name, shape in shapes.items():
@@ -46,10 +46,10 @@ def check_shapes(
 
 
 def check_finite(arrays: Mapping[str, np.ndarray], *names: str, prefix: str = "") -> None:
-    """Raise InputError if an array holds NaN or infinity.
+    """Check that no array holds NaN or infinity.
 
     Raises:
-        InputError: One does.
+        InputError: An array holds NaN or infinity.
     """
     for name in names:
         if not np.isfinite(arrays[name]).all():
@@ -57,10 +57,10 @@ def check_finite(arrays: Mapping[str, np.ndarray], *names: str, prefix: str = ""
 
 
 def check_lengths(name: str, segments: Segments) -> None:
-    """Raise InputError if a line segment is longer than `LONGEST`; NaN is passed over.
+    """Check that no line segment is longer than `LONGEST`; NaN is ignored.
 
     Raises:
-        InputError: One is.
+        InputError: A line segment is longer.
     """
     lengths = np.hypot(*(segments[:, 2:] - segments[:, :2]).T)
     if (lengths > LONGEST).any():

@@ -1,1 +1,1 @@
-"""Maps as data: the layers that a map can have, and the snapshot that holds them."""
+"""Maps as data: the layers that a map can have, and the snapshot of a map."""

@@ -1,7 +1,7 @@
-"""The activity of an attractor network that says where the robot is.
+"""The activity of an attractor network that estimates the robot's pose.
 
-Renderers and recordings know this type and no mapping system. It is no layer of a map: it lies in
-the network's own plane, which wraps round.
+Renderers and recordings depend on this type and not on a mapping system. It is not a layer of a
+map, because it lies in the network's own plane, which wraps around.
 """
 
 from __future__ import annotations
@@ -15,24 +15,24 @@ from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose, Segments
 
 MOST_CELLS = 4096
-"""A network has at most so many cells along each axis of the plane."""
+"""Largest number of cells along each axis of the plane."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Activity:
-    """Activity over the plane (x', y'): at each place that of the most active cell over θ'.
+    """Activity over the plane (x', y'): the maximum over θ' at each position.
 
-    Its frame has the outer corner of cell [0, 0] as origin; columns run along x', rows along y'.
+    The origin of its frame is the outer corner of cell [0, 0]. Columns run along x', rows along y'.
 
     Raises:
-        InputError: The side of a cell is no positive length, there are no cells or too many, or
-            activity is not finite or negative.
+        InputError: The cell side is not a positive length, there are no or too many cells, or an
+            activity is negative or not finite.
     """
 
     cell: float
     """Side of a cell (m)."""
     values: Float32[np.ndarray, "rows columns"]
-    """How active each place is, from 0."""
+    """Activity at each position, from 0."""
     packet: Pose
     """The centre of the largest packet (m, m, rad)."""
 
@@ -54,10 +54,10 @@ class Activity:
 
 
 def packet_segments(packets: Points, size: tuple[float, float]) -> Segments:
-    """The way of a packet over a plane as lines, those left out that go round its edges.
+    """Return the path of a packet over a plane as segments, without those that wrap around.
 
     Args:
-        packets: Where it was, in the order of time (m).
+        packets: The packet's positions, in the order of time (m).
         size: Width and height of the plane (m).
     """
     goes_round = (np.abs(np.diff(packets, axis=0)) > np.array(size) / 2).any(axis=1)

@@ -1,8 +1,8 @@
-"""The layers that a map can have, and the snapshot that holds those that one map has.
+"""The layers that a map can have, and the snapshot that holds the layers of one map.
 
-Renderers, recordings and exports know these types and no mapping system: each has one function a
-layer. All coordinates are in the map's frame (m, rad). A layer's arrays may be the mapper's own:
-they are read-only.
+Renderers, recordings and exports depend on these types and not on a mapping system; each has one
+function per layer. All coordinates are in the map's frame (m, rad). A layer's arrays may be the
+mapper's own, so they must not be changed.
 """
 
 from __future__ import annotations
@@ -18,10 +18,13 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_points, transform_segments
 from albot_core.geometry.types import Points, Pose, Poses, Segments
 
+FEW, LABEL_SPACING = 10, 1.0
+"""Up to `FEW` places are always labelled; more only if they are `LABEL_SPACING` apart (m)."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SegmentsLayer:
-    """Line segments: the surfaces that were seen."""
+    """Line segments: the observed surfaces."""
 
     kind: ClassVar[str] = "segments"
     segments: Segments
@@ -34,11 +37,11 @@ class OccupancyGridLayer:
 
     kind: ClassVar[str] = "occupancy_grid"
     origin: Pose
-    """Pose of the outer corner of cell [0, 0]; columns run along its x axis, rows along its y."""
+    """Pose of the outer corner of cell [0, 0]; columns run along its x axis, rows along y."""
     resolution: float
     """Side of a cell (m)."""
     occupancy: Float32[np.ndarray, "rows columns"]
-    """Probability that each cell is occupied; NaN where nothing is known."""
+    """Probability that each cell is occupied; NaN for unknown cells."""
 
     def __post_init__(self) -> None:
         if not 0 < self.resolution < np.inf:
@@ -46,7 +49,7 @@ class OccupancyGridLayer:
             raise InputError("OccupancyGridLayer.resolution", "a positive length (m)", found)
 
     def centres(self, least: float) -> Points:
-        """The centres of the cells that are occupied with at least this probability (m)."""
+        """Return the centres of the cells with an occupancy of at least `least` (m, map frame)."""
         with np.errstate(invalid="ignore"):
             rows, columns = np.nonzero(self.occupancy >= least)
         local = (np.stack((columns, rows), axis=-1) + 0.5) * self.resolution
@@ -54,7 +57,7 @@ class OccupancyGridLayer:
 
     @property
     def corners(self) -> Float64[np.ndarray, "4 2"]:
-        """The grid's four corners, counter-clockwise (m)."""
+        """The grid's four corners, counter-clockwise (m, map frame)."""
         rows, columns = self.occupancy.shape
         unit = np.array(((0, 0), (columns, 0), (columns, rows), (0, rows)), np.float64)
         return transform_points(self.origin, unit * self.resolution)
@@ -62,18 +65,18 @@ class OccupancyGridLayer:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ParticlesLayer:
-    """Where the robot may be: samples of the belief about its pose."""
+    """Particles: samples of the belief about the robot's pose."""
 
     kind: ClassVar[str] = "particles"
     poses: Poses
     """The samples, (n, 3)."""
     weights: Float64[np.ndarray, "n"]
-    """How likely each is; they sum to 1."""
+    """The weight of each sample; the sum is 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrajectoryLayer:
-    """Where the robot has been, as the mapper believes now."""
+    """The robot's past poses, as currently estimated by the mapper."""
 
     kind: ClassVar[str] = "trajectory"
     poses: Poses
@@ -85,54 +88,53 @@ class PlaceNode:
     """A place: a node of a place graph."""
 
     id: int
-    """Its number; never used again for another place."""
+    """Its number, which is never reused for another place."""
     label: str
-    """What it is called."""
+    """Its displayed name."""
     pose: Pose
-    """Where its own frame lies in the map."""
+    """Pose of its own frame in the map's frame."""
     middle: Points
     """The point at which it is drawn, in the map's frame (m)."""
     segments: Segments = field(default_factory=lambda: np.empty((0, 4)))
-    """What it is remembered by, in its own frame (m); empty where that is no line segments."""
+    """The line segments that describe it, in its own frame (m); empty if it has none."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlaceEdge:
-    """A way from one place to another: a directed edge of a place graph."""
+    """A connection from one place to another: a directed edge of a place graph."""
 
     source: int
-    """Id of the place that it leaves."""
+    """Id of the place where it begins."""
     target: int
-    """Id of the place that it leads to."""
+    """Id of the place where it ends."""
     motion: Pose
-    """The target's frame in the source's."""
+    """Pose of the target's frame in the source's frame."""
     doorway: Float64[np.ndarray, "4"] | None = None
-    """The line to cross on the way, in the source's frame (m). A robot that goes along it, from its
-    first end to its second, has the source to its left. None where the way leads through no
-    doorway."""
+    """The line to cross: x1, y1, x2, y2 in the source's frame (m). Seen along the line from its
+    first end to its second, the source is on the left. None without a doorway."""
     reverse: int | None = None
-    """Index in `PlaceGraph.edges` of the same way taken backwards; None where none is known."""
+    """Index in `PlaceGraph.edges` of the edge in the opposite direction; None if there is none."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlaceGraph:
-    """Places and the ways between them."""
+    """Places and the connections between them."""
 
     kind: ClassVar[str] = "place_graph"
     nodes: tuple[PlaceNode, ...] = ()
     """The places, in the order of their ids."""
     edges: tuple[PlaceEdge, ...] = ()
-    """The ways between them."""
+    """The connections."""
     current: int | None = None
-    """Id of the place where the robot believes to be; None where it does not know."""
+    """Id of the place where the mapper estimates the robot to be; None if unknown."""
     home: int | None = None
-    """Id of the place from which the robot set out."""
+    """Id of the place where the robot started; None if there is none."""
 
     def node(self, place: int) -> PlaceNode:
-        """The place of an id.
+        """Return the place with an id.
 
         Raises:
-            KeyError: There is none.
+            KeyError: There is no such place.
         """
         return self._by_id[place]
 
@@ -141,7 +143,7 @@ class PlaceGraph:
         return {node.id: node for node in self.nodes}
 
     def doorways(self) -> Segments:
-        """The lines of all doorways, in the map's frame (m), in the order of the edges."""
+        """Return the lines of all doorways (m, map frame), in the order of the edges."""
         lines = [
             transform_segments(self.node(edge.source).pose, edge.doorway[None])[0]
             for edge in self.edges
@@ -150,8 +152,23 @@ class PlaceGraph:
         return np.reshape(lines, (-1, 4)).astype(np.float64)
 
     @property
+    def is_dense(self) -> bool:
+        """Whether places are too dense for labels, and must be drawn small.
+
+        This is the case if there are more than `FEW` and half of them have a neighbour within
+        `LABEL_SPACING`.
+        """
+        if len(self.nodes) <= FEW:
+            return False
+        from scipy.spatial import KDTree  # slow to load
+
+        middles = np.array([node.middle for node in self.nodes])
+        nearest, _ = KDTree(middles).query(middles, k=2)
+        return bool(np.median(nearest[:, 1]) < LABEL_SPACING)
+
+    @property
     def links(self) -> tuple[tuple[int, int], ...]:
-        """The pairs of ids (less, greater) of places with an edge between them, each once."""
+        """The pairs of ids (smaller, larger) of connected places, each once."""
         pairs = {(min(e.source, e.target), max(e.source, e.target)) for e in self.edges}
         return tuple(sorted(pair for pair in pairs if pair[0] != pair[1]))
 
@@ -163,7 +180,7 @@ LAYERS: dict[str, type[Layer]] = {
     layer.kind: layer
     for layer in (SegmentsLayer, OccupancyGridLayer, PlaceGraph, ParticlesLayer, TrajectoryLayer)
 }
-"""All types of layers by their kind."""
+"""All types of layers, by kind."""
 
 OneLayer = TypeVar("OneLayer", bound=Layer)
 
@@ -176,7 +193,7 @@ class MapSnapshot:
     """The layers, from back to front."""
 
     def layer(self, kind: type[OneLayer]) -> OneLayer | None:
-        """The layer of a type; None where the map has none."""
+        """Return the layer of a type; None if the map has none."""
         for layer in self.layers:
             if isinstance(layer, kind):
                 return layer
@@ -184,13 +201,13 @@ class MapSnapshot:
 
     @property
     def segments(self) -> Segments:
-        """The line segments (m); empty where the map has no such layer."""
+        """The line segments (m); empty if the map has no such layer."""
         layer = self.layer(SegmentsLayer)
         return np.empty((0, 4)) if layer is None else layer.segments
 
     @property
     def place_graph(self) -> PlaceGraph:
-        """The place graph; empty where the map has no such layer."""
+        """The place graph; empty if the map has no such layer."""
         return self.layer(PlaceGraph) or PlaceGraph()
 
 

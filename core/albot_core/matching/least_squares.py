@@ -1,6 +1,6 @@
-"""Gauss-Newton on a pose: the normal equations to which matched lines and points add.
+"""Gauss-Newton steps of a pose: normal equations summed over matched lines and points.
 
-They are a tuple, so that compiled code keeps them in registers while lines add to them. Lines are
+The equations are a tuple, so that compiled code keeps them in registers while it sums. Lines are
 rows (see `lines.describe`).
 """
 
@@ -16,9 +16,9 @@ from albot_core.kernels.compiled import kernel
 POINT_NOISE, POINT_NOISE_GROWTH = 0.05, 0.02
 """Standard deviation of an occluding or corner point (m), and its growth with range (m/m)."""
 LINE_NOISE = 0.03
-"""Standard deviation of a wall's place (m)."""
+"""Standard deviation of a wall's position (m)."""
 POINT_SCALE, LINE_SCALE = 0.15, 0.10
-"""Residuals (m) at which a point and a wall count half (Cauchy weights)."""
+"""Residuals (m) at which a point and a wall have half their weight (Cauchy weights)."""
 
 
 class Equations(NamedTuple):
@@ -39,13 +39,13 @@ class Equations(NamedTuple):
 
 @kernel()
 def stiff(motion: float, turn: float) -> Equations:
-    """Equations that hold the step at 0, with these weights on its x and y, and on its turn."""
+    """Return equations that hold the step at 0, with weights for x and y, and for the turn."""
     return Equations(motion, 0.0, motion, 0.0, 0.0, turn, 0.0, 0.0, 0.0)
 
 
 @kernel()
 def held(correction: np.ndarray, motion: float, turn: float) -> Equations:
-    """Equations that pull the step to undo a correction (3,), with such weights."""
+    """Return equations that pull the step to undo a correction (3,); weights as for `stiff`."""
     x, y, t = -motion * correction[0], -motion * correction[1], -turn * correction[2]
     return Equations(motion, 0.0, motion, 0.0, 0.0, turn, x, y, t)
 
@@ -54,7 +54,7 @@ def held(correction: np.ndarray, motion: float, turn: float) -> Equations:
 def _pulled(
     e: Equations, x: float, y: float, nx: float, ny: float, residual: float, weight: float
 ) -> Equations:
-    """Add that the arm (x, y) should move by `residual` along (nx, ny)."""
+    """Add the equation that moves the arm (x, y) by `residual` along (nx, ny)."""
     turn = x * ny - y * nx
     return Equations(
         e.xx + weight * nx * nx,
@@ -79,7 +79,7 @@ def pulled_by_point(
     cos: float,
     sin: float,
 ) -> Equations:
-    """Add that a landmark's point, its end `side`, lies on that of the remembered surface."""
+    """Add the equations that lay the end `side` of a landmark on that of its remembered surface."""
     px, py = seen[2 * side], seen[2 * side + 1]
     x, y = rotate(cos, sin, px, py)
     ex = expected[2 * side] - correction[0] - x
@@ -99,7 +99,7 @@ def pulled_by_line(
     cos: float,
     sin: float,
 ) -> Equations:
-    """Add a recognised wall: both ends of the common part lie on it."""
+    """Add the equations that lay both ends of the common part on a recognised wall."""
     ux, uy = wall[6], wall[7]
     x0, y0 = rotate(cos, sin, seen[0], seen[1])
     x1, y1 = rotate(cos, sin, seen[2], seen[3])
@@ -120,7 +120,7 @@ def pulled_by_line(
 
 @kernel()
 def solved(e: Equations) -> tuple[float, float, float]:
-    """The step in x, y (m) and turn (rad), by Cholesky's method."""
+    """Return the step in x, y (m) and turn (rad), by Cholesky decomposition."""
     a = np.sqrt(e.xx)
     b, c = e.xy / a, e.xt / a
     d = np.sqrt(e.yy - b * b)

@@ -1,11 +1,11 @@
-"""Matching the lines of two places: which are the same, and where the one place lies in the other.
+"""Matching the lines of two places: which are the same, and where one place lies in the other.
 
 This is the search of Hossain (2014), algorithms 6 and 8, for any two sets of line segments. Each
-line of the one set is supposed to be each of the other. Of all the poses that follow, the best is
-the one under which most lines coincide. It is refined by Gauss-Newton steps.
+line of one set is assumed to be the same as each of the other, which gives a pose. The best of all
+these poses is the one under which most lines coincide. It is refined by Gauss-Newton steps.
 
 Compiled code takes lines as rows: x1, y1, x2, y2 (m), length (m), heading (rad), and the unit
-vector along the line. A pose says where the frame of the second set lies in that of the first.
+vector along the line. A pose is that of the second set's frame in the first set's frame.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from albot_core.matching.least_squares import pulled_by_line, solved, stiff
 from albot_core.ranges import POSITIVE, check_fields
 
 MAX_LINES = 48
-"""Of more lines only so many are compared, the longest: the work grows with the fourth power of
-their number."""
+"""Largest number of lines that are compared, the longest ones: the work grows with the fourth power
+of their number."""
 ROUNDS = 3
-"""How often the pose is refined."""
+"""Number of times that the pose is refined."""
 MIN_OVERLAP = 0.3
-"""Two lines overlap if they share this part of the shorter one's length."""
+"""Two lines overlap if they share at least this part of the shorter one's length."""
 REPLACED_FROM = 0.8
-"""A line seen anew replaces a remembered one from this share of its length on."""
+"""A new line replaces a remembered one if it has at least this share of its length."""
 
 
 class MatchLimits(NamedTuple):
@@ -51,13 +51,13 @@ class MatchConfig:
     min_length: float = 0.40
     """Shorter lines are not compared (m)."""
     max_gap: float = 0.20
-    """Two lines match only if they run closer to each other than this (m)."""
+    """Two lines match only if they are closer to each other than this (m)."""
     max_angle: float = np.radians(5.0)
-    """Two lines match only if their headings differ by less (rad)."""
+    """Two lines match only if their headings differ by less than this (rad)."""
     max_shift: float = 3.0
-    """How far the place may be from where it is looked for (m); may be infinite."""
+    """Largest distance of the place from the guess (m); may be infinite."""
     max_turn: float = np.radians(20.0)
-    """How far it may be turned from how it is looked for (rad)."""
+    """Largest rotation of the place from the guess (rad)."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "min_length", "max_gap", "max_angle", "max_turn")
@@ -66,23 +66,23 @@ class MatchConfig:
 
     @property
     def limits(self) -> MatchLimits:
-        """The same as compiled code takes it."""
+        """The same values as compiled code takes them."""
         return MatchLimits(
             self.min_length, self.max_gap, self.max_angle, self.max_shift, self.max_turn
         )
 
 
 class LineMatch(NamedTuple):
-    """How the lines of one place were found in another's."""
+    """Result of matching the lines of two places."""
 
     pose: Pose
-    """Where the other place's frame lies."""
+    """Pose of the other place's frame."""
     matches: int
-    """How many lines are the same."""
+    """Number of lines that are the same."""
     left: int
-    """How many of them are to the left of the robot."""
+    """Number of these lines that are to the left of the robot."""
     right: int
-    """How many are to its right."""
+    """Number of these lines that are to the right of the robot."""
     share: float
     """Match score: the share of the shorter description's total length that is the same."""
 
@@ -95,8 +95,8 @@ def match_lines(
     Args:
         mine: Lines of the present place (n, 4), in the map's frame (m).
         theirs: Lines of the remembered place (m, 4), in its own frame (m).
-        guess: Where its frame is looked for, in the map's frame.
-        robot: Where the robot is, in the map's frame.
+        guess: The expected pose of its frame, in the map's frame.
+        robot: The robot's pose, in the map's frame.
         config: When lines and places match.
     """
     pose, counts, limits = np.array(guess, float), np.zeros(3, np.int64), config.limits
@@ -107,7 +107,7 @@ def match_lines(
 
 
 def line_rows(lines: Segments, config: MatchConfig) -> Float64[np.ndarray, "n 8"]:
-    """The rows of the lines that are compared: the longest, in their order (m; n, 8)."""
+    """Return the rows of the lines that are compared: the longest, in their order (m; n, 8)."""
     rows = np.empty((len(lines), 8))
     rows = rows[: _describe_all(np.ascontiguousarray(lines), config.min_length, rows)]
     if len(rows) > MAX_LINES:
@@ -117,7 +117,7 @@ def line_rows(lines: Segments, config: MatchConfig) -> Float64[np.ndarray, "n 8"
 
 @kernel()
 def _describe_all(lines: np.ndarray, min_length: float, rows: np.ndarray) -> int:
-    """Fill the rows of the lines from this length on; how many there are."""
+    """Fill the rows of the lines of at least this length; return their number."""
     kept = 0
     for k in range(lines.shape[0]):
         if line_length(lines[k]) >= min_length:
@@ -136,7 +136,7 @@ def _match(
     best: np.ndarray,
     counts: np.ndarray,
 ) -> float:
-    """`match_lines` on rows: set the best pose and the counts, return the share."""
+    """Match rows as `match_lines` does: set the best pose and the counts; return the share."""
     pairs = np.empty(theirs.shape[0], np.int64)
     if _search(mine, theirs, guess, robot, limits, best, pairs) == 0:
         return 0.0
@@ -178,8 +178,8 @@ def _search(
 def lay_on(one: np.ndarray, other: np.ndarray, anchor: int, pose: np.ndarray) -> None:
     """Set the pose under which `other` lies on `one`.
 
-    Their first ends coincide where the anchor is 0, their middles where it is 1, their last ends
-    where it is 2.
+    The anchor says which of their points coincide: 0 the first ends, 1 the middles, 2 the last
+    ends.
     """
     pose[2] = wrap(one[5] - other[5])
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
@@ -192,11 +192,11 @@ def lay_on(one: np.ndarray, other: np.ndarray, anchor: int, pose: np.ndarray) ->
 
 @kernel()
 def is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, limits: MatchLimits) -> bool:
-    """Whether a place at `pose` is about where it is looked for, seen from the robot."""
+    """Return whether a place at `pose` is near the guess, seen from the robot."""
     turn = wrap(pose[2] - guess[2])
     if abs(turn) > limits.max_turn:
         return False
-    # Where the guessed place's point under the robot would come to lie.
+    # Where the point of the guessed place at the robot would move to.
     cos, sin = np.cos(turn), np.sin(turn)
     x, y = robot[0] - guess[0], robot[1] - guess[1]
     x, y = transform_point(pose, cos, sin, x, y)
@@ -208,9 +208,9 @@ def is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, limits: Matc
 def _pair(
     mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray, limits: MatchLimits, pairs: np.ndarray
 ) -> int:
-    """Fill `pairs` (m,) with the line of `mine` that each of `theirs` is, -1 for none.
+    """Fill `pairs` (m,) with the line of `mine` that equals each of `theirs`; -1 for none.
 
-    Each takes the nearest of mine that is not yet taken. Returns how many pairs there are.
+    Each takes the nearest of mine that is not yet taken. Returns the number of pairs.
     """
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     taken = np.zeros(mine.shape[0], np.bool_)
@@ -233,9 +233,9 @@ def _pair(
 
 @kernel()
 def _refine(mine: np.ndarray, theirs: np.ndarray, pairs: np.ndarray, pose: np.ndarray) -> None:
-    """A Gauss-Newton step on the pose that lays the paired lines on each other."""
+    """Apply a Gauss-Newton step to the pose, which lays the paired lines on each other."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    # Nothing tells how far a place lies along a single wall: the weak prior leaves it there.
+    # A single wall leaves the position along it open; the weak prior holds it.
     equations = stiff(1.0, 1e-3)
     for q in range(theirs.shape[0]):
         if pairs[q] >= 0:
@@ -272,9 +272,9 @@ def _count_sides(
 def merge_lines(
     old: Float64[np.ndarray, "old 4"], new: Float64[np.ndarray, "new 4"], config: MatchConfig
 ) -> Float64[np.ndarray, "both 4"]:
-    """The lines of a description together with those seen anew, all in one frame (m).
+    """Return the lines of a description merged with new ones, all in one frame (m).
 
-    Of two that are the same the newer one stays, unless it is much shorter.
+    Of two lines that are the same, the new one is kept unless it is much shorter.
     """
     old_rows, new_rows = np.empty((len(old), 8)), np.empty((len(new), 8))
     _describe_all(np.ascontiguousarray(old), 0.0, old_rows)
@@ -305,7 +305,7 @@ def _merge(
                 keep_new[q] = False
 
 
-# A line as a row, and what comparisons ask of it.
+# Lines as rows, and what comparisons need of them.
 
 Ends = tuple[float, float, float, float]
 """A line's ends x1, y1, x2, y2 (m)."""
@@ -320,7 +320,7 @@ def describe(line: np.ndarray, row: np.ndarray) -> None:
 
 @kernel()
 def measure(line: np.ndarray, row: np.ndarray) -> None:
-    """Fill a row but for its heading, which takes longer than all else."""
+    """Fill a row except its heading, which takes longer than all the rest."""
     for i in range(4):
         row[i] = line[i]
     length = line_length(line)
@@ -331,20 +331,20 @@ def measure(line: np.ndarray, row: np.ndarray) -> None:
 
 @kernel()
 def heading_of(line: np.ndarray) -> float:
-    """Direction of a line from its first end to its second (rad)."""
+    """Return the direction of a line from its first end to its second (rad)."""
     return float(np.arctan2(line[3] - line[1], line[2] - line[0]))
 
 
 @kernel()
 def line_length(line: np.ndarray) -> float:
-    """Length of a line (m)."""
+    """Return the length of a line (m)."""
     x, y = line[2] - line[0], line[3] - line[1]
     return float(np.sqrt(x * x + y * y))
 
 
 @kernel()
 def wrap(angle: float) -> float:
-    """The same angle in [-pi, pi), for angles in [-3 pi, 3 pi): all sums of two headings."""
+    """Return the angle in [-pi, pi), for angles in [-3 pi, 3 pi): all sums of two headings."""
     if angle >= np.pi:
         return angle - 2 * np.pi
     if angle < -np.pi:
@@ -354,7 +354,7 @@ def wrap(angle: float) -> float:
 
 @kernel()
 def moved_ends(row: np.ndarray, motion: np.ndarray, cos: float, sin: float) -> Ends:
-    """A line's ends after a motion (3,), the cosine and sine of whose turn are given."""
+    """Return a line's ends after a motion (3,), given the cosine and sine of its turn."""
     x1, y1 = transform_point(motion, cos, sin, row[0], row[1])
     x2, y2 = transform_point(motion, cos, sin, row[2], row[3])
     return x1, y1, x2, y2
@@ -362,7 +362,10 @@ def moved_ends(row: np.ndarray, motion: np.ndarray, cos: float, sin: float) -> E
 
 @kernel()
 def beside(wall: np.ndarray, ends: Ends, length: float) -> float:
-    """Mean distance of a line of a length (m) from the wall; infinity where they do not overlap."""
+    """Return a line's mean distance from a wall (m), infinity if they do not overlap.
+
+    `length` is the line's length (m).
+    """
     ux, uy = wall[6], wall[7]
     dx, dy = ends[0] - wall[0], ends[1] - wall[1]
     first, aside = ux * dx + uy * dy, ux * dy - uy * dx

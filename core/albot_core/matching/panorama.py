@@ -1,4 +1,4 @@
-"""Panoramas: the distance to what stands around a point, in all directions, and their matching."""
+"""Panoramas: the distances to obstacles around a point in all directions, and their matching."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from albot_core.geometry.types import Points, Pose
 from albot_core.kernels.compiled import kernel
 
 DIRECTIONS = 180
-"""Directions of a panorama, evenly over the full turn."""
+"""Number of directions of a panorama, evenly over the full turn."""
 TOLERANCE, SLANT = 0.15, 0.03
-"""Distances that differ by less than the first (m) plus this share of the distance agree in part;
-those that differ by more do not agree."""
+"""Two distances agree in part if they differ by less than the first (m) plus this share of the
+distance; otherwise they do not agree."""
 REACH, GRID = 1.0, 0.5
-"""How far from a guess the pose is searched, and the grid's step (m)."""
+"""Largest shift from a guess that is searched along each axis, and the grid's step (m)."""
 TURN, TURN_STEP = math.radians(20.0), math.radians(5.0)
-"""How far turned from it, and the grid's step (rad)."""
+"""Largest turn from a guess that is searched, and the grid's step (rad)."""
 FINEST = 0.03
-"""Refinement halves its steps until they are less than this (m)."""
+"""Refinement halves its steps until they are no larger than this (m)."""
 THINNED = 3
-"""On the grid only every so many directions are compared."""
+"""On the grid, only one in this many directions is compared."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,11 +33,11 @@ class Panorama:
     """Distances (m) around a point; direction k begins at the angle 2πk / `DIRECTIONS`."""
 
     ranges: Float64[np.ndarray, "directions"]
-    """How far it is in every direction (m); 0 where nothing was seen."""
+    """Distance in every direction (m); 0 where nothing was seen."""
 
     @classmethod
     def of(cls, points: Points) -> Panorama:
-        """The panorama of points seen from the origin (m), of which the nearest count."""
+        """Return the panorama of points seen from the origin (m); the nearest ones count."""
         ranges = np.zeros(DIRECTIONS)
         _fill_ranges(np.ascontiguousarray(points), ranges)
         return cls(ranges=ranges)
@@ -45,27 +45,28 @@ class Panorama:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PanoramaMatch:
-    """How one panorama lies best on another."""
+    """Best alignment of one panorama with another."""
 
     pose: Pose
-    """Where the other one's frame lies in this one's."""
+    """Pose of the other one's frame in this one's."""
     agreed: float
     """Share of the directions, of both, in which one shows what the other does."""
     contradicted: float
-    """Share of them in which one shows something where the other saw free space."""
+    """Share of the directions, of both, in which one shows something where the other saw free
+    space."""
     sight: float
-    """How far (m) each sees beyond the other's origin, the smaller of the two; negative where
+    """Distance that each sees beyond the other's origin, the smaller of the two (m); negative if
     something stands between."""
 
 
 def match_panoramas(mine: Panorama, theirs: Panorama, *guesses: Pose) -> PanoramaMatch:
-    """Align one panorama with another, near to guesses of where its frame lies in mine.
+    """Align one panorama with another, near guesses of where its frame lies in mine.
 
-    All shifts up to 1 m and turns up to 20° from each guess are tried on a grid, and the best is
-    refined until nothing is gained (E. Olson, Real-time correlative scan matching, ICRA
-    2009, searches so). What counts is agreement less contradiction: a wall of one that lies
-    before the wall of the other would have been seen by it. What lies behind is hidden, and says
-    nothing.
+    All shifts up to 1 m and turns up to 20° from each guess are tried on a grid. The best pose is
+    refined until nothing is gained (the search of E. Olson, Real-time correlative scan matching,
+    ICRA 2009). The score is agreement less contradiction: if a wall of one lies before the wall of
+    the other, the other would have seen it. A wall that lies behind is hidden; it neither agrees
+    nor contradicts.
     """
     pose, best = np.zeros(3), _Quality(-np.inf, 0.0, 0.0, 0.0)
     for guess in guesses:
@@ -82,7 +83,7 @@ class _Quality(NamedTuple):
     """How well two panoramas match under a pose (see `PanoramaMatch`)."""
 
     score: float
-    """What the search maximises: agreement less contradiction."""
+    """Score that the search maximises: agreement less contradiction."""
     agreed: float
     contradicted: float
     sight: float
@@ -90,7 +91,7 @@ class _Quality(NamedTuple):
 
 @kernel(arrays=True)
 def _search(mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray) -> _Quality:
-    """Find how `theirs` lies best on `mine` (directions,), near to `pose`, which is set to it."""
+    """Find the best pose of `theirs` in `mine` (directions,) near `pose`; set `pose` to it."""
     spans = np.empty((mine.shape[0], 2)), np.empty((theirs.shape[0], 2))
     _range_spans(mine, spans[0])
     _range_spans(theirs, spans[1])
@@ -113,9 +114,9 @@ def _search(mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray) -> _Quality:
 
 @kernel()
 def _range_spans(ranges: np.ndarray, spans: np.ndarray) -> None:
-    """Fill `spans` (directions, 2) with least and greatest range of each direction and the next.
+    """Fill `spans` (directions, 2): least and greatest range of a direction and its neighbours.
 
-    0 where nothing was seen: between two beams a wall lies somewhere between their ranges.
+    Between two beams, a wall lies somewhere between their ranges. 0 where nothing was seen.
     """
     count = ranges.shape[0]
     for k in range(count):
@@ -129,7 +130,7 @@ def _range_spans(ranges: np.ndarray, spans: np.ndarray) -> None:
 
 @kernel(arrays=True)
 def _points(ranges: np.ndarray) -> np.ndarray:
-    """Where the ranges end (n, 2)."""
+    """Return the end points of the ranges (n, 2)."""
     points = np.empty((ranges.shape[0], 2))
     seen = 0
     for k in range(ranges.shape[0]):
@@ -149,7 +150,7 @@ def _score(
     step: int,
     counts: np.ndarray,
 ) -> float:
-    """Agreement less contradiction of both panoramas under a pose; tallies them in `counts`."""
+    """Return agreement less contradiction of both under a pose; tally them in `counts`."""
     counts[:] = 0.0
     _tally(spans[0], points[1], pose[0], pose[1], pose[2], step, counts)
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -169,9 +170,9 @@ def _tally(
     step: int,
     counts: np.ndarray,
 ) -> None:
-    """Add to `counts` how many points of one panorama agree, contradict, say nothing of another.
+    """Add to `counts` the points of one that agree with, contradict, or are hidden from another.
 
-    `x`, `y`, `turn` say where the points' frame lies in that of the `spans`.
+    `x`, `y` and `turn` are the pose of the points' frame in the frame of `spans`.
     """
     cos, sin = math.cos(turn), math.sin(turn)
     count = spans.shape[0]
@@ -186,7 +187,7 @@ def _tally(
         if distance < least - slack:
             counts[1] += 1.0
         else:
-            # Less and less the farther off, for the search to climb finely.
+            # Agreement falls with the distance, so that the search can climb.
             off = max(least - distance, distance - most, 0.0)
             counts[0] += max(0.0, 1.0 - off / slack)
             counts[2] += min(1.0, off / slack)
@@ -199,7 +200,7 @@ def _refine(
     pose: np.ndarray,
     counts: np.ndarray,
 ) -> float:
-    """Climb to the best pose nearby in ever smaller steps; return its score."""
+    """Move to the best pose nearby in ever smaller steps; return its score."""
     best = _score(spans, points, pose, 1, counts)
     step = 0.5 * GRID
     while step > FINEST:
@@ -220,7 +221,7 @@ def _refine(
 
 @kernel()
 def _sight(spans: tuple[np.ndarray, np.ndarray], pose: np.ndarray) -> float:
-    """How far each panorama sees beyond the other's origin, the smaller of the two (m)."""
+    """Return how far each panorama sees beyond the other's origin, the smaller of the two (m)."""
     apart = length_of(pose[0], pose[1])
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x, y = rotate_back(cos, sin, -pose[0], -pose[1])
@@ -235,7 +236,7 @@ def _sight(spans: tuple[np.ndarray, np.ndarray], pose: np.ndarray) -> float:
 
 @kernel()
 def _fill_ranges(points: np.ndarray, ranges: np.ndarray) -> None:
-    """Set the ranges (directions,) to those of the nearest points (n, 2); zeros stay without."""
+    """Set the ranges (directions,) to those of the nearest points (n, 2); the rest stay zero."""
     for k in range(points.shape[0]):
         x, y = points[k, 0], points[k, 1]
         direction = _direction(x, y, ranges.shape[0])
@@ -246,7 +247,7 @@ def _fill_ranges(points: np.ndarray, ranges: np.ndarray) -> None:
 
 @kernel()
 def _direction(x: float, y: float, count: int) -> int:
-    """The direction in which a point lies."""
+    """Return the direction in which a point lies."""
     angle = math.atan2(y, x)
     share = angle / (2.0 * math.pi)
     return int((share - math.floor(share)) * count) % count

@@ -1,8 +1,9 @@
-"""Compiled matching of local submaps: lines propose how they lie, scans decide.
+"""Compiled matching of local submaps: lines propose poses, scans decide.
 
-Algorithm 6 of Hossain (2014) supposes that each line of the one place is each of the other (see
-`lines`). Here what was seen scores each pose that follows: points of the one submap that fall on
-walls of the other count for it, and points that fall where the other saw free space against it.
+Algorithm 6 of Hossain (2014) assumes that each line of one place is the same as each of the other
+(see `lines`). Here each resulting pose is scored by what was seen: points of one submap that fall
+on walls of the other count for the pose, and points that fall where the other saw free space count
+against it.
 """
 
 from __future__ import annotations
@@ -16,24 +17,25 @@ from albot_core.matching.lines import MatchLimits, is_near, lay_on
 CELL = 0.15
 """Side of a cell of the grid (m)."""
 CELLS = 220
-"""Cells along the grid's sides, with the robot in the middle."""
+"""Number of cells along each side of the grid, with the robot in the middle."""
 MIDDLE = CELLS // 2 + 0.37
-"""The robot's place along the sides, in cells. It is not at a corner: in made-up worlds walls
+"""The robot's position along each side, in cells. It is not at a corner: in generated worlds walls
 stand at round distances from it, and would be in one cell or the next by chance."""
 UNKNOWN, FREE, WALL = 0, 1, 2
-"""What a cell may be; a wall is as wide as three."""
+"""States of a cell; a wall is three cells wide."""
 
 FREE_PENALTY = 2.0
-"""A point in free space counts against so many points on walls."""
+"""Weight of a point in free space, relative to a point on a wall."""
 COARSE = 4
-"""To compare proposed poses every fourth point will do."""
+"""Proposed poses are compared by one in this many points."""
 STEP, TURN, HALVINGS, ROUNDS = 0.2, np.radians(4.0), 4, 10
-"""Refinement moves by these steps (m, rad), at most so many rounds each, and halves them so
-often."""
+"""Refinement: first steps (m, rad), number of step sizes, each half the one before, and largest
+number of rounds with each."""
 ASIDE = 1.2
-"""So far aside (m) the submaps should no longer match…"""
+"""Distance aside at which the submaps should no longer match (m)."""
 AMBIGUITY_WEIGHT = 0.5
-"""…and so much of the score there is taken off: along a bare corridor a match tells nothing."""
+"""Share of the best score at that distance that is subtracted: along a bare corridor a match means
+little."""
 
 
 @kernel(arrays=True)
@@ -47,17 +49,17 @@ def match_grids(
     limits: MatchLimits,
     pose: np.ndarray,
 ) -> float:
-    """The match score of two submaps at the best pose, at most 1.
+    """Return the match score of two submaps at the best pose, at most 1.
 
     Args:
-        mine: Rows of the one's lines (see `lines.describe`).
-        my_points: What was seen there (n, 2), in its frame (m).
+        mine: Rows of one submap's lines (see `lines.describe`).
+        my_points: Its points (n, 2), in its frame (m).
         my_grid: Its cells (CELLS, CELLS).
-        theirs: As `mine`, of the other.
+        theirs: As `mine`, of the other submap.
         their_points: As `my_points`.
         their_grid: As `my_grid`.
-        limits: How far apart, and how much turned, their frames may be.
-        pose: Set to where the other's frame lies in the one's; to infinity where no pose is
+        limits: Largest distance and turn between their frames.
+        pose: Set to the pose of the other's frame in the first one's; to infinity if no pose is
             proposed.
     """
     if not _propose(mine, theirs, their_points, my_grid, limits, pose):
@@ -91,7 +93,7 @@ def _propose(
     limits: MatchLimits,
     best: np.ndarray,
 ) -> bool:
-    """Set `best` to the pose of best score that two lines propose; false where there is none."""
+    """Set `best` to the pose of best score that two lines propose; return False if none does."""
     pose, nowhere = np.empty(3), np.zeros(3)
     most = -np.inf
     for j in range(mine.shape[0]):
@@ -110,7 +112,7 @@ def _propose(
 
 @kernel()
 def _score(points: np.ndarray, grid: np.ndarray, pose: np.ndarray, every: int) -> float:
-    """Points on walls of the grid in which they lie at `pose`, less those in free space."""
+    """Return the points on walls of the grid at `pose`, less the weighted ones in free space."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     total = 0.0
     for k in range(0, points.shape[0], every):
@@ -149,7 +151,7 @@ def _refine(points: np.ndarray, grid: np.ndarray, best: np.ndarray) -> None:
 
 @kernel()
 def mark_free(grid: np.ndarray, eye: np.ndarray, points: np.ndarray) -> None:
-    """Mark the cells between the eye (2,) and what it sees (n, 2), in the robot's frame (m)."""
+    """Mark as free the cells from `eye` (2,) to seen points (n, 2), in the robot's frame (m)."""
     for k in range(points.shape[0]):
         dx, dy = points[k, 0] - eye[0], points[k, 1] - eye[1]
         away = np.sqrt(dx * dx + dy * dy)
@@ -163,7 +165,7 @@ def mark_free(grid: np.ndarray, eye: np.ndarray, points: np.ndarray) -> None:
 
 @kernel()
 def mark_walls(grid: np.ndarray, points: np.ndarray) -> None:
-    """Mark the cells of points (n, 2) in the robot's frame (m), and those beside them."""
+    """Mark as walls the cells of points (n, 2) in the robot's frame (m), and those beside them."""
     for k in range(points.shape[0]):
         i = int(np.floor(points[k, 0] / CELL + MIDDLE))
         j = int(np.floor(points[k, 1] / CELL + MIDDLE))

@@ -1,4 +1,4 @@
-"""Local submaps: what a robot saw along the last part of its way, to be matched with others."""
+"""Local submaps: what a robot saw on the last part of its path, to be matched with others."""
 
 from __future__ import annotations
 
@@ -16,47 +16,47 @@ from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import ViewConfig, construct_view
 
 SPACING = 3.0
-"""A submap is made so often (m)…"""
+"""Distance driven from one submap to the next (m)."""
 TRAIL = 12.0
-"""…of what was seen in the last part of the way (m)…"""
+"""Length of the path whose scans make up a submap (m)."""
 RANGE = 15.0
-"""…no farther than this from the robot (m)."""
+"""Largest distance of a submap's points from the robot (m)."""
 LINE_RANGE = 8.0
-"""Lines propose poses only if they are nearer than this (m)…"""
+"""Largest distance of the lines that propose poses (m)."""
 MAX_LINES = 28
-"""…and only so many, the longest."""
+"""Largest number of the lines that propose poses, the longest ones."""
 GRAIN = 0.2
-"""Points nearer than about this are one (m)."""
+"""Points closer to each other than about this count as one (m)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LocalSubmap:
-    """What was seen from the last part of the way, in the robot's frame."""
+    """What was seen on the last part of the path, in the robot's frame."""
 
     reading: int
-    """The reading at which it is made."""
+    """Number of the reading at which it is made."""
     way: float
-    """The way to there (m)."""
+    """Distance driven to there (m)."""
     lines: Float64[np.ndarray, "lines 8"]
     """Rows of the lines in view (see `lines.describe`)."""
     points: Points
     """Where walls were seen (m)."""
     grid: UInt8[np.ndarray, "220 220"]
-    """Where there are walls and where there is free space (see `submap_kernels`)."""
+    """Cells with walls and with free space (see `submap_kernels`)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SubmapMatch:
-    """How one submap lies best on another."""
+    """Best alignment of one submap with another."""
 
     score: float
     """Match score, at most 1."""
     pose: Pose
-    """Where the other's frame lies in the one's; infinity where no pose is proposed."""
+    """Pose of the other's frame in the first one's; infinity if no pose is proposed."""
 
 
 def match_submaps(mine: LocalSubmap, theirs: LocalSubmap, config: MatchConfig) -> SubmapMatch:
-    """Find how one submap lies best on another, no farther from it than `config` allows."""
+    """Find the best alignment of two submaps within the limits of `config`."""
     pose = np.zeros(3)
     score = match_grids(
         mine.lines,
@@ -74,11 +74,11 @@ def match_submaps(mine: LocalSubmap, theirs: LocalSubmap, config: MatchConfig) -
 def local_submaps(
     readings: Sequence[Reading], motions: Poses, config: MatchConfig
 ) -> list[LocalSubmap]:
-    """A submap every SPACING of the way.
+    """Return one submap per `SPACING` of the path.
 
     Args:
         readings: What the robot sensed.
-        motions: How it believed to move to each reading from the one before (m, rad).
+        motions: The believed motion to each reading from the one before (m, rad).
         config: Which lines are the same.
     """
     ways = np.cumsum([0.0, *np.hypot(motions[1:, 0], motions[1:, 1]).tolist()])
@@ -108,14 +108,14 @@ class _Scan:
     """A scan in the robot's present frame."""
 
     way: float
-    """The way to where it was taken (m)."""
+    """Distance driven to where it was taken (m)."""
     eye: Float64[np.ndarray, "2"]
-    """Where the laser was (m)."""
+    """Position of the laser (m)."""
     points: Points
-    """Where it saw walls (m)."""
+    """Points on walls that it saw (m)."""
 
     def moved(self, pose: Pose) -> _Scan:
-        """The same with its frame at `pose`."""
+        """Return the same scan with its frame at `pose`."""
         eye, points = transform_points(pose, self.eye), transform_points(pose, self.points)
         return _Scan(way=self.way, eye=eye, points=points)
 
@@ -127,7 +127,10 @@ def _update_lines(
     way: float,
     config: MatchConfig,
 ) -> tuple[Float64[np.ndarray, "kept 4"], Float64[np.ndarray, "kept"]]:
-    """The lines near and seen of late, with a view; and where on the way each was last seen."""
+    """Return the lines near and seen of late, merged with a view, and when each was last seen.
+
+    "When" is the distance driven (m).
+    """
     both = merge_lines(lines, view, config)
     known = {line.tobytes(): at for line, at in zip(lines, seen_at, strict=True)}
     at = np.array([known.get(line.tobytes(), way) for line in both])
@@ -137,13 +140,13 @@ def _update_lines(
 
 
 def longest_lines(lines: Segments, count: int) -> Float64[np.ndarray, "kept 4"]:
-    """The longest lines, so many at most, in their order."""
+    """Return the longest lines, at most `count`, in their order."""
     lengths = np.hypot(*(lines[:, 2:] - lines[:, :2]).T)
     return lines[np.sort(np.argsort(-lengths, kind="stable")[:count])]
 
 
 def _draw_grid(scans: list[_Scan]) -> tuple[Points, UInt8[np.ndarray, "220 220"]]:
-    """The points within RANGE, thinned out, and the grid with all that the scans show."""
+    """Return the points within RANGE, thinned out, and the grid of all that the scans show."""
     grid = np.zeros((CELLS, CELLS), np.uint8)
     for scan in scans:
         mark_free(grid, scan.eye, scan.points)

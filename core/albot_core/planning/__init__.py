@@ -1,8 +1,8 @@
-"""Planning: where to go next, and how to drive there, by what a robot senses and believes.
+"""Planning: where to go next and how to drive there, from sensor readings and estimated poses.
 
-- `percept`: what a planner goes by at a step,
-- `explorer`: from goal to goal; `gap_explorer`, `frontier_explorer`: how goals are chosen,
-- `navigator`: to a given place, over ground that it maps as it goes,
+- `percept`: the input of a planner at a step,
+- `explorer`: drives from goal to goal; `gap_explorer` and `frontier_explorer` choose the goals,
+- `navigator`: drives to a given target, and maps the ground on the way,
 - `occupancy_grid`, `grid_search`: the grid that they keep, and paths over it,
-- `steering`: to a point near by, past what the laser sees.
+- `steering`: drives to a nearby point without touching what the laser sees.
 """

@@ -1,4 +1,4 @@
-"""The explorer: goes for one goal after another, and gives up those that it cannot reach."""
+"""The explorer: drives to one goal after another, and gives up those that it cannot reach."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from albot_core.planning.steering import Command, SteeringConfig, admissible_com
 
 
 class Explorer(ABC):
-    """Looks round, and then goes from goal to goal. Subclasses choose the goals.
+    """Looks around, then drives from goal to goal. Subclasses choose the goals.
 
     Args:
-        near: Ground in view and no farther away than this is covered (m).
-        steering: How closely to pass things, and how fast.
+        near: Largest distance at which visible ground counts as covered (m).
+        steering: The steering parameters.
     """
 
     _PLAN_EVERY = 9
-    """Steps between two searches for the path."""
+    """Steps between two path searches."""
     _ARRIVED = 0.3
-    """The robot has reached a goal when it is so near to the end of the route (m)."""
+    """Distance to the end of the route at which the goal counts as reached (m)."""
 
     def __init__(self, near: float, steering: SteeringConfig) -> None:
         self._near = near
         self._steering = steering
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Begin anew, by looking all around."""
+        """Reset all state, and begin with a full turn to look around."""
         self._rng = rng
         self._grid = OccupancyGrid(OccupancyGridConfig(near=self._near))
         self._look_round = LookRound()
@@ -42,14 +42,14 @@ class Explorer(ABC):
         self._steps = 0
 
     def command(self, percept: Percept) -> Command:
-        """How to drive next, by what is sensed now."""
+        """Return the next drive command for the current percept."""
         self._observe(percept)
         return admissible_command(
             self._desired_command(percept), percept.points, percept.motion, self._steering
         )
 
     def _desired_command(self, percept: Percept) -> Command:
-        """The next command, before the robot brakes for anything."""
+        """Return the next command before the braking limits apply."""
         turning = self._look_round.command(percept.pose)
         if turning is None:
             turning = self._stall.recovery_command()
@@ -62,12 +62,12 @@ class Explorer(ABC):
         return steer(self._grid.obstacles_around(percept), ahead, self._steering)
 
     def _observe(self, percept: Percept) -> None:
-        """Mark what is in view."""
+        """Integrate the scan into the grid."""
         self._grid.integrate(percept)
         self._steps += 1
 
     def _maybe_drop_goal(self, percept: Percept) -> None:
-        """Drop the goal where it was reached, or cannot be; turn away where the robot is stuck."""
+        """Drop the goal if it is reached or unreachable; start a recovery turn if stuck."""
         if self._goal is None:
             return
         stuck = self._stall.update(percept.pose)
@@ -80,29 +80,29 @@ class Explorer(ABC):
 
     @abstractmethod
     def _give_up(self, goal: Float64[np.ndarray, "2"]) -> None:
-        """Do not choose this goal again."""
+        """Exclude a goal from later choices."""
 
     @abstractmethod
     def _plan(self, percept: Percept) -> None:
-        """Find the path to the goal anew; choose a goal where there is none."""
+        """Search the path to the goal again; choose a goal if there is none."""
 
 
 class LookRound:
-    """A full turn on the spot, once at the beginning and whenever asked for."""
+    """A full turn on the spot, at the beginning and after each `begin`."""
 
     _RATE = 1.6
-    """How fast it turns (rad/s)."""
+    """Turn rate (rad/s)."""
 
     def __init__(self) -> None:
         self._heading: float | None = None
         self.begin()
 
     def begin(self) -> None:
-        """Turn all round once more."""
+        """Start another full turn."""
         self._left = 2 * np.pi
 
     def command(self, pose: Pose) -> Command | None:
-        """Take in the next step's pose; return the command to turn, or None when done."""
+        """Update with the current pose; return the command to turn, or None when done."""
         heading = float(pose[2])
         if self._heading is not None:
             self._left -= abs(float(wrap_angle(heading - self._heading)))
@@ -111,16 +111,16 @@ class LookRound:
 
 
 class StallDetector:
-    """Limits the steps towards a target, and the steps in which the robot hardly moves."""
+    """Detects that a target takes too many steps, or that the robot hardly moves."""
 
     _STANDSTILL_STEPS = 45
-    """Steps within a hand's breadth after which the robot is stuck: longer than any turn."""
+    """Steps within `_STANDSTILL` after which the robot is stuck; any turn takes fewer."""
     _STANDSTILL = 0.15
-    """That hand's breadth (m)."""
+    """Distance that counts as standing still (m)."""
     _STEPS_PER_METRE = 40
-    """Steps allowed for each metre of the path."""
+    """Steps allowed per metre of the path."""
     _RECOVERY_STEPS = 12
-    """Steps of turning away."""
+    """Steps of a recovery turn."""
 
     def __init__(self) -> None:
         self._allowed = 0
@@ -130,12 +130,12 @@ class StallDetector:
         self._spin = 0.0
 
     def start(self, length: float) -> None:
-        """Set out for a target; `length` is that of the path there (m)."""
+        """Start for a new target; `length` is the length of the path to it (m)."""
         self._allowed = 100 + int(self._STEPS_PER_METRE * length)
         self._anchor = None
 
     def update(self, pose: Pose) -> bool:
-        """Take in the next step's pose; return whether the target is to be given up."""
+        """Update with the current pose; return whether the target must be given up."""
         self._allowed -= 1
         if self._anchor is None or np.hypot(*(pose[:2] - self._anchor)) > self._STANDSTILL:
             self._anchor, self._still = pose[:2], 0
@@ -143,12 +143,12 @@ class StallDetector:
         return self._allowed < 0 or self._still > self._STANDSTILL_STEPS
 
     def start_recovery(self, rng: np.random.Generator) -> None:
-        """Begin to turn for a while, to a side drawn at random."""
+        """Start a recovery turn to a random side."""
         self._recovering = self._RECOVERY_STEPS
         self._spin = float(rng.choice((-1.0, 1.0)))
 
     def recovery_command(self) -> Command | None:
-        """The next command of that turn; None when done."""
+        """Return the next command of the recovery turn; None when done."""
         if self._recovering == 0:
             return None
         self._recovering -= 1

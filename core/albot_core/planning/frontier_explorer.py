@@ -1,4 +1,4 @@
-"""The frontier explorer: goes to the nearest border of the ground that it has covered."""
+"""The frontier explorer: drives to the nearest frontier of the covered ground."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ def find_frontiers(
     covered: Bool[np.ndarray, "rows columns"],
     least: int,
 ) -> Int[np.ndarray, "rows columns"]:
-    """The frontiers: cells, free and covered, beside one that is neither covered nor blocked.
+    """Return the frontiers: free, covered cells beside a cell that is neither covered nor blocked.
 
-    Each connected group of them has a number; all other cells are 0.
+    The cells of each connected group have its number; all other cells are 0.
 
     Args:
         grid: `FREE`, `BLOCKED` or `UNKNOWN` for each cell.
-        covered: Which cells are covered.
-        least: Connected groups of fewer cells are no frontiers.
+        covered: Whether each cell is covered.
+        least: Least number of cells of a frontier.
     """
     open_ground = ~covered & (grid != BLOCKED)
     edge = covered & (grid == FREE) & ndimage.binary_dilation(open_ground, _NEIGHBOURS)
@@ -37,38 +37,39 @@ def find_frontiers(
 
 
 class FrontierExplorer(Explorer):
-    """Goes to the nearest frontier that it can reach, over and over.
+    """Drives to the nearest reachable frontier, again and again.
 
     After B. Yamauchi, A frontier-based approach for autonomous exploration, IEEE International
-    Symposium on Computational Intelligence in Robotics and Automation (1997). There, cells are
-    known that the sensors reach. Here, cells are known that are covered, since that is the task.
+    Symposium on Computational Intelligence in Robotics and Automation (1997). There, a cell is
+    known if a sensor has reached it. Here, a cell is known if it is covered, because coverage is
+    the task.
 
     Args:
-        near: Ground in view and no farther away than this is covered (m).
-        config: How closely to pass things, and how fast.
+        near: Largest distance at which visible ground counts as covered (m).
+        config: The steering parameters.
     """
 
     _LEAST = 0.6
-    """Narrower frontiers are left out (m): the robot does not fit through."""
+    """Least width of a frontier (m); the robot does not fit through narrower ones."""
     _NEAR_BY = 0.4
-    """A frontier counts as reachable from so far away (m)."""
+    """Distance from a frontier at which it counts as reached (m)."""
     _APART = 0.8
-    """Frontiers nearer than this to one that was given up are left out (m)."""
+    """Least distance of a frontier from those given up (m)."""
 
     def __init__(self, near: float = 2.0, config: SteeringConfig | None = None) -> None:
         super().__init__(near, config or SteeringConfig())
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Begin anew, by looking all around."""
+        """Reset all state, and begin with a full turn to look around."""
         super().reset(rng)
         self._given_up: Float64[np.ndarray, "places 2"] = np.empty((0, 2))
 
     def _give_up(self, goal: Float64[np.ndarray, "2"]) -> None:
-        """Leave out the frontiers about this goal."""
+        """Exclude the frontiers around a goal."""
         self._given_up = np.vstack((self._given_up, goal))
 
     def _plan(self, percept: Percept) -> None:
-        """Plan the path to the chosen frontier, else to the nearest; with none left, look round."""
+        """Plan the path to the chosen frontier, or to the nearest; look around if none is left."""
         paths = self._grid.shortest_paths(percept.pose)
         places, lengths, groups = self._frontiers(paths)
         if not len(places):
@@ -92,9 +93,9 @@ class FrontierExplorer(Explorer):
     ) -> tuple[
         Float64[np.ndarray, "cells 2"], Float64[np.ndarray, "cells"], Int[np.ndarray, "cells"]
     ]:
-        """The cells of reachable frontiers.
+        """Return the cells of reachable frontiers.
 
-        Their places (m, map frame), the lengths of the paths (m), and their frontiers' numbers.
+        These are their positions (m, map frame), path lengths (m) and frontier numbers.
         """
         grid, cell = self._grid, self._grid.cell
         groups = find_frontiers(*grid.window(paths), least=round(self._LEAST / cell))

@@ -1,8 +1,8 @@
-"""The gap explorer: goes to the nearest gap in view behind which the ground is new.
+"""The gap explorer: drives to the nearest visible gap with new ground behind it.
 
 After the exploration of Yeap et al., Autonomous Robot Mapping by Landmark Association
-(2015): the robot moves towards a near gap that is wide enough for it. Gaps and open
-ground that it passes by are remembered, for when there is nothing new in view.
+(2015): the robot moves towards a near gap that is wide enough for it. It remembers gaps and
+open ground that it passes, and returns to them when nothing new is in view.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
 
 @dataclass(frozen=True, kw_only=True)
 class GapExplorerConfig:
-    """What the explorer goes for."""
+    """Parameters of the gap explorer."""
 
     gap_width: float = 0.6
-    """Narrower openings are no gaps (m): the robot does not fit."""
+    """Least width of a gap (m); the robot does not fit through narrower openings."""
     reach: float = 6.5
-    """Gaps and ground farther away are left for later (m)."""
+    """Largest distance of gaps and ground that are considered (m)."""
     clearance: float = 0.4
-    """Ground nearer than this to an obstacle is no goal (m)."""
+    """Least distance of a goal from obstacles (m)."""
     turn_cost: float = 0.7
-    """Cost of a turn towards the goal (m of path for each radian)."""
+    """Cost of a turn towards the goal (m of path per radian)."""
     gain: float = 0.0
-    """What a place is worth when all ground about it is new (m of path). Above 0, a whole room is
-    preferred to a nearer pocket."""
+    """Gain of a goal with completely new ground around it (m of path). Above 0, a whole room is
+    preferred to a smaller area nearby."""
     chance: float = 0.5
-    """Greatest random cost (m of path): no two tours are the same."""
+    """Largest random cost (m of path), which makes tours differ."""
     steering: SteeringConfig = field(default_factory=SteeringConfig)
-    """How closely to pass things, and how fast."""
+    """The steering parameters."""
     worth: float = 0.75
-    """Minimum share of new ground about a place for it to be a goal. When no such place is left,
-    any new ground is enough."""
+    """Least share of new ground around a goal. When no such goal is left, any new ground is
+    enough."""
     near: float = 2.0
-    """Ground in view and no farther away than this is covered (m)."""
+    """Largest distance at which visible ground counts as covered (m)."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "gap_width", "reach", "clearance", "near", "worth")
@@ -52,31 +52,31 @@ class GapExplorerConfig:
 
 
 class GapExplorer(Explorer):
-    """Goes to the nearest gap, over and over, and back to gaps that it has passed by.
+    """Drives to the nearest gap, again and again, and back to gaps that it has passed.
 
     Args:
-        config: What it goes for.
+        config: The parameters.
     """
 
     _LOOK_EVERY = 3
-    """Steps between two looks for candidates."""
+    """Steps between two searches for candidate goals."""
     _SURROUNDINGS = 1.5
-    """Half the side of the square (m) about a place whose new ground counts for `gain`."""
+    """Half the side (m) of the square around a goal in which new ground counts for `gain`."""
     _FAN = np.radians(6.0)
-    """Angle between the beams along which it looks for open ground (rad)."""
+    """Angle between the beams that are searched for open ground (rad)."""
 
     def __init__(self, config: GapExplorerConfig = GapExplorerConfig()) -> None:
         super().__init__(config.near, config.steering)
         self._config = config
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Begin anew, by looking all around."""
+        """Reset all state, and begin with a full turn to look around."""
         super().reset(rng)
         self._candidates = CandidateGoals()
         self._least = self._config.worth
 
     def _observe(self, percept: Percept) -> None:
-        """Mark what is in view, and add what is worth going to."""
+        """Integrate the scan into the grid, and update the candidate goals."""
         self._grid.integrate(percept)
         if self._steps % self._LOOK_EVERY == 0:
             self._add_gaps(percept)
@@ -88,7 +88,7 @@ class GapExplorer(Explorer):
         self._steps += 1
 
     def _add_gaps(self, percept: Percept) -> None:
-        """Add the gaps in view, each for the ground that it hides."""
+        """Add the visible gaps as candidates, each with the ground behind it."""
         config = self._config
         gaps = find_gaps(percept.points, narrowest=config.gap_width, reach=config.reach)
         if gaps:
@@ -99,9 +99,9 @@ class GapExplorer(Explorer):
             self._candidates.add(centres[new], hidden[new])
 
     def _open_ground(self, percept: Percept) -> Float64[np.ndarray, "places 2"]:
-        """Points in view, on a fan of beams, that are not covered and where the robot could stand.
+        """Return visible, uncovered points on a fan of beams at which the robot fits.
 
-        In the map's frame (m).
+        The points are in the map's frame (m).
         """
         config, laser = self._config, percept.laser
         distances = np.arange(1.0, config.reach, 1.0)
@@ -114,16 +114,16 @@ class GapExplorer(Explorer):
         return percept.to_map(fan[clear])
 
     def _is_new(self, ground: Points) -> Bool[np.ndarray, "places"]:
-        """Whether ground (m, map frame) is worth going to."""
+        """Return whether the ground at points (m, map frame) is new enough to be a goal."""
         left = self._grid.uncovered_share(ground)
         return np.asarray((left > 0) & (left >= self._least))
 
     def _give_up(self, goal: Float64[np.ndarray, "2"]) -> None:
-        """Drop the candidates with this goal, and do not add their ground again."""
+        """Drop the candidates with a goal; do not add their ground again until `readmit`."""
         self._candidates.give_up(goal)
 
     def _plan(self, percept: Percept) -> None:
-        """Find the path to the goal anew; choose a goal where there is none, or no path to it."""
+        """Search the path to the goal again; choose a new goal without a goal or a path."""
         grid = self._grid
         if self._goal is not None:
             self._route = grid.route(grid.shortest_paths(percept.pose, goal=self._goal), self._goal)
@@ -135,9 +135,10 @@ class GapExplorer(Explorer):
             self._route = grid.route(paths, self._goal)
 
     def _choose(self, percept: Percept, paths: ShortestPaths) -> Float64[np.ndarray, "2"] | None:
-        """The candidate with the lowest cost, path and all else together; None if none is left.
+        """Return the candidate goal with the lowest total cost; None if none is left.
 
-        Yeap et al. go to the nearest gap; that the ground behind it can count, too, is ours.
+        Yeap et al. drive to the nearest gap. That the ground behind it can count too is our
+        addition.
         """
         config, goals = self._config, self._candidates.goals
         lengths = np.array([self._grid.length(paths, goal) for goal in goals])
@@ -157,37 +158,37 @@ class GapExplorer(Explorer):
 
 
 _SAME_SURFACE = 0.2
-"""A point so near (m) to the line of a surface lies on it."""
+"""Largest distance (m) of a point on the same surface from the surface's line."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Gap:
-    """An opening, in the robot's frame."""
+    """An opening between two edges, in the robot's frame."""
 
     centre: Float64[np.ndarray, "2"]
-    """The middle between its two edges (m)."""
+    """Midpoint between its two edges (m)."""
     outward: Float64[np.ndarray, "2"]
     """Unit vector across the opening, away from the robot."""
     width: float
     """Distance between its edges (m)."""
 
     def beyond(self, distance: float) -> Float64[np.ndarray, "2"]:
-        """The point so far (m) behind the middle of the opening."""
+        """Return the point at a distance (m) behind the centre of the opening."""
         return np.asarray(self.centre + distance * self.outward)
 
 
 def find_gaps(
     points: Float64[np.ndarray, "beams 2"], *, narrowest: float, reach: float
 ) -> list[Gap]:
-    """The gaps in a scan, in the order of the beams.
+    """Return the gaps in a scan, in the order of the beams.
 
-    Where the range jumps between neighbouring beams, the nearer surface ends at an edge.
-    The other edge is the point nearest to it on the farther side of the jump.
+    Where the range jumps between neighbouring beams, the nearer surface ends at an edge. The other
+    edge of the gap is the point nearest to it on the farther side of the jump.
 
     Args:
-        points: Where the beams end (m, robot's frame).
-        narrowest: Openings no wider than this are none (m).
-        reach: Openings whose middle is farther away are left out (m).
+        points: The beams' end points (m, robot's frame).
+        narrowest: Gaps must be wider than this (m).
+        reach: Largest distance of a gap's centre from the robot (m).
     """
     ranges = np.hypot(points[:, 0], points[:, 1])
     gaps = []
@@ -212,9 +213,9 @@ def find_gaps(
 
 
 def _is_one_surface(points: Float64[np.ndarray, "beams 2"], k: int) -> bool:
-    """Whether beams k and k + 1 meet one wall: seen at a grazing angle it jumps in range too.
+    """Return whether beams k and k + 1 hit the same wall, whose range jumps at a grazing angle.
 
-    It is one where the line through the beams on one side runs on to the other.
+    They do if the line through the points on one side continues to the point on the other side.
     """
     runs_on = False
     if k >= 2:
@@ -227,29 +228,29 @@ def _is_one_surface(points: Float64[np.ndarray, "beams 2"], k: int) -> bool:
 def _off_line(
     start: Float64[np.ndarray, "2"], end: Float64[np.ndarray, "2"], point: Float64[np.ndarray, "2"]
 ) -> float:
-    """Distance (m) of a point from the line through two others."""
+    """Return the distance (m) of a point from the line through two others."""
     (dx, dy), (px, py) = end - start, point - end
     length = float(np.hypot(dx, dy))
     return abs(float(dx * py - dy * px)) / max(length, 1e-9)
 
 
 class CandidateGoals:
-    """Places seen but not yet covered, kept until they are: goals, and the ground each is for.
+    """Candidate goals with the uncovered ground behind each; kept until the ground is covered.
 
     Args:
-        spacing: Ground nearer than this to ground kept or given up is not added (m).
+        spacing: Least distance of new ground from ground kept or given up (m).
     """
 
     def __init__(self, spacing: float = 0.8) -> None:
         self._spacing = spacing
         self.goals: Float64[np.ndarray, "candidates 2"] = np.empty((0, 2))
-        """Where to go for them (m, map frame)."""
+        """The goals (m, map frame)."""
         self.ground: Float64[np.ndarray, "candidates 2"] = np.empty((0, 2))
-        """The ground that each is for (m, map frame)."""
+        """The ground that each goal covers (m, map frame)."""
         self._given_up: Float64[np.ndarray, "places 2"] = np.empty((0, 2))
 
     def add(self, goals: Float64[np.ndarray, "n 2"], ground: Float64[np.ndarray, "n 2"]) -> None:
-        """Add those whose ground is apart from what is kept or given up (m, map frame)."""
+        """Add goals whose ground is far enough from ground kept or given up (m, map frame)."""
         for goal, spot in zip(goals, ground, strict=True):
             known = np.concatenate((self.ground, self._given_up)) - spot
             if not (np.hypot(known[:, 0], known[:, 1]) < self._spacing).any():
@@ -257,26 +258,26 @@ class CandidateGoals:
                 self.ground = np.vstack((self.ground, spot))
 
     def drop_covered(self, grid: OccupancyGrid, pose: Pose, least: float = 0.0) -> None:
-        """Drop those whose ground is covered by now, or on whose goal the robot is.
+        """Drop candidates whose ground is covered, or whose goal the robot has reached.
 
-        Ground also counts as covered where less of it is left than the share `least`.
+        Ground counts as covered if the uncovered share is below `least`.
         """
         here = np.hypot(*(self.goals - pose[:2]).T) < 0.3
         left = grid.uncovered_share(self.ground)
         self._keep((left > 0) & (left >= least) & ~here)
 
     def holds(self, goal: Float64[np.ndarray, "2"]) -> bool:
-        """Whether a goal is still one."""
+        """Return whether a goal is still among the candidates."""
         return bool((self.goals == goal).all(axis=1).any())
 
     def give_up(self, goal: Float64[np.ndarray, "2"]) -> None:
-        """Drop the candidates with this goal, and do not add their ground again."""
+        """Drop the candidates with a goal; do not add their ground again until `readmit`."""
         given = (self.goals == goal).all(axis=1)
         self._given_up = np.concatenate((self._given_up, self.ground[given]))
         self._keep(~given)
 
     def readmit(self) -> None:
-        """Allow the places given up to be added again."""
+        """Allow ground that was given up to be added again."""
         self._given_up = np.empty((0, 2))
 
     def _keep(self, kept: np.ndarray) -> None:

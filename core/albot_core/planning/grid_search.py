@@ -1,10 +1,10 @@
-"""Searches over grids, compiled: shortest paths, any-angle paths, and what is connected.
+"""Compiled searches over grids: shortest paths, any-angle paths, and connectivity.
 
-- `search_grid`: Dijkstra's search, or A* where there is a goal, over an occupancy grid whose cells
-  beside obstacles cost more. For planning as the robot goes.
-- `search_any_angle`: Theta*, over a lattice of points that are open or closed. Its paths are not
-  bound to the grid's directions, so their lengths are nearly exact. For true distances.
-- `flood_fill`: which points are connected to one. For proofs that a world can be explored.
+- `search_grid`: Dijkstra's search, or A* with a goal, over an occupancy grid whose cells near
+  obstacles cost more. It is for planning while the robot drives.
+- `search_any_angle`: Theta*, over a lattice of open and closed points. Its paths are not limited to
+  the grid's directions, so their lengths are nearly exact. It is for true distances.
+- `flood_fill`: the points connected to a start. It is for proofs that a world can be explored.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.compiled import kernel
 
 UNKNOWN, FREE, BLOCKED, WANTED, REACHED = 0, 1, 2, 3, 4
-"""What cells are. Wanted: free cells of which any will do as the end of a path. Reached: those that
-`flood_fill` came to."""
+"""States of cells. A search may end at any `WANTED` cell, which is also free. `REACHED` cells were
+reached by `flood_fill`."""
 STEP, ACROSS = 5, 7
-"""Lengths of a step to a cell beside and to one across a corner: 7 is nearly 5 times √2."""
+"""Lengths of a step to an adjacent and to a diagonal cell; 7 / 5 approximates √2."""
 _BUCKETS = 32
-"""More than a step can add to the length of a path and its heuristic together."""
+"""Number of buckets: more than a step can add to a path's length plus heuristic."""
 FAR = -1
 """The anchor of a point from which no path leads."""
 SEARCHED = 3
-"""How many cells around a place an open point is looked for."""
+"""Largest distance (cells) from a position at which open points are searched."""
 
 
 @kernel(arrays=True)
@@ -40,30 +40,30 @@ def search_grid(
 ) -> tuple[np.ndarray, tuple[int, int]]:
     """Find the shortest paths from `start` to all passable cells.
 
-    A step to a cell beside is `STEP` long, one across a corner `ACROSS`. A step to a cell nearer to
-    a blocked one than the second of the radii (in cells) counts twice. Cells nearer to one than the
-    first are not passable. Near the start only blocked cells are not, so that a robot close to a
-    wall can leave it.
+    A step to an adjacent cell has length `STEP`, a diagonal step `ACROSS`. Cells within the first
+    radius of a blocked cell are not passable. A step to a cell within the second radius counts
+    twice. Near the start only blocked cells are not passable, so that a robot close to a wall can
+    leave it.
 
     Without a goal this is Dijkstra's search. With a `goal`, a cell of the grid, it is A* (P. Hart,
     N. Nilsson and B. Raphael, A formal basis for the heuristic determination of minimum cost
-    paths, 1968), and ends there, or at the first wanted cell. Paths to cells that are not on the
-    path there may then be too long, or missing.
+    paths, 1968). It ends at the goal. Paths to cells off the path to the goal may then be too long
+    or missing. With or without a goal, the search ends at the first `WANTED` cell.
 
-    The open list is one of buckets: cells wait by the estimated length of the path through them,
-    modulo the number of buckets (R. Dial, Algorithm 360, Communications of the ACM 12, 1969).
+    The open list consists of buckets: cells are sorted by the estimated length of the path through
+    them, modulo the number of buckets (R. Dial, Algorithm 360, Communications of the ACM 12, 1969).
 
     Args:
-        grid: What the cells are (rows, columns).
+        grid: States of the cells (rows, columns).
         start: Row and column of the start.
-        radii: The two radii, in cells.
-        parents: Filled in (rows, columns): the flat index of the cell before each on its path.
+        radii: The two radii (cells).
+        parents: Output (rows, columns): flat index of the previous cell on each cell's path.
         unknown_is_free: Whether unknown cells count as free.
         goal: Row and column of the goal; (-1, -1) for none.
 
     Returns:
-        The lengths of the paths (rows, columns), -1 where there is none; and the cell at which the
-        search ended, (-1, -1) where it ended at none.
+        The path lengths (rows, columns), -1 without a path; and the cell at which the search
+        ended, (-1, -1) if it searched all cells.
     """
     rows, columns = grid.shape
     radius, wide = radii
@@ -114,10 +114,10 @@ def search_grid(
 
 @kernel(arrays=True)
 def _enter_costs(grid: np.ndarray, radii: tuple[float, float], unknown_is_free: bool) -> np.ndarray:
-    """The cost of a step to each cell: 0 where it is not passable, 1 far from blocked cells.
+    """Return the cost factor of a step to each cell: 0 if not passable, 1 far from blocked cells.
 
-    It is 2 on passable cells nearer to a blocked one than the second of the radii. Worked out from
-    the blocked cells, of which there are few.
+    It is 2 on passable cells within the second radius of a blocked cell. The loop runs over the
+    blocked cells because there are few.
     """
     rows, columns = grid.shape
     cost = np.empty((rows, columns), np.int8)
@@ -143,7 +143,7 @@ def _enter_costs(grid: np.ndarray, radii: tuple[float, float], unknown_is_free: 
 
 @kernel()
 def _heuristic(row: int, column: int, goal: tuple[int, int]) -> int:
-    """The least length of a path from a cell to the goal; 0 where there is no goal."""
+    """Return the least length of a path from a cell to the goal; 0 without a goal."""
     if goal[0] < 0:
         return 0
     down, across = abs(row - goal[0]), abs(column - goal[1])
@@ -152,7 +152,7 @@ def _heuristic(row: int, column: int, goal: tuple[int, int]) -> int:
 
 @kernel()
 def nearest_reached(lengths: np.ndarray, row: int, column: int, around: int) -> tuple[int, int]:
-    """The cell of a square about one to which the path is shortest; (-1, -1) for none."""
+    """Return the cell with the shortest path in a square around a cell; (-1, -1) for none."""
     best, least = (-1, -1), np.iinfo(np.int32).max
     for r in range(max(0, row - around), min(lengths.shape[0], row + around + 1)):
         for c in range(max(0, column - around), min(lengths.shape[1], column + around + 1)):
@@ -163,7 +163,7 @@ def nearest_reached(lengths: np.ndarray, row: int, column: int, around: int) -> 
 
 @kernel(arrays=True)
 def trace_path(lengths: np.ndarray, parents: np.ndarray, end: tuple[int, int]) -> np.ndarray:
-    """The cells (n, 2) of the path on which `search_grid` came to the cell `end`, that one last."""
+    """Return the cells (n, 2) of the path from `search_grid` to the cell `end`, including it."""
     columns = lengths.shape[1]
     index, count = end[0] * columns + end[1], 1
     while lengths[index // columns, index % columns] > 0:
@@ -187,20 +187,20 @@ def search_any_angle(
     anchors: np.ndarray,
     anchor_of: np.ndarray,
 ) -> int:
-    """Find the shortest paths to the goal from all open points; return how many anchors they have.
+    """Find the shortest paths from all open points to the goal; return the number of anchors.
 
-    Basic Theta* (Nash et al., Theta*: Any-angle path planning on grids, AAAI 2007) from the
-    goal over the whole lattice. Paths lead straight from anchor to anchor; lengths are in cells.
+    Basic Theta* (Nash et al., Theta*: Any-angle path planning on grids, AAAI 2007), from the goal
+    over the whole lattice. Paths run straight from anchor to anchor; lengths are in cells.
 
     Args:
-        state: `BLOCKED` where a point is closed (points,).
-        columns: How many columns of points there are.
-        rows: How many points in each.
-        goal_x: Where the goal is.
-        goal_y: Where the goal is.
-        anchors: Filled in (points + 1, 4): x, y of the places at which paths turn, how far it
-            is from there to the goal, and the next anchor on the path. The first is the goal.
-        anchor_of: Filled in (points,): the first anchor on the path from a point.
+        state: `BLOCKED` for closed points (points,).
+        columns: Number of columns of points.
+        rows: Number of points per column.
+        goal_x: x of the goal (cells).
+        goal_y: y of the goal (cells).
+        anchors: Output (points + 1, 4): x, y of the points at which paths turn, the distance
+            from there to the goal, and the next anchor on the path. The first is the goal.
+        anchor_of: Output (points,): the first anchor on the path from each point.
     """
     points = columns * rows
     lengths = np.full(points, np.inf)
@@ -256,7 +256,7 @@ def _push_points_around_goal(
     heap: np.ndarray,
     keys: np.ndarray,
 ) -> int:
-    """Push the points around the goal from which it is in sight on the heap; return how many."""
+    """Push the points around the goal that see it onto the heap; return how many."""
     x, y, size = anchors[0, 0], anchors[0, 1], 0
     left, bottom = math.floor(x), math.floor(y)
     for column in range(max(0, left - SEARCHED), min(columns, left + SEARCHED + 2)):
@@ -273,7 +273,7 @@ def _push_points_around_goal(
 def _is_line_clear(
     state: np.ndarray, columns: int, rows: int, x: float, y: float, to_x: float, to_y: float
 ) -> bool:
-    """Whether the straight line between two places is clear, but for a cell at its first end."""
+    """Return whether the straight line between two points is clear beyond its first cell."""
     dx, dy = to_x - x, to_y - y
     length = length_of(dx, dy)
     count = math.ceil(2.0 * length)
@@ -291,7 +291,7 @@ def _is_line_clear(
 
 @kernel()
 def _push(heap: np.ndarray, keys: np.ndarray, size: int, item: int, key: float) -> None:
-    """Push an item on a binary heap that holds `size`."""
+    """Push an item onto a binary heap of `size` items."""
     k = size
     while k > 0:
         parent = (k - 1) >> 1
@@ -304,7 +304,7 @@ def _push(heap: np.ndarray, keys: np.ndarray, size: int, item: int, key: float) 
 
 @kernel()
 def _pop(heap: np.ndarray, keys: np.ndarray, size: int) -> None:
-    """Remove the first item of a binary heap that holds `size`."""
+    """Remove the first item of a binary heap of `size` items."""
     last = size - 1
     item, key = heap[last], keys[last]
     k = 0
@@ -325,9 +325,10 @@ def _pop(heap: np.ndarray, keys: np.ndarray, size: int) -> None:
 def first_anchor(
     x: float, y: float, columns: int, rows: int, anchors: np.ndarray, anchor_of: np.ndarray
 ) -> int:
-    """The anchor by which the path from a place is shortest; FAR where no path is near.
+    """Return the first anchor of the shortest path from a position; FAR without a path nearby.
 
-    Of the anchors of the four points around it, or else of those up to `SEARCHED` cells away.
+    It is one of the anchors of the four points around the position; if these have none, of the
+    points in growing squares, up to `SEARCHED` cells away.
     """
     left, bottom = math.floor(x), math.floor(y)
     best, shortest = FAR, np.inf
@@ -347,12 +348,13 @@ def first_anchor(
 
 @kernel()
 def flood_fill(state: np.ndarray, rows: int, waiting: np.ndarray) -> None:
-    """Mark as `REACHED` the points connected to the first by steps to one of four neighbours.
+    """Mark as `REACHED` all open points that are 4-connected to the first point.
 
     Args:
-        state: 0 where a point is open (points,), changed in place.
-        rows: How many points there are in a column.
-        waiting: Holds the index of the first; room for four times as many as there are points.
+        state: 0 for open points (points,); changed in place.
+        rows: Number of points per column.
+        waiting: Scratch buffer of at least 4 points + 1 items; the first item is the index of the
+            first point.
     """
     count = 1
     while count:

@@ -1,8 +1,8 @@
 """The explorer of landmark association: short moves to gaps of the minimal bounded space.
 
-Yeap and others, Autonomous robot mapping by landmark association (2015), section "Autonomous
-exploration". It remembers nothing: at each stop it looks for gaps anew. Its moves are short, so
-that successive views overlap.
+Source: Yeap and others, Autonomous robot mapping by landmark association (2015), section
+"Autonomous exploration". It has no memory: at each stop it searches for gaps again. Its moves are
+short so that successive views overlap.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
 
 @dataclass(frozen=True, kw_only=True)
 class MinimalSpaceConfig:
-    """How the explorer chooses gaps, and how far it moves at a time."""
+    """Parameters of the explorer: choice of gaps and length of moves."""
 
     gap_width: float = 0.6
-    """A gap is wider than this (m), as in the paper."""
+    """Gaps must be wider than this (m), as in the paper."""
     turn: float = np.radians(30.0)
-    """It turns no more than this at a time (rad), as in the paper…"""
+    """Largest turn per move (rad), as in the paper."""
     drive: float = 3.0
-    """…and drives no farther (m), as in the paper."""
+    """Longest drive per move (m), as in the paper."""
     nearest: float = 1.0
-    """A gap is drawn among the nearest one and those no more than this farther away (m). The paper
-    says "a random gap closest to the robot"; how close is ours."""
+    """A gap is drawn from the nearest one and those at most this much farther away (m). The paper
+    says "a random gap closest to the robot"; the value is ours."""
     steering: SteeringConfig = field(default_factory=SteeringConfig)
-    """How closely to pass things, and how fast: ours."""
+    """The steering parameters; these are ours."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "gap_width", "turn", "drive")
@@ -41,30 +41,30 @@ class MinimalSpaceConfig:
 
 
 class MinimalSpaceExplorer:
-    """Turns to a gap and drives towards it, a little at a time.
+    """Turns to a gap and drives towards it in short moves.
 
     Args:
-        config: How it chooses gaps, and how far it moves at a time.
+        config: The parameters.
     """
 
     _REACH = 30.0
-    """Gaps are looked for as far as the laser sees (m)."""
+    """Largest distance of gaps: the laser's range (m)."""
     _RATE, _GAIN = 1.0, 4.0
-    """How fast it turns on the spot (rad/s), and for each radian that is left (1/s)."""
+    """Largest turn rate on the spot (rad/s), and turn rate per radian left (1/s)."""
     _TURNED = np.radians(2.0)
-    """A turn is over when no more is left (rad)."""
+    """Remaining angle at which a turn is complete (rad)."""
     _ARRIVED = 0.2
-    """It stops so near to the middle of a gap (m)."""
+    """Distance to the centre of a gap at which it stops (m)."""
     _BARRED = 10
-    """A move is over after so many steps without headway: the way is barred."""
+    """Steps without progress after which a move ends because the way is blocked."""
     _HEADWAY = 0.005
-    """Less than this in a step, in m or rad, is none."""
+    """Least progress of a step (m or rad)."""
 
     def __init__(self, config: MinimalSpaceConfig = MinimalSpaceConfig()) -> None:
         self._config = config
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Begin anew."""
+        """Reset all state."""
         self._rng = rng
         self._target = np.zeros(2)
         self._turn_left, self._way_left = 0.0, 0.0
@@ -72,7 +72,7 @@ class MinimalSpaceExplorer:
         self._side = 0.0
 
     def command(self, percept: Percept) -> Command:
-        """How to drive next, by what is sensed now."""
+        """Return the next drive command for the current percept."""
         self._note_motion(percept)
         if abs(self._turn_left) <= self._TURNED and self._way_left <= 0.0:
             self._begin_move(percept)
@@ -84,7 +84,7 @@ class MinimalSpaceExplorer:
         return admissible_command(wanted, percept.points, percept.motion, self._config.steering)
 
     def _note_motion(self, percept: Percept) -> None:
-        """Take off what the last step brought; end the move where it has led to its end."""
+        """Subtract the last step from the current move; end the move if it is complete."""
         motion = percept.motion
         self._target = transform_points(inverse(motion), self._target)
         way, turn = float(np.hypot(*motion[:2])), float(motion[2])
@@ -97,14 +97,14 @@ class MinimalSpaceExplorer:
             self._turn_left, self._way_left = 0.0, 0.0
 
     def _begin_move(self, percept: Percept) -> None:
-        """Steps (b) to (e): gaps, the minimal bounded space, a gap of it, and how to move there.
+        """Choose a gap of the minimal bounded space and a move towards it.
 
-        Where there is no gap, or the way is barred, it turns to one side until there is one; the
-        paper does not tell of that.
+        These are the paper's steps (b) to (e). Without a gap, or if the way is blocked, the robot
+        turns to one side until there is one; the paper does not describe this case.
         """
         config = self._config
         seen = find_gaps(percept.points, narrowest=config.gap_width, reach=self._REACH)
-        # It stands in a gap that is nearer.
+        # Leave out a gap in which the robot already stands.
         gaps = [gap for gap in minimal_space(seen) if np.hypot(*gap.centre) > 2 * self._ARRIVED]
         if gaps and self._standing < self._BARRED:
             distances = np.array([np.hypot(*gap.centre) for gap in gaps])
@@ -121,20 +121,20 @@ class MinimalSpaceExplorer:
 
 
 def minimal_space(gaps: Sequence[Gap]) -> list[Gap]:
-    """The gaps that bound the minimal bounded space: those that no other one covers.
+    """Return the gaps that bound the minimal bounded space: those that no other gap covers.
 
-    A gap covers another one if the robot must cross it on the way to that (Yeap and Jefferies,
-    Computing a representation of the local environment, Artificial Intelligence 107, 1999): here,
-    on the straight way to its middle.
+    A gap covers another one if the robot must cross it to reach the other (Yeap and Jefferies,
+    Computing a representation of the local environment, Artificial Intelligence 107, 1999). Here,
+    the straight line to the other's centre counts.
     """
     return [gap for gap in gaps if not any(_covers(other, gap) for other in gaps)]
 
 
 def _covers(gap: Gap, other: Gap) -> bool:
-    """Whether the straight way from the robot to the middle of another gap crosses this one."""
+    """Return whether the straight line from the robot to another gap's centre crosses this gap."""
     along = np.array((gap.outward[1], -gap.outward[0]))
     x, y = other.centre
-    # Where the way, from 0 at the robot to 1 at the other gap, meets the line of this one.
+    # Find where the line, from 0 at the robot to 1 at the other gap, meets the line of this gap.
     towards = float(x * gap.outward[0] + y * gap.outward[1])
     away = float(gap.centre @ gap.outward)
     if towards <= away + _SAME:
@@ -144,4 +144,4 @@ def _covers(gap: Gap, other: Gap) -> bool:
 
 
 _SAME = 0.1
-"""Gaps whose lines are no farther apart lie beside each other, or are the same one (m)."""
+"""Largest distance (m) of the lines of gaps that lie beside each other or are the same."""

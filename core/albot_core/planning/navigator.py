@@ -1,4 +1,4 @@
-"""The navigator: drives to places over ground that it maps as it goes."""
+"""The navigator: drives to targets, and maps the ground on the way."""
 
 from __future__ import annotations
 
@@ -21,45 +21,45 @@ from albot_core.planning.steering import (
 )
 
 JUMP = 0.4
-"""A belief that moves farther than this (m) from what the odometer says begins a new grid."""
+"""Difference (m) between estimated and odometer motion after which a new grid begins."""
 WORTH = 1.5
-"""A known way is left when it is so many times as long as the planned path."""
+"""Ratio of a known way's length to the planned path's above which the known way is left."""
 
 
 class KnownWay(NamedTuple):
-    """A way that the robot has been before."""
+    """A way that the robot has driven before."""
 
     ahead: Points
-    """A point that is next on it (m, robot's frame)."""
+    """The next point on it (m, robot's frame)."""
     length: float
-    """How long it is (m)."""
+    """Its length (m)."""
 
 
 class Navigator:
-    """Goes to one target after another, the shortest way as far as it can tell.
+    """Drives to a target by the shortest path over the ground known so far.
 
-    Ground that it has not seen yet counts as free, and the path is planned anew as it sees more
-    (as in A. Stentz, Optimal and efficient path planning for partially-known environments, ICRA
-    1994). It leaves a way that it knows where the planned path is much shorter, and returns to it
-    where that turns out not to be so. Without a path it heads for the target (`GoalSeeker`).
+    Unseen ground counts as free, and the path is planned again as more is seen (as in A. Stentz,
+    Optimal and efficient path planning for partially-known environments, ICRA 1994). The robot
+    leaves a known way if the planned path is much shorter, and returns to it if the path turns out
+    not to be. Without a path it heads for the target (`GoalSeeker`).
 
     Args:
-        config: How closely to pass things, and how fast.
+        config: The steering parameters.
     """
 
     _PLAN_EVERY = 5
-    """Steps between two searches for the path."""
+    """Steps between two path searches."""
     _AT_HAND = 0.7
-    """A target no farther away than this (m) is gone for straight: paths end about so near."""
+    """Distance (m) within which a target is approached straight; paths end about there."""
     _FARTHEST = 25.0
-    """A target farther away is replaced by the point so far (m) in its direction."""
+    """Largest planning distance (m); a farther target is replaced by the point in its direction."""
 
     def __init__(self, config: SteeringConfig | None = None) -> None:
         self._config = config or SteeringConfig()
         self._seeker = GoalSeeker(self._config)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Begin anew, on an empty grid."""
+        """Reset all state, with an empty grid."""
         self._seeker.reset(rng)
         self._grid = OccupancyGrid(OccupancyGridConfig(extent=30.0))
         self._pose: Pose | None = None
@@ -68,12 +68,12 @@ class Navigator:
         self._leaves = False
 
     def command(self, percept: Percept, target: Points, known: KnownWay | None = None) -> Command:
-        """How to drive next.
+        """Return the next drive command.
 
         Args:
-            percept: What the robot senses and believes.
-            target: Where to (m, robot's frame).
-            known: The way there that it knows, if any.
+            percept: The current percept.
+            target: The target (m, robot's frame).
+            known: A known way to the target; None for none.
         """
         self._update_grid(percept)
         if self._steps % self._PLAN_EVERY == 0:
@@ -92,7 +92,7 @@ class Navigator:
         return admissible_command(wanted, percept.points, percept.motion, self._config)
 
     def _plan(self, percept: Percept, target: Points, known: KnownWay | None) -> None:
-        """Plan the path to the target or, where a known way is not much longer, along that."""
+        """Plan the path to the target, or along the known way if that is not much longer."""
         self._route, length = self._find_route(percept, target)
         self._leaves = known is not None and WORTH * length < known.length < np.inf
         if known is not None and not self._leaves:
@@ -101,7 +101,7 @@ class Navigator:
     def _find_route(
         self, percept: Percept, target: Points
     ) -> tuple[Float64[np.ndarray, "cells 2"], float]:
-        """The path to a target (m, map frame), and its length (m), infinite where there is none."""
+        """Return the path to a target (m, map frame) and its length (m); infinite without one."""
         distance = float(np.hypot(*target))
         goal = percept.to_map(target * min(1.0, self._FARTHEST / max(distance, 1e-9)))
         self._grid.grow_to(goal)
@@ -110,7 +110,7 @@ class Navigator:
         return self._grid.route(paths, goal), self._grid.length(paths, goal) + beyond
 
     def _update_grid(self, percept: Percept) -> None:
-        """Mark what is in view, on a new grid where the belief has jumped."""
+        """Integrate the scan into the grid; begin a new grid if the estimated pose has jumped."""
         if self._pose is not None:
             expected = compose(self._pose, percept.motion)
             if np.hypot(*(percept.pose - expected)[:2]) > JUMP:
@@ -121,30 +121,30 @@ class Navigator:
 
 
 class GoalSeeker:
-    """Heads straight for a place and, where it comes no nearer, makes a detour.
+    """Heads straight for a target, and makes a detour if it comes no nearer.
 
-    It has no map: the detour's direction is drawn from those that are open.
+    It has no map; the detour's direction is drawn from the open directions.
 
     Args:
-        config: How closely to pass things, and how fast.
+        config: The steering parameters.
     """
 
     _PATIENCE = 60
-    """Steps without coming nearer after which it makes a detour."""
+    """Steps without progress after which it makes a detour."""
     _NEARER = 0.2
-    """What counts as coming nearer (m)."""
+    """Least decrease in distance that counts as progress (m)."""
     _DETOUR = 40
-    """Steps of the first detour; each is longer by as many, …"""
+    """Steps of the first detour; each further one is longer by this number."""
     _LONGEST = 400
-    """…up to this many."""
+    """Largest number of steps of a detour."""
     _OPEN = 1.5
-    """Free way of a direction that is open (m)."""
+    """Least free distance in an open direction (m)."""
 
     def __init__(self, config: SteeringConfig | None = None) -> None:
         self._config = config or SteeringConfig()
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Begin anew."""
+        """Reset all state."""
         self._rng = rng
         self._nearest = np.inf
         self._steps_in_vain = 0
@@ -153,7 +153,7 @@ class GoalSeeker:
         self._aim = np.zeros(2)
 
     def command(self, percept: Percept, target: Float64[np.ndarray, "2"]) -> Command:
-        """How to drive next towards a target (m, robot's frame)."""
+        """Return the next drive command towards a target (m, robot's frame)."""
         self._aim = transform_points(inverse(percept.motion), self._aim)
         if self._left:
             self._left -= 1
@@ -167,7 +167,7 @@ class GoalSeeker:
         return admissible_command(wanted, percept.points, percept.motion, self._config)
 
     def _update_progress(self, distance: float) -> bool:
-        """Take in how far it is now; return whether it has not come nearer for too long."""
+        """Update with the current distance (m); return whether progress has stalled."""
         self._steps_in_vain += 1
         if distance < self._nearest - self._NEARER:
             self._nearest, self._steps_in_vain = distance, 0
@@ -177,7 +177,7 @@ class GoalSeeker:
         return True
 
     def _start_detour(self, percept: Percept) -> None:
-        """Aim at a place drawn from those that can be gone to straight, else behind."""
+        """Aim in a random open direction; backward if none is open."""
         ways = free_distances(percept.points, self._config.radius)
         open_ways = np.flatnonzero((ways > self._OPEN) & (np.abs(DIRECTIONS) <= np.pi / 2))
         bearing = np.pi

@@ -1,4 +1,4 @@
-"""The occupancy grid: where the robot saw free ground and obstacles, and what it has covered."""
+"""The occupancy grid: free ground, obstacles, and the ground that the robot has covered."""
 
 from __future__ import annotations
 
@@ -23,31 +23,32 @@ from albot_core.planning.percept import Percept
 from albot_core.ranges import POSITIVE, check_fields
 
 NEAR_BY = 0.5
-"""A path that ends no farther from a point than this (m) leads to it."""
+"""Largest distance (m) between a point and the end of a path that counts as leading to it."""
 NARROW = 1.0
-"""Stretches of a route shorter than this (m) may lead close past things."""
+"""Length (m) below which a straight stretch of a route may pass close to obstacles."""
 SIGHT = 3.0
-"""The farthest stretch (m) that is driven straight at once (Yeap et al.: 3 m)."""
+"""Longest stretch (m) that is driven straight (Yeap et al.: 3 m)."""
 BEHIND = 1.0
-"""How far away (m) obstacles that are out of view count."""
+"""Distance (m) within which obstacles out of view count."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OccupancyGridConfig:
-    """How fine the grid is, and how wide a path must be."""
+    """Parameters of the grid and of paths over it."""
 
     cell: float = 0.1
     """Side of a cell (m)."""
     reach: float = 7.0
-    """What lies farther away is not marked (m)."""
+    """Largest distance of cells that a scan marks (m)."""
     near: float = 2.0
-    """Ground in view and no farther away than this is covered (m)."""
+    """Largest distance at which visible ground counts as covered (m)."""
     extent: float = 40.0
-    """Half the side of the grid at first (m); it grows with the way."""
+    """Half the initial side of the grid (m); the grid grows as needed."""
     radius: float = 0.28
-    """Paths keep the robot's middle so far from obstacles (m)…"""
+    """Least distance of paths from obstacles (m)."""
     wide: float = 0.45
-    """…and are twice as long to it where they come nearer than this (m): there it must be slow."""
+    """Distance from obstacles (m) within which a path counts twice, because the robot must be slow
+    there."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, *vars(self))
@@ -58,31 +59,30 @@ class OccupancyGridConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShortestPaths:
-    """The shortest paths from where the robot is, over a window of the grid."""
+    """The shortest paths from the robot, over a window of the grid."""
 
     lengths: Int[np.ndarray, "rows columns"]
-    """The length of the path to each cell, in shares `1 / STEP` of a cell; -1 where none is
-    known."""
+    """Length of the path to each cell, in units of `1 / STEP` cell; -1 without a path."""
     parents: Int[np.ndarray, "rows columns"]
-    """The cell before each on its path, as a flat index."""
+    """Flat index of the previous cell on the path to each cell."""
     corner: tuple[int, int]
-    """Row and column of the window's first cell, counted from the map's origin."""
+    """Row and column of the window's first cell, relative to the map's origin."""
 
 
 class OccupancyGrid:
     """A grid of cells in the map's frame: unknown, free or blocked, and covered or not.
 
-    It is only as true as the believed pose. A later scan overwrites earlier ones, so that old
-    ground that a drifting belief has moved is replaced.
+    It is only as accurate as the estimated poses. Later scans overwrite earlier ones, so that cells
+    displaced by drift are replaced.
 
     Args:
-        config: How fine it is.
+        config: The parameters.
     """
 
     _ABOUT = 0.4
-    """Half the side of the square (m) about a point that is the ground there, unless said."""
+    """Default for half the side of the square of ground around a point (m)."""
     _UNKNOWN_MARGIN = 5.0
-    """Where unknown ground counts as free, paths lead so far (m) beyond what was seen."""
+    """Distance (m) that paths may lead beyond the seen ground if unknown ground counts as free."""
 
     def __init__(self, config: OccupancyGridConfig = OccupancyGridConfig()) -> None:
         self._config = config
@@ -98,7 +98,7 @@ class OccupancyGrid:
         return self._config.cell
 
     def integrate(self, percept: Percept) -> None:
-        """Mark what is in view."""
+        """Mark the scan of a percept."""
         config = self._config
         self.grow_to(percept.pose[:2])
         eye = compose(percept.pose, np.array(percept.laser.mount))
@@ -109,7 +109,7 @@ class OccupancyGrid:
         np.maximum(self._seen[1], eye[:2] + config.reach, out=self._seen[1])
 
     def grow_to(self, point: Points) -> None:
-        """Enlarge the grid where a point comes near its edge (m, map frame)."""
+        """Enlarge the grid if a point (m, map frame) is near its edge."""
         needed = np.abs(point).max() + self._config.reach + 1.0
         while needed > len(self._grid) / 2 * self._config.cell:
             border = len(self._grid) // 2
@@ -118,13 +118,13 @@ class OccupancyGrid:
     def uncovered_share(
         self, points: Points, about: float = _ABOUT
     ) -> Float64[np.ndarray, "points"]:
-        """The share of the ground about points (m, map frame) that is left to be covered.
+        """Return the uncovered share of the ground around each point.
 
-        It is 0 where the points themselves are covered or blocked.
+        It is 0 for points that are themselves covered or blocked.
 
         Args:
-            points: The points.
-            about: Half the side of the square (m) about each that is the ground there.
+            points: The points (m, map frame).
+            about: Half the side of the square of ground around a point (m).
         """
         cells = np.floor(points[:, ::-1] / self._config.cell).astype(np.int64)
         around = int(about / self._config.cell)
@@ -133,13 +133,13 @@ class OccupancyGrid:
     def shortest_paths(
         self, pose: Pose, *, unknown_is_free: bool = False, goal: Points | None = None
     ) -> ShortestPaths:
-        """The shortest paths from a pose; with a goal, no farther than to it.
+        """Return the shortest paths from a pose to all ground, or only to a goal.
 
-        With a goal, paths to points that are not on the path there may be too long, or missing.
+        With a goal, paths to points off the path to the goal may be too long or missing.
 
         Args:
             pose: The pose (map frame).
-            unknown_is_free: Whether ground that was not seen yet counts as free.
+            unknown_is_free: Whether unseen ground counts as free.
             goal: The goal (m, map frame); None for all ground.
         """
         margin = self._UNKNOWN_MARGIN if unknown_is_free else self._config.wide
@@ -157,12 +157,12 @@ class OccupancyGrid:
         return ShortestPaths(lengths=lengths, parents=parents, corner=corner)
 
     def length(self, paths: ShortestPaths, point: Points) -> float:
-        """Length (m) of the path to a point of the map, or near it; infinite if there is none."""
+        """Return the length (m) of the path to a point (map frame) or near it, or infinity."""
         cell = self._nearest(paths, point)
         return np.inf if cell is None else float(paths.lengths[cell] / STEP * self._config.cell)
 
     def route(self, paths: ShortestPaths, point: Points) -> Float64[np.ndarray, "cells 2"]:
-        """The path to a point, or near it, cell by cell (m, map frame); empty if there is none."""
+        """Return the path to a point or near it, cell by cell (m, map frame); empty for none."""
         cell = self._nearest(paths, point)
         if cell is None:
             return np.empty((0, 2))
@@ -175,10 +175,10 @@ class OccupancyGrid:
         *,
         unknown_is_free: bool = False,
     ) -> Points:
-        """The farthest point of a route within `SIGHT` that can be gone to straight (map frame).
+        """Return the farthest point of a route within `SIGHT` that can be reached straight.
 
-        Where none can, it is one a little farther along the route than where it is nearest. Where
-        there is no route it is where the robot is.
+        If there is none, return a point a little farther along the route than its nearest point.
+        Without a route, return the robot's position. The point is in the map's frame (m).
         """
         if not len(route):
             return pose[:2]
@@ -195,7 +195,7 @@ class OccupancyGrid:
         return np.array(route[chosen])
 
     def obstacles_around(self, percept: Percept) -> Float64[np.ndarray, "points 2"]:
-        """What is in view, and what was seen near by but lies behind now (m, robot's frame)."""
+        """Return visible points, and nearby mapped obstacles out of view (m, robot's frame)."""
         known = percept.to_robot(self.obstacles(percept.pose, BEHIND))
         bearings = bearings_of(known)
         first, last = percept.laser.bearings[[0, -1]] + percept.laser.mount[2]
@@ -203,7 +203,7 @@ class OccupancyGrid:
         return np.concatenate((percept.points, known[behind]))
 
     def obstacles(self, pose: Pose, reach: float) -> Float64[np.ndarray, "cells 2"]:
-        """The centres of blocked cells about a pose, as far as `reach` (m), in the map's frame."""
+        """Return the centres (m, map frame) of blocked cells within `reach` (m) of a pose."""
         row, column = self._cell(pose[:2])
         cells = blocked_around(self._grid, row, column, int(reach / self._config.cell))
         return self.centres(cells - len(self._grid) // 2)
@@ -211,14 +211,14 @@ class OccupancyGrid:
     def window(
         self, paths: ShortestPaths
     ) -> tuple[Int8[np.ndarray, "rows columns"], Bool[np.ndarray, "rows columns"]]:
-        """The window of the grid that paths are over: its cells, and which of them are covered."""
+        """Return the cells of the paths' window, and which of them are covered."""
         row, column = np.array(paths.corner) + len(self._grid) // 2
         rows, columns = paths.lengths.shape
         window = slice(row, row + rows), slice(column, column + columns)
         return self._grid[window], self._covered[window]
 
     def centres(self, cells: Int64[np.ndarray, "n 2"]) -> Float64[np.ndarray, "n 2"]:
-        """The centres (m, map frame) of cells by row and column, counted from the map's origin."""
+        """Return the centres (m, map frame) of cells, given by row and column from the origin."""
         return np.asarray((cells[:, ::-1] + 0.5) * self._config.cell)
 
     def _cell(self, point: Points) -> tuple[int, int]:
@@ -229,7 +229,7 @@ class OccupancyGrid:
     def _window(
         self, place: Points, goal: Points | None, margin: float
     ) -> tuple[tuple[int, int], tuple[int, int]]:
-        """First and last rows and columns of what was seen, with these points and a margin."""
+        """Return first and last rows and columns of the seen ground, the points and a margin."""
         points = np.stack((*self._seen, place, place if goal is None else goal))
         margin += 2 * self._config.cell
         low, high = self._cell(points.min(axis=0) - margin), self._cell(points.max(axis=0) + margin)
@@ -240,7 +240,7 @@ class OccupancyGrid:
         )
 
     def _nearest(self, paths: ShortestPaths, point: Points) -> tuple[int, int] | None:
-        """The cell near a point with the shortest path, in the paths' window."""
+        """Return the cell of the paths' window near a point with the shortest path, or None."""
         row, column = self._cell(point)
         half = len(self._grid) // 2
         around = int(NEAR_BY / self._config.cell)

@@ -1,4 +1,4 @@
-"""Compiled loops of the occupancy grid: marking scans, straight lines, what is left to cover."""
+"""Compiled loops of the occupancy grid: marking scans, straight lines, uncovered ground."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ def mark_scan(
     bearings: np.ndarray,
     reach: float,
 ) -> None:
-    """Mark the ground along the beams free, and blocked where they end.
+    """Mark the cells along the beams free, and the cells at their ends blocked.
 
-    `eye` is the laser's pose in the map's frame. Ground is marked up to the reach (m); all of that
-    must be on the grid.
+    `eye` is the laser's pose in the map's frame. Cells are marked up to `reach` (m), and all of
+    them must be on the grid.
     """
     half = grid.shape[0] // 2
-    x, y = eye[0] / cell + half, eye[1] / cell + half  # Positive: to truncate is to floor.
+    x, y = eye[0] / cell + half, eye[1] / cell + half  # Positive, so int() rounds down.
     for k in range(ranges.shape[0]):
         angle = eye[2] + bearings[k]
         dx, dy = np.cos(angle), np.sin(angle)
         steps = int(min(ranges[k] - cell, reach) / cell)
         for j in range(steps + 1):
             grid[int(y + j * dy), int(x + j * dx)] = FREE
-    for k in range(ranges.shape[0]):  # Ends last: a beam that grazes a wall must not erase it.
+    for k in range(ranges.shape[0]):  # Last, so that a grazing beam does not erase a wall.
         if ranges[k] < reach:
             angle, length = eye[2] + bearings[k], ranges[k] / cell
             grid[int(y + length * np.sin(angle)), int(x + length * np.cos(angle))] = BLOCKED
@@ -46,7 +46,7 @@ def mark_covered(
     bearings: np.ndarray,
     near: float,
 ) -> None:
-    """Mark the ground along the beams, as far as `near` (m), covered. See `mark_scan`."""
+    """Mark the cells along the beams as covered, up to `near` (m). See `mark_scan`."""
     half = covered.shape[0] // 2
     x, y = eye[0] / cell + half, eye[1] / cell + half
     for k in range(ranges.shape[0]):
@@ -65,12 +65,13 @@ def farthest_straight(
     radii: tuple[float, float],
     unknown_is_free: bool,
 ) -> int:
-    """Index of the last of the `cells` of a route to which a disc can go straight from a place.
+    """Return the index of the last of a route's `cells` that a disc reaches straight from `place`.
 
-    The disc has the second of the radii, and comes at least as far as the first of the sights. If
-    it cannot, it has the first of the radii. It comes no farther than the second of the sights.
-    All in cells. The route is followed from where it passes nearest to the place. Where it can go
-    straight to no cell, the result is the second cell from there.
+    The first attempt uses a disc of the second radius and cells at least as far away as the first
+    sight. If no cell fits, the second attempt uses a disc of the first radius. Cells must be closer
+    than the second sight. All lengths are in cells. Only the route beyond its cell nearest to the
+    place is considered. If no cell can be reached straight, the result is the second cell after
+    that nearest cell.
     """
     start = int(place[0]), int(place[1])
     count = cells.shape[0]
@@ -95,9 +96,9 @@ def straight_is_free(
     radius: float,
     unknown_is_free: bool,
 ) -> bool:
-    """Whether a disc can go straight from cell to cell.
+    """Return whether a disc can move straight from cell to cell.
 
-    Near the start only blocked cells bar the way, as in `search_grid`.
+    Near the start only blocked cells are obstacles, as in `search_grid`.
     """
     rows, columns = end[0] - start[0], end[1] - start[1]
     count = max(abs(rows), abs(columns))
@@ -117,9 +118,9 @@ def straight_is_free(
 def _passable(
     grid: np.ndarray, row: int, column: int, radius: float, unknown_is_free: bool
 ) -> bool:
-    """Whether a disc about a free cell holds the centre of no blocked one.
+    """Return whether a cell is free and no blocked cell's centre lies in the disc around it.
 
-    With `unknown_is_free` unknown cells count as free.
+    With `unknown_is_free`, unknown cells count as free.
     """
     if grid[row, column] == BLOCKED or (grid[row, column] == UNKNOWN and not unknown_is_free):
         return False
@@ -133,7 +134,7 @@ def _passable(
 
 @kernel(arrays=True)
 def blocked_around(grid: np.ndarray, row: int, column: int, around: int) -> np.ndarray:
-    """Rows and columns (n, 2) of the blocked cells of a square about a cell."""
+    """Return rows and columns (n, 2) of the blocked cells in a square around a cell."""
     found = np.empty(((2 * around + 1) ** 2, 2), np.int64)
     count = 0
     for r in range(max(0, row - around), min(grid.shape[0], row + around + 1)):
@@ -148,9 +149,10 @@ def blocked_around(grid: np.ndarray, row: int, column: int, around: int) -> np.n
 def uncovered_shares(
     grid: np.ndarray, covered: np.ndarray, cells: np.ndarray, around: int
 ) -> np.ndarray:
-    """The share (n,) of a square about each cell that is neither covered nor blocked.
+    """Return the share (n,) of a square around each cell that is neither covered nor blocked.
 
-    It is 0 about cells that are either themselves. What lies beyond the grid's edges is neither.
+    It is 0 for cells that are covered or blocked themselves. Cells beyond the grid's edges are
+    neither.
     """
     shares = np.empty(cells.shape[0])
     for k in range(cells.shape[0]):

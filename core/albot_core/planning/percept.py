@@ -1,4 +1,4 @@
-"""The percept: what a planner goes by at a step: ranges, a believed pose, the last motion."""
+"""The percept, a planner's input at a step: ranges, estimated pose, last motion."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from albot_core.sensing.reading import LaserGeometry
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Percept:
-    """What is known at a step, in metres and radians, in the robot's frame."""
+    """A planner's input at a step, in metres and radians."""
 
     ranges: Float64[np.ndarray, "beams"]
-    """Distance along every beam (m), the longest range where nothing was."""
+    """Distance along every beam (m); the maximum range where there was no return."""
     laser: LaserGeometry
-    """Where the beams point."""
+    """The beam geometry."""
     pose: Pose
-    """Where the robot believes to be; home is the origin."""
+    """The robot's estimated pose in the map's frame, whose origin is home."""
     motion: Pose
-    """How the robot moved in the last step, by its odometer."""
+    """The robot's motion in the last step, by its odometer (m, m, rad)."""
 
     @cached_property
     def points(self) -> Float64[np.ndarray, "beams 2"]:
-        """Where the beams end (m)."""
+        """End points of the beams (m, robot's frame)."""
         return np.asarray(self.ranges[:, None] * self.laser.directions + self.laser.mount[:2])
 
     def to_map(self, points: Points) -> Points:
-        """Points seen from the robot as points of the map (m)."""
+        """Transform points from the robot's frame to the map's frame (m)."""
         return transform_points(self.pose, points)
 
     def to_robot(self, points: Points) -> Points:
-        """Points of the map as seen from the robot (m)."""
+        """Transform points from the map's frame to the robot's frame (m)."""
         return transform_points(inverse(self.pose), points)

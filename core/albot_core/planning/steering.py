@@ -1,7 +1,7 @@
-"""Steering: how to drive towards a point near by without touching what the laser sees.
+"""Steering: drive towards a nearby point without touching what the laser sees.
 
-`steer` chooses a direction with free way and a speed; `admissible_command` then holds the robot
-back where it could not brake in time.
+`steer` chooses a free direction and a speed. `admissible_command` then limits the command so that
+the robot can brake in time.
 """
 
 from __future__ import annotations
@@ -22,68 +22,69 @@ from albot_core.ranges import POSITIVE, check_fields
 Command = Float64[np.ndarray, "2"]
 """Speed (m/s) and turn rate (rad/s, counter-clockwise)."""
 _COUNT = 180
-"""How many directions are considered."""
+"""Number of directions that are considered."""
 _SPACING = 2 * math.pi / _COUNT
 DIRECTIONS = np.linspace(-np.pi, np.pi, _COUNT, endpoint=False)
 """The directions that are considered (rad)."""
 _SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
-"""Shares of the speed wanted that are tried where braking would come too late."""
+"""Shares of the desired speed that are tried if the robot could not brake in time."""
 _SAME = 0.005
-"""Things that come nearer by no more than this (m) count as no nearer: ranges are noisy."""
+"""Decrease of an obstacle's distance (m) that is tolerated, because ranges are noisy."""
 _LEAST = 0.015
-"""…but not where less than this (m) is left: many such steps would end in touching them."""
+"""Distance (m) from the body below which no decrease is tolerated; many steps would add up to a
+collision."""
 _FARTHEST = 1.5
-"""Within this the robot comes to a stand from any speed (m)."""
+"""Distance within which the robot can stop from any speed (m)."""
 _PIECES = 4
-"""Pieces of a control step in which the robot is taken to drive evenly."""
+"""Number of pieces of a control step with constant speeds, in the prediction."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SteeringConfig:
-    """How closely the robot passes things, and how fast."""
+    """Steering parameters: clearances, speeds and braking."""
 
     radius: float = 0.33
-    """The robot's own radius and what it keeps clear beside it (m)."""
+    """Radius of the robot with its clearance (m)."""
     tight: float = 0.28
-    """The same where there is no way otherwise that leads more or less to the target (m)."""
+    """Radius with clearance (m) if no free direction near the target's exists otherwise."""
     lookahead: float = 1.0
-    """Free way wanted in a direction before it is taken (m)."""
+    """Least free distance in a chosen direction (m)."""
     braking: float = 0.5
-    """Deceleration that the speed leaves room for (m/s²)."""
+    """Deceleration for which the speed leaves space (m/s²)."""
     body: float = 0.25
-    """The robot's own radius (m)."""
+    """Radius of the robot's body (m)."""
     speed: float = 1.0
-    """Greatest speed (m/s)."""
+    """Largest speed (m/s)."""
     turn_rate: float = 2.0
-    """Greatest turn rate (rad/s)."""
+    """Largest turn rate (rad/s)."""
     creep: float = 0.3
-    """Speed past things that are all but touched (m/s)."""
+    """Speed at an obstacle that almost touches the robot (m/s)."""
     ease: float = 2.5
-    """How much faster for each metre that the nearest thing is farther away (1/s)."""
+    """Increase of speed per metre of distance to the nearest obstacle (1/s)."""
     gain: float = 2.0
-    """Turn rate asked for each radian off the direction (1/s)."""
+    """Turn rate per radian between heading and direction (1/s)."""
     pivot: float = 0.7
-    """Farther off the direction than this the robot turns on the spot (rad)."""
+    """Angle to the direction above which the robot turns on the spot (rad)."""
     margin: float = 0.04
-    """What is left between the robot and anything, at least, should it brake now (m)."""
+    """Least distance from obstacles if the robot brakes after the command (m)."""
     acceleration: float = 1.0
-    """Greatest change of a wheel's speed in a second, of a Pioneer 3-DX (m/s²)."""
+    """Largest acceleration of a wheel, that of a Pioneer 3-DX (m/s²)."""
     wheel_base: float = 0.33
     """Distance between its driven wheels (m)."""
     step: float = 0.1
-    """Duration of a step (s)."""
+    """Duration of a control step (s)."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, *(field.name for field in fields(self)))
 
     @cached_property
     def limits(self) -> Limits:
-        """These numbers as the compiled loops take them."""
+        """The parameters as a tuple for compiled loops."""
         return Limits(*(getattr(self, name) for name in Limits._fields))
 
 
 class Limits(NamedTuple):
-    """The numbers of `SteeringConfig`, in its order."""
+    """The parameters of `SteeringConfig`, in the same order."""
 
     radius: float
     tight: float
@@ -107,16 +108,16 @@ def steer(
     target: Float64[np.ndarray, "2"],
     config: SteeringConfig = SteeringConfig(),
 ) -> Command:
-    """The command that brings the robot towards `target` without touching anything.
+    """Return the command that drives the robot towards `target` without touching anything.
 
-    Of the directions with enough free way it takes the one nearest to the target's, and
-    turns on the spot where that is far off or where there is none. The points must be all
-    around the robot: without the corner that it has just turned away from, it would turn back.
+    Of the directions with enough free distance it takes the one closest to the target's. It turns
+    on the spot if that direction is far from the heading, or if there is none. The points must
+    surround the robot: without the corner that it has just turned away from, it would turn back.
 
     Args:
-        points: Obstacles in view, and remembered ones behind (m, robot's frame).
-        target: Where to go (m, robot's frame).
-        config: How closely to pass, and how fast.
+        points: Visible obstacles, and remembered ones behind (m, robot's frame).
+        target: The target (m, robot's frame).
+        config: The parameters.
     """
     x, y = target.tolist()
     return np.array(_steer_towards(points, x, y, config.limits))
@@ -124,7 +125,7 @@ def steer(
 
 @kernel(arrays=True)
 def _steer_towards(points: np.ndarray, x: float, y: float, s: Limits) -> tuple[float, float]:
-    """The command of `steer` towards the target x, y (m, robot's frame)."""
+    """Return the command of `steer` towards the target x, y (m, robot's frame)."""
     distance, bearing = length_of(x, y), math.atan2(y, x)
     way = np.empty(_COUNT)
     direction, least = bearing, math.inf
@@ -158,7 +159,7 @@ def _steer_towards(points: np.ndarray, x: float, y: float, s: Limits) -> tuple[f
 def free_distances(
     points: Float64[np.ndarray, "beams 2"], radius: float
 ) -> Float64[np.ndarray, "directions"]:
-    """How far (m) a disc can go in each of `DIRECTIONS` before it touches a point."""
+    """Return the free distance (m) of a disc in each of `DIRECTIONS` until it touches a point."""
     way = np.empty(_COUNT)
     _find_free_distances(points, radius, np.inf, way)
     return way
@@ -168,9 +169,9 @@ def free_distances(
 def _find_free_distances(
     points: np.ndarray, radius: float, farthest: float, way: np.ndarray
 ) -> None:
-    """How far (m) a disc can go in each of `DIRECTIONS`, into `way`.
+    """Write the free distance (m) of a disc in each of `DIRECTIONS` to `way`.
 
-    Points farther away than `farthest` are ignored.
+    Points farther away than `farthest` (m) are ignored.
     """
     for k in range(_COUNT):
         way[k] = math.inf
@@ -179,7 +180,7 @@ def _find_free_distances(
         away = math.sqrt(x * x + y * y)
         if away >= farthest:
             continue
-        # A point that is already nearer than the radius must not bar the way along it.
+        # A point already closer than the radius must not block motion alongside it.
         reach = min(radius, 0.97 * away)
         bearing = math.atan2(y, x)
         spread = math.asin(reach / away) if away > 0 else math.pi
@@ -198,18 +199,18 @@ def admissible_command(
     motion: Pose,
     config: SteeringConfig = SteeringConfig(),
 ) -> Command:
-    """The command, or one near it after which the robot can still brake before all it sees.
+    """Return the command, or a similar one after which the robot can brake before all obstacles.
 
     After the dynamic window of Fox, Burgard and Thrun (The dynamic window approach to
-    collision avoidance, IEEE Robotics & Automation Magazine 4(1), 1997): commands from
-    which the robot cannot brake in time are not admissible. It gives up speed first, then
-    the turn, which bends the way on which it brakes.
+    collision avoidance, IEEE Robotics & Automation Magazine 4(1), 1997): commands after
+    which the robot cannot brake in time are not admissible. The speed is reduced first, then the
+    turn is dropped, because it bends the braking path.
 
     Args:
-        command: What is wanted.
-        points: Where the laser's beams end (m, robot's frame).
-        motion: How the robot moved in the last step.
-        config: How closely it may pass, and how it brakes.
+        command: The desired command.
+        points: End points of the laser's beams (m, robot's frame).
+        motion: The robot's motion in the last step (m, m, rad).
+        config: The parameters.
     """
     ahead, _, turned = motion.tolist()
     now, (speed, turn_rate) = (ahead / config.step, turned / config.step), command.tolist()
@@ -220,7 +221,7 @@ def admissible_command(
 def _find_admissible_command(
     points: np.ndarray, motion: tuple[float, float], command: tuple[float, float], s: Limits
 ) -> tuple[float, float]:
-    """The command of `admissible_command`; `motion` is speed and turn rate now."""
+    """Return the command of `admissible_command`; `motion` is the current speed and turn rate."""
     near = np.empty_like(points)
     count, held = 0, math.inf
     for i in range(points.shape[0]):
@@ -254,17 +255,17 @@ def least_distance(
     acceleration: float,
     step: float,
 ) -> float:
-    """Least distance (m) from points to the robot's middle until it stands.
+    """Return the least distance (m) from points to the robot's centre until it stands still.
 
-    For one control step it obeys a command and brakes from then on, both wheels at the
-    acceleration that they have (m/s²).
+    The robot executes a command for one control step, then brakes. Both wheels change speed by at
+    most `acceleration`.
 
     Args:
-        points: (n, 2) in the robot's frame now (m).
-        motion: Its speed (m/s) and turn rate (rad/s) now.
-        command: Speed and turn rate that it is asked for.
+        points: The points (n, 2) in the robot's current frame (m).
+        motion: Current speed (m/s) and turn rate (rad/s).
+        command: Commanded speed (m/s) and turn rate (rad/s).
         wheel_base: Distance between the wheels (m).
-        acceleration: Greatest change of a wheel's speed in a second (m/s²).
+        acceleration: Largest acceleration of a wheel (m/s²).
         step: Duration of a control step (s).
     """
     half = wheel_base / 2
@@ -290,7 +291,7 @@ def least_distance(
 
 @kernel()
 def _ramp(left: float, right: float, goal: tuple[float, float], most: float) -> tuple[float, float]:
-    """Wheel speeds changed towards others, in proportion, by at most `most` (m/s)."""
+    """Return wheel speeds changed proportionally towards `goal`, by at most `most` (m/s)."""
     change = max(abs(goal[0] - left), abs(goal[1] - right))
     share = most / change if change > most else 1.0
     return left + share * (goal[0] - left), right + share * (goal[1] - right)

@@ -1,1 +1,1 @@
-"""What a robot senses at a step: `reading`, and the `view` that a laser scan becomes."""
+"""Sensor data: the `reading` at a step, and the `view` constructed from a laser scan."""

@@ -1,4 +1,4 @@
-"""The reading: all that a mapper gets at a step, from a simulator or from a log."""
+"""The reading: a mapper's whole input at a step, from a simulator or a log."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from albot_core.geometry.types import Points, Pose, Ranges
 from albot_core.ranges import FINITE, Range, check_fields
 
 Sensor = Literal["laser", "sonar", "scene"]
-"""What a reading can hold besides the odometer's motion."""
+"""The sensors that a reading can hold besides odometry."""
 
 _BEAMS = Range("a whole number from 2", 2.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
 class LaserGeometry:
-    """Where the beams of a planar laser point. The default is a SICK LMS-200 at 1°."""
+    """Beam geometry of a planar laser. The default is a SICK LMS-200 at 1°."""
 
     beams: int = 181
     """Number of beams."""
@@ -30,7 +30,7 @@ class LaserGeometry:
     spacing: float = np.pi / 180
     """Angle between neighbouring beams (rad)."""
     max_range: float = 30.0
-    """Distance (m) at and beyond which a range means that nothing came back."""
+    """Maximum range (m); ranges at or above it mean no return."""
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Pose of the laser in the robot's frame: x, y (m), heading (rad)."""
 
@@ -62,12 +62,12 @@ class LaserGeometry:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LaserScan:
-    """One sweep of the laser."""
+    """One scan of the laser."""
 
     ranges: Ranges
-    """Distance along every beam (m); infinity where nothing came back."""
+    """Distance along every beam (m); infinity where there was no return."""
     geometry: LaserGeometry
-    """Where the beams point."""
+    """The beam geometry."""
 
     def __post_init__(self) -> None:
         if self.ranges.shape != (self.geometry.beams,):
@@ -84,7 +84,7 @@ class LaserScan:
 
     @property
     def points(self) -> Points:
-        """The points that were hit, in the robot's frame (m), in the order of the beams."""
+        """The points hit by beams, in the robot's frame (m), in the order of the beams."""
         hit = self.ranges < self.geometry.max_range
         reach = self.ranges[hit, None] * self.geometry.directions[hit]
         return np.asarray(np.asarray(self.geometry.mount[:2]) + reach)
@@ -97,22 +97,22 @@ _PLACES = (*((x, -y) for x, y in _ARC), *reversed(_ARC))
 
 @dataclass(frozen=True, kw_only=True)
 class SonarGeometry:
-    """Where the sonars of a robot sit and point. The default is a Pioneer 3-DX's front array.
+    """Geometry of a robot's sonars. The default is a Pioneer 3-DX's front array.
 
-    Places and bearings are those of its parameter file in MobileRobots' ARIA; the cone and
-    the shorter range are as in the papers, whose sonars reached about 4 m.
+    Positions and bearings are those of its parameter file in MobileRobots' ARIA. The cone and
+    the shorter range are those of the papers, whose sonars had a range of about 4 m.
     """
 
     bearings: tuple[float, ...] = _BEARINGS
     """Bearing of every sonar from the robot's heading (rad), counter-clockwise."""
     places: tuple[tuple[float, float], ...] = _PLACES
-    """Where every sonar sits in the robot's frame: x, y (m)."""
+    """Position of every sonar in the robot's frame: x, y (m)."""
     cone: float = np.pi / 6
-    """Full angle of the cone in which a sonar hears echoes (rad)."""
+    """Full opening angle of a sonar's cone (rad)."""
     min_range: float = 0.1
-    """Nearer echoes are reported as this (m)."""
+    """Minimum range (m); closer echoes are reported as this."""
     max_range: float = 4.0
-    """Distance (m) at and beyond which a range means that nothing came back."""
+    """Maximum range (m); ranges at or above it mean no return."""
 
     def __post_init__(self) -> None:
         if not self.bearings or not np.isfinite(self.bearings).all():
@@ -130,12 +130,12 @@ class SonarGeometry:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SonarScan:
-    """One echo of every sonar."""
+    """One range of every sonar."""
 
     ranges: Ranges
-    """Distance to the nearest echo from every sonar (m); infinity where nothing came back."""
+    """Distance from every sonar to the nearest echo (m); infinity where there was no return."""
     geometry: SonarGeometry
-    """Where the sonars point."""
+    """The geometry of the sonars."""
 
     def __post_init__(self) -> None:
         count = len(self.geometry.bearings)
@@ -150,28 +150,28 @@ class SonarScan:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reading:
-    """What the robot senses at a step, by whichever sensors it has. It never holds the truth."""
+    """A robot's sensor data at a step. It never contains ground truth."""
 
     stamp: float
     """Time (s) on the robot's or the log's clock."""
     motion: Pose
-    """Odometry: the robot's pose now, in its own frame at the previous reading."""
+    """Odometry: the robot's pose in its own frame at the previous reading (m, m, rad)."""
     laser: LaserScan | None = None
-    """The laser's sweep at this step; None on a robot without a laser."""
+    """The laser scan at this step; None without a laser."""
     sonar: SonarScan | None = None
-    """The sonars' echoes at this step; None on a robot without sonars."""
+    """The sonar ranges at this step; None without sonars."""
     scene: int | None = None
-    """Number of the visual scene that is seen; None where none is, or without a camera."""
+    """Number of the visible scene; None for no scene or without a camera."""
 
     def __post_init__(self) -> None:
         if self.motion.shape != (3,) or not np.isfinite(self.motion).all():
             raise InputError("Reading.motion", "three finite numbers", str(self.motion))
 
     def required_laser(self, by: str) -> LaserScan:
-        """The laser's sweep.
+        """Return the laser scan.
 
         Args:
-            by: Who needs it, for the error.
+            by: Name of what needs it, for the error.
 
         Raises:
             InputError: The robot has no laser.
@@ -181,10 +181,10 @@ class Reading:
         return self.laser
 
     def required_sonar(self, by: str) -> SonarScan:
-        """The sonars' echoes.
+        """Return the sonar ranges.
 
         Args:
-            by: Who needs them, for the error.
+            by: Name of what needs them, for the error.
 
         Raises:
             InputError: The robot has no sonars.
@@ -196,25 +196,25 @@ class Reading:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
-    """What many robots sense at a step, in arrays: readings by the row of the robot."""
+    """The readings of several robots at a step, as arrays with one row per robot."""
 
     stamps: Float64[np.ndarray, "robots"]
-    """Times (s), as `Reading.stamp`."""
+    """Times (s); see `Reading.stamp`."""
     motions: Float64[np.ndarray, "robots 3"]
-    """Odometry, as `Reading.motion`."""
+    """Odometry; see `Reading.motion`."""
     laser: LaserGeometry | None = None
-    """Where the beams of all lasers point; None on robots without."""
+    """Beam geometry of all lasers; None without lasers."""
     ranges: Float64[np.ndarray, "robots beams"] | None = None
-    """The lasers' ranges (m), as `LaserScan.ranges`; None on robots without."""
+    """Laser ranges (m); see `LaserScan.ranges`. None without lasers."""
     sonar: SonarGeometry | None = None
-    """Where the sonars of all robots point; None on robots without."""
+    """Geometry of all robots' sonars; None without sonars."""
     echoes: Float64[np.ndarray, "robots sonars"] | None = None
-    """The sonars' ranges (m), as `SonarScan.ranges`; None on robots without."""
+    """Sonar ranges (m); see `SonarScan.ranges`. None without sonars."""
     scenes: Int64[np.ndarray, "robots"] | None = None
-    """The visual scenes, -1 where none is seen; None on robots without a camera."""
+    """Numbers of the visible scenes, -1 for none; None without cameras."""
 
     def __getitem__(self, row: int) -> Reading:
-        """A copy of what one robot senses."""
+        """Return a copy of one robot's reading."""
         laser, sonar, scene = None, None, None
         if self.laser is not None and self.ranges is not None:
             laser = LaserScan(ranges=self.ranges[row].copy(), geometry=self.laser)

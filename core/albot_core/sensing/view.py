@@ -1,7 +1,7 @@
-"""The view: the surfaces that a robot sees from where it stands (thesis, section 3.1.3).
+"""The view: the surfaces that a robot sees from its current pose (thesis, section 3.1.3).
 
-A laser scan becomes a view in five steps: points, clusters, clusters broken at corners, a surface
-for each piece, and what each end of a surface is. `extract_surfaces` is all five, compiled.
+A view is constructed from a laser scan in five steps: points, clusters, clusters broken at corners,
+one surface per piece, and the type of each surface's ends. `extract_surfaces` runs all five.
 """
 
 from __future__ import annotations
@@ -12,62 +12,64 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float64, Int8
 
-from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 from albot_core.kernels.compiled import ZERO, kernel
-from albot_core.ranges import Range, check_fields
+from albot_core.ranges import POSITIVE, Range, check_fields
 from albot_core.sensing.reading import LaserScan
 
 _FROM_TWO = Range("a whole number from 2", 2.0, whole=True)
 NO_EDGE, OCCLUDING, CORNER = 0, 1, 2
-"""What an end of a surface is: nothing stable, an occluding point, or a corner point."""
+"""Types of a surface's ends: not stable, an occluding point, or a corner point."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ViewConfig:
-    """Thresholds of view construction. The defaults are the thesis's (section 3.1.3)."""
+    """Parameters of view construction. The defaults are those of the thesis (section 3.1.3)."""
 
     max_range: float = 30.0
-    """Points at or beyond this distance are dropped (m); the laser's own limit also holds."""
+    """Points at or beyond this distance are dropped (m); so are those beyond the laser's range."""
     cluster_gap: float = 0.60
-    """Neighbouring points farther apart than this begin a new cluster (m): the robot fits."""
+    """Distance of neighbouring points (m) above which a new cluster begins: the robot fits."""
     cluster_size: float = 0.20
-    """Clusters no larger than this are not broken (m)."""
+    """Clusters of at most this size are not broken (m)."""
     break_height: float = 0.10
-    """A cluster is broken at a point farther than this from its chord (m)."""
+    """Distance of a point from its cluster's chord (m) above which the cluster is broken there."""
     surface_length: float = 0.10
-    """Shorter surfaces are dropped (m)."""
+    """Least length of a surface (m); shorter ones are dropped."""
     surface_points: int = 2
-    """Surfaces of fewer points are dropped. Two points need not lie on one surface: where the one
-    occludes the other there is nothing between them."""
+    """Least number of points of a surface. Two points alone may belong to two surfaces, of which
+    one occludes the other."""
     fit_lines: bool = False
-    """Lay each surface on the line fitted to all its points, not from the first to the last."""
+    """Whether a surface lies on the line fitted to all its points, instead of running from its
+    first point to its last."""
+    grazing_ends: bool = False
+    """Whether the nearer end is an occluding point also where one wall, seen at grazing incidence,
+    breaks into two clusters. The thesis's occluding point obstructs another surface's edge (section
+    3.1.4)."""
 
     def __post_init__(self) -> None:
-        for name in ("max_range", "cluster_gap", "cluster_size", "break_height", "surface_length"):
-            value = getattr(self, name)
-            if not 0 < value < np.inf:
-                raise InputError(f"ViewConfig.{name}", "a positive length (m)", str(value))
+        lengths = "max_range", "cluster_gap", "cluster_size", "break_height", "surface_length"
+        check_fields(self, POSITIVE, *lengths)
         check_fields(self, _FROM_TWO, "surface_points")
 
     @property
     def thresholds(self) -> Float64[np.ndarray, "5"]:
-        """The four lengths and the count that the compiled extraction takes, in its order."""
+        """The four lengths and the count for the compiled extraction, in its order."""
         lengths = self.cluster_gap, self.cluster_size, self.break_height, self.surface_length
         return np.array((*lengths, float(self.surface_points)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """What is seen from one place, as line surfaces in the order of the beams."""
+    """The surfaces seen from one pose, in the order of the beams."""
 
     surfaces: Segments
     """The surfaces in the robot's frame (m)."""
     edges: Int8[np.ndarray, "segments 2"]
-    """What each surface's two ends are: NO_EDGE, OCCLUDING or CORNER."""
+    """Types of each surface's two ends: NO_EDGE, OCCLUDING or CORNER."""
 
     def landmarks(self, shortest: float = 0.40) -> Bool[np.ndarray, "segments"]:
-        """Which surfaces are landmarks: long enough (m), with an occluding or corner point."""
+        """Return which surfaces are landmarks: `shortest` or longer (m), not all ends NO_EDGE."""
         run = self.surfaces[:, 2:] - self.surfaces[:, :2]
         long_enough = np.hypot(run[:, 0], run[:, 1]) >= shortest
         return np.asarray(long_enough & (self.edges != NO_EDGE).any(axis=1))
@@ -87,6 +89,7 @@ def construct_view(scan: LaserScan, config: ViewConfig = ViewConfig()) -> View:
         min(config.max_range, geometry.max_range),
         config.thresholds,
         config.fit_lines,
+        config.grazing_ends,
         make_view_buffers(geometry.beams),
         surfaces,
         edges,
@@ -103,18 +106,19 @@ def extract_surfaces(
     max_range: float,
     thresholds: np.ndarray,
     fit: bool,
+    grazing: bool,
     buffers: ViewBuffers,
     surfaces: np.ndarray,
     edges: np.ndarray,
 ) -> int:
-    """All steps of view construction (thesis, section 3.1.3); return how many surfaces.
+    """Run all steps of view construction (thesis, section 3.1.3); return the number of surfaces.
 
     `thresholds` are the cluster gap, cluster size, break point height and surface length (m), and
-    how many points a surface has at least. Surfaces come out in the robot's frame, in the order of
-    the beams.
+    the least number of points of a surface. `surfaces` and `edges` are written in the robot's frame
+    (m), in the order of the beams.
     """
     gap, size, height, shortest, fewest = thresholds
-    points, stack, spans, lines, raw, clusters = buffers
+    points, stack, spans, lines, raw, kept = buffers
     seen = scan_points(ranges, directions, mount_x, mount_y, max_range, points)
     formed = segment_points(points, seen, gap, size, height, stack, spans)
     form_surfaces(points, spans, formed, fit, height, lines, raw)
@@ -128,32 +132,34 @@ def extract_surfaces(
         if dx * dx + dy * dy >= shortest * shortest:
             for i in range(4):
                 surfaces[count, i] = raw[k, i]
-            clusters[count] = spans[k, 2]
+            kept[count] = k
             count += 1
-    mark_edges(surfaces, clusters, count, mount_x, mount_y, edges)
+    mark_edges(surfaces, spans[:formed], kept, count, mount_x, mount_y, edges)
+    if not grazing:
+        unmark_grazing_ends(points, surfaces, spans[:formed], kept, count, height, edges)
     return int(count)
 
 
 class ViewBuffers(NamedTuple):
-    """Scratch buffers of `extract_surfaces`, which any number of scans may share."""
+    """Scratch buffers of `extract_surfaces`, which can be reused for any number of scans."""
 
     points: np.ndarray
-    """(beams, 2) float64: the points that the laser saw (m)."""
+    """(beams, 2) float64: the points of the scan (m)."""
     stack: np.ndarray
-    """(beams + 1, 2) int64: first and last points of what is still to be broken."""
+    """(beams + 1, 2) int64: first and last points of pieces still to be checked for a break."""
     spans: np.ndarray
     """(2 beams + 2, 3) int64: see `segment_points`."""
     lines: np.ndarray
     """(2 beams + 2, 4) float64: see `form_surfaces`."""
     raw: np.ndarray
     """(2 beams + 2, 4) float64: the surfaces, including those that are too short."""
-    clusters: np.ndarray
-    """(2 beams + 2,) int64: the clusters of those that are long enough."""
+    kept: np.ndarray
+    """(2 beams + 2,) int64: the spans of the surfaces that are long enough."""
 
 
 @kernel(arrays=True)
 def make_view_buffers(beams: int) -> ViewBuffers:
-    """Buffers for scans of so many beams."""
+    """Make buffers for scans of `beams` beams."""
     spans = 2 * beams + 2
     return ViewBuffers(
         np.empty((beams, 2)),
@@ -174,7 +180,7 @@ def scan_points(
     max_range: float,
     points: np.ndarray,
 ) -> int:
-    """Step 1: write the points nearer than `max_range` into `points` (n, 2); return how many.
+    """Step 1: write the points closer than `max_range` (m) to `points` (n, 2); return how many.
 
     `directions` (beams, 2) are the beams' unit vectors in the robot's frame.
     """
@@ -198,10 +204,10 @@ def segment_points(
     stack: np.ndarray,
     spans: np.ndarray,
 ) -> int:
-    """Steps 2 and 3: cluster the points and break the clusters; return how many spans.
+    """Steps 2 and 3: cluster the points and break the clusters; return the number of spans.
 
     Row k of `spans` is the first point, the last point and the cluster of span k, in the
-    order of the scan. Spans broken from one cluster share the point they were broken at.
+    order of the scan. Spans broken from one cluster share the break point.
     `stack` (count + 1, 2) int64 is a scratch buffer.
     """
     found, cluster, start = 0, 0, 0
@@ -218,7 +224,7 @@ def segment_points(
             dx = points[last, 0] - points[first, 0]
             dy = points[last, 1] - points[first, 1]
             middle, height = _farthest_from_chord(points, first, last)
-            # A closed outline has a short chord and a large height: its extent is what counts.
+            # A closed outline has a short chord and a large height; the larger counts as its size.
             if height > break_height and max(np.sqrt(dx * dx + dy * dy), height) > cluster_size:
                 stack[depth, 0], stack[depth, 1] = middle, last
                 stack[depth + 1, 0], stack[depth + 1, 1] = first, middle
@@ -233,7 +239,7 @@ def segment_points(
 
 @kernel()
 def _farthest_from_chord(points: np.ndarray, first: int, last: int) -> tuple[int, float]:
-    """The point between `first` and `last` farthest from their chord, and its distance."""
+    """Return the point between `first` and `last` farthest from their chord, and its distance."""
     x0, y0 = points[first, 0], points[first, 1]
     dx, dy = points[last, 0] - x0, points[last, 1] - y0
     square = dx * dx + dy * dy
@@ -256,11 +262,11 @@ def form_surfaces(
     lines: np.ndarray,
     surfaces: np.ndarray,
 ) -> None:
-    """Step 4: form one surface a span; the lines fitted are left in `lines` (count, 4).
+    """Step 4: form one surface per span; write the fitted lines to `lines` (count, 4).
 
-    Without `fit` a surface runs from the span's first point to its last. With it, the
-    surface lies on the line fitted to all the span's points, and two surfaces that share
-    a break point meet where their lines cross, if that is within `break_height` of it.
+    Without `fit`, a surface runs from the span's first point to its last. With `fit`, the
+    surface lies on the line fitted to all the span's points. Two surfaces that share a break
+    point then meet where their lines cross, if that is within `break_height` of the break point.
     """
     for k in range(count):
         first, last = spans[k, 0], spans[k, 1]
@@ -270,7 +276,7 @@ def form_surfaces(
         return
     for k in range(count):
         first, last = spans[k, 0], spans[k, 1]
-        # The shared break point may belong to the neighbour alone: leave it out of longer fits.
+        # The shared break point may belong to the neighbour alone, so longer fits leave it out.
         trim = 1 if last - first >= 4 else 0
         fit_line(points, first + trim, last - trim, lines[k])
         surfaces[k, 0], surfaces[k, 1] = _foot(lines[k], surfaces[k, 0], surfaces[k, 1])
@@ -316,14 +322,14 @@ def fit_line(points: np.ndarray, first: int, last: int, line: np.ndarray) -> Non
 
 @kernel()
 def _foot(line: np.ndarray, x: float, y: float) -> tuple[float, float]:
-    """The point of the line nearest to (x, y)."""
+    """Return the point of the line nearest to (x, y)."""
     along = (x - line[0]) * line[2] + (y - line[1]) * line[3]
     return line[0] + along * line[2], line[1] + along * line[3]
 
 
 @kernel()
 def _crossing(a: np.ndarray, b: np.ndarray, x: float, y: float) -> tuple[float, float]:
-    """Where two lines cross; (x, y) itself where they are nearly parallel."""
+    """Return the intersection of two lines; (x, y) itself if they are nearly parallel."""
     cross = a[2] * b[3] - a[3] * b[2]
     if abs(cross) < 0.2:
         return x, y
@@ -334,23 +340,24 @@ def _crossing(a: np.ndarray, b: np.ndarray, x: float, y: float) -> tuple[float, 
 @kernel()
 def mark_edges(
     surfaces: np.ndarray,
-    clusters: np.ndarray,
+    spans: np.ndarray,
+    kept: np.ndarray,
     count: int,
     eye_x: float,
     eye_y: float,
     edges: np.ndarray,
 ) -> None:
-    """Step 5: say of every surface's two ends what they are (thesis, section 3.1.4).
+    """Step 5: write the types of every surface's two ends to `edges` (thesis, section 3.1.4).
 
-    Where two neighbours in the scan come from one cluster they meet at a corner point;
-    otherwise the end nearer to the laser at (eye_x, eye_y) occludes the other. The first
-    and the last end of the view are cut by the field of view and are neither.
+    Two neighbouring surfaces from one cluster meet at a corner point. Otherwise the end closer to
+    the laser at (eye_x, eye_y) is an occluding point. The first and the last end of the view are
+    cut by the field of view and are neither.
     """
     for k in range(count):
         edges[k, 0] = NO_EDGE
         edges[k, 1] = NO_EDGE
     for k in range(1, count):
-        if clusters[k - 1] == clusters[k]:
+        if spans[kept[k - 1], 2] == spans[kept[k], 2]:
             edges[k - 1, 1] = CORNER
             edges[k, 0] = CORNER
             continue
@@ -360,3 +367,34 @@ def mark_edges(
             edges[k - 1, 1] = OCCLUDING
         else:
             edges[k, 0] = OCCLUDING
+
+
+@kernel()
+def unmark_grazing_ends(
+    points: np.ndarray,
+    surfaces: np.ndarray,
+    spans: np.ndarray,
+    kept: np.ndarray,
+    count: int,
+    tolerance: float,
+    edges: np.ndarray,
+) -> None:
+    """Take back the occluding points that obstruct nothing (thesis, section 3.1.4).
+
+    Where the next point seen lies beyond the end, within `tolerance` (m) of the surface's line, the
+    wall goes on there and is only hit too seldom.
+    """
+    for k in range(count):
+        for end in range(2):
+            if edges[k, end] != OCCLUDING:
+                continue
+            step, span = 2 * end - 1, kept[k]  # to the last span of the cluster on this side
+            while 0 <= span + step < spans.shape[0] and spans[span + step, 2] == spans[span, 2]:
+                span += step
+            beyond = points[spans[span, end] + step]
+            ux = surfaces[k, 2 * end] - surfaces[k, 2 - 2 * end]
+            uy = surfaces[k, 2 * end + 1] - surfaces[k, 3 - 2 * end]
+            dx, dy = beyond[0] - surfaces[k, 2 * end], beyond[1] - surfaces[k, 2 * end + 1]
+            aside = abs(ux * dy - uy * dx) / np.sqrt(ux * ux + uy * uy)
+            if ux * dx + uy * dy > 0.0 and aside <= tolerance:
+                edges[k, end] = NO_EDGE

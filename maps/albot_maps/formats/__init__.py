@@ -1,1 +1,1 @@
-"""Readers of world files, a format a file, and the writer of our own."""
+"""Readers of world files, one module per format, and the writer of `albot-world` files."""

@@ -1,8 +1,8 @@
-"""Reading HouseExpo's houses: one outline, and boxes that say which room is where.
+"""Read houses of HouseExpo: one outline, and boxes that label the rooms.
 
-The format is that of https://github.com/TeaganLi/HouseExpo (Li et al. 2019): `verts` is the
-house's outline in metres, folded in where there are inner walls, `room_category` lists for
-each label the boxes x1, y1, x2, y2 of its rooms, and `id` names the house. There are no doors.
+The format is that of https://github.com/TeaganLi/HouseExpo (Li et al. 2019). `verts` is the
+house's outline in metres, which runs along inner walls too. `room_category` lists for each
+label the boxes x1, y1, x2, y2 of its rooms. `id` names the house. There are no doors.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ _NUMBER = (int, float)
 
 
 def read_house_json(path: Path) -> World:
-    """The world in a HouseExpo file.
+    """Return the world in a HouseExpo file.
 
     A room is the part of its box inside the house. Where boxes overlap, a point belongs to
-    the smallest. Rooms that a robot does not reach are left out, and a note names them.
+    the smallest. Rooms that a robot cannot reach are left out, and a note names them.
 
     Raises:
-        InputError: The file cannot be read, is torn, or is no such house.
+        InputError: The file cannot be read, is truncated or is not a HouseExpo house.
     """
     house = _parse(path)
     corners = _rows(house, "verts", 2, path)
@@ -51,7 +51,7 @@ def read_house_json(path: Path) -> World:
 
 
 def _rooms(house: dict[str, Any], outline: shapely.Geometry, path: Path) -> tuple[Room, ...]:
-    """The rooms, the smallest first; a label that is used more than once is numbered."""
+    """Return the rooms, the smallest first; rooms that share a label are numbered."""
     labels = house.get("room_category", {})
     if not isinstance(labels, dict):
         raise InputError(path, "boxes by label", type(labels).__name__, place="room_category")
@@ -84,7 +84,7 @@ def _parse(path: Path) -> dict[str, Any]:
 def _rows(
     holder: dict[str, Any], key: str, width: int, path: Path, *, within: str = ""
 ) -> np.ndarray:
-    """A list of rows of so many finite numbers each."""
+    """Return the list at `key` as an array of rows of `width` finite numbers."""
     rows = holder[key]
     place = f"{within}{key}"
     if not isinstance(rows, list):

@@ -1,9 +1,9 @@
-"""Reading the XML floor plans of schools and offices by Luperto and others.
+"""Read the XML floor plans of schools and offices by Luperto and others.
 
 Such a file (github.com/goldleaf3i/generativeCMLgraphs) draws each space of one floor as a
-polygon in pixels, y downward, and lists the portals that join two spaces. A portal is given
-as a point on the wall, without a width: a door is opened there. The walls are the polygons'
-sides; the file's own wall segments are those sides before neighbours were fitted together.
+polygon in pixels, y downward, and lists the portals that join two spaces. A portal is a point
+on a wall, without a width; a door is cut there. The walls are the sides of the polygons. The
+file's own wall segments are not used: neighbouring spaces do not fit together in them.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from albot_maps.world import SHORTEST_WALL, Exit, Room, World
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Space:
-    """A space of the plan, in metres, y upward."""
+    """A space of the plan (m, y upward)."""
 
     name: str
     outline: shapely.Polygon
@@ -37,21 +37,21 @@ class _Space:
 
 @dataclass(frozen=True, kw_only=True)
 class _Portal:
-    """Two spaces joined at a point (m) of their walls; None where the plan omits it."""
+    """Two spaces joined at a point (m) of their walls; the point is None if the plan omits it."""
 
     spaces: tuple[str, str]
     point: shapely.Point | None
 
 
 def read_plan_xml(path: Path) -> World:
-    """The world in an XML floor plan.
+    """Return the world in an XML floor plan.
 
-    Doors are 0.9 m wide. The start lies in the widest place of the largest part that hangs
-    together. Spaces that cannot be reached from there keep their walls but are no rooms;
-    the world's notes name them. A space whose outline encloses nothing is left out.
+    Doors are 0.9 m wide. The start lies at the widest place of the largest connected part.
+    Spaces that cannot be reached from there keep their walls but are not rooms; the world's
+    notes name them. A space whose outline encloses no area is left out.
 
     Raises:
-        InputError: The file cannot be read, is torn, or is no such plan.
+        InputError: The file cannot be read, is truncated or is not such a plan.
     """
     plan = _Plan(path)
     spaces = plan.spaces()
@@ -73,11 +73,11 @@ def read_plan_xml(path: Path) -> World:
 
 
 def _walls(outlines: list[shapely.Polygon], doors: list[DoorOpening]) -> Segments:
-    """The outlines, each stretch that two of them share drawn once, less the doors."""
+    """Return the outlines, without the doors. A stretch that two outlines share appears once."""
     lines = shapely.unary_union([outline.exterior for outline in outlines])
     opened = shapely.difference(lines, shapely.unary_union([door.opening for door in doors]))
     joined = shapely.get_parts(shapely.line_merge(opened))
-    # Points on the straight way between their neighbours are dropped.
+    # Drop points that lie on the straight line between their neighbours.
     chains = [np.array(line.coords) for line in shapely.simplify(joined, 1e-6)]
     pieces = [np.concatenate((chain[:-1], chain[1:]), axis=1) for chain in chains]
     segments = np.concatenate((*pieces, *(door.jambs for door in doors)))
@@ -86,11 +86,11 @@ def _walls(outlines: list[shapely.Polygon], doors: list[DoorOpening]) -> Segment
 
 
 _LARGEST = 16 << 20
-"""Bytes of a plan; those of large schools have a quarter of a million."""
+"""Largest size of a plan (bytes); plans of large schools have a quarter of a million."""
 
 
 class _Plan:
-    """The elements of a plan's file, with what had to be passed over in `notes`."""
+    """The elements of a plan's file; `notes` say what was left out or repaired."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -118,7 +118,7 @@ class _Plan:
         self._left, self._bottom = min(widths), max(heights)
 
     def spaces(self) -> dict[str, _Space]:
-        """The spaces by their id."""
+        """Return the spaces by id."""
         labels = [self._label(space) for space in self._spaces]
         total, seen = Counter(labels), Counter[str]()
         spaces = {}
@@ -136,7 +136,7 @@ class _Plan:
         return enclosing
 
     def doors(self, spaces: dict[str, _Space]) -> list[tuple[DoorOpening, tuple[str, str]]]:
-        """A door for every portal, with the names of the two spaces it joins."""
+        """Return a door for every portal, with the names of the two spaces that it joins."""
         doors = []
         for portal in self._portals(spaces):
             first, second = (spaces[key] for key in portal.spaces)
@@ -149,7 +149,7 @@ class _Plan:
         return doors
 
     def _portals(self, spaces: dict[str, _Space]) -> list[_Portal]:
-        """The portals, each once though both of its spaces list it."""
+        """Return every portal once, although both of its spaces list it."""
         points = {
             line.get("id"): shapely.Point(self._points(line)[0])
             for line in self._root.iterfind(".//linesegment[class='PORTAL']")
@@ -176,7 +176,7 @@ class _Plan:
         ]
 
     def _space(self, element: ElementTree.Element, name: str) -> _Space | None:
-        """A space; None, and a note, where its outline encloses nothing."""
+        """Return a space; None, with a note, if its outline encloses no area."""
         corners = self._points(element.find("bounding_polygon"))
         outline = shapely.Polygon(corners if len(corners) > 2 else ())
         if not outline.is_valid or not outline.area:
@@ -193,7 +193,7 @@ class _Plan:
         return element.findtext("labels/label", "").strip() or "SPACE"
 
     def _points(self, element: ElementTree.Element | None) -> Points:
-        """The points of an element in metres, from the lower left of the plan."""
+        """Return the points of an element (m), relative to the lower left corner of the plan."""
         points = (
             [] if element is None else [self._pixels(each) for each in element.findall("point")]
         )
@@ -227,16 +227,16 @@ class _Plan:
 
 
 DOOR_WIDTH = 0.9
-"""Width (m) of a door where a plan states none."""
+"""Width (m) of doors; plans do not state one."""
 
 _STRAIGHT = 0.1
-"""A wall that bends by less than this (m) is straight enough for a door."""
+"""Largest deviation (m) from a straight line of a wall stretch that can hold a door."""
 _NEAR = 0.15
-"""Two outlines this close (m) are drawn along the same wall."""
+"""Outlines whose distance is at most this much (m) above their smallest share a wall."""
 _THICKEST_WALL = 0.6
-"""Two outlines further apart than this (m) share no wall."""
+"""Largest distance (m) of two outlines that share a wall."""
 _OVERCUT = 0.15
-"""How far (m) a door is cut beyond the faces of its wall, which may bend by `_STRAIGHT`."""
+"""Distance (m) by which a door is cut beyond its wall's faces, which may bend by `_STRAIGHT`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -244,28 +244,28 @@ class DoorOpening:
     """An opening in a wall."""
 
     segment: Float64[np.ndarray, "4"]
-    """The line across the opening x1, y1, x2, y2 (m)."""
+    """The line across the opening: x1, y1, x2, y2 (m)."""
     opening: shapely.Polygon
-    """What is cut out of the walls."""
+    """The area that is cut out of the walls."""
     jambs: Segments
-    """The sides of the opening where the two rooms' walls lie apart; else empty."""
+    """The sides of the opening if the two rooms' walls lie apart; otherwise empty."""
 
 
 def find_door(
     first: shapely.Polygon, second: shapely.Polygon, near: shapely.Point | None
 ) -> DoorOpening | None:
-    """The door between two rooms, as near as it can be to a point of their wall.
+    """Return the door between two rooms, as close as possible to a point of their wall.
 
-    It keeps inside one straight stretch along which the rooms touch, so that it cuts no
-    other wall; a stretch narrower than a door is opened whole.
+    The door stays within one straight stretch along which the rooms touch, so that it cuts no
+    other wall. A stretch narrower than a door is opened completely.
 
     Args:
         first: One room's outline (m).
-        second: The other's.
-        near: Where the door should be; None takes the middle of the longest stretch.
+        second: The other room's outline (m).
+        near: Where the door should be (m); None means the middle of the longest stretch.
 
     Returns:
-        The door; None where the rooms do not touch.
+        The door; None if the rooms do not touch.
     """
     stretches = _shared(first, second, reach=first.distance(second) + _NEAR)
     wide = [stretch for stretch in stretches if stretch.length >= DOOR_WIDTH]
@@ -281,7 +281,7 @@ def find_door(
 def _shared(
     first: shapely.Polygon, second: shapely.Polygon, reach: float
 ) -> list[shapely.LineString]:
-    """The straight stretches of the first outline that run within reach of the second."""
+    """Return the straight stretches of the first outline within `reach` (m) of the second."""
     corners = np.array(shapely.simplify(first.exterior, _STRAIGHT).coords)
     nearby = shapely.buffer(second.exterior, reach, cap_style="flat")
     sides = [shapely.LineString(side) for side in pairwise(corners)]
@@ -290,7 +290,7 @@ def _shared(
 
 
 def _cut(stretch: shapely.LineString, along: float, second: shapely.Polygon) -> DoorOpening:
-    """The door in a straight stretch, its middle at a length along it where there is room."""
+    """Return the door in a straight stretch, centred as close as possible to length `along` (m)."""
     half = min(DOOR_WIDTH, stretch.length) / 2
     start, end = np.array(stretch.coords)
     direction = (end - start) / stretch.length

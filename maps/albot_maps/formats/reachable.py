@@ -1,4 +1,4 @@
-"""What a plan drawn for people leaves open: where a robot starts, and where it can go."""
+"""Complete a plan that states no start: choose one, and find the rooms that a robot can reach."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def reachable_world(
     notes: tuple[str, ...],
     source: str,
 ) -> World:
-    """The world of a plan that states no start.
+    """Return the world of a plan that states no start.
 
-    The start is the middle of the widest place of the largest part of the rooms that
-    hangs together for the robot. Rooms that it cannot reach keep their walls, but they
-    and their exits are left out, and a note names them.
+    The start is the centre of the widest place in the largest connected part of the rooms. Rooms
+    that the robot cannot reach from there keep their walls, but they and their exits are left
+    out, and a note names them.
 
     Raises:
-        InputError: A wall is beyond `LARGEST_COORDINATE`, or the robot can stand in no room.
+        InputError: A wall is beyond `LARGEST_COORDINATE`, or the robot fits in no room.
     """
     check_coordinates(walls, source)
     space = FreeSpace(walls, ROBOT_RADIUS)
@@ -53,7 +53,7 @@ def reachable_world(
 
 
 def check_coordinates(walls: Segments, source: object) -> None:
-    """Check that walls are those of a building, before it is worked out where a robot can go.
+    """Check that the walls have the size of a building, before free space is computed.
 
     Raises:
         InputError: A coordinate is beyond `LARGEST_COORDINATE`.
@@ -63,7 +63,7 @@ def check_coordinates(walls: Segments, source: object) -> None:
 
 
 def _start(space: FreeSpace, floor: shapely.Geometry, source: str) -> tuple[Pose, shapely.Polygon]:
-    """The start, and the region of free space in which it lies."""
+    """Return the start, and the region of free space that contains it."""
     region = max(space.regions, key=lambda region: float(region.intersection(floor).area))
     parts = shapely.get_parts(region.intersection(floor))
     part = max(parts, key=lambda part: float(part.area), default=None)

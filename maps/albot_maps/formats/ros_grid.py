@@ -1,7 +1,7 @@
-"""Reading ROS map_server maps: a picture of grid cells and the YAML that describes it.
+"""Read ROS map_server maps: a picture of grid cells and the YAML that describes it.
 
-The format is that of https://wiki.ros.org/map_server: a cell is occupied where its darkness
-exceeds `occupied_thresh`. Occupied cells are traced to walls along their edges.
+The format is that of https://wiki.ros.org/map_server: a cell is occupied if its darkness
+exceeds `occupied_thresh`. The outlines of the occupied cells become walls.
 """
 
 from __future__ import annotations
@@ -27,21 +27,22 @@ from albot_core.yaml_document import YamlDocument, shown
 from albot_maps.world import LARGEST_COORDINATE, ROBOT_RADIUS, World
 
 Cells = Bool[np.ndarray, "rows columns"]
-"""One truth value a cell; the first row is the lowest on the map."""
+"""One boolean per cell; the first row is the lowest on the map."""
 
 
 LARGEST = 1 << 24
-"""Cells of the largest picture: 200 m by 200 m in cells of 5 cm. A picture of some kilobytes can
-unpack to more than any memory holds."""
+"""Largest number of cells of a picture: 200 m by 200 m in cells of 5 cm. A file of a few kilobytes
+can unpack to more than fits in memory."""
 MOST_RUNS = 500_000
-"""Runs of occupied cells in the rows of a picture; large buildings have some ten thousand."""
+"""Largest number of runs of occupied cells in a picture's rows; large buildings have about
+ten thousand."""
 _SIMPLIFIED_BY = 1.0
-"""How far (cells) a corner that is left out may lie from its wall."""
+"""Largest distance (cells) of a corner that is left out from the simplified wall."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Description:
-    """What the YAML of a map says."""
+    """The content of a map's YAML."""
 
     picture: Path
     resolution: float
@@ -54,16 +55,16 @@ class _Description:
 
 
 def read_ros_grid(document: YamlDocument, path: Path) -> World:
-    """The world on a map_server map, whose YAML is `document`, read from `path`.
+    """Return the world of a map_server map, whose YAML is `document`, read from `path`.
 
-    No occupied cell is dropped, however small a speck: it may be a table's leg. Every
-    wall lies within one cell of an occupied cell's edge, and every such edge within one
-    cell of a wall. Cells never seen are no walls. The start is the middle of the widest
-    place of the largest stretch of free cells that a robot can drive about in.
+    Even a single occupied cell is kept: it may be a table's leg. Every wall lies within one cell
+    of an occupied cell's edge, and every such edge within one cell of a wall. Unknown cells are
+    not walls. The start is the centre of the widest place in the largest connected part of the
+    free cells in which the robot fits.
 
     Raises:
-        InputError: The description is wrong, the picture is missing or unreadable, or no
-            free place is large enough for the robot.
+        InputError: The YAML is invalid, the picture is missing or unreadable, or no free place
+            is large enough for the robot.
     """
     description = _describe(document, path)
     occupied, free = _read_cells(description)
@@ -80,12 +81,13 @@ def read_ros_grid(document: YamlDocument, path: Path) -> World:
 
 
 def trace_cells(occupied: Cells, source: Path) -> Segments:
-    """The outlines of the occupied cells, simplified by at most one cell's side.
+    """Return the outlines of the occupied cells, simplified by at most one cell's side.
 
-    Lengths are in cells, from the lower left corner of the map.
+    Coordinates are in cells, from the lower left corner of the map. `source` names the map in
+    errors.
 
     Raises:
-        InputError: There are more than `MOST_RUNS` to trace; it names the source.
+        InputError: There are more than `MOST_RUNS` runs of occupied cells.
     """
     runs = occupied[:, 0].sum() + (occupied[:, 1:] & ~occupied[:, :-1]).sum()
     if runs > MOST_RUNS:
@@ -100,9 +102,9 @@ def trace_cells(occupied: Cells, source: Path) -> Segments:
 def _simplified(
     ring: Float64[np.ndarray, "corners 2"],
 ) -> Float64[np.ndarray, "kept 2"]:
-    """A closed line with fewer corners; the same where nothing but a line would be left.
+    """Return a closed line with fewer corners; unchanged if it would collapse to one segment.
 
-    Its two halves are simplified apart, for the ends of a line stay where they are.
+    Its two halves are simplified separately, because simplification keeps the ends of a line.
     """
     far = int(np.argmax(((ring - ring[0]) ** 2).sum(axis=1)))
     halves = shapely.simplify(
@@ -117,7 +119,7 @@ def _simplified(
 def _runs(
     cells: Cells,
 ) -> tuple[Float64[np.ndarray, "runs"], Float64[np.ndarray, "runs"], Float64[np.ndarray, "runs"]]:
-    """Row, left end and right end of every run of true cells in a row."""
+    """Return row, left end and right end of every run of true cells."""
     padded = np.pad(cells, ((0, 0), (1, 1))).astype(np.int8)
     change = np.diff(padded, axis=1)
     rows, lefts = np.nonzero(change == 1)
@@ -126,9 +128,9 @@ def _runs(
 
 
 def _start(occupied: Cells, free: Cells, description: _Description) -> Float64[np.ndarray, "2"]:
-    """The middle (m) of the free cell from which walls and the unknown are furthest."""
+    """Return the centre (m) of the free cell that is furthest from walls and unknown cells."""
     clearance = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
-    # A traced wall may lie one cell off the cells it stands for.
+    # A traced wall may lie one cell away from the cells that it represents.
     roomy = clearance * description.resolution > ROBOT_RADIUS + 2 * description.resolution
     parts, count = ndimage.label(roomy)
     if not count:
@@ -140,7 +142,7 @@ def _start(occupied: Cells, free: Cells, description: _Description) -> Float64[n
 
 
 def _read_cells(description: _Description) -> tuple[Cells, Cells]:
-    """Which cells are occupied and which are free; the rest were never seen."""
+    """Return which cells are occupied and which are free; the others are unknown."""
     shade = read_shades(description.picture)
     shade /= 255
     darkness = shade if description.negate else np.subtract(1, shade, out=shade)
@@ -149,11 +151,13 @@ def _read_cells(description: _Description) -> tuple[Cells, Cells]:
 
 
 def read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
-    """The picture's brightness, 0 to 255; that of a coloured one is its channels' mean.
+    """Return the picture's brightness, 0 to 255; of a coloured picture, the mean of its channels.
+
+    A picture of more than `LARGEST` cells is not unpacked.
 
     Raises:
-        InputError: The file cannot be read, is no PGM or PNG of 8 bits a channel, or is larger than
-            `LARGEST`; then it is not unpacked.
+        InputError: The file cannot be read, is not a PGM or PNG with 8 bits per channel, or has
+            more than `LARGEST` cells.
     """
     content = read_bytes(path, _BYTES * LARGEST)
     expected = "a whole PGM or PNG picture"
@@ -166,7 +170,7 @@ def read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
             colours: np.ndarray = np.asarray(picture.convert("RGB"))
     except InputError:
         raise
-    except UnidentifiedImageError:  # Its message tells where in memory the content is.
+    except UnidentifiedImageError:  # Its message contains a memory address.
         raise InputError(path, expected, "something else") from None
     except Image.DecompressionBombError:
         raise InputError(path, f"{LARGEST:,} cells at most", "many more") from None
@@ -176,13 +180,16 @@ def read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
 
 
 _BYTES = 4
-"""Bytes that a cell takes in a file at most: three digits and a space."""
+"""Largest number of bytes per cell in a file: three digits and a space."""
 _TORN = (OSError, SyntaxError, ValueError, EOFError, IndexError, OverflowError, struct.error)
-"""What Pillow raises where bytes are lost or changed."""
+"""What Pillow raises for truncated or corrupt files."""
 
 
 def _check_picture(path: Path, picture: Image.Image) -> None:
-    """Raise InputError, before anything is unpacked, for a picture that is not read."""
+    """Raise InputError for a picture that is too large or has an unsupported mode.
+
+    This happens before the picture is unpacked.
+    """
     width, height = picture.size
     if width * height > LARGEST:
         raise InputError(path, f"{LARGEST:,} cells at most", f"{width:,} x {height:,}")
@@ -211,14 +218,14 @@ def _describe(document: YamlDocument, path: Path) -> _Description:
 
 
 class _Fields:
-    """The values of a map's YAML, each checked as it is asked for."""
+    """The values of a map's YAML; each is checked when it is accessed."""
 
     def __init__(self, document: YamlDocument, path: Path) -> None:
         self._document = document
         self._path = path
 
     def numbers(self, key: str, count: int) -> list[float]:
-        """So many finite numbers."""
+        """Return the `count` finite numbers at `key`."""
         value = self._document.data.get(key)
         values = value if isinstance(value, list) else [value]
         plain = [item for item in values if isinstance(item, int | float)]
@@ -229,14 +236,14 @@ class _Fields:
         return [float(item) for item in plain]
 
     def share(self, key: str) -> float:
-        """A number in [0, 1]."""
+        """Return the number in [0, 1] at `key`."""
         (value,) = self.numbers(key, 1)
         if not 0 <= value <= 1:
             raise self.error(key, "a number from 0 to 1")
         return value
 
     def picture(self) -> Path:
-        """The picture's file, which may have been gzipped."""
+        """Return the path of the picture, which may be gzipped."""
         name = self._document.data.get("image")
         if not isinstance(name, str):
             raise self.error("image", "the name of a picture")
@@ -247,7 +254,7 @@ class _Fields:
         return path if exists(path) else zipped
 
     def error(self, key: str, expected: str) -> InputError:
-        """What is wrong with the value of a key."""
+        """Return the error for an invalid value at `key`."""
         data: dict[str, Any] = self._document.data
         found = shown(data[key]) if key in data else "no such key"
         return InputError(self._path, expected, found, place=self._document.place((key,)))

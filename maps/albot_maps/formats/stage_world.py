@@ -1,11 +1,11 @@
-"""Reading Stage's `.world` files: floor plans as bitmaps, boxes and blocks.
+"""Read Stage's `.world` files: floor plans as bitmaps, boxes and blocks.
 
 The syntax is that of https://player-stage-manual.readthedocs.io: `include "file"`,
-`define NAME TYPE ( … )`, `TYPE ( … )` and `property value`, where a value is a number, a
-quoted text or a row of them in square brackets; `#` begins a comment.
+`define NAME TYPE ( … )`, `TYPE ( … )` and `property value`. A value is a number, a quoted
+text, or a row of these in square brackets; `#` begins a comment.
 
-As Stage does, a model's shape is stretched to its `size`, whatever its own units, and then
-turned and put where its `pose` says.
+As in Stage, a model's shape is scaled to its `size`, whatever the shape's own units, then
+rotated and translated by its `pose`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from albot_maps.freespace import FreeSpace
 from albot_maps.world import ROBOT_RADIUS, SHORTEST_WALL, World
 
 Value = str | float | list[str | float]
-"""What a property is set to."""
+"""Value of a property."""
 
 _TOKEN = re.compile(
     r"""(?P<skip>[ \t\r]+|\#[^\n]*)|(?P<line>\n)|"(?P<text>[^"\n]*)"|(?P<mark>[()\[\]])
@@ -40,27 +40,27 @@ _TOKEN = re.compile(
     re.VERBOSE,
 )
 _DEEPEST_NESTING = 50
-"""How deep files may include each other, and models stand in each other."""
+"""Largest depth of nested includes, and of nested models."""
 _SOLID_TYPES = {"model", "floorplan"}
-"""What stands in the way; Stage's other types are robots and their parts."""
+"""Types that are obstacles; Stage's other types are robots and their parts."""
 _DARK = 128
 """A pixel darker than this is solid."""
 _SQUARE = np.array([[0.0, 0, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 0, 0]])
 _LARGEST = 4 << 20
-"""Bytes of a file; those of real worlds have some thousand."""
+"""Largest size of a file (bytes); real worlds have a few thousand."""
 _DEEPEST = 50
-"""How many definitions may build on each other."""
+"""Largest number of definitions that build on each other."""
 
 
 def read_stage_world(path: Path) -> World:
-    """The world in a Stage file.
+    """Return the world in a Stage file.
 
-    Files it includes that are not there are passed over, and so are models of types that
-    they would define, robots and sensors; notes say so. The start is the middle of the
-    widest place inside.
+    Skipped, with a note each, are included files that are missing, models of the types that
+    these would define, robots, and sensors. The start is the centre of the widest place in the
+    largest region that walls enclose.
 
     Raises:
-        InputError: The file or its bitmap cannot be read, or nothing in it is solid.
+        InputError: The file or its bitmap cannot be read, or nothing in it is an obstacle.
     """
     text = StageText()
     text.read(path)
@@ -90,7 +90,7 @@ def read_stage_world(path: Path) -> World:
 
 
 def _start(walls: Segments, path: Path) -> np.ndarray:
-    """The middle of the widest place of the largest stretch that walls enclose, if any."""
+    """Return the centre of the widest place in the largest region that walls enclose."""
     space = FreeSpace(walls, ROBOT_RADIUS)
     closed = [region for region in space.regions if space.encloses(region)]
     if not closed:
@@ -101,7 +101,7 @@ def _start(walls: Segments, path: Path) -> np.ndarray:
 
 
 class _Solid:
-    """A model with all that the definitions of its type say."""
+    """A model, completed by the definitions of its type."""
 
     def __init__(self, model: Model, text: StageText) -> None:
         self._model = model
@@ -120,11 +120,11 @@ class _Solid:
 
     @property
     def stands_in_the_way(self) -> bool:
-        """Whether it is of a type known to be solid."""
+        """Whether it is an obstacle."""
         return self._kind in _SOLID_TYPES and self._values.get("obstacle_return", 1.0) != 0
 
     def walls(self) -> Segments:
-        """Its outline in the world (m)."""
+        """Return its outline in the world (m)."""
         shape = self._shape()
         corners = shape.reshape(-1, 2)
         low, high = corners.min(axis=0), corners.max(axis=0)
@@ -139,7 +139,7 @@ class _Solid:
         return transform_segments(turned, stretched)
 
     def _shape(self) -> Segments:
-        """Its outline in units of its own."""
+        """Return its outline in the shape's own units."""
         if "bitmap" in self._values:
             return self._bitmap(str(self._values["bitmap"]))
         if not self._blocks:
@@ -150,7 +150,7 @@ class _Solid:
         )
 
     def _bitmap(self, name: str) -> Segments:
-        """The dark pixels, traced; with a `boundary` the picture's edge too."""
+        """Return the outlines of the dark pixels; with `boundary 1`, the picture's edge too."""
         folder = self._model.path.parent
         picture = folder / name
         beside = folder / Path(name).name
@@ -191,18 +191,18 @@ def _all_numbers(rows: list[list[str | float]]) -> bool:
 
 @dataclass(kw_only=True)
 class Model:
-    """A model as the file describes it."""
+    """A model as written in the file."""
 
     type: str
-    """What it is: a type of Stage's own, or one that was defined."""
+    """Its type: one of Stage's own, or one that a file defines."""
     path: Path
-    """The file it stands in."""
+    """The file that contains it."""
     line: int
-    """Where it begins."""
+    """Line at which it begins."""
     values: dict[str, Value] = field(default_factory=dict)
     """Its properties."""
     parts: list[Model] = field(default_factory=list)
-    """The models that stand in it."""
+    """The models nested in it."""
 
 
 @dataclass
@@ -210,17 +210,17 @@ class StageText:
     """A Stage world file and the files that it includes."""
 
     models: list[Model] = field(default_factory=list)
-    """What stands in the world."""
+    """The models of the world."""
     defined: dict[str, Model] = field(default_factory=dict)
-    """The types that were defined, by name."""
+    """The types that files define, by name."""
     missing: list[str] = field(default_factory=list)
-    """Included files that are not there."""
+    """Included files that are missing."""
 
     def read(self, path: Path, depth: int = 0) -> None:
-        """Add what a file holds.
+        """Add the content of a file.
 
         Raises:
-            InputError: It cannot be read, or breaks the syntax.
+            InputError: The file cannot be read, or has a syntax error.
         """
         if depth > _DEEPEST_NESTING:
             raise InputError(path, f"files included {_DEEPEST_NESTING} deep at most", "more")
@@ -247,7 +247,7 @@ class _Token(NamedTuple):
 
 
 class _Parser:
-    """The tokens of one file, one after another."""
+    """A parser of one file."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -260,21 +260,21 @@ class _Parser:
         self._position = 0
 
     def next(self) -> _Token | None:
-        """The next token; None at the end."""
+        """Return the next token; None at the end."""
         if self._position == len(self._tokens):
             return None
         self._position += 1
         return self._tokens[self._position - 1]
 
     def expect(self, kind: str, what: str) -> _Token:
-        """The next token, which must be of a kind."""
+        """Return the next token; raise InputError if it is not of `kind`."""
         token = self.next()
         if token is None or token.kind != kind:
             raise self._error(what, token)
         return token
 
     def model(self, token: _Token, depth: int = 0) -> Model:
-        """A model whose type is the token, from its `(` to its `)`."""
+        """Return the model whose type is `token`, parsed from its `(` to its `)`."""
         if depth > _DEEPEST_NESTING:
             raise self._error(f"models nested {_DEEPEST_NESTING} deep at most", token)
         model = Model(type=token.text, path=self._path, line=token.line)
@@ -290,7 +290,7 @@ class _Parser:
         return model
 
     def model_or_value(self, token: _Token, values: dict[str, Value], depth: int) -> Model | None:
-        """The model that begins here; or None, after a property was put among the values."""
+        """Return the model that begins with `token`; None after storing a property in `values`."""
         if token.kind != "word":
             raise self._error("a model or a property", token)
         following = self.next()

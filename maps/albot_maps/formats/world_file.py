@@ -1,7 +1,7 @@
-"""Our own world file: YAML, `albot-world` version 1 (docs/worlds.md), read and written.
+"""Read and write `albot-world` files, version 1: YAML, described in docs/worlds.md.
 
-A document is checked against the JSON Schema beside this file, and then the world made of it is
-checked as every world is; each error names the line. A world that was written is read as the same.
+A document is checked against the JSON Schema beside this file; then the world made from it is
+checked like every world. Each error names the line. Reading a written world gives the same world.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ _ANGLES = ("heading", "opening")
 
 
 def parse_world(text: str, *, source: str) -> World:
-    """The world in the text of an `albot-world` file; `source` names it in errors.
+    """Return the world in the text of an `albot-world` file; `source` names the text in errors.
 
     Raises:
-        InputError: The text is no such file or holds an invalid world; with the line.
+        InputError: The text is not such a file, or its world is invalid; the place is the line.
     """
     return world_from_document(YamlDocument(text, source), source=source)
 
 
 def world_from_document(document: YamlDocument, *, source: str) -> World:
-    """The world in the document of an `albot-world` file; raises as `parse_world` does."""
+    """Return the world in the document of an `albot-world` file; raises as `parse_world` does."""
     _check_schema(document, source)
     data = document.data
     walls = _Walls(document, source)
@@ -76,10 +76,9 @@ def world_from_document(document: YamlDocument, *, source: str) -> World:
 
 
 def world_text(world: World) -> str:
-    """The world as the text of an `albot-world` file; read again it is the same world.
+    """Return a world as the text of an `albot-world` file, which reads back as the same world.
 
-    Chains of walls are written as polylines, those of glass last. Its `source` is not part
-    of a file.
+    Chains of walls are written as polylines, glass last. The world's `source` is not written.
     """
     lines = ["albot-world: 1", f"name: {_quoted(world.name)}"]
     sections = {
@@ -106,10 +105,10 @@ def world_text(world: World) -> str:
 
 
 def _check_schema(document: YamlDocument, source: str) -> None:
-    """Check that a document has the form of an `albot-world` file.
+    """Check a document against the schema of `albot-world` files.
 
     Raises:
-        InputError: It has not; with the line.
+        InputError: It does not follow the schema; the place is the line.
     """
     data = document.data
     if not isinstance(data, dict):
@@ -131,12 +130,12 @@ def _validator() -> jsonschema.Draft202012Validator:
 
 
 def _rank(error: ValidationError) -> tuple[int, bool]:
-    """For best_match: the shallowest first, and there an unknown key before the rest."""
+    """Return the key for `best_match`: shallow errors first, unknown keys first at each depth."""
     return -len(error.absolute_path), error.validator == "additionalProperties"
 
 
 def _explained(error: ValidationError) -> tuple[list[str | int], str, str]:
-    """Path, what was expected there and what was found instead."""
+    """Return an error's path, what was expected there, and what was found."""
     path = list(error.absolute_path)
     schema = cast("Mapping[str, Any]", error.schema)
     keys: dict[str, Any] = error.instance if isinstance(error.instance, dict) else {}
@@ -152,7 +151,7 @@ def _explained(error: ValidationError) -> tuple[list[str | int], str, str]:
 
 
 class _Walls:
-    """The wall segments that a document draws, in the order in which it draws them."""
+    """The wall segments of a document, in its order."""
 
     def __init__(self, document: YamlDocument, source: str) -> None:
         self._document = document
@@ -164,7 +163,7 @@ class _Walls:
         self.glass = np.arange(len(self.segments)) >= sum(map(len, pieces))
 
     def check_outside_solids(self, starts: Sequence[Pose]) -> None:
-        """Raise InputError where a start lies inside a box or polygon."""
+        """Raise InputError if a start lies inside a box or polygon."""
         for path, corners in self._solids:
             solid = shapely.Polygon(corners)
             for index, start in enumerate(starts):
@@ -198,7 +197,7 @@ class _Walls:
         return segments
 
     def _joined(self, path: tuple[str | int, ...], points: Points) -> Segments:
-        """The segments between consecutive points, checked here where the line is known."""
+        """Return the segments between consecutive points, checked here, where the line is known."""
         for index in np.flatnonzero(~(np.abs(points) <= LARGEST_COORDINATE).all(axis=1)):
             found = shown(points[index].tolist())
             raise self._error((*path, int(index)), METRES, found)
@@ -222,7 +221,7 @@ def _start(start: dict[str, Any]) -> Pose:
 
 
 def _path_in_file(place: str, data: dict[str, Any]) -> list[str | int]:
-    """The path in the file to a place of the model: rooms and exits go by name there."""
+    """Return the path in the file of a place of the world; files list rooms and exits by name."""
     kind, _, rest = place.partition("[")
     if kind.startswith("tours."):
         return ["tours", kind.removeprefix("tours.")]
@@ -236,7 +235,7 @@ def _path_in_file(place: str, data: dict[str, Any]) -> list[str | int]:
 
 
 def _movables(document: YamlDocument, source: str) -> Movables:
-    """What moves in the world; raises InputError, with the line, where a number is out of range."""
+    """Return the movables; raise InputError, with the line, if a number is out of range."""
 
     def read(key: str, make: Callable[..., Thing]) -> tuple[Thing, ...]:
         things = []
@@ -255,7 +254,7 @@ def _movables(document: YamlDocument, source: str) -> Movables:
 
 
 def _fields(entry: dict[str, Any]) -> dict[str, Any]:
-    """An entry's values as the fields of a thing: lists are tuples, angles radians."""
+    """Return an entry's values as the fields of a movable: lists as tuples, angles in radians."""
     fields = {name: _tuples(value) for name, value in entry.items()}
     for name in _ANGLES:
         if name in fields:
@@ -272,7 +271,7 @@ def _tuples(value: Any) -> Any:
 
 
 def _movable_lines(movables: Movables) -> list[str]:
-    """The lines of the section `movables`, indented as within it."""
+    """Return the lines of the section `movables`, indented relative to it."""
     parts = {
         "doors": [_door(door) for door in movables.doors],
         "boxes": [_box(box) for box in movables.boxes],
@@ -319,7 +318,7 @@ def _pair(values: tuple[float, float]) -> str:
 
 
 def _chains(walls: Segments) -> Iterator[Points]:
-    """Runs of walls each of which begins where the last one ended."""
+    """Yield the chains of walls in which each wall begins where the previous one ends."""
     if not len(walls):
         return
     breaks = np.flatnonzero((walls[1:, :2] != walls[:-1, 2:]).any(axis=1)) + 1
@@ -335,19 +334,19 @@ def _quoted(text: str) -> str:
 
 
 def format_array(values: np.ndarray) -> str:
-    """An array in YAML's flow style: `[[0, 1.5], [2, 3]]`."""
+    """Return an array in YAML's flow style: `[[0, 1.5], [2, 3]]`."""
     if values.ndim > 1:
         return f"[{', '.join(map(format_array, values))}]"
     return f"[{', '.join(map(format_number, values.tolist()))}]"
 
 
 def format_number(value: float) -> str:
-    """A number that reads back as the same."""
+    """Return a number as text that reads back as the same number."""
     return repr(float(value)).removesuffix(".0")
 
 
 def format_angle(name: str, radians: float) -> str:
-    """`name` in degrees where they say exactly the same angle, else `name_rad`."""
+    """Return `name` in degrees if these give exactly the same angle, otherwise `name_rad`."""
     degrees = float(np.rad2deg(radians))
     for candidate in (round(degrees, 6), degrees):
         if np.deg2rad(candidate) == radians:

@@ -1,1 +1,1 @@
-"""Random buildings: one kind a file, each from a seed and a dataclass of parameters."""
+"""Random buildings: one kind per file, each drawn from a seed and a dataclass of parameters."""

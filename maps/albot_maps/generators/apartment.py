@@ -16,9 +16,9 @@ _LEAST_SIDE = 200
 _JAMB = 15
 """A door's least distance (cm) from a corner."""
 _FLOOR_PER_PIECE = 22_000
-"""At full clutter one piece of furniture is wanted for so much floor (cm²)."""
+"""Floor area per piece of furniture at full clutter (cm²)."""
 _TRIES = 60
-"""How many ways of cutting are tried before the rooms are said not to fit."""
+"""Number of divisions tried before the rooms are reported not to fit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,19 +28,19 @@ class ApartmentParameters(Parameters):
     kind: ClassVar[str] = "apartment"
 
     rooms: int = count(5, 1, 20)
-    """How many rooms there are."""
+    """Number of rooms."""
     loops: int | None = count(None, 0, 20)
-    """How many doors more than are needed to reach every room; by default one for three rooms."""
+    """Number of doors beyond those needed to reach every room; by default one per three rooms."""
     width: float | None = metres(None, 3, 60)
-    """Inner width (m); by default as the rooms need."""
+    """Inner width (m); by default chosen to suit the rooms."""
     depth: float | None = metres(None, 3, 60)
-    """Inner depth (m); by default as the rooms need."""
+    """Inner depth (m); by default chosen to suit the rooms."""
     door_width: float = metres(0.85, 0.75, 1.5)
     """Width of the doors (m)."""
     clutter: float = share(0.4)
-    """Furniture: 0 none, 1 one piece for every 2.2 m² or as much as leaves the ways free."""
+    """Amount of furniture: 0 none, 1 one piece per 2.2 m², or fewer to keep passages open."""
     doors: int = count(0, 0, 100)
-    """How many of the doorways have a door that opens and closes."""
+    """Number of doorways with a door that opens and closes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,17 +49,17 @@ class _Doorway:
 
     rooms: tuple[int, int]
     wall: Box
-    """The wall that they share."""
+    """The part of the wall that the rooms share."""
     along_x: bool
 
 
 def draw_apartment(
     parameters: ApartmentParameters, sampler: Sampler, source: str
 ) -> tuple[Plan, Corner]:
-    """An apartment and its start, which is in the room with the most doors.
+    """Return an apartment and its start, which is in the room with the most doors.
 
     Raises:
-        InputError: The rooms or the loops do not fit in.
+        InputError: The rooms or the loops do not fit.
     """
     door = round(100 * parameters.door_width)
     boxes, doorways = _cut_rooms(parameters, sampler, source, door)
@@ -76,7 +76,7 @@ def draw_apartment(
     start = boxes[names.index("living room")].middle
     openings.append(Box(start[0], start[1], start[0], start[1]))
     for box in boxes:
-        # Free are the floor before each door, and round the start, as the room sees them.
+        # Keep the floor in front of each door and around the start free, in the room's frame.
         x, y = box.x1, box.y1
         kept = [opening.grown(GAP) for opening in openings]
         keep = [Box(near.x1 - x, near.y1 - y, near.x2 - x, near.y2 - y) for near in kept]
@@ -89,7 +89,7 @@ def draw_apartment(
 def _cut_rooms(
     parameters: ApartmentParameters, sampler: Sampler, source: str, door: int
 ) -> tuple[list[Box], list[_Doorway]]:
-    """The rooms, and as many of their doorways as are wanted."""
+    """Return the rooms, and doorways that connect them and close the requested loops."""
     loops = parameters.rooms // 3 if parameters.loops is None else parameters.loops
     most, cut = 0, False
     for _ in range(_TRIES):
@@ -114,12 +114,12 @@ def _cut_rooms(
 
 
 def _draw_outline(parameters: ApartmentParameters, sampler: Sampler) -> Box:
-    """The floor to cut: about 13 m² a room, and rather a square."""
+    """Return the floor to divide: about 13 m² per room and nearly square."""
     area = parameters.rooms * sampler.length(110, 160) * 1000
     width = parameters.width and round(100 * parameters.width)
     depth = parameters.depth and round(100 * parameters.depth)
     if not width:
-        # The side of the square of that area, by whole numbers alone.
+        # The side of the square of that area, in integer arithmetic.
         side = 300
         while side * side < area:
             side += 5
@@ -129,7 +129,7 @@ def _draw_outline(parameters: ApartmentParameters, sampler: Sampler) -> Box:
 
 
 def _split(sampler: Sampler, box: Box, number: int) -> list[Box] | None:
-    """A floor cut into so many rooms by walls across; None where one would be too small."""
+    """Return a floor divided into `number` rooms by walls; None if one would be too small."""
     if number == 1:
         return [box] if min(box.width, box.depth) >= _LEAST_SIDE else None
     first = sampler.whole(max(1, number // 3), number - max(1, number // 3))
@@ -148,7 +148,7 @@ def _split(sampler: Sampler, box: Box, number: int) -> list[Box] | None:
 
 
 def _doorways(boxes: Sequence[Box], door: int) -> list[_Doorway]:
-    """Every pair of rooms whose wall has room for a door."""
+    """Return every pair of rooms whose shared wall has space for a door."""
     found = []
     for i, one in enumerate(boxes):
         for j, other in enumerate(boxes):
@@ -162,7 +162,7 @@ def _doorways(boxes: Sequence[Box], door: int) -> list[_Doorway]:
 
 
 def _spanning_tree(ways: Sequence[_Doorway], number: int) -> list[_Doorway]:
-    """Doors that join all rooms without a loop, from the room with the most neighbours."""
+    """Return doors that join all rooms without a loop, grown from the room with most neighbours."""
     neighbours = [sum(room in way.rooms for way in ways) for room in range(number)]
     reached = [neighbours.index(max(neighbours))]
     tree: list[_Doorway] = []
@@ -186,7 +186,7 @@ def _draw_opening(sampler: Sampler, doorway: _Doorway, door: int) -> Box:
 
 
 def _names(boxes: Sequence[Box], doorways: Sequence[_Doorway]) -> list[str]:
-    """What each room is: where the doors meet one lives, and the smallest is the bath."""
+    """Return each room's name: the living room has the most doors, the bath is the smallest."""
     doors = [sum(room in way.rooms for way in doorways) for room in range(len(boxes))]
     floor = [box.width * box.depth for box in boxes]
     living = max(range(len(boxes)), key=lambda room: (doors[room], floor[room]))

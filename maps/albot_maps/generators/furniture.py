@@ -1,8 +1,8 @@
-"""Furniture, placed so that a robot still gets everywhere.
+"""Place furniture so that a robot can still reach every part of the floor.
 
-What stands against a wall touches that wall, or a corner, and nothing else; between any
-other two things, walls included, there are at least `GAP`. Widened by the robot's radius
-they stay apart, and no chain of them can part the floor.
+A piece against a wall touches only that wall, or the two walls of a corner. Any other two
+objects, walls included, are at least `GAP` apart. Widened by the robot's radius they still do
+not touch, so no chain of objects can divide the floor.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from typing import NamedTuple
 from albot_maps.generators.plan import Box, Corner, Frame, Plan, Sampler, Side
 
 GAP = 75
-"""The narrowest way (cm) left between two things: the robot is 50 wide."""
+"""Narrowest passage (cm) between two objects; the robot is 50 cm wide."""
 _TRIES = 4
-"""How often a place is sought for each piece that is wanted."""
+"""Number of attempts to place each requested piece."""
 
-# Exact turns: cosine and sine are a / c and b / c.
+# Exact rotations (a, b, c): cosine a / c and sine b / c.
 _TURNS = ((1, 0, 1), (0, 1, 1), (4, 3, 5), (3, 4, 5), (12, 5, 13), (24, 7, 25), (15, -8, 17))
 _ROUND = ((12, 5), (5, 12), (-5, 12), (-12, 5), (-12, -5), (-5, -12), (5, -12), (12, -5))
-"""An octagon's corners at 13."""
+"""Corners of an octagon with circumradius 13."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,11 +32,11 @@ class Piece:
     width: int
     """Along the wall."""
     depth: int
-    """Away from the wall."""
+    """Distance from the wall to its front."""
     chair: int = 0
-    """Side of the chair in front of it; 0: none."""
+    """Side of the chair in front of it; 0 means no chair."""
     free: bool = False
-    """Whether it stands in the open, turned any way, and not against a wall."""
+    """Whether it stands away from walls, at any orientation."""
     round: bool = False
     """Whether it is a pillar or a round table, of this width."""
 
@@ -74,7 +74,7 @@ PALLETS = (Piece(width=120, depth=80), Piece(width=80, depth=60))
 
 @dataclass(frozen=True)
 class Furniture:
-    """What stands in one room, in its frame."""
+    """The furniture of one room, in the room's frame (cm)."""
 
     blocks: list[Box] = field(default_factory=list)
     outlines: list[list[Corner]] = field(default_factory=list)
@@ -94,14 +94,14 @@ def furnish(
     wanted: int,
     pieces: Sequence[Piece],
 ) -> Furniture:
-    """Furniture for a room of a size (cm), at most so many pieces.
+    """Return at most `wanted` pieces of furniture for a room.
 
     Args:
-        sampler: Where chance comes from.
-        size: The room's width and depth; its walls are at 0 and there.
-        keep: What must stay free: the floor before doors, and where there is no wall.
-        wanted: How many pieces to seek a place for; fewer where the ways would close.
-        pieces: What there is to choose from.
+        sampler: Source of random draws.
+        size: The room's width and depth (cm); its walls are at 0 and at these.
+        keep: Areas that must stay free: the floor in front of doors and of openings.
+        wanted: Number of pieces to place; fewer are placed if passages would close.
+        pieces: The kinds to choose from.
     """
     furniture = Furniture()
     taken: list[Box] = []
@@ -127,7 +127,7 @@ def furnish(
 
 
 def _is_apart(box: Box, others: Iterable[Box], gap: int) -> bool:
-    """Whether a gap or more lies between a box and all others, along x or along y."""
+    """Return whether a box is at least `gap` away from every other one, along x or along y."""
     x1, y1, x2, y2 = box.grown(gap)
     return not any(
         x1 < other_x2 and other_x1 < x2 and y1 < other_y2 and other_y1 < y2
@@ -136,24 +136,24 @@ def _is_apart(box: Box, others: Iterable[Box], gap: int) -> bool:
 
 
 class _Place(NamedTuple):
-    """Where a piece could stand."""
+    """A position for a piece."""
 
     bounds: Box
     outline: list[Corner]
-    """Its corners where it stands in the open."""
+    """The corners of a piece away from walls; empty against a wall."""
     side: Side = Side.NORTH
-    """Where it lies as seen from the wall at its back."""
+    """On which side of the wall at its back it lies."""
 
 
 def _place_at_wall(sampler: Sampler, size: Corner, piece: Piece) -> _Place | None:
-    """A piece against any of the four walls; None where too little would be left."""
+    """Place a piece against a random wall; None if no passage would be left."""
     along_u, far = sampler.chance(0.5), sampler.chance(0.5)
     run, reach = size if along_u else size[::-1]
     spare, depth = run - piece.width, piece.depth + piece.chair
     if reach - depth < GAP or spare < GAP:
         return None
     offset = sampler.length(0, spare)
-    # Too near a corner to pass behind: into the corner.
+    # A gap to the corner that is too narrow to pass is closed: the piece moves into the corner.
     offset = 0 if offset < GAP else spare if spare - offset < GAP else offset
     low, high = (reach - depth, reach) if far else (0, depth)
     if along_u:
@@ -164,7 +164,7 @@ def _place_at_wall(sampler: Sampler, size: Corner, piece: Piece) -> _Place | Non
 
 
 def _blocks(piece: Piece, bounds: Box, side: Side) -> list[Box]:
-    """A piece and its chair, within its bounds."""
+    """Return the boxes of a piece and its chair, within its bounds."""
     frame = Frame(box=bounds, side=side)
     blocks = [frame.placed(Box(0, 0, piece.width, piece.depth))]
     if piece.chair:
@@ -175,7 +175,7 @@ def _blocks(piece: Piece, bounds: Box, side: Side) -> list[Box]:
 
 
 def _place_freely(sampler: Sampler, size: Corner, piece: Piece) -> _Place | None:
-    """A piece away from all walls, turned; None where the room is too small."""
+    """Place a rotated piece away from all walls; None if the room is too small."""
     corners, around = _turned(piece, sampler.pick(_TURNS))
     spare_u, spare_v = size[0] - around.width - 2 * GAP, size[1] - around.depth - 2 * GAP
     if spare_u < 0 or spare_v < 0:
@@ -190,7 +190,7 @@ def _place_freely(sampler: Sampler, size: Corner, piece: Piece) -> _Place | None
 
 @cache
 def _turned(piece: Piece, turn: tuple[int, int, int]) -> tuple[tuple[Corner, ...], Box]:
-    """A piece's corners about its middle, and their bounds."""
+    """Return a rotated piece's corners relative to its centre, and their bounds."""
     cosine, sine, norm = turn
     half_u, half_v = piece.width // 2, piece.depth // 2
     rectangle = ((-half_u, -half_v), (half_u, -half_v), (half_u, half_v), (-half_u, half_v))

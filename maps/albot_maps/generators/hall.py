@@ -1,4 +1,4 @@
-"""Halls: one space wider than a sonar sees, with pillars, tables and screens in it."""
+"""Halls: one space wider than a sonar's range, with pillars, tables and screens in it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler
 
 _PORCH_WIDTH, _PORCH_DEPTH = 200, 150
 _FLOOR_PER_PIECE = 50_000
-"""At full clutter one piece is wanted for so much floor (cm²)."""
+"""Floor area per piece of furniture at full clutter (cm²)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,24 +26,24 @@ class HallParameters(Parameters):
     depth: float = metres(18.0, 10, 100)
     """Inner depth (m)."""
     porches: int = count(3, 0, 8)
-    """How many porches 2 × 1.5 m there are beyond doors, shared out to both long sides."""
+    """Number of porches of 2 × 1.5 m behind doors, distributed over both long sides."""
     door_width: float = metres(1.2, 0.75, 1.8)
     """Width of the doors to the porches (m)."""
     pillars: float = metres(6.0, 0, 50)
-    """Distance of the pillars, which stand in rows 40 cm thick (m); 0: there are none."""
+    """Distance between pillars (m), which are 40 cm wide and stand in rows; 0 means none."""
     clutter: float = share(0.3)
-    """Things: 0 none, 1 one for every 5 m² or as many as leave the ways free."""
+    """Amount of furniture: 0 none, 1 one piece per 5 m², or fewer to keep passages open."""
     symmetry: bool = switch(False)
-    """Whether the right half mirrors the left one; porches, being few, do not."""
+    """Whether the right half mirrors the left one; porches are not mirrored."""
     doors: int = count(0, 0, 100)
-    """How many of the doorways have a door that opens and closes."""
+    """Number of doorways with a door that opens and closes."""
 
 
 def draw_hall(parameters: HallParameters, sampler: Sampler, source: str) -> tuple[Plan, Corner]:
-    """A hall and its start, near its lower left corner.
+    """Return a hall and its start, near its lower left corner.
 
     Raises:
-        InputError: The pillars stand too close.
+        InputError: The pillars are too close together.
     """
     hall = Box(0, 0, round(100 * parameters.width), round(100 * parameters.depth))
     plan = Plan()
@@ -54,7 +54,7 @@ def draw_hall(parameters: HallParameters, sampler: Sampler, source: str) -> tupl
         plan.add_block(pillar)
     start = Box(GAP, GAP, 2 * GAP, 2 * GAP)
     keep += [start, *(pillar.grown(GAP) for pillar in pillars)]
-    # What is mirrored keeps half a way from the line in the middle.
+    # Furniture that is mirrored keeps half a passage away from the centre line.
     width = hall.width // 2 if parameters.symmetry else hall.width
     if parameters.symmetry:
         keep = [
@@ -72,7 +72,7 @@ def draw_hall(parameters: HallParameters, sampler: Sampler, source: str) -> tupl
 
 
 def _add_porches(plan: Plan, parameters: HallParameters, sampler: Sampler, hall: Box) -> list[Box]:
-    """Carve the porches and their doors; what must stay free before the doors."""
+    """Carve the porches and their doors; return the areas in front of doors to keep free."""
     door = round(100 * parameters.door_width)
     keep: list[Box] = []
     lower = parameters.porches // 2
@@ -94,7 +94,7 @@ def _add_porches(plan: Plan, parameters: HallParameters, sampler: Sampler, hall:
 
 
 def _pillars(parameters: HallParameters, source: str, hall: Box) -> list[Box]:
-    """Square pillars in rows, half as far from the walls as from each other, or further."""
+    """Return square pillars in rows, at least half their spacing away from walls."""
     pitch, half = round(100 * parameters.pillars), 20
     if not pitch:
         return []

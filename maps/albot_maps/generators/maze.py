@@ -1,4 +1,4 @@
-"""Mazes: square cells, a way between any two, and as many loops as wanted."""
+"""Mazes: square cells with a path between any two, and a chosen number of loops."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ class MazeParameters(Parameters):
     kind: ClassVar[str] = "maze"
 
     columns: int = count(8, 2, 60)
-    """How many cells it is wide."""
+    """Number of columns of cells."""
     rows: int = count(6, 2, 60)
-    """How many cells it is deep."""
+    """Number of rows of cells."""
     passage_width: float = metres(1.2, 0.75, 5)
     """Width of a passage (m)."""
     loops: int = count(3, 0, 1000)
-    """How many openings more than are needed to reach every cell; of `columns` by `rows` cells at
-    most (columns - 1) (rows - 1)."""
+    """Number of openings beyond those needed to reach every cell; at most
+    (columns - 1) (rows - 1)."""
     symmetry: bool = switch(False)
-    """Whether the right half mirrors the left one; `columns` and `loops` are even then."""
+    """Whether the right half mirrors the left one; then `columns` and `loops` must be even."""
 
 
 def draw_maze(parameters: MazeParameters, sampler: Sampler, source: str) -> tuple[Plan, Corner]:
-    """A maze and its start, in a corner cell. Every cell is a room.
+    """Return a maze and its start, in a corner cell. Every cell is a room.
 
     Raises:
-        InputError: There are not as many loops to close, or an odd maze is to be mirrored.
+        InputError: There are too many loops, or a symmetric maze has odd `columns` or `loops`.
     """
     _check(parameters, source)
     columns, rows = parameters.columns, parameters.rows
@@ -73,7 +73,7 @@ def _check(parameters: MazeParameters, source: str) -> None:
             if value % 2:
                 raise InputError(source, "an even number with symmetry", str(value), place=name)
         columns //= 2
-    # A grid's neighbours less the openings of a way to every cell.
+    # The grid's pairs of neighbours minus the openings of a spanning tree.
     most = (columns - 1) * (rows - 1) * (2 if parameters.symmetry else 1)
     if parameters.loops > most:
         expected = f"at most {most} in {parameters.columns} x {rows} cells"
@@ -81,7 +81,7 @@ def _check(parameters: MazeParameters, source: str) -> None:
 
 
 def _draw_gates(sampler: Sampler, columns: int, rows: int, loops: int) -> list[_Gate]:
-    """The openings: a walk that turns back only where all around is visited, then loops."""
+    """Return the openings: a spanning tree by a random depth-first walk, then random loops."""
     here = (sampler.whole(0, columns - 1), sampler.whole(0, rows - 1))
     visited, way = {here}, [here]
     gates: list[_Gate] = []

@@ -1,6 +1,6 @@
 """Offices: corridors that cross and close loops, rows of rooms along them, doors, desks.
 
-`_Office` lays the corridors; `RoomRows` cuts the rows beside them into rooms and furnishes these.
+`_Office` lays out the corridors; `RoomRows` divides the rows beside them into furnished rooms.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from albot_maps.generators.parameters import Parameters, count, metres, share, s
 from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler, Side
 
 _LEAST_DEPTH, _LEAST_BLOCK = 260, 300
-"""How deep a row of rooms, and how wide a block between two corridors, must be (cm)."""
+"""Least depth of a row of rooms, and least width of a block between two corridors (cm)."""
 _WIDEST_STRIP = 500
-"""The widest rooms that lie at a side of the building (cm)."""
+"""Largest depth of the rooms along the left and right side of the building (cm)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,32 +27,32 @@ class OfficeParameters(Parameters):
     kind: ClassVar[str] = "office"
 
     rooms: int = count(20, 2, 200)
-    """How many rooms there are, corridors not counted."""
+    """Number of rooms, without corridors."""
     loops: int | None = count(None, 0, 12)
-    """How many loops the corridors close; by default 0 to 3, as the rooms allow."""
+    """Number of loops that the corridors close; by default 0 to 3, as the rooms allow."""
     width: float | None = metres(None, 8, 200)
-    """Inner width of the building (m); by default as the rooms need."""
+    """Inner width of the building (m); by default chosen to suit the rooms."""
     depth: float | None = metres(None, 8, 200)
-    """Inner depth of the building (m); by default as the rooms need."""
+    """Inner depth of the building (m); by default chosen to suit the rooms."""
     corridor_width: float = metres(1.8, 1.2, 5)
     """Width of the corridors (m)."""
     door_width: float = metres(0.9, 0.75, 1.5)
     """Width of the doors (m)."""
     connections: float = share(0.1)
-    """Share of the walls between neighbours in a row that have a door."""
+    """Share of the walls between neighbouring rooms of a row that have a door."""
     clutter: float = share(0.3)
-    """Furniture: 0 none, 1 one piece for every 2.5 m² or as much as leaves the ways free."""
+    """Amount of furniture: 0 none, 1 one piece per 2.5 m², or fewer to keep passages open."""
     symmetry: bool = switch(False)
-    """Whether the rooms along a corridor are all alike, mirrored on its other side."""
+    """Whether all rooms along a corridor are alike and mirrored on its other side."""
     doors: int = count(0, 0, 100)
-    """How many of the doorways have a door that opens and closes."""
+    """Number of doorways with a door that opens and closes."""
 
 
 def draw_office(parameters: OfficeParameters, sampler: Sampler, source: str) -> tuple[Plan, Corner]:
-    """An office floor and its start.
+    """Return an office floor and its start.
 
     Raises:
-        InputError: The rooms or the loops do not fit in.
+        InputError: The rooms or the loops do not fit.
     """
     return _Office(parameters, sampler, source).draw()
 
@@ -67,7 +67,7 @@ class _Office:
         self._links = 0
 
     def draw(self) -> tuple[Plan, Corner]:
-        """Lay the corridors, cut the rows into rooms, and furnish them."""
+        """Lay out the corridors, divide the rows into rooms, and furnish these."""
         across, upward = self._choose_corridors()
         rows, start = self._lay_corridors(across, upward)
         filler = RoomRows(
@@ -85,7 +85,7 @@ class _Office:
         return InputError(self._source, expected, str(found), place=place)
 
     def _choose_corridors(self) -> tuple[int, int]:
-        """How many corridors run across and how many upward: they close the loops asked for."""
+        """Return the numbers of corridors along x and along y that close the requested loops."""
         loops, rooms = self._asked.loops, self._asked.rooms
         wanted = range(4) if loops is None else (loops,)
         all_ways = [
@@ -102,14 +102,14 @@ class _Office:
         ways = self._fitting("depth", self._asked.depth, depths)
         widths = {way: self._least_width(way[1]) for way in ways}
         ways = self._fitting("width", self._asked.width, widths)
-        # Rows of two to eight rooms, where that can be had.
+        # Prefer rows of two to eight rooms.
         liked = [way for way in ways if 2 * _rows(*way) <= rooms <= 8 * _rows(*way)]
         return self._sampler.pick(liked or ways[-1:])
 
     def _fitting(
         self, place: str, asked: float | None, sizes: dict[tuple[int, int], int]
     ) -> list[tuple[int, int]]:
-        """The ways to lay corridors that need no more than the size asked for (m)."""
+        """Return the corridor layouts that need no more than the requested size `asked` (m)."""
         if asked is None:
             return list(sizes)
         fitting = [way for way, size in sizes.items() if size <= round(100 * asked)]
@@ -119,24 +119,24 @@ class _Office:
         return fitting
 
     def _least_depth(self, across: int) -> int:
-        """The smallest depth of a floor with so many corridors across (cm)."""
+        """Return the smallest depth (cm) of a floor with `across` corridors along x."""
         rooms = 2 * across * _LEAST_DEPTH
         return rooms + across * self._corridor + (3 * across - 1) * WALL
 
     def _least_width(self, upward: int) -> int:
-        """The smallest width of a floor with so many corridors upward (cm)."""
+        """Return the smallest width (cm) of a floor with `upward` corridors along y."""
         if upward <= 1:
             return (1 + upward) * _LEAST_BLOCK + upward * (self._corridor + 2 * WALL)
         strips = 2 * _WIDEST_STRIP
         return strips + upward * (self._corridor + 2 * WALL) + (upward - 1) * _LEAST_BLOCK
 
     def _lay_corridors(self, across: int, upward: int) -> tuple[list[Row], Corner]:
-        """Carve the corridors; the rows of rooms beside them, and a start in the first."""
+        """Carve the corridors; return the rows of rooms beside them, and a start in the first."""
         strips = [self._sampler.length(350, _WIDEST_STRIP) for _ in range(2 if upward > 1 else 0)]
         depths = self._draw_depths(across)
         block_depths = [sum(depths[i : i + 2]) + WALL for i in range(1, 2 * across - 1, 2)]
         blocks = self._draw_block_widths(upward, strips, block_depths)
-        # From left to right: strip, corridor, block, corridor, …, strip, walls between.
+        # From left to right: strip, corridor, block, corridor, …, strip, with walls between.
         columns = _columns(strips, blocks, self._corridor, upward)
         rows: list[Row] = []
         y, right = 0, columns[-1][1]
@@ -167,7 +167,7 @@ class _Office:
         upward: int,
         cut: int,
     ) -> list[Row]:
-        """Carve what joins two corridors; the rows between, cut in two at a height."""
+        """Carve the links between two corridors; return the rows between, divided at y = `cut`."""
         rows: list[Row] = []
         names: dict[int, str] = {}
         for index, (left, right, what) in enumerate(columns):
@@ -193,7 +193,7 @@ class _Office:
         return rows
 
     def _draw_depths(self, across: int) -> list[int]:
-        """How deep each row of rooms is, from the lowest up."""
+        """Return the depth of each row of rooms (cm), from the lowest up."""
         number = 2 * across
         if self._asked.depth is None and self._asked.symmetry:
             return [self._sampler.length(380, 600)] * number
@@ -206,13 +206,13 @@ class _Office:
     def _draw_block_widths(
         self, upward: int, strips: list[int], block_depths: list[int]
     ) -> list[int]:
-        """How wide each block between two upward corridors is, from the left."""
+        """Return the width of each block between two corridors along y (cm), from the left."""
         number = 2 if upward == 1 else max(1, upward - 1)
         fixed = sum(strips) + upward * (self._corridor + 2 * WALL)
         if self._asked.width is not None:
             spare = round(100 * self._asked.width) - fixed
         else:
-            # So wide that a room's front is about four metres.
+            # Wide enough for a front of about four metres per room.
             fronts = self._asked.rooms * self._sampler.length(340, 460)
             fronts -= 2 * sum(block_depths) if upward > 1 else 0
             spare = (fronts - 2 * fixed) // (2 + 2 * len(block_depths))
@@ -221,7 +221,7 @@ class _Office:
 
 
 def _rows(across: int, upward: int) -> int:
-    """How many rows of rooms there are."""
+    """Return the number of rows of rooms."""
     blocks = 2 if upward == 1 else max(0, upward - 1)
     strips = 2 if upward > 1 else 0
     return 2 + (across - 1) * (2 * blocks + strips)
@@ -230,7 +230,7 @@ def _rows(across: int, upward: int) -> int:
 def _columns(
     strips: list[int], blocks: list[int], corridor: int, upward: int
 ) -> list[tuple[int, int, str]]:
-    """Left edge, right edge and kind of all that lies side by side between two corridors."""
+    """Return left edge, right edge (cm) and kind of the columns between two corridors along x."""
     widths = [(width, "block") for width in blocks]
     if upward == 1:
         widths.insert(1, (corridor, "corridor"))
@@ -249,7 +249,7 @@ def _columns(
 _LEAST_FRONT = 240
 """The shortest side of a room along its corridor (cm)."""
 _FLOOR_PER_PIECE = 25_000
-"""At full clutter one piece of furniture is wanted for so much floor (cm²)."""
+"""Floor area per piece of furniture at full clutter (cm²)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,28 +257,28 @@ class Row:
     """Rooms side by side along a corridor."""
 
     box: Box
-    """All of them, walls between them included."""
+    """The rectangle of all its rooms, including the walls between them."""
     side: Side
-    """Where they lie as seen from the corridor."""
+    """On which side of the corridor the rooms lie."""
     corridor: str
     """The corridor's name."""
 
     @property
     def frame(self) -> Frame:
-        """The row's own coordinates."""
+        """The row's own frame."""
         return Frame(box=self.box, side=self.side)
 
 
 class RoomRows:
-    """Fills the rows of one office floor.
+    """Divide the rows of one office floor into furnished rooms.
 
     Args:
         plan: Where to draw.
-        sampler: Where chance comes from.
+        sampler: Source of random draws.
         door: Width of a door (cm).
-        connections: Share of neighbours with a door between them.
-        clutter: How much furniture, 0 to 1.
-        alike: Whether the rooms of a size are all alike.
+        connections: Share of neighbouring rooms with a door between them.
+        clutter: Amount of furniture, 0 to 1.
+        alike: Whether all rooms of the same size are alike.
     """
 
     def __init__(
@@ -301,19 +301,19 @@ class RoomRows:
         self._layouts: dict[tuple[int, int], tuple[int, Furniture]] = {}
 
     def fill(self, rows: list[Row], rooms: int, source: str) -> None:
-        """Cut the rows into so many rooms together, and furnish them.
+        """Divide the rows into `rooms` rooms in total, and furnish these.
 
         Raises:
-            InputError: The rows are too short for so many.
+            InputError: The rows are too short for this number.
         """
         for row, number in zip(rows, _share_rooms(rows, rooms, source), strict=True):
             self._fill(row, number)
 
     def _fill(self, row: Row, number: int) -> None:
-        """Cut a row into rooms and give each its door and its furniture."""
+        """Divide a row into rooms and give each its door and its furniture."""
         frame = row.frame
         spare = frame.width - (number - 1) * WALL
-        # Rooms that are to be alike leave a few centimetres to the wall at the row's end.
+        # Rooms that must be alike leave a few centimetres for the wall at the row's end.
         fronts = (
             [spare // number] * number
             if self._alike
@@ -337,7 +337,7 @@ class RoomRows:
             u, joined, last = u + front + WALL, onward, name
 
     def _furnish(self, frame: Frame, joined: bool, onward: bool) -> int:
-        """Furnish a room; where along its front the door begins."""
+        """Furnish a room; return where along its front the door begins (cm)."""
         key = (frame.width, frame.depth)
         if not (self._alike and key in self._layouts):
             offset = self._sampler.length(20, frame.width - self._door - 20)
@@ -357,14 +357,14 @@ class RoomRows:
         return offset
 
     def _next_name(self, floor: int) -> str:
-        """Number and return a name for a room of so much floor (cm²)."""
+        """Return the next numbered name for a room of floor area `floor` (cm²)."""
         what = "meeting" if floor > 280_000 else "store" if floor < 90_000 else "office"
         self._names[what] += 1
         return f"{what} {self._names[what]}"
 
 
 def _share_rooms(rows: list[Row], rooms: int, source: str) -> list[int]:
-    """How many rooms each row has: at least one, and more the longer it is."""
+    """Return the number of rooms of each row: at least one, and more for longer rows."""
     fronts = [row.frame.width + WALL for row in rows]
     room_for = [front // (_LEAST_FRONT + WALL) for front in fronts]
     if sum(room_for) < rooms:

@@ -1,4 +1,4 @@
-"""What a generator can be told: fields with a range, checked when they are set."""
+"""Parameters of the generators: dataclass fields with a range that is checked on creation."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ from typing import Any, ClassVar
 from albot_core.errors import InputError
 
 Number = int | float
-"""A limit as it is written."""
+"""A limit of a range."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ParameterRange:
-    """What one parameter may be."""
+    """Type and range of one parameter."""
 
     type: type[bool] | type[int] | type[float]
-    """What it is given as."""
+    """Type of the value."""
     least: Number = 0
     """The smallest value."""
     most: Number = 1
     """The largest value."""
     unit: str = ""
-    """The unit of a length; empty for a count or a share."""
+    """Unit of a length; empty for a value without a unit."""
 
     def allows(self, value: object) -> bool:
-        """Whether a value is of the type and within the range."""
+        """Return whether a value has the type and lies in the range."""
         if self.type is bool or isinstance(value, bool):
             return self.type is bool and isinstance(value, bool)
         if not isinstance(value, int if self.type is int else Number):
@@ -42,27 +42,27 @@ class ParameterRange:
 
 
 def metres(default: float | None, least: Number, most: Number) -> Any:
-    """A field for a length (m); by default what suits the rest where `default` is None."""
+    """Return a field for a length (m). If `default` is None, the generator chooses the value."""
     return _field(default, ParameterRange(type=float, least=least, most=most, unit="m"))
 
 
 def share(default: float) -> Any:
-    """A field for a number from 0 to 1."""
+    """Return a field for a number from 0 to 1."""
     return _field(default, ParameterRange(type=float))
 
 
 def number(default: float, least: Number, most: Number) -> Any:
-    """A field for a number without a unit."""
+    """Return a field for a number without a unit."""
     return _field(default, ParameterRange(type=float, least=least, most=most))
 
 
 def count(default: int | None, least: int, most: int) -> Any:
-    """A field for a whole number; by default what suits the rest where `default` is None."""
+    """Return a field for an integer. If `default` is None, the generator chooses the value."""
     return _field(default, ParameterRange(type=int, least=least, most=most))
 
 
 def switch(default: bool) -> Any:
-    """A field for yes or no."""
+    """Return a field for a boolean."""
     return _field(default, ParameterRange(type=bool))
 
 
@@ -82,11 +82,11 @@ class Parameters:
     """The kind's name in a world spec."""
 
     starts: int = count(1, 1, 50)
-    """How many starts there are, of which episodes draw: the kind's own, and others anywhere."""
+    """Number of starts from which episodes draw: the generator's own, and others at random."""
     people: int = count(0, 0, 50)
-    """How many people walk through the rooms."""
+    """Number of people who walk through the rooms."""
     boxes: int = count(0, 0, 50)
-    """How many boxes stand about that can be pushed."""
+    """Number of boxes that can be pushed."""
 
     def __post_init__(self) -> None:
         for name, allowed in self.ranges().items():
@@ -96,17 +96,17 @@ class Parameters:
 
     @classmethod
     def ranges(cls) -> dict[str, ParameterRange]:
-        """What each parameter may be, by its name."""
+        """Return type and range of each parameter, by name."""
         return {name: item.metadata["range"] for name, item in cls._fields().items()}
 
     @classmethod
     def defaults(cls) -> dict[str, Any]:
-        """What each parameter is where nothing is said; None: what suits the rest."""
+        """Return each parameter's default, by name; None means that the generator chooses."""
         return {name: item.default for name, item in cls._fields().items()}
 
     @classmethod
     def _fields(cls) -> dict[str, dataclasses.Field[Any]]:
-        """The kind's own parameters, and then those that all kinds have."""
+        """Return the kind's own parameters, followed by those of all kinds."""
         common = {item.name: item for item in dataclasses.fields(Parameters)}
         own = {item.name: item for item in dataclasses.fields(cls) if item.name not in common}
         return own | common

@@ -1,7 +1,7 @@
-"""What every generator draws with: a floor plan in whole centimetres, and random draws.
+"""The tools of all generators: a floor plan in whole centimetres, and random draws.
 
-Whole numbers give the same building on every machine. A plan is solid until rooms are carved out of
-it (`Box`), each in coordinates of its own (`Frame`); then furniture is put back.
+Integers give the same building on every machine. A plan is solid at first. Rooms are carved out of
+it (`Box`), each with a frame of its own (`Frame`); then furniture is added.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ WALL = 15
 
 
 class Plan:
-    """A floor that is being drawn. Everything in it is solid until it is carved."""
+    """A floor plan under construction. Everything is solid until it is carved."""
 
     def __init__(self) -> None:
         self._floor: list[Box] = []
@@ -33,7 +33,7 @@ class Plan:
         self._numbers = {"D": 0, "M": 0}
 
     def add_room(self, name: str, box: Box) -> str:
-        """Carve a room, and give its name back."""
+        """Carve a room, and return its name."""
         self._rooms.append((name, box))
         self._floor.append(box)
         return name
@@ -43,29 +43,29 @@ class Plan:
         self._floor.append(box)
 
     def add_door(self, opening: Box, rooms: tuple[str, str], *, along_x: bool) -> None:
-        """Carve a doorway through a wall that runs along x, or else along y."""
+        """Carve a doorway through a wall that runs along x (`along_x`) or along y."""
         self._floor.append(opening)
         x, y = opening.middle
         line = Box(opening.x1, y, opening.x2, y) if along_x else Box(x, opening.y1, x, opening.y2)
         self._add_exit("D", line, rooms)
 
     def add_opening(self, line: Box, rooms: tuple[str, str]) -> None:
-        """Name the line where two carved rooms meet without a wall between."""
+        """Add an exit where two carved rooms meet without a wall between."""
         self._add_exit("M", line, rooms)
 
     def add_block(self, box: Box) -> None:
-        """Put something solid on the floor."""
+        """Add a solid rectangle to the floor."""
         self._solid.append(box)
 
     def add_outline(self, corners: list[Corner]) -> None:
-        """Put something solid of another shape on the floor, apart from all else."""
+        """Add a solid polygon to the floor; it must not touch anything else."""
         self._outlines.append(corners)
 
     def world(self, name: str, source: str, start: Corner) -> World:
-        """The world, once all is drawn; its start looks along x.
+        """Return the finished plan as a world, with `start` facing along x.
 
         Raises:
-            InputError: What was drawn is no valid world.
+            InputError: The plan is not a valid world.
         """
         return World(
             name=name,
@@ -84,7 +84,7 @@ class Plan:
         self._exits.append((f"{letter}{self._numbers[letter]}", line, rooms))
 
     def _walls(self) -> Segments:
-        """The edges of the floor, the other shapes, and the building's own outline (m)."""
+        """Return the edges of the floor, the polygons, and the building's outer walls (m)."""
         edges = _edges(
             np.array(self._floor, dtype=np.int64),
             np.array(self._solid, dtype=np.int64).reshape(-1, 4),
@@ -108,14 +108,14 @@ def _corners(box: Box) -> np.ndarray:
 
 
 def _edges(floor: Int[np.ndarray, "carved 4"], solid: Int[np.ndarray, "solid 4"]) -> np.ndarray:
-    """The lines (n, 4) between floor and solid, each as long as it can be (cm).
+    """Return the lines (n, 4) between floor and solid, each of maximal length (cm).
 
-    The plane is cut along all sides of all boxes; a cell of that grid is wholly floor or
-    wholly solid, and an edge runs wherever two neighbours differ.
+    All sides of all boxes divide the plane into a grid. Each cell is entirely floor or entirely
+    solid, and an edge runs between two neighbours that differ.
     """
     boxes = np.concatenate((floor, solid))
     xs, ys = np.unique(boxes[:, 0::2]), np.unique(boxes[:, 1::2])
-    # One more cell on every side stands for the solid all round.
+    # One extra cell on every side represents the solid around the building.
     free = np.zeros((len(xs) + 1, len(ys) + 1), dtype=bool)
     columns, rows = np.searchsorted(xs, boxes[:, 0::2]), np.searchsorted(ys, boxes[:, 1::2])
     extents = np.concatenate((columns, rows), axis=1).tolist()
@@ -131,7 +131,7 @@ def _edges(floor: Int[np.ndarray, "carved 4"], solid: Int[np.ndarray, "solid 4"]
 def _runs(
     marked: Bool[np.ndarray, "lines places"],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Line, first place and place after the last of every run of marks in a line."""
+    """Return line, first place and place after the last of every run of marks."""
     change = np.diff(np.pad(marked, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     lines, starts = np.nonzero(change == 1)
     _, ends = np.nonzero(change == -1)
@@ -143,7 +143,7 @@ Corner = tuple[int, int]
 
 
 class Box(NamedTuple):
-    """A rectangle along x and y (cm)."""
+    """An axis-parallel rectangle (cm)."""
 
     x1: int
     y1: int
@@ -162,11 +162,11 @@ class Box(NamedTuple):
 
     @property
     def middle(self) -> Corner:
-        """The middle, rounded down."""
+        """The centre, rounded down."""
         return (self.x1 + self.x2) // 2, (self.y1 + self.y2) // 2
 
     def grown(self, by: int) -> Box:
-        """The box with so much more on every side."""
+        """Return the box enlarged by `by` (cm) on every side."""
         return Box(self.x1 - by, self.y1 - by, self.x2 + by, self.y2 + by)
 
 
@@ -181,25 +181,25 @@ class Side(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """A room's own coordinates: u along its front, v away from it, from 0 at its corner."""
+    """A room's own frame: u along its front, v away from the front, origin at a front corner."""
 
     box: Box
     """The room on the plan."""
     side: Side = Side.NORTH
-    """Where the room lies as seen from its front."""
+    """On which side of its front the room lies."""
 
     @property
     def width(self) -> int:
-        """The room's front."""
+        """Length of the room's front (cm)."""
         return self.box.width if self.side in (Side.NORTH, Side.SOUTH) else self.box.depth
 
     @property
     def depth(self) -> int:
-        """How far the room reaches from its front."""
+        """Extent of the room away from its front (cm)."""
         return self.box.depth if self.side in (Side.NORTH, Side.SOUTH) else self.box.width
 
     def corner(self, u: int, v: int) -> Corner:
-        """A point of the room on the plan."""
+        """Return the point (u, v) of the room in the plan's frame."""
         match self.side:
             case Side.NORTH:
                 return self.box.x1 + u, self.box.y1 + v
@@ -211,7 +211,7 @@ class Frame:
                 return self.box.x2 - v, self.box.y1 + u
 
     def placed(self, part: Box) -> Box:
-        """A rectangle of the room on the plan."""
+        """Return a rectangle of the room in the plan's frame."""
         (xa, ya), (xb, yb) = self.corner(part.x1, part.y1), self.corner(part.x2, part.y2)
         return Box(min(xa, xb), min(ya, yb), max(xa, xb), max(ya, yb))
 
@@ -219,44 +219,44 @@ class Frame:
 Item = TypeVar("Item")
 
 STEP = 5
-"""Lengths are drawn in steps of so many centimetres."""
+"""Step of randomly drawn lengths (cm)."""
 
 
 class Sampler:
-    """Draws from a generator's uniform numbers, by arithmetic that is exact everywhere.
+    """Draw random values from uniform numbers, with arithmetic that is exact on every machine.
 
     Args:
-        rng: Where the numbers come from.
+        rng: Source of the uniform numbers.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._uniform = rng.random
 
     def whole(self, least: int, most: int) -> int:
-        """A whole number from `least` to `most`, both included."""
+        """Draw an integer from `least` to `most`, both included."""
         return least + int(self._uniform() * (most - least + 1))
 
     def length(self, least: int, most: int) -> int:
-        """A length (cm) from `least` to about `most`, in steps of 5 cm from `least`."""
+        """Draw a length (cm) from `least` to about `most`, in steps of 5 cm from `least`."""
         return least + STEP * self.whole(0, max(0, most - least) // STEP)
 
     def chance(self, probability: float) -> bool:
-        """True with a probability."""
+        """Return True with a probability."""
         return self._uniform() < probability
 
     def pick(self, items: Sequence[Item]) -> Item:
-        """One of the items."""
+        """Draw one of the items."""
         return items[self.whole(0, len(items) - 1)]
 
     def shuffled(self, items: Sequence[Item]) -> list[Item]:
-        """The items in any order."""
+        """Return the items in random order."""
         rest = list(items)
         return [rest.pop(self.whole(0, len(rest) - 1)) for _ in items]
 
     def parts(self, total: int, number: int, least: int, *, even: bool = False) -> list[int]:
-        """A length (cm) cut into so many parts of at least `least`, alike or not.
+        """Return `total` (cm) divided into `number` parts of at least `least`, equal if `even`.
 
-        What is over after cutting even parts goes to the last.
+        The last part takes what rounding leaves over.
         """
         spare = total - number * least
         weights = [1 if even else self.whole(4, 12) for _ in range(number)]

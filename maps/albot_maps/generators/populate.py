@@ -1,4 +1,4 @@
-"""What is put into a random building: starts beyond the first, doors, people and boxes."""
+"""Add further starts, doors, people and boxes to a random building."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ from albot_maps.movables import TOLERANCE, Box, Door, Movables, Point, Walker
 from albot_maps.world import ROBOT_RADIUS, Exit, World
 
 _START_SPARE = 0.05
-"""What a start keeps from walls beyond what the robot is wide (m)."""
+"""Extra distance of a start from walls beyond the robot's radius (m)."""
 _START_TRIES = 1000
-"""How often a place is sought for each start."""
+"""Number of attempts per start."""
 _HEADINGS = 24
-"""How many headings there are, the whole circle round."""
+"""Number of headings, evenly spaced over the circle."""
 
 
 def scatter_starts(world: World, parameters: Parameters, sampler: Sampler) -> World:
-    """The world with as many starts as the parameters ask for, the kind's own the first.
+    """Return the world with `parameters.starts` starts, the generator's own one first.
 
-    The others lie anywhere in a room that a robot can come to from it, each place as likely as
-    any other, and look in any direction.
+    The others are drawn uniformly from the rooms' floor that a robot reaches from the first, with
+    uniformly drawn headings.
 
     Raises:
-        InputError: There is no room for the robot anywhere else.
+        InputError: There is not enough free floor for this number.
     """
     wanted = parameters.starts
     if wanted == 1:
@@ -58,22 +58,22 @@ def scatter_starts(world: World, parameters: Parameters, sampler: Sampler) -> Wo
 Thing = TypeVar("Thing", Box, Door, Walker)
 
 _TRIES = 80
-"""How often a place is sought for each thing."""
+"""Number of attempts per door, person or box."""
 _BEFORE_EXIT = 0.5
-"""How far before and behind an exit a route bends (m)."""
+"""Distance before and behind an exit at which a route has a waypoint (m)."""
 _SPARE = 0.05
-"""What routes and boxes keep from walls beyond what they must (m)."""
+"""Extra distance of routes and boxes from walls beyond what is required (m)."""
 _AWAY = {"start": 1.3, "doorways": 0.3, "routes": 0.35, "boxes": 0.1}
-"""What boxes keep from all else (m): from starts so much that they never wall one in."""
+"""Distance of boxes from other things (m); from starts, large enough never to enclose one."""
 _LEAST_ROUTE = 2.0
-"""The shortest way from the first to another waypoint (m)."""
+"""Least distance from a route's first waypoint to its furthest (m)."""
 
 
 def populate(world: World, parameters: Parameters, sampler: Sampler) -> World:
-    """The world with as many doors, people and boxes as the parameters ask for.
+    """Return the world with the numbers of doors, people and boxes that the parameters request.
 
     Raises:
-        InputError: There is no room for so many.
+        InputError: There is not enough space for them.
     """
     asked = {name: getattr(parameters, name, 0) for name in ("doors", "people", "boxes")}
     if not any(asked.values()):
@@ -94,7 +94,7 @@ def _take(things: Iterator[Thing], number: int, world: World, name: str) -> tupl
 
 
 class _Placer:
-    """Finds places for doors, people and boxes in one building."""
+    """Places doors, people and boxes in one building."""
 
     def __init__(self, world: World, sampler: Sampler) -> None:
         self._world = world
@@ -109,7 +109,7 @@ class _Placer:
                 self._exits_of[room].append(opening)
 
     def doors(self) -> Iterator[Door]:
-        """A leaf for each doorway in which one can swing, in any order."""
+        """Yield a door for each doorway in which one can swing, in random order."""
         sweeps: list[shapely.Polygon] = []
         openings = [opening for opening in self._world.exits if _is_doorway(opening)]
         for opening in self._sampler.shuffled(openings):
@@ -126,7 +126,7 @@ class _Placer:
                     break
 
     def walkers(self) -> Iterator[Walker]:
-        """People who walk through some rooms, without end where there is room at all."""
+        """Yield people who walk through rooms; stop after `_TRIES` failed attempts in a row."""
         tries = 0
         while tries < _TRIES:
             walker = self._draw_walker()
@@ -150,7 +150,7 @@ class _Placer:
         return Walker(route=tuple(route), closed=closed)
 
     def _draw_step(self, room: str) -> tuple[str, list[Point]]:
-        """A step of a route: through an exit, or to a point of the same room."""
+        """Draw a step of a route: through an exit, or to a point in the same room."""
         exits = self._exits_of[room]
         if not exits or self._sampler.chance(0.4):
             return room, [self._draw_point(room)]
@@ -165,13 +165,13 @@ class _Placer:
         return self._sampler.length(x1, x2) / 100, self._sampler.length(y1, y2) / 100
 
     def _is_clear(self, points: Sequence[Point]) -> bool:
-        """Whether a walker of ordinary size gets along straight legs of 10 cm or more."""
+        """Return whether legs exceed 10 cm and are clear of walls for a walker of default size."""
         steps = [math.dist(first, second) for first, second in pairwise(points)]
         room = Walker.radius + _SPARE
         return min(steps) > 0.1 and shapely.LineString(points).distance(self._walls) >= room
 
     def boxes(self, doors: Sequence[Door], people: Sequence[Walker]) -> Iterator[Box]:
-        """Boxes on free floor, without end where there is room at all."""
+        """Yield boxes on free floor; stop after `_TRIES` failed attempts in a row."""
         sweeps = shapely.union_all([door.sweep for door in doors])
         legs = [shapely.linestrings(walker.legs.reshape(-1, 2, 2)) for walker in people]
         routes = shapely.union_all(np.concatenate(legs) if legs else [])
@@ -188,7 +188,7 @@ class _Placer:
             box = self._draw_box()
             tries += 1
             outline = box.outline
-            # An empty shape is at no distance (nan).
+            # The distance to an empty shape is nan.
             if any(outline.distance(other) < gap for other, gap in kept):
                 continue
             kept.append((outline, _AWAY["boxes"]))
@@ -211,7 +211,7 @@ def _is_doorway(opening: Exit) -> bool:
 
 
 def _leaves(opening: Exit) -> list[Door]:
-    """The four ways to hang a door that lies flush with a face of the wall."""
+    """Return the four doors whose shut leaf is flush with a face of the wall."""
     ends = opening.segment.reshape(2, 2)
     doors = []
     for hinge, tip in ((ends[0], ends[1]), (ends[1], ends[0])):
@@ -232,7 +232,7 @@ def _leaves(opening: Exit) -> list[Door]:
 
 
 def _sides(opening: Exit) -> list[Point]:
-    """The points before and behind the middle of an exit."""
+    """Return the points before and behind the centre of an exit."""
     first, second = opening.segment.reshape(2, 2)
     along = (second - first) / np.abs(second - first).sum()
     middle, across = (first + second) / 2, np.array([-along[1], along[0]])
@@ -241,7 +241,7 @@ def _sides(opening: Exit) -> list[Point]:
 
 
 def _bounds(boundary: np.ndarray) -> tuple[int, int, int, int]:
-    """The rectangle of a room (cm)."""
+    """Return the bounding rectangle of a room (cm)."""
     (x1, y1), (x2, y2) = boundary.min(axis=0), boundary.max(axis=0)
     x1, y1, x2, y2 = (round(100 * float(value)) for value in (x1, y1, x2, y2))
     return x1, y1, x2, y2

@@ -1,4 +1,4 @@
-"""Rings: corridors that close loops of a chosen length, side by side."""
+"""Rings: corridors that form loops of a chosen length, side by side."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from albot_maps.generators.parameters import Parameters, count, metres, number, 
 from albot_maps.generators.plan import Box, Corner, Frame, Plan, Sampler, Side
 
 _LEAST_BLOCK = 100
-"""The shortest side of what a loop runs round (cm)."""
+"""Shortest side of the block that a loop surrounds (cm)."""
 _LARGEST = 500_000
-"""The widest that all loops together may be (cm)."""
+"""Largest total width of all loops (cm)."""
 _LENGTH_PER_PIECE = 200
-"""At full clutter one piece is wanted for so much corridor (cm)."""
+"""Length of corridor per piece of furniture at full clutter (cm)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,22 +26,22 @@ class RingParameters(Parameters):
     kind: ClassVar[str] = "ring"
 
     loops: int = count(1, 1, 10)
-    """How many loops there are; neighbours share a corridor."""
+    """Number of loops; neighbouring loops share a corridor."""
     length: float = metres(40.0, 8, 1000)
-    """Once round the first loop, along the middle of its corridors (m)."""
+    """Length of the first loop along the middle of its corridors (m)."""
     growth: float = number(1.0, 1, 3)
-    """How many times as long each loop is as the one before."""
+    """Factor by which each loop is longer than the one before."""
     corridor_width: float = metres(2.0, 1, 5)
     """Width of the corridors (m)."""
     clutter: float = share(0.2)
-    """Cupboards along the walls: 0 none, 1 one for every 2 m of corridor, where they fit."""
+    """Cupboards along the walls: 0 none, 1 one per 2 m of corridor, where they fit."""
 
 
 def draw_ring(parameters: RingParameters, sampler: Sampler, source: str) -> tuple[Plan, Corner]:
-    """The loops, and a start in the first.
+    """Return the loops, and a start in the first.
 
     Raises:
-        InputError: A loop is too short for its corridors, or all are too long.
+        InputError: A loop is too short for its corridors, or all loops together are too wide.
     """
     corridor = round(100 * parameters.corridor_width)
     halves = _half_lengths(parameters)
@@ -49,7 +49,7 @@ def draw_ring(parameters: RingParameters, sampler: Sampler, source: str) -> tupl
     if halves[0] < 2 * least:
         expected = f"at least {4 * least / 100:g} with corridors of {corridor / 100:g} m"
         raise InputError(source, expected, str(parameters.length), place="length")
-    # All loops are as deep as each other; a third to a half of the first one's half.
+    # All loops have the same depth: a third to a half of half the first loop's length.
     depth = max(least, min(halves[0] * sampler.whole(33, 55) // 100, halves[0] - least))
     rungs = [0]
     for half in halves:
@@ -75,7 +75,7 @@ def draw_ring(parameters: RingParameters, sampler: Sampler, source: str) -> tupl
 
 
 def _half_lengths(parameters: RingParameters) -> list[int]:
-    """Half the way round each loop (cm)."""
+    """Return half the length of each loop (cm)."""
     half, halves = parameters.length * 50, []
     for _ in range(parameters.loops):
         halves.append(round(half))
@@ -84,7 +84,7 @@ def _half_lengths(parameters: RingParameters) -> list[int]:
 
 
 def _furnish(plan: Plan, passage: Frame, clutter: float, sampler: Sampler) -> None:
-    """Put cupboards along a stretch of corridor, none near its open ends."""
+    """Put cupboards along a stretch of corridor, but not near its open ends."""
     size = (passage.width, passage.depth)
     ends = [Box(0, 0, GAP, size[1]), Box(size[0] - GAP, 0, size[0], size[1])]
     wanted = round(clutter * size[0] / _LENGTH_PER_PIECE)

@@ -1,4 +1,4 @@
-"""Random worlds by their spec: `random:office:42?rooms=12&clutter=0.3`."""
+"""Specs of random worlds, such as `random:office:42?rooms=12&clutter=0.3`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ KINDS = ("apartment", "hall", "maze", "office", "ring", "warehouse")
 """The kinds of random worlds."""
 
 PREFIX = "random:"
-"""How the spec of a random world begins."""
+"""Prefix of the spec of a random world."""
 
 _FORM = "random:KIND:SEED?KEY=VALUE&…"
 _LARGEST_SEED = 2**64 - 1
@@ -27,17 +27,17 @@ _LARGEST_SEED = 2**64 - 1
 
 @dataclass(frozen=True, kw_only=True)
 class RandomSpec:
-    """A random world asked for."""
+    """The spec of a random world, parsed."""
 
     kind: str
     """One of `KINDS`."""
     seed: int
     """From 0 to 2⁶⁴ − 1."""
     parameters: Parameters
-    """What was asked for, and the rest by default."""
+    """The given parameters, and defaults for the others."""
 
     def __str__(self) -> str:
-        """The spec that gives this world, with what differs from the defaults."""
+        """Return the spec as text, with the parameters that differ from their defaults."""
         defaults = self.parameters.defaults()
         asked = "&".join(
             f"{name}={_text(value)}"
@@ -47,10 +47,10 @@ class RandomSpec:
         return f"{PREFIX}{self.kind}:{self.seed}{'?' if asked else ''}{asked}"
 
     def make(self) -> World:
-        """The world: the same for the same spec on every machine.
+        """Generate the world; a spec gives the same world on every machine.
 
         Raises:
-            InputError: What was asked for does not fit in.
+            InputError: What the parameters request does not fit.
         """
         draw = getattr(_module(self.kind), f"draw_{self.kind}")
         sampler = Sampler(np.random.Generator(np.random.PCG64(self.seed)))
@@ -60,11 +60,11 @@ class RandomSpec:
 
 
 def parse_spec(text: str) -> RandomSpec:
-    """What the spec of a random world asks for.
+    """Parse the spec of a random world.
 
     Raises:
-        InputError: It is not of the form, the kind or a parameter is unknown, or a value
-            is out of its range.
+        InputError: The text does not have the form of a spec, the kind or a parameter is unknown,
+            or a value is out of its range.
     """
     body, _, query = text.removeprefix(PREFIX).partition("?")
     kind, colon, seed = body.partition(":")
@@ -86,7 +86,7 @@ def parse_spec(text: str) -> RandomSpec:
 
 
 def seeded(spec: str, seed: int) -> str:
-    """The spec with a seed where it is `random:KIND` or `random:KIND?…`; any other as it is."""
+    """Return `random:KIND` or `random:KIND?…` with the seed added; any other spec unchanged."""
     body, mark, query = spec.partition("?")
     if not body.startswith(PREFIX) or ":" in body.removeprefix(PREFIX):
         return spec
@@ -94,7 +94,7 @@ def seeded(spec: str, seed: int) -> str:
 
 
 def parameters_of(kind: str) -> type[Parameters]:
-    """The dataclass of a kind's parameters.
+    """Return the dataclass of a kind's parameters.
 
     Raises:
         InputError: There is no such kind.
@@ -107,10 +107,10 @@ def parameters_of(kind: str) -> type[Parameters]:
 
 
 def read_parameters(known: type[Parameters], values: Mapping[str, str]) -> Parameters:
-    """Parameters from text.
+    """Parse the parameters of one kind from text.
 
     Raises:
-        InputError: One is unknown, or its value is not what it may be.
+        InputError: A parameter is unknown, or its value has the wrong type or range.
     """
     ranges = known.ranges()
     read: dict[str, Any] = {}

@@ -1,4 +1,4 @@
-"""Warehouses: racks in rows, and aisles between them that look alike."""
+"""Warehouses: rows of racks, and aisles between them that look alike."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from albot_maps.generators.parameters import Parameters, count, metres, share
 from albot_maps.generators.plan import Box, Corner, Frame, Plan, Sampler, Side
 
 _BAY, _POST = 270, 10
-"""Width of a rack's bay and of the posts on its two sides (cm)."""
+"""Width of a rack's bay, and of the post on each of its sides (cm)."""
 _AISLE_PER_PALLET = 300
-"""At full clutter one pallet is wanted for so much aisle (cm)."""
+"""Length of aisle per pallet at full clutter (cm)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,29 +22,29 @@ class WarehouseParameters(Parameters):
     kind: ClassVar[str] = "warehouse"
 
     aisles: int = count(5, 1, 40)
-    """How many aisles lie side by side."""
+    """Number of aisles, side by side."""
     bays: int = count(4, 1, 40)
-    """How many bays of 2.7 m a rack has from one cross aisle to the next."""
+    """Number of bays of 2.7 m per rack, between two cross aisles."""
     cross_aisles: int = count(1, 0, 10)
-    """How many cross aisles there are between the front and the back."""
+    """Number of cross aisles between the front and the back."""
     aisle_width: float = metres(2.4, 1.2, 6)
     """Width of the aisles (m)."""
     cross_width: float = metres(3.0, 1.2, 10)
-    """Width of the cross aisles, the front and the back (m)."""
+    """Width of the cross aisles, of the front and of the back (m)."""
     rack_depth: float = metres(1.1, 0.5, 2)
     """Depth of the racks (m), which stand back to back between two aisles."""
     empty: float = share(0.1)
-    """Share of the bays that are empty; without them and pallets all aisles are alike."""
+    """Share of empty bays; without empty bays and pallets all aisles are alike."""
     clutter: float = share(0.1)
-    """Pallets left in the aisles: 0 none, 1 one for every 3 m of aisle, where they fit."""
+    """Pallets in the aisles: 0 none, 1 one per 3 m of aisle, where they fit."""
 
 
 def draw_warehouse(
     parameters: WarehouseParameters, sampler: Sampler, source: str
 ) -> tuple[Plan, Corner]:
-    """A warehouse and its start, at the front.
+    """Return a warehouse and its start, at the front.
 
-    Whatever its parameters are, it fits; `source` is not needed.
+    All parameters fit, so `source`, which names the world in errors, is not used.
     """
     del source
     rack, aisle = round(100 * parameters.rack_depth), round(100 * parameters.aisle_width)
@@ -86,7 +86,7 @@ def _carve_empty(
 
 
 def _leave_pallets(plan: Plan, aisle: Frame, clutter: float, sampler: Sampler) -> None:
-    """Put pallets along the racks, none near the ends of the aisle."""
+    """Put pallets along the racks, but not near the ends of the aisle."""
     size = (aisle.width, aisle.depth)
     ends = [Box(0, 0, GAP, size[1]), Box(size[0] - GAP, 0, size[0], size[1])]
     wanted = round(clutter * size[0] / _AISLE_PER_PALLET)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import subprocess
@@ -13,7 +14,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numba.core.errors import TypingError
+from numba import float64
+from numba.core.errors import TypingError, UnsupportedError
 
 from albot_core.kernels import notice
 from albot_core.kernels.compiled import kernel
@@ -50,7 +52,7 @@ def _is_odd(n: int) -> bool:
 
 
 @kernel()
-def _power(x: float, n: int = 2) -> float:
+def _power(x: float, n: int) -> float:
     return x * _power(x, n - 1) if n > 0 else 1.0
 
 
@@ -99,11 +101,16 @@ def test_what_is_only_called_by_kernels_has_no_machine_code() -> None:
         assert "cpython" not in compiled.library.get_llvm_str()
 
 
-def test_kernels_may_call_themselves_and_each_other_in_turns() -> None:
+def test_a_kernel_may_call_itself() -> None:
     assert _power(2.0, 10) == 1024.0
-    assert _power(3.0) == 9.0
-    assert [_is_even(n) for n in range(4)] == [True, False, True, False]
-    assert [_is_odd(n) for n in range(4)] == [False, True, False, True]
+    assert _power(3.0, 2) == 9.0
+
+
+def test_kernels_that_call_each_other_in_turns_are_refused() -> None:
+    with pytest.raises(UnsupportedError, match=r"_is_odd.*by way of another"):
+        _is_odd(2)
+    with pytest.raises(UnsupportedError, match=r"_is_even.*by way of another"):
+        _is_even(2)
 
 
 def test_a_kernel_may_be_given_to_a_kernel() -> None:
@@ -140,6 +147,46 @@ def test_threads_may_compile_the_same_at_once() -> None:
     for thread in threads:
         thread.join()
     assert sorted(found) == [4.0] * 3 + [5.0] * 3
+
+
+def test_a_kernel_is_compiled_until_any_kernel_changes(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    @kernel()
+    def fresh(x: float) -> float:
+        return x
+
+    compiled: Any = fresh
+    kept = compiled._cache._cache_file
+    monkeypatch.setattr(kept, "_cache_path", str(tmp_path))
+    monkeypatch.setattr(kept, "_index_path", str(tmp_path / "index"))
+    assert not compiled.is_compiled
+    compiled(1.0)
+    assert compiled.is_compiled
+    compiled.overloads.clear()  # As in another process.
+    assert compiled.is_compiled
+    monkeypatch.setattr(kept, "_version", "of other kernels")
+    assert not compiled.is_compiled
+
+
+@pytest.mark.parametrize("enabled", [True, False])
+def test_the_garbage_collector_waits_while_a_kernel_is_compiled(enabled: bool) -> None:
+    was_enabled, within = gc.isenabled(), []
+
+    @kernel()
+    def fresh(x: float) -> float:
+        return x
+
+    compiler: Any = fresh
+    compiler.linked.compile = lambda _: within.append(gc.isenabled()) or 1 / 0
+    try:
+        (gc.enable if enabled else gc.disable)()
+        with pytest.raises(ZeroDivisionError):
+            compiler._compiler._compile_core((float64,), None)
+        assert gc.isenabled() is enabled
+    finally:
+        (gc.enable if was_enabled else gc.disable)()
+    assert within == [False]
 
 
 def test_without_compiling_kernels_are_functions() -> None:

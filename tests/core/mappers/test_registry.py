@@ -27,6 +27,7 @@ OURS = (
     "albot0",
     "albot1",
     "albot1-thesis",
+    "albot1-tracked",
     "association",
     "dp-slam",
     "gmapping",
@@ -58,7 +59,7 @@ def test_a_mistyped_name_is_guessed(typed, meant):
 def test_a_name_like_none():
     with pytest.raises(
         InputError,
-        match=r"one of albot0, albot1, albot1-thesis, association, dp-slam.*, found 'xyz'$",
+        match=r"one of albot0, albot1, albot1-thesis, albot1-tracked, assoc.*, found 'xyz'$",
     ):
         make_mapper("xyz")
 

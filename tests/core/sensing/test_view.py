@@ -48,6 +48,17 @@ def test_the_nearer_of_two_ends_occludes() -> None:
     assert not view.edges[far].any()
 
 
+@pytest.mark.parametrize("fit", [False, True])
+def test_an_end_obstructs_unless_its_wall_goes_on(fit: bool) -> None:
+    # A wall a metre to the left: from six metres on its points are farther apart than a robot.
+    aslant = [[1.0, 1.0, 14.0, 1.0], [14.0, -3.0, 14.0, 1.0]]
+    for grazing, edge in ((True, OCCLUDING), (False, NO_EDGE)):
+        assert view_of(aslant, fit_lines=fit, grazing_ends=grazing).edges[-1, 0] == edge
+    # It ends there, and something stands beyond: what is seen past it lies off its line.
+    before_another = [[1.0, 1.0, 4.0, 1.0], [9.0, -4.0, 9.0, 4.0]]
+    assert view_of(before_another, fit_lines=fit).edges[-1, 0] == OCCLUDING
+
+
 def test_gaps_wider_than_the_robot_split_and_narrower_do_not() -> None:
     for gap, surfaces in ((0.8, 2), (0.4, 1)):
         walls = [[2.0, -1.5, 2.0, -gap / 2], [2.0, gap / 2, 2.0, 1.5]]

@@ -35,6 +35,7 @@ from albot_env.rendering.canvas import (
     paint_array,
 )
 from albot_env.rendering.frame import Frame
+from albot_env.rendering.layers import layer_shapes
 from albot_env.rendering.picture import save_picture
 from albot_env.rendering.scene import Scene, lay_out, scale_bar
 from albot_env.rendering.terminal import BrailleCanvas, TerminalView, draw_text
@@ -157,6 +158,17 @@ def test_places_that_share_an_exit_lie_on_its_two_sides(mapped: Frame) -> None:
     # The source is to the left of who goes along the line: north here, so in the west.
     assert shapes["place"].data == pytest.approx(np.array(((4.2, 5.0), (5.8, 5.0))))
     assert shapes["link"].data[0] == pytest.approx((4.2, 5.0, 5.8, 5.0))
+
+
+@pytest.mark.parametrize(("spacing", "kind"), [(0.5, "dots"), (1.5, "marks")])
+def test_many_places_close_together_have_no_labels(spacing: float, kind: str) -> None:
+    nodes = tuple(
+        PlaceNode(id=k, label=f"P{k}", pose=np.zeros(3), middle=np.array((spacing * k, 0.0)))
+        for k in range(11)
+    )
+    (places,) = layer_shapes(PlaceGraph(nodes=nodes), np.zeros(3))
+    assert (places.kind, len(places.data)) == (kind, 11)
+    assert bool(places.names) == (kind == "marks")
 
 
 def test_places_exits_and_links_are_seen_where_they_are(mapped: Frame) -> None:

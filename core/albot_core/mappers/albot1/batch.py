@@ -349,4 +349,5 @@ class Albot1Batch:
             max_range=float(min(laser.max_range, view.max_range)),
             thresholds=view.thresholds,
             fit_lines=view.fit_lines,
+            grazing_ends=view.grazing_ends,
         )

@@ -32,7 +32,12 @@ class Albot1Limits(NamedTuple):
     min_landmarks: int
     margin: float
     robot_in_boundary: bool
+    keeps_outer_end: bool
     submap_matching: bool
+    joint_landmarks: bool
+    longest_landmark: bool
+    covered_is_reobserved: bool
+    remembers_places: bool
     match_range: float
     motion_error: float
     turn_error: float
@@ -113,16 +118,20 @@ class PlacesConfig:
 class Albot1Config:
     """Thresholds of Albot1. `Albot1Config.thesis()` are the thesis's, to the letter.
 
-    The defaults depart from it in five ways. Surfaces lie on the line of all their points. The
+    The defaults depart from it in these ways. Surfaces lie on the line of all their points. The
     robot's own place belongs to the boundary of its view. The odometer's turn is searched
     anew, because in real logs it is often off by more than the 5° that recognition allows. All
-    recognised surfaces together localise the robot. Places are compared more strictly.
+    that is remembered nearby localises the robot. Places are compared more strictly.
     """
 
-    view: ViewConfig = field(default_factory=lambda: ViewConfig(fit_lines=True))
-    """Thresholds of view construction (section 3.1.3)."""
+    view: ViewConfig = field(default_factory=lambda: ViewConfig(fit_lines=True, grazing_ends=True))
+    """Thresholds of view construction (section 3.1.3). `grazing_ends` is on in `albot1`: they are
+    no better without on any log (`albot1-readings`), where whole walls are matched anyway."""
     places: PlacesConfig = field(default_factory=PlacesConfig)
     """Thresholds of the network of places (chapter 4)."""
+    remembers_places: bool = True
+    """Whether exits are found and places remembered (chapter 4). Without, chapter 3 stands alone:
+    no exit is crossed, and none forces an update of the map (algorithm 5, line 16)."""
     view_spacing: float = 0.0
     """A reading is a view only from this far from the last view's place on (m)…"""
     view_turn: float = 0.0
@@ -146,18 +155,35 @@ class Albot1Config:
     """The robot's own place is a corner of the view's boundary. Off in the thesis: there the
     boundary joins the surfaces' ends alone (algorithm 3, line 7), so that where nothing stands at
     ±90° the ground between the robot and its first and last surface counts as outside."""
+    keeps_outer_end: bool = False
+    """A remembered surface that a view extends keeps its end outside the view (algorithm 3,
+    line 12). Off, the view's surface is drawn out, in its own direction, as far as that end. Off
+    in `albot1`: on, Intel's error grows by a third, those of Freiburg and Wean Hall fall by a
+    quarter (`albot experiment run albot1-readings`)."""
+    covered_is_reobserved: bool = False
+    """Every surface that a view covers, at one end or both, counts as met again (section 4.1.2):
+    those about to be deleted or extended. Off, only one that the view holds too, within
+    `landmark_gap` and `landmark_angle`. Off in `albot1`, where it changes no network of places
+    (`albot1-readings`): what is met again is counted as it is matched."""
     submap_matching: bool = True
     """Localise by the local submap: all that is remembered nearby, under the likeliest turn.
 
-    Off in the thesis: there landmarks are followed from view to view under the odometer's turn,
-    and one of them localises the robot. The fields below matter only where this is on.
+    Off in the thesis and in `albot1-tracked`: there landmarks are followed from view to view.
     """
+    joint_landmarks: bool = True
+    """All landmarks followed localise the robot together, under the likeliest turn (`tracking`).
+    Off in the thesis: there the odometer's turn is believed, and one landmark localises the robot.
+    Of no account where `submap_matching` is on."""
+    longest_landmark: bool = False
+    """The one landmark is the longest, as the text at figure 3.11 says; otherwise that of the
+    highest goodness, eq. (3.5). Matters only where one landmark localises the robot."""
     turn_search: float = np.radians(50.0)
-    """How wrong the odometer's turn may be (rad)."""
-    turn_cost: float = np.radians(20.0)
-    """The scale of the turn's error (rad): a turn this far from the odometer's must be worth 0.7
-    landmarks more, one twice as far 1.6. So goes minus the logarithm of Cauchy's density: of
-    odometers that slip, some turns are far off, which a normal density would not allow."""
+    """Largest error of the odometer's turn that is searched (rad)."""
+    turn_cost: float = np.radians(12.0)
+    """Scale of the odometer's errors of turn (rad). A turn that differs from the odometer's is
+    charged the square of the difference by this scale, in landmarks, but one landmark at most: an
+    odometer that slips may be off by any turn. This is minus the logarithm of a normal density
+    with a uniform one added."""
     match_range: float = 16.0
     """Only surfaces nearer than this are recognised and localise the robot (m)."""
     motion_error: float = 0.05
@@ -183,8 +209,16 @@ class Albot1Config:
             view=ViewConfig(),
             places=PlacesConfig.thesis(),
             robot_in_boundary=False,
+            keeps_outer_end=True,
+            covered_is_reobserved=True,
             submap_matching=False,
+            joint_landmarks=False,
         )
+
+    @classmethod
+    def tracked(cls) -> Albot1Config:
+        """Those of `albot1-tracked`: landmarks followed from view to view localise it jointly."""
+        return cls(submap_matching=False, covered_is_reobserved=True)
 
     @property
     def limits(self) -> Albot1Limits:
@@ -216,6 +250,11 @@ class Albot1Config:
     def turns(self) -> Float64[np.ndarray, "turns 3"]:
         """The turns tried, as `Albot1Limits` holds them."""
         steps = int(self.turn_search / TURN_STEP + 0.5)
-        turns = TURN_STEP * np.arange(-steps, steps + 1)
-        costs = np.log1p((turns / self.turn_cost) ** 2)
-        return np.stack((np.cos(turns), np.sin(turns), costs), axis=-1)
+        turns = [TURN_STEP * step for step in range(-steps, steps + 1)]
+        costs = [min((turn / self.turn_cost) ** 2, 1.0) for turn in turns]
+        return np.array(
+            [
+                (math.cos(turn), math.sin(turn), cost)
+                for turn, cost in zip(turns, costs, strict=True)
+            ]
+        )

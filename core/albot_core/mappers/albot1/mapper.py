@@ -44,6 +44,11 @@ class Albot1:
         """`albot1-thesis`: the thesis to the letter."""
         return cls(Albot1Config.thesis(), "albot1-thesis")
 
+    @classmethod
+    def tracked(cls) -> Albot1:
+        """`albot1-tracked`: landmarks tracked from view to view localise it together."""
+        return cls(Albot1Config.tracked(), "albot1-tracked")
+
     @property
     def config(self) -> Albot1Config:
         """All thresholds."""

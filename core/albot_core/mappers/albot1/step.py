@@ -217,7 +217,8 @@ def _step_view(
     map_step(pm, previous, current, since, limits, progress, buffers)
     copy_view(current, previous)
     exits, pose = exits_at(robots.table[row]), current.pose
-    remember_exits(exits, current, limits)
+    if limits.remembers_places:
+        remember_exits(exits, current, limits)
     compared_from, is_lost = robots.compared_from[row], robots.is_lost[row]
     if progress[INCONSISTENT] > 1:
         robots.events[row] += KIDNAPPED

@@ -1,1 +1,1 @@
-"""The map by odometry alone: every view laid down where the odometer says."""
+"""The map by odometry alone: every view is placed at the odometer's pose."""

@@ -1,9 +1,8 @@
-"""The map by odometry alone, against which the other mappers are held.
+"""The map by odometry alone: the baseline of the other mappers.
 
-Each view is laid over the map by the plain transformation from the robot's frame to the
-frame where it set out, with the pose that the odometer's steps add up to (Hossain, *How
-Albot1 computes its perceptual map*, 2014, chapter 3). So the map shows what the odometer's
-error does: a place seen twice is drawn twice.
+Each view is transformed from the robot's frame to the frame of its start, by the sum of the
+odometer's motions (Hossain, *How Albot1 computes its perceptual map*, 2014, chapter 3). So the map
+shows the effect of the odometer's error: a place seen twice is drawn twice.
 """
 
 from __future__ import annotations
@@ -26,16 +25,16 @@ from albot_core.sensing.view import ViewConfig, construct_view
 
 @dataclass(frozen=True, kw_only=True)
 class OdometryConfig:
-    """How the odometry mapper keeps its map small."""
+    """When the odometry mapper adds views, and how many surfaces it keeps."""
 
     view: ViewConfig = field(default_factory=ViewConfig)
     """How surfaces are found in a scan."""
     step: float = 0.20
-    """A view is laid down once the robot has gone this far since the last (m)…"""
+    """Distance from the last added view at which a new one is added (m)."""
     turn: float = np.deg2rad(20.0)
-    """…or has turned this far (rad)."""
+    """Turn since the last added view at which a new one is added (rad)."""
     capacity: int = 50_000
-    """Surfaces remembered; the oldest are forgotten first."""
+    """Largest number of surfaces in the map; the oldest are dropped first."""
 
     def __post_init__(self) -> None:
         for name, unit in (("step", "m"), ("turn", "rad")):
@@ -56,11 +55,11 @@ _SHAPES: dict[str, Shape] = {
 
 
 class OdometryMapper:
-    """Path integration, with the views laid down where it leads.
+    """Path integration; views are added to the map at the integrated pose.
 
     Args:
-        config: How the map is kept small.
-        name: The name under which the mapper is known.
+        config: When views are added, and how many surfaces are kept.
+        name: The name under which the mapper is registered.
     """
 
     def __init__(self, config: OdometryConfig | None = None, name: str = "odometry") -> None:
@@ -70,12 +69,12 @@ class OdometryMapper:
 
     @property
     def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
+        """The mapper's spec, found by its name."""
         return mapper_spec(self._name)
 
     @property
     def estimate(self) -> Estimate:
-        """Where the odometer says that the robot is; home is where the odometer began."""
+        """The robot's pose by odometry; home is where the odometer began."""
         return Estimate(
             pose=self._pose.copy(),
             home=np.zeros(3),
@@ -84,7 +83,7 @@ class OdometryMapper:
         )
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything; the next reading is the first. It draws no random number."""
+        """Forget everything; the next reading is the first. Draws no random number."""
         self._pose = np.zeros(3)
         self._laid_at = np.zeros(3)
         self._updates = 0
@@ -92,7 +91,7 @@ class OdometryMapper:
         self._end = 0
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading; true where its view was laid down.
+        """Process a reading; return whether its view was added to the map.
 
         Raises:
             InputError: The reading lacks a laser scan.
@@ -109,14 +108,14 @@ class OdometryMapper:
         return True
 
     def snapshot(self) -> MapSnapshot:
-        """The surfaces remembered, oldest first."""
-        # What was laid down is never written over, so no copy is made.
+        """Return the remembered surfaces, oldest first."""
+        # Stored surfaces are never overwritten, so no copy is made.
         kept = self._store[max(self._end - self.config.capacity, 0) : self._end]
         kept.flags.writeable = False
         return MapSnapshot(layers=(SegmentsLayer(segments=kept),))
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
+        """Return everything the mapper remembers, as arrays by name."""
         return {
             "pose": self._pose.copy(),
             "laid_at": self._laid_at.copy(),
@@ -125,10 +124,10 @@ class OdometryMapper:
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`.
+        """Restore the mapper that returned `state`.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a state of this mapper.
         """
         check_shapes(state, _SHAPES)
         check_finite(state, "pose", "laid_at", "surfaces")
@@ -142,14 +141,15 @@ class OdometryMapper:
         self._end = len(self._store)
 
     def _has_moved_on(self) -> bool:
-        """Whether the robot has gone or turned far enough to look again."""
+        """Return whether the robot has moved or turned far enough for a new view."""
         x, y, heading = relative(self._laid_at, self._pose)
         return bool(np.hypot(x, y) >= self.config.step or abs(heading) >= self.config.turn)
 
     def _remember(self, surfaces: Segments) -> None:
-        """Append surfaces; where there is no room, move what is kept to a larger store.
+        """Append surfaces; if there is no room, move the kept ones to a larger store.
 
-        The store holds twice what is kept, so that each surface is moved once on average.
+        The new store has twice the room that is needed, so that on average each surface is moved
+        once.
         """
         if self._end + len(surfaces) > len(self._store):
             kept = self.snapshot().segments

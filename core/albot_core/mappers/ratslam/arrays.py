@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 _FIRST = 64
-"""Rows that there is room for at first."""
+"""Initial capacity (rows)."""
 
 
 class Table:
     """Columns of equal length, each an array whose first axis is the row.
 
     Args:
-        columns: Of each column the dtype and the shape of a row.
+        columns: Dtype and shape of a row, of each column.
     """
 
     def __init__(self, **columns: tuple[Any, tuple[int, ...]]) -> None:
@@ -23,22 +23,22 @@ class Table:
         self.clear()
 
     def clear(self) -> None:
-        """Forget all rows."""
+        """Remove all rows."""
         self.count = 0
         self._arrays = {
             name: np.zeros((_FIRST, *shape), kind) for name, (kind, shape) in self._columns.items()
         }
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """A column with its spare rows: what compiled code reads and writes."""
+        """Return a column with its spare rows, for compiled code to read and write."""
         return self._arrays[name]
 
     def rows(self, name: str) -> np.ndarray:
-        """A column's rows, a view."""
+        """Return a column's rows (a view)."""
         return self._arrays[name][: self.count]
 
     def append(self, **values: Any) -> int:
-        """Add a row; returns its number."""
+        """Append a row; return its number."""
         self.reserve(1)
         for name, value in values.items():
             self._arrays[name][self.count] = value
@@ -46,7 +46,7 @@ class Table:
         return self.count - 1
 
     def reserve(self, more: int) -> None:
-        """Make room for so many rows more."""
+        """Make room for `more` rows."""
         needed = self.count + more
         for name, array in self._arrays.items():
             if needed > len(array):
@@ -55,11 +55,11 @@ class Table:
                 self._arrays[name] = larger
 
     def state(self, prefix: str) -> dict[str, np.ndarray]:
-        """All rows, as arrays by name (copies)."""
+        """Return all rows, as arrays by name (copies)."""
         return {f"{prefix}.{name}": self.rows(name).copy() for name in self._columns}
 
     def restore(self, prefix: str, state: Mapping[str, np.ndarray]) -> None:
-        """Take the rows that `state` gave."""
+        """Restore the rows that `state` returned."""
         self.clear()
         count = len(state[f"{prefix}.{next(iter(self._columns))}"])
         self.reserve(count)

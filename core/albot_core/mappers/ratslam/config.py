@@ -1,4 +1,4 @@
-"""Every threshold of RatSLAM. The paper gives few: each field says whose its value is."""
+"""Parameters of RatSLAM. The paper gives few values; each field says whose its value is."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _ANGLE = Range("an angle within (0, pi]", 0.0, math.pi, beyond=True)
 
 
 DIRECTIONS = 180
-"""Directions of a panorama."""
+"""Number of directions of a panorama."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,25 +28,25 @@ class PoseCellConfig:
     """The competitive attractor network of pose cells (sections 3.2 and 3.3)."""
 
     columns: int = 128
-    """Cells along x', which wraps round. The paper gives no size: ours."""
+    """Number of cells along x', which wraps round. Our value; the paper gives no size."""
     rows: int = 128
-    """Cells along y', which wraps round: ours."""
+    """Number of cells along y', which wraps round. Our value."""
     headings: int = 36
-    """Cells along θ': 10° each, as in the paper."""
+    """Number of cells along θ'; each spans 10°, as in the paper."""
     cell: float = 0.25
     """Side of a cell (m), as in the paper."""
     excitation: float = 1.2
-    """Standard deviation of a cell's excitation of its neighbours (cells): ours."""
+    """Standard deviation of a cell's excitation of its neighbours (cells). Our value."""
     inhibition: float = 2.0
-    """Standard deviation of its local inhibition (cells): ours."""
+    """Standard deviation of a cell's local inhibition (cells). Our value."""
     global_inhibition: float = 2e-4
-    """What every cell loses in each iteration, as a share of all activity: ours. The larger it is,
-    the sooner the largest packet wins."""
+    """Activity that every cell loses in each iteration, as a share of all activity. The larger it
+    is, the sooner the largest packet wins. Our value."""
     step: float = 0.1
-    """The network takes part once the robot has moved so far (m)…: ours, so that it does the
-    same at any rate of readings."""
+    """Distance since the last iteration that starts the next one (m), so that the rate of readings
+    does not matter. Our value."""
     turn: float = math.radians(10.0)
-    """…or turned so far (rad): ours."""
+    """Turn since the last iteration that starts the next one (rad). Our value."""
 
     def __post_init__(self) -> None:
         check_fields(self, _SIDE, "columns", "rows", "headings")
@@ -58,30 +58,30 @@ class PoseCellConfig:
 
     @property
     def cell_turn(self) -> float:
-        """The angle of a cell (rad)."""
+        """Angle that a cell spans (rad)."""
         return 2 * math.pi / self.headings
 
 
 @dataclass(frozen=True, kw_only=True)
 class LocalViewConfig:
-    """Scenes, and the links of views to the pose cells (section 3.4). All values are ours."""
+    """Scenes, and the links from views to pose cells (section 3.4). All values are ours."""
 
     confirmations: int = 2
-    """A scene is believed when so many readings in a row show it…"""
+    """Number of readings in a row that must show a scene before it is believed."""
     forget: int = 30
-    """…and until it has not been shown for so many."""
+    """Number of readings in a row without the believed scene after which it is forgotten."""
     injection: float = 0.04
-    """Activity that a fresh view injects in each iteration, as a share of all activity…"""
+    """Activity that a fresh view injects in each iteration, as a share of all activity."""
     fatigue: float = 0.9
-    """…of which so much is left in the next iteration, …"""
+    """Share of a view's freshness that is left after an iteration in which it is seen."""
     recovery: float = 0.05
-    """…and which recovers by so much in each iteration in which the view is not seen."""
+    """Freshness that a view regains in each iteration in which it is not seen."""
     learning_rate: float = 1.0
-    """Strength of a new link, as a share of view times pose cell activity."""
+    """λ: strength of a new link, as a factor of view activity times pose cell activity."""
     learning_delay: float = 5.0
-    """A link is learned once the robot has gone so far without being re-localised (m)."""
+    """Distance that the robot must drive without a re-localisation before a link is learned (m)."""
     linked_share: float = 0.5
-    """Pose cells are linked that have this share of the most active one's activity."""
+    """Pose cells with at least this share of the highest activity are linked to a view."""
 
     def __post_init__(self) -> None:
         check_fields(self, _FROM_ONE, "confirmations", "forget")
@@ -96,42 +96,44 @@ class PanoramaConfig:
     """Panoramas, the local views of a laser. All values are ours."""
 
     reach: float = 8.0
-    """Ranges count as no longer than this (m)."""
+    """Largest range (m); longer ranges are cut to it."""
     trail: float = 5.0
-    """Scans are gathered of the last part of the way (m)…"""
+    """Length of the path whose scans make up a panorama (m)."""
     between: float = 0.3
-    """…about so far apart (m)…"""
+    """Approximate distance between the scans of a panorama (m)."""
     scans: int = 30
-    """…and no more than so many."""
+    """Largest number of scans in a panorama."""
     bins: int = 36
-    """Sectors of the profiles that are compared over all turns."""
+    """Number of sectors of the profiles, which are compared at all rotations."""
     overlap: float = 0.4
-    """Profiles are compared where both know at least this share of the circle."""
+    """Smallest share of the circle that both profiles must know to be compared."""
     candidates: int = 8
-    """The views whose profiles differ least are aligned, so many at most…"""
+    """Largest number of views that are aligned: those whose profiles differ least."""
     factor: float = 1.6
-    """…and only those that differ up to so many times as much as the best."""
+    """Largest profile difference of a view that is aligned, as a multiple of the smallest one."""
     least: float = 0.4
-    """A view is seen where the match score is at least this…"""
+    """Smallest match score at which a view counts as seen."""
     near: float = 1.6
-    """…and the robot is so near to the origin of its frame (m)."""
+    """Largest distance from the origin of a view's frame at which the view counts as seen (m)."""
     sure: float = 0.6
-    """A view tells where the robot is in it, in place of the odometer, from this score on…"""
+    """Smallest match score at which alignment with a view replaces the odometer's pose in it."""
     slip: float = 0.1
-    """…if that is no farther than this (rad, and twice as many m) from where the odometer says…"""
+    """Largest difference from the odometer at which an alignment is accepted (rad; twice as many
+    m). `slip_share` of the motion is added."""
     slip_share: float = 0.25
-    """…plus this share of the motion since the last scan."""
+    """Share of the motion since the last scan that is added to `slip`."""
     elsewhere: float = 0.02
-    """How likely the robot is where no view was learned, beside a match of 1 where it is expected:
-    the larger, the longer views that match poorly, or far from there, take to re-localise it."""
+    """Weight of the case that the robot is where no view was learned; a perfect match at the
+    expected pose has weight 1. The larger it is, the longer it takes until views that match poorly,
+    or lie far from the expected pose, re-localise the robot."""
     spread: float = 0.5
-    """Standard deviation (m) of where the robot is believed to be, without any way…"""
+    """Standard deviation of the believed position in a view that was just seen (m)."""
     drift: float = 0.05
-    """…and what the way since a view was last seen adds to it, as a share."""
+    """Growth of `spread` with the distance driven since the view was last seen (m/m)."""
     turn_spread: float = 0.15
-    """The same of the robot's heading (rad)…"""
+    """Standard deviation of the believed heading in a view that was just seen (rad)."""
     turn_drift: float = 0.01
-    """…and what the way adds (rad/m)."""
+    """Growth of `turn_spread` with the distance driven since the view was last seen (rad/m)."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "reach", "trail", "near", "elsewhere", "spread", "turn_spread")
@@ -148,29 +150,31 @@ class PanoramaConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class ExperienceConfig:
-    """The zones of influence of experiences (section 4.1). The paper gives no sizes: ours."""
+    """The zones of influence of experiences (section 4.1). The paper gives no values: ours."""
 
     radius: float = 1.0
     """r_a: radius of the zone in the plane of the pose cells (m)."""
     turn: float = math.radians(45.0)
     """θ_a: half the zone's width in θ' (rad)."""
     either_zone: bool = False
-    """Whether being in the zone in (x', y') or in that in θ' is enough, as eq. (9) has it to the
-    letter. Then a view that is shared or false is at once an experience far away."""
+    """Whether one zone, in (x', y') or in θ', is enough for an experience to be active, as eq. (9)
+    literally says. If so, a scene that two places share, or a false scene, at once activates an
+    experience far away."""
     apart: float = 3.0
-    """An experience is recognised when the robot went so far since it was last there (m)."""
+    """An experience is recognised if the robot has driven this far since it was last there (m)."""
     confirmations: int = 2
-    """A re-localisation is believed once so many known experiences were entered after it without
-    another one. Until then transitions to known experiences wait; those of a false one are never
-    learned. 0: all are believed at once."""
+    """Number of known experiences that must be entered after a re-localisation, without another
+    one, before it is believed. Until then, transitions to known experiences wait; those of a false
+    re-localisation are never learned. 0: every re-localisation is believed at once."""
     smoothing: float = 0.3
-    """A scene tells to 1 m and 45° only where the robot is in an experience. So much of the
-    difference from where the odometer says that it is in the map is believed, at least: all as it
-    is re-localised, then half, a third… 1 believes the pose cells alone."""
+    """Smallest weight of the pose cells against map and odometer, when they give the robot's pose
+    in a known experience that it enters. A scene gives that pose only to 1 m and 45°. The weight is
+    1 at a re-localisation, then 1/2, 1/3 and so on. 1: only the pose cells are believed."""
     spacing: float = 0.6
-    """A robot with a laser makes no new experience so near to the last (m) while it sees that…"""
+    """Smallest distance from the last experience at which a robot with a laser makes a new one
+    while it still sees the last (m)."""
     certain: float = 0.5
-    """…which it does, as it does any other, where the match score is at least this."""
+    """Smallest match score at which a robot with a laser sees an experience."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "radius")
@@ -186,13 +190,13 @@ class CorrectionConfig:
 
     form: Literal["link_by_link", "all_at_once"] = "link_by_link"
     """`link_by_link`: each link moves its two experiences, equally and oppositely, before the next
-    is looked at; stable for every rate below 1. `all_at_once`: eq. (12) to (14) of all
-    experiences from the same poses, as the paper writes them, which diverges where the rate is
-    not below 2 / the greatest eigenvalue of the graph's Laplacian: at junctions."""
+    link is processed; stable for every rate below 1. `all_at_once`: eq. (12) to (14) as the paper
+    writes them, for all experiences from the same poses. This diverges unless the rate is below 2 /
+    the largest eigenvalue of the graph's Laplacian, so it fails at junctions."""
     rate: float = 0.5
     """α for positions and headings, as in the paper (table 1)."""
     passes: int = 2
-    """How often all links are looked at in each iteration; 0 corrects nothing: ours."""
+    """Number of passes over all links in each iteration; 0 corrects nothing. Our value."""
 
     def __post_init__(self) -> None:
         check_fields(self, _RATE, "rate")
@@ -204,7 +208,7 @@ class CorrectionConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class RatSlamConfig:
-    """Thresholds of RatSLAM. `RatSlamConfig.scenes()` sees with a camera, by default a laser."""
+    """Parameters of RatSLAM: by default with a laser, by `RatSlamConfig.scenes()` with a camera."""
 
     sees: Literal["laser", "scenes"] = "laser"
     """Where views come from: panoramas of laser scans, or numbers of visual scenes."""
@@ -213,17 +217,17 @@ class RatSlamConfig:
     )
     """The network of pose cells."""
     views: LocalViewConfig = field(default_factory=lambda: LocalViewConfig(injection=0.2))
-    """Scenes, and the links of views."""
+    """Scenes, and the links from views to pose cells."""
     panoramas: PanoramaConfig = field(default_factory=PanoramaConfig)
     """The views of a laser."""
     experiences: ExperienceConfig = field(
         default_factory=lambda: ExperienceConfig(radius=1.5, confirmations=0)
     )
-    """When an experience is active."""
+    """When an experience is active, made or recognised."""
     correction: CorrectionConfig = field(default_factory=lambda: CorrectionConfig(passes=10))
     """How the map is corrected."""
     ahead: float = 2.0
-    """How far ahead the point lies that is shown on the way home (m): ours."""
+    """Distance along the way home of the point that is shown ahead (m). Our value."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "ahead")
@@ -232,10 +236,10 @@ class RatSlamConfig:
 
     @classmethod
     def scenes(cls) -> RatSlamConfig:
-        """The default values for a camera, whose scenes are looked at more often.
+        """Return the default parameters for a camera, with more frequent iterations.
 
-        A scene is in sight for a metre, and links lead to where it came into sight. So it injects
-        most at once: later it would pull the packet back.
+        A scene stays in sight for a metre, and its links lead to where it came into sight. So it
+        injects most at once; later it would pull the packet back.
         """
         return cls(
             sees="scenes",

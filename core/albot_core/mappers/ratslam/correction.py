@@ -1,10 +1,10 @@
-"""Map correction: experiences move until what the odometer measured between them fits.
+"""Map correction: experiences move until they fit what the odometer measured between them.
 
 Equations (12) to (14), section 4.3. Headings and the turns of links are unwrapped, so that the
-correction never settles in another winding than that of the links.
+correction keeps the winding of the links.
 
-The experience numbered 0 stays where it is: the map's frame is the robot's at its first reading.
-The paper anchors none, and its maps float and turn.
+Experience 0 is fixed: the map's frame is the robot's frame at its first reading. The paper fixes no
+experience, so its maps may drift and turn as a whole.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel
 
 Links = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""(links,) sources and targets, int64, and (links, 3) motions: each target's pose in its source's
+"""(links,) sources and targets, int64; and (links, 3) motions: each target's pose in its source's
 frame (m, m, unwrapped rad)."""
 
 
@@ -25,7 +25,7 @@ frame (m, m, unwrapped rad)."""
 def discrepancy(
     poses: np.ndarray, source: int, target: int, motion: np.ndarray
 ) -> tuple[float, float, float]:
-    """How far a target is from where its link says: x, y (m), unwrapped heading (rad).
+    """Return a target's offset from where its link puts it: x, y (m), unwrapped heading (rad).
 
     d_ij cos(θ_i + θ_ij) and d_ij sin(θ_i + θ_ij) are the link's x and y, turned by θ_i.
     """
@@ -42,19 +42,19 @@ def discrepancy(
 def correct_link_by_link(
     poses: np.ndarray, links: Links, count: int, rate: float, stiffness: np.ndarray
 ) -> None:
-    """One pass: each link in turn moves its two experiences, equally and oppositely.
+    """Run one pass: each link in turn moves its two experiences, equally and oppositely.
 
-    Stable for every rate below 1, whatever the graph: at 1/2 a link fits exactly once it has been
-    looked at, and beyond it is overshot, but by less than it was off.
+    This is stable for every rate below 1, with any graph. At 1/2 a link fits exactly after its
+    step. Above 1/2 the step overshoots, but by less than the previous error.
 
-    `stiffness` (links,), from 0 to 1, is each link's share of the rate: a discrepancy goes to the
-    links that are trusted least. The paper's are all 1.
+    `stiffness` (links,), from 0 to 1, is each link's share of the rate: the least trusted links
+    take up most of a discrepancy. In the paper all are 1.
     """
     sources, targets, motions = links
     for k in range(count):
         i, j = sources[k], targets[k]
         x, y, heading = discrepancy(poses, i, j, motions[k])
-        # Its end moves back, its beginning forth; where one is anchored the other goes both ways.
+        # The target moves back, the source forth; if one is fixed, the other moves by both.
         share = rate * stiffness[k]
         back = 2.0 * share if i == 0 else share
         forth = 2.0 * share if j == 0 else share
@@ -72,23 +72,23 @@ def correct_link_by_link(
 def correct_all_at_once(
     poses: np.ndarray, links: Links, count: int, rate: float, changes: np.ndarray
 ) -> None:
-    """One pass of eq. (12) to (14) as written: all experiences from the same poses.
+    """Run one pass of eq. (12) to (14) as written: all experiences from the same poses.
 
     The last term of eq. (14) is read as -y_i, as in (12) and (13); -y_k is a misprint. `changes`
-    (experiences, 3) is worked in.
+    (experiences, 3) is a scratch array.
 
-    A step of gradient descent: it diverges unless the rate is below 2 / λ, λ the greatest
-    eigenvalue of the graph's Laplacian, which is at least one more than the links at any
-    experience: with α = 0.5 and four links to an experience it does.
+    This is a step of gradient descent. It diverges unless the rate is below 2 / λ, where λ is the
+    largest eigenvalue of the graph's Laplacian. λ is at least one more than the number of links at
+    any experience: with α = 0.5 and four links at an experience the step diverges.
     """
     sources, targets, motions = links
     changes[:] = 0.0
     for k in range(count):
         i, j = sources[k], targets[k]
         x, y, heading = discrepancy(poses, i, j, motions[k])
-        changes[j, 0] -= x  # Eq. (13), the sum over links to the experience…
-        changes[j, 1] -= y  # …eq. (14)…
-        changes[j, 2] -= heading  # …and eq. (12).
+        changes[j, 0] -= x  # Eq. (13), the sum over links to the experience.
+        changes[j, 1] -= y  # Eq. (14).
+        changes[j, 2] -= heading  # Eq. (12).
         changes[i, 0] += x  # The sums over links from the experience.
         changes[i, 1] += y
         changes[i, 2] += heading

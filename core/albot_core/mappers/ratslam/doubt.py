@@ -1,9 +1,10 @@
-"""Doubt after a re-localisation, until known experiences have confirmed it.
+"""Doubt about a re-localisation, until known experiences have confirmed it.
 
-A false one would leave a transition between two far places behind, and the correction would bend
-the map towards it for ever. So transitions to known experiences wait, and the odometer goes on
-from the experience before, the anchor. Where the robot is re-localised again before enough known
-experiences followed one another, what waits is dropped. The paper does not speak of this: ours.
+A false re-localisation would leave a transition between two distant places, and the correction
+would bend the map towards it for ever. So transitions to known experiences wait, and odometry
+continues from the last certain experience, the anchor. If the robot is re-localised again before
+enough known experiences followed one another, the waiting transitions are dropped. This is our
+addition; the paper does not cover it.
 """
 
 from __future__ import annotations
@@ -18,20 +19,20 @@ from albot_core.mappers.ratslam.motions import Motion, after, motion_of
 
 
 class Transition(NamedTuple):
-    """What is known of a transition that waits."""
+    """A transition as it was measured."""
 
     source: int
     target: int
     motion: Motion
-    """The target in the source's frame, as measured."""
+    """The target's pose in the source's frame."""
     time: float
-    """How long it took (s)."""
+    """Duration (s)."""
     steps: int
-    """How many iterations it took."""
+    """Number of iterations that it took."""
 
 
 class Doubt:
-    """What is kept while a re-localisation is doubted."""
+    """What is kept while a re-localisation is in doubt."""
 
     def __init__(self) -> None:
         whole = dict.fromkeys(("source", "target", "steps"), (np.int64, ()))
@@ -39,45 +40,45 @@ class Doubt:
         self.reset()
 
     def reset(self) -> None:
-        """Doubt nothing."""
+        """End the doubt, and drop all waiting transitions."""
         self.anchor = -1
-        """The last experience that is sure; -1 while nothing is doubted."""
+        """The last certain experience; -1 while nothing is in doubt."""
         self.since: Motion = (0.0, 0.0, 0.0)
-        """The robot in its frame, by the odometer."""
+        """The robot's pose in the anchor's frame, by odometry."""
         self.left_at, self.left_in = 0.0, 0
-        """When the robot was last there: stamp (s) and iteration."""
+        """When the robot was last at the anchor: stamp (s) and iteration."""
         self.known = 0
-        """How many experiences there were at the re-localisation."""
+        """Number of experiences at the re-localisation."""
         self._waiting.clear()
 
     def begin(self, anchor: int, here: Motion, left_at: float, left_in: int, known: int) -> None:
-        """The robot was re-localised: drop what waits, and doubt from here."""
+        """Begin to doubt a re-localisation; waiting transitions are dropped."""
         self.reset()
         self.anchor, self.since, self.known = anchor, here, known
         self.left_at, self.left_in = left_at, left_in
 
     def integrate(self, motion: Motion) -> None:
-        """Path integration from the anchor."""
+        """Integrate odometry from the anchor."""
         if self.anchor >= 0:
             self.since = after(self.since, motion)
 
     def _anchor_at(self, experience: int, stamp: float, iteration: int) -> None:
-        """The robot is where the odometer says in a new experience."""
+        """Make a new experience the anchor, with the robot at its origin."""
         self.anchor, self.since = experience, (0.0, 0.0, 0.0)
         self.left_at, self.left_in = stamp, iteration
 
     def take(
         self, transition: Transition, stamp: float, iteration: int, needed: int, *, is_new: bool
     ) -> list[Transition]:
-        """Take in a transition; which ones are to be learned now.
+        """Process a transition; return those that are to be learned now.
 
         Args:
-            transition: From the experience before to that which the robot is in now.
-            stamp: The time now (s).
-            iteration: The iteration now.
-            needed: How many confirmations end the doubt.
-            is_new: Whether the robot's experience is new: then it hangs from the anchor, by the
-                odometer.
+            transition: From the last experience to the present one.
+            stamp: The present time (s).
+            iteration: The present iteration.
+            needed: Number of confirmations that end the doubt.
+            is_new: Whether the present experience is new; if so, it is linked to the anchor by
+                odometry.
         """
         if self.anchor < 0:
             return [transition]
@@ -93,17 +94,17 @@ class Doubt:
         return learned
 
     def wait(self, transition: Transition) -> None:
-        """Let a transition wait."""
+        """Add a transition to those that wait."""
         self._waiting.append(**transition._asdict())
 
     @property
     def confirmations(self) -> int:
-        """How many experiences were entered that had been known before the re-localisation."""
+        """Number of experiences entered that were known before the re-localisation."""
         targets = self._waiting.rows("target")
         return len(np.unique(targets[targets < self.known]))
 
     def end(self) -> list[Transition]:
-        """Doubt no longer; what waited is returned."""
+        """End the doubt; return the transitions that waited."""
         columns = [self._waiting.rows(name).tolist() for name in Transition._fields]
         waiting = [
             Transition(source, target, motion_of(motion), time, steps)
@@ -113,14 +114,14 @@ class Doubt:
         return waiting
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything remembered, as arrays by name."""
+        """Return everything remembered, as arrays by name."""
         return {
             "doubt.counts": np.array((self.anchor, self.left_in, self.known), np.int64),
             "doubt.numbers": np.array((*self.since, self.left_at)),
         } | self._waiting.state("doubted")
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
+        """Restore what `state` returned."""
         self.anchor, self.left_in, self.known = state["doubt.counts"].tolist()
         x, y, heading, self.left_at = state["doubt.numbers"].tolist()
         self.since = x, y, heading

@@ -1,4 +1,4 @@
-"""What happened to the robot's belief, and why."""
+"""Events of RatSLAM: re-localisations, and losses of all activity."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ RELOCALISED, SEEDED = 0, 1
 
 @dataclass(frozen=True, kw_only=True)
 class Event:
-    """A re-localisation, or the end of all activity."""
+    """A re-localisation, or the loss of all activity."""
 
     kind: int
-    """`RELOCALISED`, or `SEEDED` where the network had lost all activity."""
+    """`RELOCALISED`, or `SEEDED` if the network had lost all activity."""
     reading: int
-    """At which reading it happened."""
+    """Number of the reading at which it happened."""
     view: int
-    """The view that caused it, -1 for none."""
+    """The view that caused it; -1 for none."""
     before: int
-    """The experience before."""
+    """Id of the experience before."""
     after: int
-    """The experience after."""
+    """Id of the experience after."""
     jump: float
-    """How far the packet went in the plane of the pose cells (m)."""
+    """Distance that the packet jumped in the plane of the pose cells (m)."""
     turn: float
-    """How far it turned (rad)."""
+    """Angle that the packet turned (rad)."""
 
     def __str__(self) -> str:
-        """The event as one line."""
+        """Return the event as one line."""
         if self.kind == SEEDED:
             return f"reading {self.reading}: all activity was lost, seeded anew"
         return (
@@ -51,7 +51,7 @@ class EventLog:
         self._table = Table(**whole, jump=(np.float64, ()), turn=(np.float64, ()))
 
     def clear(self) -> None:
-        """Forget all."""
+        """Remove all events."""
         self._table.clear()
 
     def add(self, event: Event) -> None:
@@ -68,9 +68,9 @@ class EventLog:
         )
 
     def state(self) -> dict[str, np.ndarray]:
-        """All events, as arrays by name."""
+        """Return all events, as arrays by name."""
         return self._table.state("events")
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
+        """Restore what `state` returned."""
         self._table.restore("events", state)

@@ -1,8 +1,8 @@
-"""The experience map: experiences, the transitions between them, and ways over them.
+"""The experience map: experiences, the transitions between them, and routes over them.
 
-Equations (1) to (11), sections 4.1 and 4.2. An experience lasts while its view is seen and the
-packet of the pose cells is in its zone. A transition holds where its target lies in its source's
-frame as the odometer measured it, d_ij and θ_ij as x and y, φ_ij unwrapped, and the time it took.
+Equations (1) to (11), sections 4.1 and 4.2. An experience stays active while its view is seen and
+the packet of the pose cells is in its zone. A transition holds its target's pose in its source's
+frame, as the odometer measured it (d_ij and θ_ij as x and y, φ_ij unwrapped), and its duration.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from albot_core.mappers.ratslam.pose_cells import Packet
 from albot_core.mappers.ratslam.winding import turns_of
 
 FASTEST = 10.0
-"""No transition counts as quicker than this (m/s): stamps may stand still or run backwards."""
+"""Highest speed of a transition (m/s), because stamps may stand still or run backwards."""
 _MOVED = 0.05
-"""The map has changed when an experience moved so far (m)."""
+"""The map counts as changed if an experience moved farther than this (m)."""
 _STIFF = 3.0
-"""Iterations over which a transition is fully trusted; one of twice as many has half the rate."""
+"""Number of iterations up to which a transition is fully trusted; twice as many halve its rate."""
 _NUMBER, _INT = (np.float64, ()), (np.int64, ())
 
 
@@ -35,7 +35,7 @@ class ExperienceMap:
 
     Args:
         config: The zones of influence.
-        cells: The pose cells, for what the zones measure in them.
+        cells: Parameters of the pose cells, to convert the zones to cells.
         correction: How the map is corrected.
     """
 
@@ -46,28 +46,28 @@ class ExperienceMap:
         self._shape = cells.columns, cells.rows, cells.headings
         self._zone = config.radius / cells.cell, config.turn / cells.cell_turn
         self.experiences = Table(
-            pose=(np.float64, (3,)),  # In the map, the heading unwrapped (m, m, rad).
-            shown=(np.float64, (3,)),  # The same when the map's version was last raised.
+            pose=(np.float64, (3,)),  # In the map, heading unwrapped (m, m, rad).
+            shown=(np.float64, (3,)),  # The pose when the map's version last grew.
             cell=(np.float64, (3,)),  # (x', y', θ') of eq. (1), in cells.
             view=_INT,  # V of eq. (1).
             turn=_NUMBER,  # The robot's heading seen from the view (rad).
-            reading=_INT,  # When it was new.
-            way=_NUMBER,  # How far the robot had gone when it was last there (m).
-            same_view=_INT,  # The experience before it with the same view, -1 for none.
+            reading=_INT,  # The reading at which it was made.
+            way=_NUMBER,  # Distance driven when the robot was last there (m).
+            same_view=_INT,  # The previous experience with this view, -1 for none.
             reached_by=_INT,  # The transition by which it was first reached.
-            entry=_INT,  # First in the chain of its transitions' ends, see `ends`.
-            time=_NUMBER,  # To home, the quickest way (s)…
-            length=_NUMBER,  # …and how long that is (m)…
-            onward=_INT,  # …and the next experience on it, -1 at home.
+            entry=_INT,  # First in the list of its transitions' ends, see `ends`.
+            time=_NUMBER,  # Duration of the quickest way home (s).
+            length=_NUMBER,  # Length of that way (m).
+            onward=_INT,  # The next experience on that way, -1 at home.
         )
         self.links = Table(
             source=_INT,
             target=_INT,
             motion=(np.float64, (3,)),  # d, θ and φ: the target in the source's frame.
-            time=_NUMBER,  # How long it takes (s), the quickest that was driven.
-            stiffness=_NUMBER,  # How much of the rate it has: less the longer it is.
-            passed=_INT,  # How often it was.
-            ends=(np.int64, (2,)),  # The next ends in the chains of source and of target.
+            time=_NUMBER,  # Shortest duration (s) of all times it was driven.
+            stiffness=_NUMBER,  # Its share of the rate; smaller for long ones.
+            passed=_INT,  # Number of times it was driven.
+            ends=(np.int64, (2,)),  # The next ends in the lists of source and target.
         )
         self._last_of_view = Table(experience=_INT)
 
@@ -78,16 +78,16 @@ class ExperienceMap:
 
     @property
     def count(self) -> int:
-        """N_e: how many experiences there are."""
+        """N_e: number of experiences."""
         return self.experiences.count
 
     @property
     def poses(self) -> Poses:
-        """Where the experiences lie in the map, headings unwrapped (a view)."""
+        """Poses of the experiences in the map, headings unwrapped (a view)."""
         return self.experiences.rows("pose")
 
     def active(self, view: int, packet: Packet) -> int:
-        """The experience with the most energy; -1 where none has any (eq. 10)."""
+        """Return the experience with the most energy; -1 if none has any (eq. 10)."""
         if view + 1 >= self._last_of_view.count:
             return -1
         return most_energetic(
@@ -103,7 +103,7 @@ class ExperienceMap:
     def add(
         self, pose: tuple[float, float, float], packet: Packet, view: int, turn: float, reading: int
     ) -> int:
-        """Make a new experience (eq. 11); returns its number."""
+        """Make an experience (eq. 11); return its number."""
         heads = self._last_of_view
         while heads.count <= view + 1:
             heads.append(experience=-1)
@@ -133,18 +133,18 @@ class ExperienceMap:
         bias: float,
         steps: int,
     ) -> bool:
-        """Learn a transition, or take the mean with what was measured on it before.
+        """Learn a transition, or average it with earlier measurements of it.
 
         Args:
             source: The experience that the robot comes from.
-            target: The one that it is in now.
-            motion: The target in the source's frame, as measured.
-            time: How long it took (s).
-            bias: The odometer's (rad/s), for the winding of loops.
-            steps: How many iterations it took, from 1: the longer it is, the less it is trusted.
+            target: The experience that it is in now.
+            motion: The target's pose in the source's frame, as measured.
+            time: Duration (s).
+            bias: The odometer's heading bias (rad/s), for the winding of loops.
+            steps: Number of iterations that it took, from 1; the more, the less it is trusted.
 
         Returns:
-            Whether it is new.
+            Whether the transition is new.
         """
         links, experiences = self.links, self.experiences
         time = max(time, math.hypot(motion[0], motion[1]) / FASTEST)
@@ -178,10 +178,10 @@ class ExperienceMap:
         return is_new
 
     def correct(self) -> bool:
-        """Let the experiences move towards where the links say (eq. 12 to 14).
+        """Move the experiences towards where the links put them (eq. 12 to 14).
 
         Returns:
-            Whether one has moved far enough for the map to be drawn anew.
+            Whether one has moved far enough for the map to be drawn again.
         """
         links, config = self.links, self._correction
         arrays = links["source"], links["target"], links["motion"]
@@ -201,11 +201,11 @@ class ExperienceMap:
     def ways_to(
         self, goal: int
     ) -> tuple[Float64[np.ndarray, "all"], Float64[np.ndarray, "all"], Int64[np.ndarray, "all"]]:
-        """The quickest ways from all experiences to one.
+        """Return the quickest ways from all experiences to one.
 
         Returns:
-            Time (s), length (m) and the next experience on each, -1 at the goal and where no way
-            is known.
+            Time (s), length (m) and the next experience of each way, -1 at the goal and where no
+            way is known.
         """
         times, lengths = np.full(self.count, np.inf), np.full(self.count, np.inf)
         onward = np.full(self.count, -1)
@@ -215,11 +215,11 @@ class ExperienceMap:
         return times, lengths, onward
 
     def nearest(self, x: float, y: float) -> int:
-        """The experience that lies nearest to a point of the map (m)."""
+        """Return the experience nearest to a point of the map (m)."""
         return int(np.argmin(np.hypot(self.poses[:, 0] - x, self.poses[:, 1] - y)))
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything remembered, as arrays by name."""
+        """Return everything remembered, as arrays by name."""
         return (
             self.experiences.state("experiences")
             | self.links.state("transitions")
@@ -227,7 +227,7 @@ class ExperienceMap:
         )
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
+        """Restore what `state` returned."""
         self.experiences.restore("experiences", state)
         self.links.restore("transitions", state)
         self._last_of_view.restore("last_of_view", state)
@@ -253,9 +253,9 @@ class ExperienceMap:
 
 
 Graph = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Links' sources, targets, ends, times and motions; experiences' first ends."""
+"""Sources, targets, ends, times and motions of the links; first ends of the experiences."""
 Ways = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Of each experience time (s) and length (m) of its way, and the next experience on it."""
+"""Of each experience: time (s) and length (m) of its way, and the next experience on it."""
 
 
 @kernel()
@@ -268,7 +268,7 @@ def most_energetic(
     zone: tuple[float, float],
     either: bool,
 ) -> int:
-    """The experience of a view with the most energy, which is positive; -1 where there is none."""
+    """Return the experience of a view with the most energy above 0; -1 if there is none."""
     found, most = -1, 0.0
     i = last
     while i >= 0:  # Eq. (8): E_V is 1 for these, and 0 for all others.
@@ -278,7 +278,7 @@ def most_energetic(
         turn = _apart(packet[2], cells[i, 2], shape[2])  # Eq. (5).
         near = 0.0 if r > zone[0] else 1.0 - r / zone[0]  # Eq. (3), (4).
         aligned = 0.0 if turn > zone[1] else 1.0 - turn / zone[1]  # Eq. (6), (7).
-        # Eq. (9), within the zone of all variables.
+        # Eq. (9), but in both zones unless `either`.
         energy = near + aligned if either or (near > 0.0 and aligned > 0.0) else 0.0
         if energy > most:
             found, most = i, energy
@@ -288,7 +288,7 @@ def most_energetic(
 
 @kernel()
 def _apart(one: float, other: float, length: int) -> float:
-    """How far two places are apart along an axis that wraps round."""
+    """Return the distance of two positions along an axis that wraps round."""
     apart = abs(one - other)
     return min(apart, length - apart)
 
@@ -297,7 +297,7 @@ def _apart(one: float, other: float, length: int) -> float:
 def find_link(
     source: int, target: int, entry: np.ndarray, ends: tuple[np.ndarray, np.ndarray, np.ndarray]
 ) -> int:
-    """The link from one experience to another; -1 where there is none."""
+    """Return the link from one experience to another; -1 if there is none."""
     sources, targets, following = ends
     end = entry[source]
     while end >= 0:
@@ -310,7 +310,7 @@ def find_link(
 
 @kernel()
 def shorten(link: int, ways: Ways, graph: Graph, queue: np.ndarray) -> None:
-    """Let ways lead over a link that is new or has become quicker."""
+    """Update the ways after a link was added or became quicker."""
     sources, targets = graph[0], graph[1]
     i, j = sources[link], targets[link]
     if _shortens(j, i, link, ways, graph):
@@ -321,7 +321,7 @@ def shorten(link: int, ways: Ways, graph: Graph, queue: np.ndarray) -> None:
 
 @kernel()
 def _shortens(i: int, j: int, link: int, ways: Ways, graph: Graph) -> bool:
-    """Let the way of one experience lead over a link to another, if that is quicker."""
+    """Lead the way of `i` over a link to `j` if that is quicker; return whether it is."""
     times, lengths, onward = ways
     if not times[j] + graph[3][link] < times[i]:
         return False
@@ -334,14 +334,14 @@ def _shortens(i: int, j: int, link: int, ways: Ways, graph: Graph) -> bool:
 
 @kernel()
 def spread_ways(start: int, ways: Ways, graph: Graph, queue: np.ndarray) -> None:
-    """Let all ways that become quicker lead over an experience.
+    """Update all ways that become quicker by leading over an experience.
 
-    Label correcting, first in first out. `queue` (experiences,) is zeros, and holds the next in the
-    queue of each, plus one.
+    This is label correcting with a first-in, first-out queue. `queue` (experiences,) must be zeros;
+    it holds the next experience in the queue of each, plus one.
     """
     sources, targets, following, entry = graph[0], graph[1], graph[2], graph[5]
     first = last = start
-    queue[start] = start + 1  # The last one in the queue names itself.
+    queue[start] = start + 1  # The last one in the queue points to itself.
     while first >= 0:
         i = first
         end = entry[i]
@@ -359,7 +359,7 @@ def spread_ways(start: int, ways: Ways, graph: Graph, queue: np.ndarray) -> None
 
 @kernel()
 def has_moved(poses: np.ndarray, before: np.ndarray, far: float) -> bool:
-    """Whether a pose has moved so far (m)."""
+    """Return whether any pose has moved farther than `far` (m)."""
     for i in range(poses.shape[0]):
         x, y = poses[i, 0] - before[i, 0], poses[i, 1] - before[i, 1]
         if x * x + y * y > far * far:

@@ -1,4 +1,4 @@
-"""Experience map and pose cells as renderers, recordings and exports know such things."""
+"""Experience map and pose cells in the form that renderers, recordings and exports use."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from albot_core.maps.layers import MapSnapshot, PlaceEdge, PlaceGraph, PlaceNode
 def map_layers(
     experiences: ExperienceMap, visits: Int64[np.ndarray, "visits"], current: int
 ) -> MapSnapshot:
-    """The experiences and transitions, and the way over them in the order of time.
+    """Return experiences and transitions, and the trajectory over them in order of time.
 
     Args:
         experiences: The map.
-        visits: The experiences that the robot has been in, in order.
-        current: That in which it is now.
+        visits: The experiences that the robot was in, in order.
+        current: The experience that it is in now.
     """
     if not experiences.count:
         return MapSnapshot(layers=(PlaceGraph(), TrajectoryLayer(poses=np.empty((0, 3)))))
@@ -44,7 +44,7 @@ def map_layers(
 
 
 def network_activity(cells: PoseCells) -> Activity:
-    """The activity of the pose cells over (x', y')."""
+    """Return the activity of the pose cells over (x', y'), the largest over θ'."""
     (columns, rows, _), config, packet = cells.shape, cells.config, cells.packet
     values = np.zeros((rows, columns), np.float32)
     places = cells.cells % (columns * rows)

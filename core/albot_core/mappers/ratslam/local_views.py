@@ -1,9 +1,9 @@
-"""Local views: what is seen, by number, and its links to the pose cells (section 3.4).
+"""Local views: numbers for what is seen, and their links to the pose cells (section 3.4).
 
-A view is a scene that the camera recognises, or a panorama of the laser (`panoramas`). While it is
-seen it tires; rested it is fresh. Links grow between a fresh view and the pose cells that are
-active with it, so they lead to where the view came into sight, and inject activity there when it
-does so again.
+A view is a scene that the camera recognises, or a panorama of the laser (`panoramas`). A view tires
+while it is seen, and recovers while it is not; a rested view is fresh. Links grow between a fresh
+view and the pose cells that are active at the same time. So they lead to where the view came into
+sight, and inject activity there when it comes into sight again.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from albot_core.mappers.ratslam.pose_cells import PoseCells
 NO_VIEW = -1
 """The view of a robot that recognises nothing."""
 NEAR = 2
-"""A view that has a link to a cell no farther away than this along each axis learns no other."""
+"""A view that has a link to a cell at most this far away along each axis learns no other."""
 _NONE = np.zeros(0, np.int64), np.zeros(0)
 
 
 class Scenes:
-    """Numbers the scenes that a camera recognises, those not seen again at once left out.
+    """Numbers the scenes that a camera recognises, except those not seen several times in a row.
 
     Args:
-        config: How often a scene is to be seen.
+        config: How often a scene must be seen.
     """
 
     def __init__(self, config: LocalViewConfig) -> None:
@@ -44,13 +44,13 @@ class Scenes:
         self._scene = NO_VIEW
 
     def look(self, scene: int | None, view: int) -> int:
-        """The view after a look.
+        """Return the view after a reading.
 
-        A single look may be wrong (section 5.1): another scene than that before is believed when
-        it is seen so often in a row, and one that is not seen is forgotten after a while.
+        A single reading may be wrong (section 5.1). So another scene is believed only when several
+        readings in a row show it, and a scene that is not seen is forgotten after a while.
 
         Args:
-            scene: The scene that is seen; None where none is.
+            scene: The scene that is seen; None if none is.
             view: The view before.
         """
         if scene is None:
@@ -66,7 +66,7 @@ class Scenes:
         return self._views.setdefault(scene, len(self._views))
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything remembered, as arrays by name."""
+        """Return everything remembered, as arrays by name."""
         counts = self._candidate, self._seen, self._unseen, self._scene
         return {
             "scenes.known": np.array(list(self._views), np.int64),
@@ -74,7 +74,7 @@ class Scenes:
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
+        """Restore what `state` returned."""
         known = state["scenes.known"].tolist()
         self._views = {scene: view for view, scene in enumerate(known)}
         counts = state["scenes.counts"].tolist()
@@ -82,17 +82,17 @@ class Scenes:
 
 
 class Links:
-    """Links between views and pose cells, which Hebbian learning makes.
+    """Links between views and pose cells, made by Hebbian learning.
 
     Args:
-        config: How they are learned, and how much they inject.
+        config: How links are learned, and how much they inject.
     """
 
     def __init__(self, config: LocalViewConfig) -> None:
         self._config = config
         self._waiting: Int64[np.ndarray, "waiting 2"]
         self._waiting_numbers: Float64[np.ndarray, "waiting 2"]
-        # The links of a view are a chain: `first` names the first, `next` the one after each.
+        # A view's links are a linked list: `first` is the first one, `next` the one after each.
         self._links = Table(cell=(np.int64, ()), strength=(np.float64, ()), next=(np.int64, ()))
         self._views = Table(
             first=(np.int64, ()), freshness=(np.float64, ()), tired_at=(np.int64, ())
@@ -107,15 +107,15 @@ class Links:
 
     @property
     def views(self) -> int:
-        """How many views have been seen."""
+        """Number of views that were seen."""
         return self._views.count
 
     def has_links(self, view: int) -> bool:
-        """Whether a view has any."""
+        """Return whether a view has links."""
         return view < self._views.count and self._views["first"][view] >= 0
 
     def activate(self, view: int, iteration: int) -> float:
-        """How active a view is that is seen in this iteration, from 0 to 1; it tires by that."""
+        """Return the activity of a view that is seen, from 0 to 1; it tires by that."""
         self._know(view)
         views, config = self._views, self._config
         rest = iteration - int(views["tired_at"][view]) - 1
@@ -127,11 +127,11 @@ class Links:
     def injection(
         self, view: int, active: float
     ) -> tuple[Int64[np.ndarray, "links"], Float64[np.ndarray, "links"]]:
-        """The cells that a view is linked to, and how much activity it injects into each.
+        """Return the cells that a view is linked to, and the activity that it injects into each.
 
         Args:
             view: The view.
-            active: How active it is.
+            active: The view's activity.
         """
         if active <= 0.0 or not self.has_links(view):
             return _NONE
@@ -144,14 +144,14 @@ class Links:
         return links["cell"][chosen], amounts
 
     def linked(self, count: int) -> Bool[np.ndarray, "views"]:
-        """Which of the first views, so many, have links."""
+        """Return which of the first `count` views have links."""
         known = self._views.rows("first")[:count]
         linked = np.zeros(count, np.bool_)
         linked[: len(known)] = known >= 0
         return linked
 
     def leads_near(self, view: int, cell: int, shape: tuple[int, int, int]) -> bool:
-        """Whether a view has a link to a cell, or to one near it."""
+        """Return whether a view has a link to a cell, or to one near it."""
         links = self._links
         return self.has_links(view) and leads_near(
             int(self._views["first"][view]), links["cell"], links["next"], cell, shape
@@ -164,10 +164,11 @@ class Links:
 
         Args:
             view: The view.
-            active: How active it is.
-            offset: The robot in its frame, from where the origin of the frame is linked.
+            active: The view's activity.
+            offset: The robot's pose in the view's frame; the links lead to the origin of that
+                frame.
             cells: The pose cells.
-            way: How far the robot has gone (m).
+            way: Distance driven so far (m).
         """
         top = cells.top(self._config.linked_share)
         seen_from = cells.cells[top]
@@ -184,7 +185,7 @@ class Links:
         strengths: Float64[np.ndarray, "some"],
         way: float,
     ) -> None:
-        """Remember for `learn` which cells were active with a view as the robot had gone so far."""
+        """Remember for `learn` which cells were active with a view at a distance driven (m)."""
         self._know(view)
         added = np.column_stack((np.full(len(cells), view), cells))
         self._waiting = np.concatenate((self._waiting, added))
@@ -192,10 +193,10 @@ class Links:
         self._waiting_numbers = np.concatenate((self._waiting_numbers, numbers))
 
     def learn(self, way: float) -> None:
-        """Strengthen what has been remembered since long enough: β = max(β, λ V P).
+        """Strengthen the links that have waited long enough: β = max(β, λ V P).
 
-        Links wait until the robot has gone on without being re-localised: had it been, they would
-        lead to where it was not.
+        Links wait until the robot has driven on without being re-localised. If it is re-localised,
+        its pose was wrong, and the links would lead to a place where it was not.
         """
         ripe = int(np.searchsorted(self._waiting_numbers[:, 1], way - self._config.learning_delay))
         if not ripe:
@@ -213,31 +214,31 @@ class Links:
         self._waiting_numbers = self._waiting_numbers[ripe:]
 
     def forget_waiting(self) -> None:
-        """Learn nothing of what waits."""
+        """Drop the links that wait to be learned."""
         self._waiting = np.empty((0, 2), np.int64)  # Views and cells.
-        self._waiting_numbers = np.empty((0, 2))  # Strengths and ways (m).
+        self._waiting_numbers = np.empty((0, 2))  # Strengths, and distances driven (m).
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything remembered, as arrays by name."""
+        """Return everything remembered, as arrays by name."""
         waiting = {"waiting": self._waiting.copy(), "waiting_numbers": self._waiting_numbers.copy()}
         return self._links.state("links") | self._views.state("views") | waiting
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
+        """Restore what `state` returned."""
         self._links.restore("links", state)
         self._views.restore("views", state)
         self._waiting = state["waiting"].copy()
         self._waiting_numbers = state["waiting_numbers"].copy()
 
     def _know(self, view: int) -> None:
-        """Have a row for a view."""
+        """Add rows until a view has one."""
         while self._views.count <= view:
             self._views.append(first=-1, freshness=1.0, tired_at=0)
 
 
 @kernel()
 def list_links(first: int, following: np.ndarray, found: np.ndarray) -> int:
-    """List the links of a view; returns how many there are."""
+    """List the links of a view in `found`; return how many there are."""
     count, link = 0, first
     while link >= 0:
         found[count] = link
@@ -250,7 +251,7 @@ def list_links(first: int, following: np.ndarray, found: np.ndarray) -> int:
 def leads_near(
     first: int, cells: np.ndarray, following: np.ndarray, cell: int, shape: tuple[int, int, int]
 ) -> bool:
-    """Whether one of a view's links leads to a cell, or to one near it along each axis."""
+    """Return whether a view has a link to a cell, or to one near it along each axis."""
     columns, rows, headings = shape
     link = first
     while link >= 0:
@@ -273,9 +274,9 @@ def strengthen(
     links: tuple[np.ndarray, np.ndarray, np.ndarray],
     count: int,
 ) -> int:
-    """The maximum rule for links between views and cells; returns how many links there are.
+    """Apply the maximum rule to links between views and cells; return the number of links.
 
-    `ends` (some, 2) are views and cells. `first` holds each view's first link; new ones are put
+    `ends` (some, 2) holds views and cells. `first` holds each view's first link; new links are put
     before it.
     """
     linked, strength, following = links

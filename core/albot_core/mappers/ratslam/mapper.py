@@ -28,20 +28,20 @@ from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import Reading
 
 _SNAP, _SNAP_TURN = 0.75, math.radians(30.0)
-"""The packet went elsewhere than the robot drove where it is so far from there (m, rad)."""
+"""The packet has jumped if it is farther than this from where the odometer expects it (m, rad)."""
 _LOCALISED = 0.5
-"""The robot believes in its pose while the packet has this share of all activity."""
+"""The robot is localised while the packet has at least this share of all activity."""
 
 
 class RatSlam:
     """Pose cells, local views, and a map of experiences that corrects itself.
 
-    It knows a route home (`RouteHome`), remembers places (`PlaceMemory`), which are experiences,
-    and corrects its earlier poses (`CorrectedTrajectory`). It keeps no surfaces.
+    It knows a route home (`RouteHome`), remembers places (`PlaceMemory`), which are its
+    experiences, and corrects its earlier poses (`CorrectedTrajectory`). It keeps no surfaces.
 
     Args:
-        config: All thresholds.
-        name: The name under which the mapper is known.
+        config: All parameters.
+        name: The name under which the mapper is registered.
     """
 
     def __init__(self, config: RatSlamConfig | None = None, name: str = "ratslam") -> None:
@@ -60,22 +60,22 @@ class RatSlam:
 
     @property
     def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
+        """The mapper's spec, found by its name."""
         return mapper_spec(self._name)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything; the next reading is the first. It draws no random number."""
+        """Forget everything; the next reading is the first. Draws no random number."""
         for part in (self._cells, self._links, self._position, self._sight):
             part.reset()
         self._log.clear()
         self._history.clear()
-        self._shown: tuple[np.ndarray, Activity] | None = None  # The cells that it shows.
+        self._shown: tuple[np.ndarray, Activity] | None = None  # Cells last shown.
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading; true where an experience or a transition was learned.
+        """Process a reading; return whether an experience or a transition was learned.
 
         Raises:
-            InputError: The reading lacks a laser scan, and the mapper sees by one.
+            InputError: The mapper uses a laser, and the reading lacks a scan.
         """
         position, is_first = self._position, self._history.count == 0
         position.reading, updates = self._history.count, position.updates
@@ -89,13 +89,13 @@ class RatSlam:
         return position.updates > updates
 
     def _has_moved_on(self) -> bool:
-        """Whether the robot has moved far enough for another iteration."""
+        """Return whether the robot has moved far enough for another iteration."""
         x, y, turn = self._position.since
         config = self.config.pose_cells
         return math.hypot(x, y) >= config.step or abs(turn) >= config.turn
 
     def _iterate(self) -> None:
-        """One iteration of pose cells, experiences and map correction."""
+        """Run one iteration of pose cells, experiences and map correction."""
         cells, position = self._cells, self._position
         position.iteration += 1
         expected, place = cells.packet, position.place
@@ -128,7 +128,7 @@ class RatSlam:
 
     @property
     def estimate(self) -> Estimate:
-        """Where the robot is in the map of experiences; home is where it began."""
+        """The robot's pose in the experience map; home is where it started."""
         return Estimate(
             pose=self._position.believed,
             home=np.zeros(3),
@@ -154,30 +154,30 @@ class RatSlam:
 
     @property
     def experiences(self) -> ExperienceMap:
-        """The experience map itself: it goes on changing."""
+        """The live experience map; later updates change it."""
         return self._position.map
 
     @property
     def views(self) -> int:
-        """How many views are linked to pose cells, or were seen."""
+        """Number of views that were seen or linked to pose cells."""
         return self._links.views
 
     def snapshot(self) -> MapSnapshot:
-        """The experiences and transitions, and the way over them in the order of time."""
+        """Return experiences and transitions, and the trajectory over them in order of time."""
         position = self._position
         return map_layers(position.map, position.visits.rows("place"), position.place)
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """The re-localisations, each with what caused it."""
+        """The re-localisations, each with its cause."""
         return self._log.events
 
     def place_at(self, reading: int) -> int:
-        """Id of the experience in which a reading was taken."""
+        """Return the id of the experience that was active at a reading."""
         return int(self._history.rows("place")[reading])
 
     def corrected_poses(self) -> Poses:
-        """The robot's pose at every reading since the reset, as believed now, (readings, 3)."""
+        """Return the pose at every reading since the reset, as estimated now, (readings, 3)."""
         places = self._history.rows("place")
         if not len(places):
             return np.empty((0, 3))
@@ -194,9 +194,9 @@ class RatSlam:
         return self._way_over(table.rows("length"), table.rows("onward"))
 
     def way_to(self, point: Points) -> WayHome:
-        """The same to the experience nearest to a point of the map (m): any point is a goal.
+        """Return the quickest way to the experience nearest to a point of the map (m).
 
-        Before the first reading it knows no way.
+        Any point may be the goal. Before the first reading no way is known.
         """
         if self._position.place < 0:
             return np.array((*[np.nan] * 6, np.inf))
@@ -204,7 +204,7 @@ class RatSlam:
         return self._way_over(lengths, onward)
 
     def _way_over(self, lengths: Float64[np.ndarray, "all"], onward: np.ndarray) -> WayHome:
-        """The way from the present experience by the next one of each."""
+        """Return the way from the present experience, given the next experience of each."""
         way = np.full(7, np.nan)
         way[TRAVEL] = lengths[self._position.place]
         here, gone = self._position.place, 0.0
@@ -217,17 +217,17 @@ class RatSlam:
         return way
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
+        """Return everything the mapper remembers, as arrays by name."""
         kept = self._history.state("history")
         for part in self._parts:
             kept |= part.state()
         return kept
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`.
+        """Restore the mapper that returned `state`.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a state of this mapper.
         """
         check_state(state, self.state(), self.config)
         self._history.restore("history", state)

@@ -9,14 +9,14 @@ Motion = tuple[float, float, float]
 
 
 def after(first: Motion, second: Motion) -> Motion:
-    """A motion after another; headings are added up without wrapping."""
+    """Return a motion followed by another; headings are added without wrapping."""
     cos, sin = math.cos(first[2]), math.sin(first[2])
     x, y, turn = second
     return first[0] + cos * x - sin * y, first[1] + sin * x + cos * y, first[2] + turn
 
 
 def before(whole: Motion, last: Motion) -> Motion:
-    """What comes before the last part of a motion: composed with that it is the whole."""
+    """Return the motion that, followed by `last`, gives `whole`."""
     heading = whole[2] - last[2]
     cos, sin = math.cos(heading), math.sin(heading)
     x, y = cos * last[0] - sin * last[1], sin * last[0] + cos * last[1]
@@ -24,18 +24,18 @@ def before(whole: Motion, last: Motion) -> Motion:
 
 
 def beyond(first: Motion, whole: Motion) -> Motion:
-    """What comes after the first part of a motion: that part composed with it is the whole."""
+    """Return the motion that, after `first`, gives `whole`."""
     cos, sin = math.cos(first[2]), math.sin(first[2])
     x, y = whole[0] - first[0], whole[1] - first[1]
     return cos * x + sin * y, cos * y - sin * x, whole[2] - first[2]
 
 
 def nearest_turn(turn: float) -> float:
-    """An angle within [-pi, pi)."""
+    """Return the same angle within [-pi, pi)."""
     return (turn + math.pi) % (2 * math.pi) - math.pi
 
 
 def motion_of(numbers: list[float]) -> Motion:
-    """Three numbers as a motion."""
+    """Return three numbers as a motion."""
     x, y, heading = numbers
     return x, y, heading

@@ -1,8 +1,8 @@
-"""Panoramas in compiled code: gathered of scans, compared over all turns, and aligned.
+"""Panoramas in compiled code: made from scans, compared at all rotations, and aligned.
 
-A panorama has as many directions as its arrays have rows; direction k begins at the angle
-2πk / directions in the robot's frame. Its range is that of the nearest thing in it, at most the
-reach, and 0 where nothing was seen. Its points are where those things are, and (0, 0) where none
+A panorama has as many directions as its arrays have rows. Direction k begins at the angle 2πk /
+directions in the robot's frame. Its range is the distance of the nearest obstacle in it, at most
+the reach, and 0 if nothing was seen. Its point is the position of that obstacle, and (0, 0) if none
 is within the reach.
 """
 
@@ -16,42 +16,46 @@ from albot_core.geometry.pose_kernels import rotate, rotate_back
 from albot_core.kernels.compiled import kernel
 
 Surface = tuple[np.ndarray, np.ndarray, np.ndarray]
-"""Of each direction the (n,) range, 0 where nothing is within the reach, the (n, 2) point, and
-the (n, 2) unit normal of the wall that it is on, zero where that is not known."""
+"""Of each direction: the (n,) range, 0 if nothing is within the reach; the (n, 2) point; and the
+(n, 2) unit normal of the wall at the point, zero if unknown."""
 
 _ROUNDS = 12
-"""Rounds of an alignment at most."""
+"""Largest number of rounds of an alignment."""
 _WIDE, _NARROW, _SHRINK = 1.0, 0.25, 0.75
-"""Points are paired up to the first distance in the first round, in later ones up to so much of
-it, but to the second (m)."""
+"""Largest pairing distance in the first round (m), its lower limit (m), and its factor per
+round."""
 _ROBUST = 0.04, 0.1
-"""A pair so far apart has half its weight (m); in early rounds so much of the pairing distance."""
+"""Distance at which a pair has half its weight: the first (m), or this share of the pairing
+distance if that is larger."""
 _DAMPING, _TURN_DAMPING = 2.0, 8.0
-"""What no pair holds fast stays where it is: in a corridor, the place along it."""
+"""Weights that hold the pose where no pair constrains it, such as along a corridor."""
 _SLACK, _SLANT = 0.15, 0.03
-"""Ranges agree up to this (m) plus so much of their length."""
+"""Tolerance of ranges: a constant (m), plus this share of the range."""
 _COMPARED = 70.0
-"""Fewer directions to compare, of both panoramas, say nothing."""
+"""Smallest number of directions, of both panoramas together, for a valid comparison."""
 _CONTRADICTION = 2.0
-"""A point where the other saw free ground counts for so many that agree."""
+"""Weight of a point in the other's free space, relative to a point that agrees."""
 
 
 @kernel()
 def direction_of(x: float, y: float, count: int) -> int:
-    """The direction in which a point lies."""
+    """Return the direction in which a point lies."""
     share = math.atan2(y, x) / (2.0 * math.pi)
     return int((share - math.floor(share)) * count) % count
 
 
 @kernel()
 def _roughly_direction_of(x: float, y: float, count: int) -> int:
-    """The same to 0.2°, four times as fast: next to an edge it may be the direction beyond."""
+    """Return a point's direction, four times as fast as `direction_of`.
+
+    The error is 0.2° at most, so near an edge it may be the neighbouring direction.
+    """
     along, across = abs(x), abs(y)
     most = max(along, across)
     if most == 0.0:
         return 0
     slope = min(along, across) / most
-    # Of a quarter of π by a parabola, which is 0.004 rad off at most; then into its octant.
+    # The arctangent as a parabola, 0.004 rad off at most; then moved to the point's octant.
     angle = slope * (0.25 * math.pi + 0.273 * (1.0 - slope))
     if across > along:
         angle = 0.5 * math.pi - angle
@@ -64,7 +68,7 @@ def _roughly_direction_of(x: float, y: float, count: int) -> int:
 
 @kernel()
 def _wrapped(direction: int, count: int) -> int:
-    """A direction up to a turn before or beyond, round the circle."""
+    """Return a direction within [0, count), given one up to a whole turn outside."""
     if direction < 0:
         return direction + count
     return direction - count if direction >= count else direction
@@ -82,9 +86,9 @@ def gather(
 ) -> None:
     """Fill `ranges` and `points` with what scans show around a pose.
 
-    `scans` are points (n, beams, 2) in the robot's frame at each scan, how many there are (n,),
-    and where the robot was (n, 3), in the frame of `here`; those from `first` on count. What the
-    last one shows goes before what was seen earlier in the same direction; `latest` is worked in.
+    `scans` are points (n, beams, 2) in the robot's frame at each scan, the number of points (n,),
+    and the robot's poses (n, 3), in the frame of `here`. Scans before `first` are ignored. In each
+    direction, the last scan takes precedence over earlier ones. `latest` holds scratch arrays.
     """
     hits, counts, poses = scans
     directions = ranges.shape[0]
@@ -118,9 +122,10 @@ def gather(
 def fill_profile(
     ranges: np.ndarray, reach: float, finest: float, profile: np.ndarray, known: np.ndarray
 ) -> None:
-    """Fill `profile` and `known` (2 bins,) twice over with mean ranges and where any is known.
+    """Fill `profile` with mean ranges, and `known` with where any is known, (2 bins,) each.
 
-    Ranges are whole numbers of `finest` (m), so that they are compared quickly.
+    Both are written twice in a row, for all rotations. Ranges are whole multiples of `finest` (m),
+    which are compared quickly.
     """
     bins = profile.shape[0] // 2
     width = ranges.shape[0] // bins
@@ -144,16 +149,16 @@ def compare_turned(
     differences: np.ndarray,
     turns: np.ndarray,
 ) -> None:
-    """The mean absolute difference of a profile from each template, over all turns.
+    """Compute the mean absolute difference of a profile from each template, at all rotations.
 
     Args:
         mine: A profile, and where it is known, (2 bins,) each.
-        templates: The same of each template, (n, 2 bins).
-        count: How many templates there are.
-        overlap: In how many bins both must be known.
-        differences: Is filled: (n, 2), the least, and the least at a turn well away from that;
-            infinite where there is none.
-        turns: Is filled: (n, 2), at which turns, in bins.
+        templates: Profiles, and where they are known, of the templates, (n, 2 bins) each.
+        count: Number of templates.
+        overlap: Smallest number of bins in which both must be known.
+        differences: Filled: (n, 2), the smallest difference, and the smallest at a clearly
+            different rotation; infinite if there is none.
+        turns: Filled: (n, 2), the rotations of both, in bins.
     """
     profile, known = mine
     bins = profile.shape[0] // 2
@@ -184,7 +189,7 @@ def compare_turned(
 
 @kernel()
 def fill_normals(ranges: np.ndarray, points: np.ndarray, normals: np.ndarray) -> None:
-    """Fill `normals` (n, 2): across the line through the points up to two directions away."""
+    """Fill `normals` (n, 2): perpendicular to the line through points up to two directions away."""
     count = ranges.shape[0]
     for k in range(count):
         normals[k, 0] = normals[k, 1] = 0.0
@@ -201,7 +206,7 @@ def fill_normals(ranges: np.ndarray, points: np.ndarray, normals: np.ndarray) ->
 
 @kernel()
 def _along(ranges: np.ndarray, points: np.ndarray, start: int, side: int, step: float) -> int:
-    """The direction up to two away to one side to which a wall goes on, in short steps."""
+    """Return the direction, up to two away to one side, to which a wall goes on in short steps."""
     count, here = ranges.shape[0], start
     for _ in range(2):
         beside = (here + side) % count
@@ -216,9 +221,9 @@ def _along(ranges: np.ndarray, points: np.ndarray, start: int, side: int, step: 
 def align(mine: np.ndarray, theirs: Surface, pose: np.ndarray) -> None:
     """Move `pose`, where my frame lies in theirs, until my points (n, 2) lie on their walls.
 
-    Each round pairs my points with theirs nearby and takes a step of least squares on the
-    distances from the walls, by weights that let the far ones go (Y. Chen and G. Medioni, Object
-    modelling by registration of multiple range images, 1992).
+    Each round pairs my points with nearby points of theirs, and takes a least-squares step on the
+    distances from the walls, with weights that fall with the distance (Y. Chen and G. Medioni,
+    Object modelling by registration of multiple range images, 1992).
     """
     ranges, points, normals = theirs
     count = ranges.shape[0]
@@ -257,7 +262,7 @@ def align(mine: np.ndarray, theirs: Surface, pose: np.ndarray) -> None:
             bx += weight * nx * off
             by += weight * ny * off
             bt += weight * nt * off
-        # The symmetric system of three by its cofactors; damping makes it regular.
+        # Solve the symmetric 3 x 3 system by cofactors; damping makes it regular.
         cxx, cxy, cxt = yy * tt - yt * yt, xt * yt - xy * tt, xy * yt - xt * yy
         cyy, cyt, ctt = xx * tt - xt * xt, xy * xt - xx * yt, xx * yy - xy * xy
         determinant = xx * cxx + xy * cxy + xt * cxt
@@ -274,11 +279,11 @@ def align(mine: np.ndarray, theirs: Surface, pose: np.ndarray) -> None:
 
 @kernel()
 def score_match(mine: Surface, theirs: Surface, pose: np.ndarray, counts: np.ndarray) -> float:
-    """How well two panoramas agree where my frame lies at `pose` in theirs: at most 1.
+    """Return how well two panoramas agree if my frame lies at `pose` in theirs, at most 1.
 
-    Of all that one shows in a direction known to the other: the share that agrees, less twice the
-    share that stands where the other saw free ground. What is hidden says nothing for it. -1
-    where there is too little to compare. `counts` (3,) is worked in.
+    The score counts the points of each in directions known to the other: the share that agrees,
+    less twice the share that lies where the other saw free space. Hidden points do not count as
+    agreement. The score is -1 if there is too little to compare. `counts` (3,) is a scratch array.
     """
     counts[:] = 0.0
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -299,7 +304,7 @@ def _tally(
     heading: tuple[float, float],
     counts: np.ndarray,
 ) -> None:
-    """Add to `counts` how many points of one agree, contradict, say nothing of another."""
+    """Add to `counts` the points of one that agree with, contradict, or are hidden from another."""
     count = ranges.shape[0]
     for k in range(points.shape[0]):
         if points[k, 0] == 0.0 and points[k, 1] == 0.0:

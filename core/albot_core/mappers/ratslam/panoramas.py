@@ -1,12 +1,12 @@
-"""The local view of a robot with a laser: panoramas of what it saw along the last of its way.
+"""The local views of a laser: panoramas of what it saw on the last part of its path.
 
-A laser of 180° sees another half of a corridor on the way back. So the view is the full circle:
-the scans of the last metres, laid together by the odometer, as ranges around the robot. Two
-panoramas are compared over all turns by the sum of absolute differences, as RatSLAM compares
-panoramic images; the best are then aligned, which says where the robot is in the frame of the view
-that it sees again, and how well both agree.
+A laser of 180° sees the other half of a corridor on the way back. So a view is the full circle: the
+scans of the last metres, joined by odometry, as ranges around the robot. Two panoramas are compared
+at all rotations by the sum of absolute differences, as RatSLAM compares panoramic images. The best
+ones are then aligned. This gives the robot's pose in the frame of the view that it sees again, and
+a match score.
 
-A template is a panorama that was learned as a view. Its frame is the robot's at that moment.
+A template is a panorama that was learned as a view. Its frame is the robot's frame at that moment.
 """
 
 from __future__ import annotations
@@ -33,36 +33,36 @@ from albot_core.mappers.ratslam.panorama_kernels import (
 from albot_core.sensing.reading import LaserScan
 
 BEAMS = 181
-"""Of a scan with more beams only every second, third… is kept."""
+"""Largest number of beams kept; of a scan with more, every second, third and so on is kept."""
 _FINEST = 0.01
-"""Profiles are compared in steps of this (m)."""
+"""Resolution of the profiles (m)."""
 _TURNED = 0.5
-"""A scan is kept for good, too, where the robot has turned so far since the last one (rad)."""
+"""A scan is also kept if the robot has turned this far since the last one (rad)."""
 
 
 class Sighting(NamedTuple):
     """A view that is seen."""
 
     view: int
-    """Its number."""
+    """The view's number."""
     offset: Motion
-    """The robot in the view's frame."""
+    """The robot's pose in the view's frame."""
     score: float
-    """How well the view agrees with what is seen, at most 1."""
+    """Match score of the view with the present panorama, at most 1."""
 
 
 class Panoramas:
-    """Gathers scans to panoramas, learns them as templates, and finds those that are seen again.
+    """Joins scans to panoramas, learns them as templates, and finds those that are seen again.
 
     Args:
-        config: How they are gathered and compared.
+        config: How panoramas are made and compared.
     """
 
     def __init__(self, config: PanoramaConfig) -> None:
         self._config = config
         self._scans = Table(
-            pose=(np.float64, (3,)),  # The robot, in a frame of its own (m, m, unwrapped rad).
-            way=(np.float64, ()),  # How far it had gone (m).
+            pose=(np.float64, (3,)),  # The robot's pose, in a local frame (m, m, unwrapped rad).
+            way=(np.float64, ()),  # Distance driven (m).
             count=(np.int64, ()),
             points=(np.float64, (BEAMS, 2)),  # In the robot's frame (m).
         )
@@ -85,7 +85,7 @@ class Panoramas:
 
     @property
     def count(self) -> int:
-        """How many templates there are."""
+        """Number of templates."""
         return self._templates.count
 
     @property
@@ -96,20 +96,20 @@ class Panoramas:
     def look(
         self, laser: LaserScan, motion: Motion, view: int, offset: Motion
     ) -> tuple[Motion, Motion]:
-        """Take in a scan and make the present panorama.
+        """Process a scan, and make the present panorama.
 
-        The scan is aligned with the panorama before, and then with the view that the robot is in.
-        So its motion is known better than by the odometer, whose word is taken where the
-        alignments do not agree with it or are poor.
+        The scan is aligned with the last panorama, and then with the view that the robot is in. So
+        the motion is known better than by odometry alone. The odometer's motion is used if the
+        alignments disagree with it or are poor.
 
         Args:
             laser: The scan.
-            motion: How the robot moved since the last one, by the odometer.
-            view: The view that it is in, -1 for none.
-            offset: Where it was in that view's frame before this motion.
+            motion: The robot's motion since the last scan, by odometry.
+            view: The view that the robot is in; -1 for none.
+            offset: The robot's pose in that view's frame before this motion.
 
         Returns:
-            How it moved, and where it is in the view's frame.
+            The robot's motion, and its pose in the view's frame.
         """
         self._previous, self._surface = self._surface, self._previous
         self._take(laser, motion)
@@ -122,7 +122,7 @@ class Panoramas:
         return motion, after(offset, motion)
 
     def _take(self, laser: LaserScan, motion: Motion) -> None:
-        """Keep a scan; forget those that are too far back, and the last if it was too near."""
+        """Keep a scan, and drop those too far back or too near each other."""
         config, scans = self._config, self._scans
         pose, way = (0.0, 0.0, 0.0), 0.0
         if scans.count:
@@ -146,7 +146,7 @@ class Panoramas:
         scans.append(pose=pose, way=way, count=len(points), points=padded)
 
     def _fill(self, first: int) -> None:
-        """Make the panorama of the scans from one on, without its normals."""
+        """Make the panorama of the scans from `first` on, without its normals."""
         scans, config = self._scans, self._config
         ranges, points, _ = self._surface
         gather(
@@ -161,13 +161,16 @@ class Panoramas:
         ranges[:] = np.where(self._seen < config.reach, self._seen, 0.0)
 
     def _complete(self) -> None:
-        """Make the present panorama of all scans that are kept."""
+        """Make the present panorama from all scans that are kept."""
         self._fill(0)
         fill_normals(*self._surface)
         fill_profile(self._seen, self._config.reach, _FINEST, self._profile, self._known)
 
     def _align_scan(self, motion: Motion, view: int, offset: Motion) -> Motion:
-        """The motion by the panorama before, then by the view; the odometer's word is a guess."""
+        """Return the motion, first aligned with the last panorama, then with the view.
+
+        The odometer's motion is the first guess.
+        """
         config = self._config
         step = math.hypot(motion[0], motion[1]) + abs(motion[2])
         guess = motion
@@ -182,7 +185,7 @@ class Panoramas:
         return near if near is not None and score >= config.sure else guess
 
     def _amend(self, motion: Motion, moved: Motion) -> None:
-        """The robot moved otherwise than by `motion`."""
+        """Correct the last scan's pose: the robot moved by `moved` instead of `motion`."""
         poses, last = self._scans["pose"], self._scans.count - 1
         heading = poses[last, 2] - motion[2]
         cos, sin = math.cos(heading), math.sin(heading)
@@ -190,7 +193,7 @@ class Panoramas:
         poses[last] += (cos * x - sin * y, sin * x + cos * y, moved[2] - motion[2])
 
     def learn(self) -> int:
-        """Make the present panorama a template; returns its view."""
+        """Make the present panorama a template; return its view."""
         ranges, points, normals = self._surface
         return self._templates.append(
             ranges=ranges, points=points, normals=normals, profile=self._profile, known=self._known
@@ -199,11 +202,11 @@ class Panoramas:
     def sightings(
         self, expected: Collection[tuple[int, Motion]], usable: Bool[np.ndarray, "views"]
     ) -> list[Sighting]:
-        """The views that are seen, each once.
+        """Return the views that are seen, each once.
 
         Args:
-            expected: Views that should be in sight, and where the robot is in their frames.
-            usable: Which of all views are looked for, wherever the robot may be.
+            expected: Views that should be in sight, and the robot's poses in their frames.
+            usable: Which of all views are searched, wherever the robot may be.
         """
         best: dict[int, Sighting] = {}
         for view, guess in (*expected, *self._propose(usable)):
@@ -215,7 +218,7 @@ class Panoramas:
         return list(best.values())
 
     def _propose(self, usable: Bool[np.ndarray, "views"]) -> list[tuple[int, Motion]]:
-        """The views whose profiles differ least from the present one, and the turns at which."""
+        """Return the views whose profiles differ least, and at which rotations, as guesses."""
         config, templates, count = self._config, self._templates, len(usable)
         if not usable.any():
             return []
@@ -243,11 +246,11 @@ class Panoramas:
         return table["ranges"][view], table["points"][view], table["normals"][view]
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything remembered, as arrays by name."""
+        """Return everything remembered, as arrays by name."""
         return self._scans.state("scans") | self._templates.state("templates")
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
+        """Restore what `state` returned."""
         self.reset()
         self._scans.restore("scans", state)
         self._templates.restore("templates", state)
@@ -260,7 +263,7 @@ def _empty_surface() -> Surface:
 
 
 def _match(mine: Surface, theirs: Surface, guess: Motion) -> tuple[Motion, float]:
-    """Where one panorama's frame lies in another's, near to a guess, and the match score."""
+    """Return where one panorama's frame lies in another's, near a guess, and the match score."""
     pose = np.array(guess)
     align(mine[1], theirs, pose)
     score = score_match(mine, theirs, pose, np.empty(3))
@@ -268,7 +271,7 @@ def _match(mine: Surface, theirs: Surface, guess: Motion) -> tuple[Motion, float
 
 
 def _near(guess: Motion, motion: Motion, slip: float) -> Motion | None:
-    """A motion, unwrapped as a guess is, if it is near that (rad, and twice as many m)."""
+    """Return a motion, unwrapped like the guess, if it is within `slip` (rad) and 2 `slip` (m)."""
     turn = nearest_turn(motion[2] - guess[2])
     far = math.hypot(motion[0] - guess[0], motion[1] - guess[1])
     return (

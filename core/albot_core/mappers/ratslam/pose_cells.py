@@ -1,9 +1,9 @@
 """The pose cells: a competitive attractor network over (x', y', θ') (sections 3.2 and 3.3).
 
-Only active cells are kept, and only they and their neighbours are touched, so a step takes as long
-in a large network as in a small one. The weights of an iteration, which the paper does not give,
-are Gaussians along each axis: excitation, then a wider inhibition of what was excited, then the
-same inhibition of all cells.
+Only active cells are stored, and an iteration touches only them and their neighbours. So it takes
+as long in a large network as in a small one. The paper does not give the weights of an iteration.
+Here they are Gaussians along each axis: excitation, then a wider inhibition of the excited cells,
+then the same inhibition of all cells.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from albot_core.kernels.compiled import kernel
 from albot_core.mappers.ratslam.config import PoseCellConfig
 
 REACH = 2
-"""How many cells away a cell excites and inhibits others, along each axis."""
+"""Distance over which a cell excites and inhibits others, along each axis (cells)."""
 _LEAST = 1e-9
-"""Less activity than this share of all counts as none."""
+"""Activity below this share of the total counts as none."""
 _WINDOW = 3
-"""Cells to either side of the most active one that make up the packet."""
+"""Number of cells to either side of the most active one that make up the packet."""
 
 
 class Scratch(NamedTuple):
-    """Arrays that an iteration works in: zeros before and after it."""
+    """Scratch arrays of an iteration; they are zeros before and after it."""
 
     first: np.ndarray
     second: np.ndarray
     third: np.ndarray
-    """Activity of all cells."""
+    """`first`, `second` and `third`: activity of all cells."""
     cells: np.ndarray
-    """(2, n) int64: the cells that are active in the first and the second."""
+    """(2, n) int64: the cells that are active in `first` and in `second`."""
 
 
 class Packet(NamedTuple):
@@ -46,21 +46,21 @@ class Packet(NamedTuple):
     x: float
     y: float
     heading: float
-    """Its centre, in cells: [0, columns), [0, rows), [0, headings)."""
+    """Heading of the centre. The centre is in cells: [0, columns), [0, rows), [0, headings)."""
     share: float
-    """Its share of all activity."""
+    """The packet's share of all activity."""
 
 
 @cache
 def _scratch(cells: int) -> Scratch:
-    """The scratch arrays of all networks of a size, of which one iterates at a time."""
+    """Return the scratch arrays that all networks of a size share; one iterates at a time."""
     first, second, third = np.zeros((3, cells))
     return Scratch(first, second, third, np.zeros((2, cells), np.int64))
 
 
 @cache
 def _weights(config: PoseCellConfig) -> tuple[np.ndarray, np.ndarray]:
-    """The weights of excitation and inhibition along an axis; both sum to 1."""
+    """Return the weights of excitation and of inhibition along an axis; each sums to 1."""
     away = np.arange(-REACH, REACH + 1)
     both = [np.exp(-0.5 * (away / width) ** 2) for width in (config.excitation, config.inhibition)]
     return both[0] / both[0].sum(), both[1] / both[1].sum()
@@ -70,30 +70,30 @@ class PoseCells:
     """A network of pose cells.
 
     Args:
-        config: Its size and weights.
+        config: Size and weights of the network.
     """
 
     def __init__(self, config: PoseCellConfig) -> None:
         self.config = config
         self.shape = config.columns, config.rows, config.headings
-        """How many cells there are along x', y' and θ'."""
+        """Number of cells along x', y' and θ'."""
         self._scratch_size = math.prod(self.shape)
         self.reset()
 
     def reset(self) -> None:
-        """One packet in the middle, with heading 0."""
+        """Restart with one packet in the middle, with heading 0."""
         columns, rows, _ = self.shape
         self.seed(Packet(columns // 2, rows // 2, 0.0, 1.0))
 
     def seed(self, packet: Packet) -> None:
-        """Begin anew with all activity in the cell at a packet's centre."""
+        """Restart with all activity in the cell at a packet's centre."""
         cell = cell_at(packet.x, packet.y, packet.heading, self.shape)
         self.cells: Int64[np.ndarray, "active"] = np.array((cell,))
-        """The active cells, (θ' rows + y') columns + x' each."""
+        """Numbers of the active cells: (θ' rows + y') columns + x'."""
         self.activity: Float64[np.ndarray, "active"] = np.ones(1)
-        """The activity of each; all together 1."""
+        """Activity of each active cell; the sum is 1."""
         self.packet = packet
-        """The packet that dominates."""
+        """The largest packet."""
 
     def iterate(
         self,
@@ -104,12 +104,12 @@ class PoseCells:
         """Inject activity, let cells compete, and shift all activity with the robot.
 
         Args:
-            motion: The robot's pose now in its frame at the last iteration (m, m, rad).
-            injected: Cells that activity is injected into…
-            amounts: …and how much into each, as a share of all activity.
+            motion: The robot's pose in its frame at the last iteration (m, m, rad).
+            injected: Cells into which activity is injected.
+            amounts: Activity injected into each, as a share of all activity.
 
         Returns:
-            Whether any activity is left. If none is, the network is seeded where the packet was.
+            Whether any activity is left. If not, the network is seeded at the last packet.
         """
         config, scratch = self.config, _scratch(self._scratch_size)
         excitation, inhibition = _weights(config)
@@ -133,23 +133,23 @@ class PoseCells:
         return True
 
     def top(self, share: float) -> Int64[np.ndarray, "some"]:
-        """Where in `cells` those are that have this share of the most active one's activity."""
+        """Return the indices in `cells` of those with at least this share of the top activity."""
         return np.flatnonzero(self.activity >= share * self.activity.max())
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything remembered, as arrays by name."""
+        """Return everything remembered, as arrays by name."""
         own = {"active_cells": self.cells.copy(), "activity": self.activity.copy()}
         return own | {"packet": np.array(self.packet)}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
+        """Restore what `state` returned."""
         self.packet = Packet(*state["packet"].tolist())
         self.cells, self.activity = state["active_cells"].copy(), state["activity"].copy()
 
     def moved(
         self, cells: Int64[np.ndarray, "some"], motion: tuple[float, float, float]
     ) -> Int64[np.ndarray, "some"]:
-        """The cells where a robot is that moves so from each of these cells (m, m, rad)."""
+        """Return the cells that a robot reaches from each of these by a motion (m, m, rad)."""
         columns, rows, headings = self.shape
         config = self.config
         angles = cells // (columns * rows) * config.cell_turn
@@ -161,7 +161,7 @@ class PoseCells:
         return np.asarray(flat, np.int64)
 
     def offset(self, x: float, y: float, heading: float) -> Pose:
-        """The packet's centre seen from a pose in cells, the shortest way round (m, m, rad)."""
+        """Return the packet's centre seen from a pose in cells, the shortest way (m, m, rad)."""
         columns, rows, headings = self.shape
         config, packet = self.config, self.packet
         east = config.cell * _shortest(packet.x - x, columns)
@@ -173,7 +173,7 @@ class PoseCells:
 
 
 def _shortest(difference: float, cells: int) -> float:
-    """A difference along an axis that wraps round, within half of its cells to either side."""
+    """Return a difference along an axis that wraps round, within half the axis to either side."""
     return (difference + cells / 2) % cells - cells / 2
 
 
@@ -182,7 +182,7 @@ Shape = tuple[int, int, int]
 
 @kernel()
 def cell_at(x: float, y: float, heading: float, shape: Shape) -> int:
-    """The number of the cell nearest to a place in cells."""
+    """Return the number of the cell nearest to a position in cells."""
     columns, rows, headings = shape
     column = np.int64(math.floor(x + 0.5)) % columns
     row = np.int64(math.floor(y + 0.5)) % rows
@@ -201,10 +201,10 @@ def iterate(
     shift: tuple[float, float, float],
     scratch: Scratch,
 ) -> int:
-    """One iteration; returns how many cells are active then.
+    """Run one iteration; return the number of cells that are active after it.
 
-    They are in the first row of `scratch.cells`, their activity in `scratch.first`; what reads it
-    clears it (`find_packet`). With none left all is cleared.
+    These cells are in the first row of `scratch.cells`, their activity in `scratch.first`. The
+    caller must clear `scratch.first` (as `find_packet` does). If no cell is active, all is cleared.
     """
     first, second, third, lists = scratch
     here, there = lists[0], lists[1]
@@ -224,10 +224,10 @@ def iterate(
 def _compete(
     shape: Shape, weights: tuple[np.ndarray, np.ndarray, float], scratch: Scratch, count: int
 ) -> int:
-    """Excitation and inhibition; returns how many cells are active then.
+    """Apply excitation and inhibition; return the number of cells that are active after it.
 
-    The first row of `scratch.cells` lists the active cells, before in `scratch.first`, then in
-    `scratch.third`.
+    The first row of `scratch.cells` lists the active cells. Their activity is in `scratch.first`
+    before the call, and in `scratch.third` after it.
     """
     columns, rows, headings = shape
     first, second, third, lists = scratch
@@ -237,7 +237,7 @@ def _compete(
     count = _spread(first, second, here, there, count, excitation, 1, columns)
     count = _spread(second, first, there, here, count, excitation, columns, rows)
     count = _spread(first, second, here, there, count, excitation, columns * rows, headings)
-    # Local inhibition of what was excited, which waits in `third`.
+    # Local inhibition of the excited activity, which `third` keeps.
     for k in range(count):
         third[there[k]] = second[there[k]]
     count = _spread(second, first, there, here, count, inhibition, 1, columns)
@@ -253,7 +253,7 @@ def _compete(
             total += left
             here[kept] = cell
             kept += 1
-    # Global inhibition of activity that sums to 1; then it is to sum to 1 again.
+    # Normalise, apply global inhibition, then normalise again.
     before, total, count = total, 0.0, 0
     for k in range(kept):
         cell = here[k]
@@ -271,7 +271,7 @@ def _compete(
 
 @kernel()
 def _add(target: np.ndarray, reached: np.ndarray, count: int, cell: int, amount: float) -> int:
-    """Add activity to a cell, which is listed where it had none; the new length of the list."""
+    """Add activity to a cell, and list it if it had none; return the length of the list."""
     if target[cell] == 0.0:
         reached[count] = cell
         count += 1
@@ -290,7 +290,7 @@ def _spread(
     stride: int,
     length: int,
 ) -> int:
-    """Move activity to its neighbours along one axis, by weights; the source is cleared."""
+    """Spread activity along one axis by weights and clear the source; return the number reached."""
     found = 0
     for k in range(count):
         cell = cells[k]
@@ -319,10 +319,10 @@ def _shift(
     shape: Shape,
     shift: tuple[float, float, float],
 ) -> int:
-    """Path integration: move all activity with the robot; the fractions go to the cells around.
+    """Move all activity with the robot (path integration); return the number of active cells.
 
-    The activity of a heading moves in its own direction. `source` is cleared; the active cells
-    are listed in `cells`.
+    The activity of each heading moves in its own direction, and fractions of a cell are shared
+    among neighbouring cells. `source` is cleared; `cells` lists the active cells afterwards.
     """
     columns, rows, headings = shape
     found, layer, east, north = 0, -1, 0.0, 0.0
@@ -366,9 +366,9 @@ def _shift(
 def find_packet(
     cells: np.ndarray, activity: np.ndarray, shape: Shape, dense: np.ndarray
 ) -> tuple[float, float, float, float]:
-    """The centre of the packet round the most active cell, across the wrap, and its share.
+    """Return the centre of the packet round the most active cell (cells), and its share.
 
-    `dense` holds the activity of all cells, and is cleared.
+    The packet may lie across the wrap. `dense` holds the activity of all cells, and is cleared.
     """
     columns, rows, headings = shape
     peak = cells[np.argmax(activity)]
@@ -395,6 +395,6 @@ def find_packet(
 
 @kernel()
 def _wrapped(place: float, length: int) -> float:
-    """A place along an axis that wraps round, within [0, length)."""
+    """Return a position along an axis that wraps round, within [0, length)."""
     place %= float(length)
     return place if place < length else 0.0

@@ -1,6 +1,7 @@
-"""Where the robot is in the experience map, and what it learns of the map on its way (section 4.2).
+"""The robot's position in the experience map, and what it learns of the map (section 4.2).
 
-It is in one experience, and somewhere in that one's frame: by the odometer, since it came there.
+A position is an experience, and a pose in its frame. The pose is integrated from odometry since the
+robot entered the experience.
 """
 
 from __future__ import annotations
@@ -26,14 +27,14 @@ class Position:
     """The robot in the experience map.
 
     Args:
-        config: All thresholds.
+        config: All parameters.
     """
 
     def __init__(self, config: RatSlamConfig) -> None:
         self._config = config
         self.map = ExperienceMap(config.experiences, config.pose_cells, config.correction)
         self.visits = Table(place=(np.int64, ()))
-        """The experiences that the robot has been in, in order."""
+        """The experiences that the robot was in, in order."""
         self._bias, self._doubt = HeadingBias(), Doubt()
         self.reset()
 
@@ -45,23 +46,24 @@ class Position:
         self._doubt.reset()
         self.stamp = self._left_at = 0.0
         self.way = 0.0
-        """How far the robot has gone (m)."""
+        """Distance driven (m)."""
         self.since: Motion = (0.0, 0.0, 0.0)
-        """Its motion since the last iteration."""
+        """The robot's motion since the last iteration."""
         self.here: Motion = (0.0, 0.0, 0.0)
-        """Where it is in the present experience."""
+        """The robot's pose in the present experience's frame."""
         self.view = NO_VIEW
         """The view that is seen."""
         self.place = self.matched = -1
-        """The present experience, and the reading at which a recognised one was new; -1: none."""
+        """The present experience, and the reading at which a recognised one was made; -1 for
+        none."""
         self.reading = 0
-        """How many readings there were before this one."""
+        """Number of readings before this one."""
         self.iteration = self._left_in = self.updates = self.version = 0
         self._entered = 0
-        """How many known experiences were entered since the robot was re-localised."""
+        """Number of known experiences entered since the robot was last re-localised."""
 
     def integrate(self, motion: Motion, stamp: float) -> None:
-        """Path integration, of all that is counted by it."""
+        """Integrate a motion of the odometer."""
         way = math.hypot(motion[0], motion[1])
         self._bias.add(way, motion[2], stamp - self.stamp)
         self.way += way
@@ -77,7 +79,7 @@ class Position:
         return compose(self.map.poses[self.place], np.array(self.here))
 
     def add(self, view: int, packet: Packet) -> int:
-        """Make an experience where the robot is; while that is doubted, by the odometer alone."""
+        """Make an experience at the robot's pose, which is by odometry alone while in doubt."""
         doubt, base, pose = self._doubt, self.place, self.here
         if doubt.anchor >= 0:
             base, pose = doubt.anchor, doubt.since
@@ -87,12 +89,12 @@ class Position:
         return self.map.add(pose, packet, view, 0.0, self.reading)
 
     def enter(self, experience: int, offset: Motion, *, is_new: bool) -> None:
-        """Be in another experience, and learn the transition to it.
+        """Enter another experience, and learn the transition to it.
 
         Args:
-            experience: Which.
-            offset: The robot in its frame.
-            is_new: Whether it was made now.
+            experience: The experience to enter.
+            offset: The robot's pose in its frame.
+            is_new: Whether it was just made.
         """
         table, config = self.map.experiences, self._config.experiences
         is_earlier = self.way - table["way"][experience] >= config.apart
@@ -113,11 +115,11 @@ class Position:
         self.version += 1
 
     def smoothed(self, experience: int, offset: Motion) -> Motion:
-        """Where the robot is in an experience that it enters, by all that were entered before.
+        """Return the robot's pose in an experience that it enters, smoothed over those before.
 
-        The mean of where the pose cells and where map and odometer say, the cells' share falling
-        from 1 at a re-localisation. While that is doubted, and where both are far apart, the pose
-        cells alone are believed.
+        This is the weighted mean of the pose by the pose cells and the pose by map and odometer.
+        The weight of the pose cells falls from 1 at a re-localisation. While that is in doubt, and
+        if both poses are far apart, only the pose cells are believed.
         """
         expected = relative(self.map.poses[experience], self.believed)
         x, y, turn = (np.array(offset) - expected).tolist()
@@ -131,7 +133,7 @@ class Position:
         return motion_of((expected + share * np.array((x, y, turn))).tolist())
 
     def begin_doubt(self) -> None:
-        """The robot was re-localised. If it was doubted where it is, it is back at the anchor."""
+        """Begin to doubt a re-localisation; if one is in doubt already, go back to its anchor."""
         doubt = self._doubt
         if self.place < 0 or not self._config.experiences.confirmations:
             return
@@ -143,13 +145,13 @@ class Position:
     def _connect(self, transition: Transition) -> None:
         """Learn a transition."""
         source, target, motion, time, steps = transition
-        # Scans have taken the odometer's bias out already.
+        # With a laser, aligned scans have removed the odometer's bias already.
         bias = self._bias.rate if self._config.sees == "scenes" else 0.0
         if self.map.connect(source, target, motion, time, bias, steps):
             self.updates += 1
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything remembered, as arrays by name."""
+        """Return everything remembered, as arrays by name."""
         whole = (self.view, self.place, self.matched, self.iteration, self._left_in)
         counts = (*whole, self.updates, self.version, self._entered)
         numbers = (self.stamp, self._left_at, self.way)
@@ -162,7 +164,7 @@ class Position:
         return own | self.visits.state("visits")
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
+        """Restore what `state` returned."""
         *whole, self.updates, self.version, self._entered = state["counts"].tolist()
         self.view, self.place, self.matched, self.iteration, self._left_in = whole
         self.stamp, self._left_at, self.way, *motions = state["numbers"].tolist()

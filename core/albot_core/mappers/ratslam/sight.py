@@ -1,6 +1,6 @@
-"""What the robot sees: activity for the pose cells, and the experience that it is in.
+"""What the robot sees: it injects activity into the pose cells and selects the experience.
 
-A camera sees one scene at a time, a laser panoramas, of which several may be seen at once.
+A camera sees one scene at a time. A laser may see several panoramas at once.
 """
 
 from __future__ import annotations
@@ -22,41 +22,41 @@ from albot_core.mappers.ratslam.position import Position
 from albot_core.sensing.reading import LaserScan, Reading
 
 Injection = tuple[Int64[np.ndarray, "injected"], Float64[np.ndarray, "injected"]]
-"""Cells that activity is injected into, and how much into each."""
+"""Cells into which activity is injected, and the activity injected into each."""
 
 _EXPECTED = 4
-"""So many of the experiences nearest to the robot are looked for where they should be."""
+"""Number of experiences nearest to the robot that are searched at their expected poses."""
 
 
 class Sight(Protocol):
-    """What a camera and a laser have in common."""
+    """The common interface of camera and laser."""
 
     def reset(self) -> None:
         """Forget everything."""
 
     def look(self, reading: Reading) -> None:
-        """Look, at every reading."""
+        """Process a reading."""
 
     def inject(self) -> Injection:
-        """Know views again, at every iteration: what they inject."""
+        """Recognise views, once per iteration; return what they inject."""
 
     def experience(self) -> None:
-        """Be in the active experience of what is seen, or make one."""
+        """Enter the active experience of what is seen, or make one."""
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything remembered, as arrays by name."""
+        """Return everything remembered, as arrays by name."""
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
+        """Restore what `state` returned."""
 
 
 class SceneSight:
     """A camera that recognises scenes by number.
 
     Args:
-        config: All thresholds.
+        config: All parameters.
         cells: The pose cells.
-        links: The links of views to them.
+        links: The links from views to pose cells.
         position: The robot in the experience map.
     """
 
@@ -73,11 +73,11 @@ class SceneSight:
         self._seen = NO_VIEW
 
     def look(self, reading: Reading) -> None:
-        """See a scene, or none."""
+        """Update the scene that is seen."""
         self._seen = self._scenes.look(reading.scene, self._position.view)
 
     def inject(self) -> Injection:
-        """Let the scene inject activity; associate it with cells as it comes into sight."""
+        """Return what the scene injects; associate it with cells when it comes into sight."""
         cells, links, position = self._cells, self._links, self._position
         is_new, position.view = self._seen != position.view, self._seen
         if position.view == NO_VIEW:
@@ -88,37 +88,37 @@ class SceneSight:
         return links.injection(position.view, active)
 
     def experience(self) -> None:
-        """Find the active experience of the scene, or make one, and learn how it was reached."""
+        """Find the active experience of the scene, or make one, and learn the transition to it."""
         position = self._position
         packet, place, view = self._cells.packet, position.place, position.view
         found = position.map.active(view, packet)
         table = position.map.experiences
         if found == place and found >= 0:
             table["way"][found] = position.way
-        # Without a view nothing tells apart what shares pose cells.
+        # Without a view, experiences that share pose cells cannot be told apart.
         elif found < 0 or view == NO_VIEW:
             position.enter(position.add(view, packet), (0.0, 0.0, 0.0), is_new=True)
         else:
-            # Where the robot is in it the pose cells tell.
+            # The pose cells give the robot's pose in it.
             offset = motion_of(self._cells.offset(*table["cell"][found].tolist()).tolist())
             position.enter(found, position.smoothed(found, offset), is_new=False)
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything remembered, as arrays by name."""
+        """Return everything remembered, as arrays by name."""
         return self._scenes.state()
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
+        """Restore what `state` returned."""
         self._scenes.restore(state)
 
 
 class LaserSight:
-    """A laser, whose views are panoramas: each is made with an experience, and has its frame.
+    """A laser, whose views are panoramas; each is made with an experience, and shares its frame.
 
     Args:
-        config: All thresholds.
+        config: All parameters.
         cells: The pose cells.
-        links: The links of views to them.
+        links: The links from views to pose cells.
         position: The robot in the experience map.
         name: The mapper's name, for errors.
     """
@@ -138,7 +138,7 @@ class LaserSight:
         self._sightings: Sequence[Sighting] = ()
 
     def look(self, reading: Reading) -> None:
-        """Keep the scan for the iteration, if there is one now.
+        """Keep the scan for an iteration at this reading.
 
         Raises:
             InputError: The reading lacks a scan.
@@ -146,12 +146,12 @@ class LaserSight:
         self._scan = reading.required_laser(self._name)
 
     def inject(self) -> Injection:
-        """Let the views that are seen inject activity where the robot is by each of them.
+        """Return what the seen views inject, each at the robot's pose by that view.
 
-        Each injects by how likely the robot is there, and neither in another view that is seen nor
-        where none was learned. It is the less likely the worse the view matches, and the farther
-        it is from where the robot is believed to be, by the odometer's errors since the view was
-        last seen.
+        Each view injects in proportion to the probability that the robot is at this pose, and not
+        at the pose by another seen view or where no view was learned. The probability is lower for
+        a worse match, and for a pose farther from the believed one, relative to the odometer's
+        error since the view was last seen.
         """
         links, cells, position = self._links, self._cells, self._position
         self._sightings = self._compare()
@@ -166,13 +166,13 @@ class LaserSight:
             active = links.activate(seen.view, position.iteration)
             if weight > 0.0:
                 linked, amounts = links.injection(seen.view, active * weight / total)
-                # The network moves with the robot only after this.
+                # The network moves with the robot only after the injection.
                 there = before(seen.offset, position.since)
                 injected.append((cells.moved(linked, there), amounts))
         return tuple(np.concatenate(parts) for parts in zip(*injected, strict=True))  # type: ignore[return-value]
 
     def _compare(self) -> Sequence[Sighting]:
-        """Take in the scan: how the robot moved, and which views are seen."""
+        """Process the scan: update the robot's motion, and return the views that are seen."""
         position, panoramas = self._position, self._panoramas
         assert self._scan is not None, "an iteration follows a look"
         start = before(position.here, position.since)
@@ -191,7 +191,7 @@ class LaserSight:
         return panoramas.sightings(expected, self._links.linked(position.map.count))
 
     def _plausible(self, seen: Sighting) -> float:
-        """How likely the odometer is so wrong, from 0 to 1."""
+        """Return how plausible the odometer's error is if a sighting is right, from 0 to 1."""
         config, position = self._config.panoramas, self._position
         way = position.way - float(position.map.experiences["way"][seen.view])
         pose = compose(position.map.poses[seen.view], np.array(seen.offset))
@@ -205,11 +205,11 @@ class LaserSight:
         )
 
     def experience(self) -> None:
-        """Find the active experience of the views that are seen, or make one with a view.
+        """Find the active experience of the views that are seen, or make one with a new view.
 
-        A view and its experience have the same number, and one frame. The experience is active
-        where the packet lies where the view says, and the robot in the experience's zone:
-        whichever way it looks.
+        A view and its experience share their number and their frame. An experience is active if the
+        packet lies where the view puts it and the robot is in the experience's zone, with any
+        heading.
         """
         config, position = self._config.experiences, self._position
         table, place = position.map.experiences, position.place
@@ -242,9 +242,9 @@ class LaserSight:
         self._links.associate(active, 1.0, offset, self._cells, position.way)
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything remembered, as arrays by name."""
+        """Return everything remembered, as arrays by name."""
         return self._panoramas.state()
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
+        """Restore what `state` returned."""
         self._panoramas.restore(state)

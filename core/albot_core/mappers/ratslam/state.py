@@ -1,7 +1,7 @@
-"""What the arrays of RatSLAM's state may be; for `restore`, which gets them from files.
+"""Checks of the arrays of RatSLAM's state; for `restore`, which gets them from files.
 
-Compiled code follows the chains of links and transitions and checks no bounds: a number that no
-mapper made would end in memory that is not its own, or not end at all.
+Compiled code follows the chains of links and transitions and checks no bounds. An invalid number
+could make it access memory that is not its own, or run for ever.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ def check_state(
     """Check the arrays of a state.
 
     Args:
-        state: The arrays, each of the dtype and as many axes as those of `kept`.
+        state: The arrays, each of the same dtype and number of axes as in `kept`.
         kept: A state of a mapper with this config.
-        config: The mapper's thresholds.
+        config: The mapper's parameters.
 
     Raises:
-        InputError: One holds what none of a mapper's state does.
+        InputError: An array holds values that no state of this mapper holds.
     """
     check_shapes(state, {name: _shape(name, array) for name, array in kept.items()})
     check_finite(state, *(name for name in _FINITE if name in kept))
@@ -98,7 +98,7 @@ _COUNTED = (
 
 
 def _shape(name: str, kept: np.ndarray) -> tuple[str | int, ...]:
-    """The shape of an array: columns of one table are equally long, the rest is as it is kept."""
+    """Return an array's shape; its first axis is named by its table, the others are as kept."""
     if name in ("counts", "numbers", "packet", "scenes.counts", "bias.ways", *_DOUBT):
         return kept.shape
     tables = {"active_cells": "active", "activity": "active", "waiting_numbers": "waiting"}
@@ -108,7 +108,7 @@ def _shape(name: str, kept: np.ndarray) -> tuple[str | int, ...]:
 def _check_within(
     state: Mapping[str, np.ndarray], name: str, least: int, end: int | Int64[np.ndarray, "..."]
 ) -> None:
-    """Raise InputError unless whole numbers are from `least` to less than `end`."""
+    """Raise InputError unless all numbers are at least `least` and less than `end`."""
     numbers = state[name]
     wrong = (numbers < least) | (numbers >= end)
     if wrong.any():
@@ -142,7 +142,7 @@ def _check_doubt(state: Mapping[str, np.ndarray], experiences: int) -> None:
 
 
 def _check_tree(state: Mapping[str, np.ndarray]) -> None:
-    """Each experience but the first was reached from an older one."""
+    """Check that each experience but the first was reached from an older one."""
     reached_by = state["experiences.reached_by"][1:]
     numbers = np.arange(1, 1 + len(reached_by))
     if (reached_by < 0).any() or (
@@ -154,8 +154,8 @@ def _check_tree(state: Mapping[str, np.ndarray]) -> None:
 
 
 def _all_end(following: Int64[np.ndarray, "n"]) -> bool:
-    """Whether who follows these numbers comes to -1 from everywhere."""
+    """Return whether following these numbers leads to -1 from everywhere."""
     ahead = np.append(following, -1)
     for _ in range(len(ahead).bit_length()):
-        ahead = ahead[ahead]  # Twice as far each time; -1 is the last one, which stays.
+        ahead = ahead[ahead]  # Doubles the steps. The last element, at index -1, is -1.
     return bool((ahead == -1).all())

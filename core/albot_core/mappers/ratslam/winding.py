@@ -1,11 +1,11 @@
-"""Which winding a link has that closes a loop.
+"""The winding of a link that closes a loop: how many whole turns it holds.
 
-An odometer with a constant bias turns in excess all the way. At 6 °/s a lap of a minute is a whole
-turn too much, and nothing that the odometer measured tells it from a lap without error: a square
-whose sides are bent by 90° each is as closed as one with straight sides. What tells them apart is
-that robots drive straight more often than they turn: the median turn rate while they drive is the
-bias. It decides how often the links of a loop turn round, and nothing else; the correction of the
-map does the rest. The paper does not speak of this: ours.
+An odometer with a constant bias measures too much turn all the time. At 6 °/s, a lap of a minute
+has one whole turn too many. The odometer's measurements do not distinguish it from a lap without
+error: a square whose sides are bent by 90° each closes as well as one with straight sides. But
+robots drive straight more often than they turn, so the median turn rate while they drive is the
+bias. The bias only decides how many whole turns the links of a loop hold; the correction of the map
+does the rest. This is our addition; the paper does not cover it.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from albot_core.kernels.compiled import kernel
 _FASTEST, _BIN = math.radians(30.0), math.radians(0.1)
 _BINS = 2 * round(_FASTEST / _BIN) + 1
 _ENOUGH = 3.0
-"""No bias is believed before so much way (m)."""
+"""Distance to be driven before a bias is believed (m)."""
 _GAP = 0.25
-"""A loop without the bias must close up to this share of its length."""
+"""Largest gap of a loop after the bias is removed, as a share of the loop's length."""
 
 
 class HeadingBias:
-    """The odometer's bias: the median turn rate, over the way."""
+    """The odometer's heading bias: the median turn rate, weighted by distance."""
 
     def __init__(self) -> None:
         self.reset()
@@ -37,30 +37,30 @@ class HeadingBias:
         self._ways = np.zeros(_BINS)
 
     def add(self, way: float, turn: float, duration: float) -> None:
-        """Take in a motion: its way (m), turn (rad) and duration (s), which may be 0: unknown."""
+        """Add a motion: distance (m), turn (rad) and duration (s); a duration of 0 is unknown."""
         if duration > 0.0 and way > 0.0:
             rate = min(max(turn / duration, -_FASTEST), _FASTEST)
             self._ways[round(rate / _BIN) + _BINS // 2] += way
 
     @property
     def rate(self) -> float:
-        """The bias (rad/s); 0 before there is enough way."""
+        """The bias (rad/s); 0 before the robot has driven far enough."""
         summed = np.cumsum(self._ways)
         if summed[-1] < _ENOUGH:
             return 0.0
         return float((np.searchsorted(summed, summed[-1] / 2) - _BINS // 2) * _BIN)
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything remembered, as arrays by name."""
+        """Return everything remembered, as arrays by name."""
         return {"bias.ways": self._ways.copy()}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become what gave `state`."""
+        """Restore what `state` returned."""
         self._ways = state["bias.ways"].copy()
 
 
 Tree = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""(experiences,) the link that led to each as it was new, -1 for the first; and of all links the
+"""(experiences,) the link by which each was first reached, -1 for the first; and of all links the
 (links,) sources, (links, 3) motions and (links,) times."""
 
 
@@ -73,11 +73,11 @@ def turns_of(
     tree: Tree,
     bias: float,
 ) -> int:
-    """How many whole turns are to be added to a link between experiences that are both known.
+    """Return the number of whole turns to add to a link between two known experiences.
 
-    The way between them over the links by which each was first reached, taken without the bias,
-    says how much the robot turned. It is not believed where that way does not lead to where the
-    link does, and the way as it was measured does so better.
+    The turns follow from the path between both over the links by which each was first reached, with
+    the bias removed. This result is rejected if that path does not lead to where the link does and
+    the path as measured comes closer.
     """
     turns, gap, _ = _turns_without(source, target, motion, time, tree, 0.0)
     if bias != 0.0:
@@ -96,9 +96,9 @@ def _turns_without(
     tree: Tree,
     bias: float,
 ) -> tuple[int, float, float]:
-    """The whole turns, the gap that is left in the loop (m), and its length (m)."""
+    """Return the whole turns, the remaining gap of the loop (m), and its length (m)."""
     reached_by, sources, motions, times = tree
-    here, there = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # Source and target, seen from their ancestors.
+    here, there = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)  # Source and target in their ancestors' frames.
     length = length_of(motion[0], motion[1])
     one, other = source, target
     while one != other:  # An experience is younger than that from which it was reached.
@@ -121,9 +121,9 @@ def _turns_without(
 def _unbiased(
     motion: tuple[float, float, float], time: float, bias: float
 ) -> tuple[float, float, float]:
-    """A motion as it was if the odometer turned in excess at this rate.
+    """Return a motion without the excess turn of a bias.
 
-    On average half of the excess bends the way itself.
+    On average, half of the excess also rotates the direction of travel.
     """
     excess = bias * time
     x, y = rotate(math.cos(-excess / 2), math.sin(-excess / 2), motion[0], motion[1])
@@ -134,6 +134,6 @@ def _unbiased(
 def _unwrapped(
     first: tuple[float, float, float], second: tuple[float, float, float]
 ) -> tuple[float, float, float]:
-    """One motion after the other, the headings added up without wrapping."""
+    """Return one motion followed by another; headings are added without wrapping."""
     x, y = rotate(math.cos(first[2]), math.sin(first[2]), second[0], second[1])
     return first[0] + x, first[1] + y, first[2] + second[2]

@@ -19,8 +19,12 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.geometry.types import Pose
+from albot_core.kernels.byte_tables import BYTES_SUMMED, sum_bytes
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.slam.likelihood_field import CERTAIN, LikelihoodField
+
+TRIED_WHOLE = 2 * BYTES_SUMMED - 1
+"""In a window of no more cells across every pose is tried: that costs less than coarse levels."""
 
 
 class Window(NamedTuple):
@@ -70,17 +74,12 @@ def correlate(
     cell = field.config.cell
     reach = math.ceil(window.reach / cell - 1e-9)
     turns = math.ceil(window.turn / window.step - 1e-9)
-    ix, iy, it, score, response = search_window(
-        field.levels_for(2 * reach + 1),
-        field.corner,
-        cell,
-        points,
-        guess,
-        reach,
-        turns,
-        window.step,
-        prior,
-    )
+    poses = (points, guess, reach, turns, window.step, prior)
+    if 2 * reach + 1 <= TRIED_WHOLE:
+        found = try_window(field.finest, field.corner, cell, *poses)
+    else:
+        found = search_window(field.levels_for(2 * reach + 1), field.corner, cell, *poses)
+    ix, iy, it, score, response = found
     pose = guess + np.array((ix * cell, iy * cell, it * window.step))
     at_border = max(abs(ix), abs(iy)) == reach > 0 or abs(it) == turns > 0
     return Correlation(pose, score, response, at_border)
@@ -201,6 +200,39 @@ def _push_quarters(
         stack[k, 0], stack[k, 1], stack[k, 2], stack[k, 3] = level, h, ix, iy
         size += 1
     return size
+
+
+@kernel(arrays=True)
+def try_window(
+    finest: np.ndarray,
+    corner: np.ndarray,
+    cell: float,
+    points: np.ndarray,
+    guess: np.ndarray,
+    reach: int,
+    turns: int,
+    step: float,
+    prior: np.ndarray,
+) -> tuple[int, int, int, float, float]:
+    """The same as `search_window` by trying every pose, some neighbours in x at once."""
+    side = len(finest)
+    flat = finest.reshape(side * side)
+    cells, sums = np.empty(len(points), np.int32), np.empty(BYTES_SUMMED, np.int32)
+    best, bx, by, bt, raw = -np.inf, 0, 0, 0, 0.0
+    for turn in range(-turns, turns + 1):
+        heading = guess[2] + turn * step
+        # Those that are summed to no purpose, beyond the window, must be in the field, too.
+        border = reach + BYTES_SUMMED
+        count = _cells_of(points, guess[0], guess[1], heading, corner, cell, side, border, cells)
+        for iy in range(-reach, reach + 1):
+            for first in range(-reach, reach + 1, BYTES_SUMMED):
+                sum_bytes(flat, cells, count, iy * side + first, sums)
+                for j in range(min(BYTES_SUMMED, reach + 1 - first)):
+                    found = sums[j] / CERTAIN
+                    score = found - _least_prior(prior, cell, step, first + j, iy, turn, 1)
+                    if score > best:
+                        best, bx, by, bt, raw = score, first + j, iy, turn, found
+    return bx, by, bt, best, raw / max(len(points), 1)
 
 
 @kernel()

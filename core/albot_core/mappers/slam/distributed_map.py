@@ -26,22 +26,23 @@ import numpy as np
 from jaxtyping import Float64, Int16, Int64
 
 from albot_core.errors import InputError
+from albot_core.geometry.types import Poses
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.slam.ancestry import (
+from albot_core.mappers.slam.ancestry import count_known, known_beams, order_nodes
+from albot_core.mappers.slam.observations import (
     CHUNK,
     SIZES,
     TILE_SQUARES,
     MapArrays,
     TreeArrays,
     add_observation,
-    count_known,
-    known_beams,
     made_square_at,
-    order_nodes,
 )
 from albot_core.mappers.slam.tiles import NONE, TILE, extend_index
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 
+_FAR = 1e12
+"""No coordinate counts as farther (m), so that tiles can be counted."""
 _SPARE_CHUNKS = 2
 """While two lists of squares become one, so many more chunks are needed at most."""
 
@@ -100,13 +101,32 @@ class DistributedMap:
         """Size of the map's arrays, tree and tiles and all."""
         return sum(array.nbytes for arrays in (self.arrays, self.tree) for array in arrays)
 
-    def check_ground(self, low: Int64[np.ndarray, "2"], high: Int64[np.ndarray, "2"]) -> None:
-        """Check that the map can reach from one tile (row, column) to before another.
+    def check_ground(self, poses: Poses, radius: float) -> None:
+        """Check that the map can reach so far (m) around all poses.
 
         Raises:
             InputError: The index would have more than `MOST_TILES` entries.
         """
+        low, high = self._tiles_around(poses, radius)
         extend_index(self.arrays.tiles, self.arrays.corner, low, high, TILE * self.cell)
+
+    def reserve_ground(self, poses: Poses, radius: float) -> None:
+        """Have tiles for all ground so near (m) to poses.
+
+        Raises:
+            InputError: The index would have more than `MOST_TILES` entries.
+        """
+        self.reserve_tiles(*self._tiles_around(poses, radius))
+
+    def _tiles_around(
+        self, poses: Poses, radius: float
+    ) -> tuple[Int64[np.ndarray, "2"], Int64[np.ndarray, "2"]]:
+        """Row and column of the first tile within a distance (m) of poses, and after the last."""
+        places = poses[:, 1::-1]
+        low, high = places.min(axis=0) - radius, places.max(axis=0) + radius
+        ends = np.clip((low, high), -_FAR, _FAR) / (TILE * self.cell)
+        first, last = np.floor(ends).astype(np.int64)
+        return first, last + 1
 
     def reserve_tiles(self, low: Int64[np.ndarray, "2"], high: Int64[np.ndarray, "2"]) -> None:
         """Have room for all tiles from one (row, column) to before another.

@@ -11,13 +11,13 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from jaxtyping import Float64, Int16, Int64
+from jaxtyping import Float32, Float64, Int16, Int64
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose
 from albot_core.geometry.types import Pose, Poses
 from albot_core.kernels.compiled import kernel
-from albot_core.mappers.mapper import Estimate, MapperSpec
+from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
 from albot_core.mappers.random_state import generator_of, generator_state
 from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.slam.ancestral_paths import AncestralPaths
@@ -28,17 +28,15 @@ from albot_core.mappers.slam.ancestry import (
     make_local_map,
     order_nodes,
     prune,
-    release_empty_tiles,
 )
 from albot_core.mappers.slam.distributed_map import DistributedMap
-from albot_core.mappers.slam.dp_slam_config import MOST_DEVIATIONS, UNIFORMS, DpSlamConfig
-from albot_core.mappers.slam.opacity import (
-    Beams,
-    enter_scan,
-    slots_needed,
-    weigh_samples,
-)
-from albot_core.mappers.slam.tiles import NONE, TILE
+from albot_core.mappers.slam.dp_slam_config import MOST_DEVIATIONS, DpSlamConfig
+from albot_core.mappers.slam.observations import release_empty_tiles
+from albot_core.mappers.slam.opacity import Beams, slots_needed, used_beams, weigh_samples
+from albot_core.mappers.slam.scan_entry import enter_scan
+from albot_core.mappers.slam.scan_matching import believed_motion
+from albot_core.mappers.slam.tiles import NONE
+from albot_core.mappers.slam.way_home import Ground, RouteKeeper
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import (
     MapSnapshot,
@@ -46,19 +44,19 @@ from albot_core.maps.layers import (
     ParticlesLayer,
     TrajectoryLayer,
 )
-from albot_core.sensing.reading import LaserScan, Reading
+from albot_core.sensing.reading import Reading
 
+_LEAST_WAY = 1e-6
+"""No beam is drawn to have gone less far through a square (m)."""
 _SCANS = 4
 """The local map has room for the squares of so many scans."""
-_FAR = 1e12
-"""No coordinate counts as farther (m), so that tiles can be counted."""
 
 
 class DpSlam:
     """DP-SLAM's particles, and the one map that they share.
 
-    It corrects its earlier poses (`CorrectedTrajectory`): they are those of the best particle's
-    ancestors.
+    It knows a way home (`RouteHome`) and corrects its earlier poses (`CorrectedTrajectory`): they
+    are those of the best particle's ancestors.
 
     Args:
         config: All thresholds.
@@ -70,6 +68,7 @@ class DpSlam:
         self.config = config or DpSlamConfig()
         self._model = self.config.laser_model
         self._local: LocalMap | None = None
+        self._route = RouteKeeper(self.config.way_home)
         self.reset(np.random.default_rng(0))
 
     @property
@@ -87,22 +86,25 @@ class DpSlam:
         self._draws: Int64[np.ndarray, "particles"] = np.array((self.config.sample_count,))
         self._best = 0
         self._moved = np.zeros(3)
+        self._is_localised = True
+        self._route.forget()
 
     def update(self, reading: Reading) -> bool:
         """Take in a reading; true where its scan was used.
 
         Raises:
-            InputError: The reading lacks a laser scan, or the odometer says that the robot has
-                gone farther than a map can reach; nothing is changed then.
+            InputError: The reading lacks a laser scan, or the map would become larger than any
+                building; nothing is changed then.
         """
         scan = reading.required_laser(self._name)
         is_first = self._paths.readings == 0
-        moved = np.zeros(3) if is_first else compose(self._moved, reading.motion)
+        motion, _ = believed_motion(reading, self.config.longest_step, self._name)
+        moved = np.zeros(3) if is_first else compose(self._moved, motion)
         if not is_first and not self._has_moved_on(moved):
             self._moved = moved
             self._paths.add_reading(moved)
             return False
-        beams = self._beams(scan)
+        beams = used_beams(scan, self.config.beams, self.config.reach)
         self._check_ground(moved, beams)
         parents = np.zeros(1, np.int64)
         if not is_first:
@@ -113,11 +115,11 @@ class DpSlam:
             self._poses, parents = samples[chosen], origins[chosen]
             self._best = int(np.argmax(weights[chosen]))
         self._nodes = self._update_ancestry(parents)
-        self._reserve_ground(beams)
+        self._map.reserve_ground(self._poses, self._sight(beams))
         self._enter(parents, beams)
         self._paths.add_poses(self._poses, parents)
         self._paths.add_reading(np.zeros(3))
-        self._moved = np.zeros(3)
+        self._moved, self._is_localised = np.zeros(3), bool(beams.stopped.any())
         return True
 
     def _has_moved_on(self, moved: Pose) -> bool:
@@ -130,11 +132,7 @@ class DpSlam:
     ) -> tuple[Float64[np.ndarray, "samples 3"], Int64[np.ndarray, "samples"]]:
         """Draw samples of the poses after a motion; and the particle that each comes from."""
         origins = np.repeat(np.arange(len(self._poses)), self._draws)
-        along, across, turn = _along_and_across(moved)
-        deviations = self.config.motion.deviations(math.hypot(along, across), turn)
-        uniforms = self._rng.random((len(origins), 3, UNIFORMS))
-        normals = (uniforms.sum(axis=-1) - 0.5 * UNIFORMS) / math.sqrt(UNIFORMS / 12)
-        along, across, turn = (np.array((along, across, turn)) + normals * deviations).T
+        along, across, turn = self.config.motion.draw(moved, len(origins), self._rng).T
         samples = self._poses[origins]
         middle = samples[:, 2] + 0.5 * turn
         samples[:, 0] += along * np.cos(middle) - across * np.sin(middle)
@@ -149,12 +147,13 @@ class DpSlam:
         beams: Beams,
     ) -> Float64[np.ndarray, "samples"]:
         """The samples' weights by a scan; they sum to 1."""
-        logs = np.empty(len(samples))
+        logs = np.zeros(len(samples))
         arrays, tree, local = self._map.arrays, self._map.tree, self._room(beams)
         local.nodes[:] = NONE
         local.nodes[: len(self._nodes)] = self._nodes
         count = order_nodes(tree)
-        weigh_samples(arrays, tree, local, count, samples, origins, beams, self._model, logs)
+        if beams.stopped.any():  # Else the scan says nothing of where the robot is.
+            weigh_samples(arrays, tree, local, count, samples, origins, beams, self._model, logs)
         weights = np.exp(logs - logs.max())
         return np.asarray(weights / weights.sum())
 
@@ -177,9 +176,8 @@ class DpSlam:
         assert local is not None  # It was made to weigh the samples.
         nodes, count = local.nodes, len(self._nodes)
         descendants = np.bincount(parents, minlength=count)
-        prune(
-            self._map.arrays, tree, nodes[:count], descendants, np.empty(len(tree.parent), np.uint8)
-        )
+        is_removed = np.empty(len(tree.parent), np.uint8)
+        prune(self._map.arrays, tree, nodes[:count], descendants, is_removed)
         return np.array([add_node(tree, nodes[parent]) for parent in parents], np.int16)
 
     def _enter(self, parents: Int64[np.ndarray, "chosen"], beams: Beams) -> None:
@@ -208,23 +206,6 @@ class DpSlam:
         clear_local_map(self._map.arrays, local)
         release_empty_tiles(self._map.arrays)
 
-    def _beams(self, scan: LaserScan) -> Beams:
-        """The beams of a scan that are used.
-
-        A laser that says 0 has seen nothing, and says nothing of what it did not see.
-        """
-        config, geometry = self.config, scan.geometry
-        every = -(-geometry.beams // config.beams)
-        ranges, directions = scan.ranges[::every], geometry.directions[::every]
-        is_used = ranges > 0
-        ranges = ranges[is_used]
-        return Beams(
-            directions=np.ascontiguousarray(directions[is_used]),
-            lengths=np.minimum(ranges, config.reach),
-            stopped=ranges < min(config.reach, geometry.max_range),
-            eye=np.array(geometry.mount[:2]),
-        )
-
     def _room(self, beams: Beams) -> LocalMap:
         """The local map, with room for scans of so many beams."""
         slots = _SCANS * int(slots_needed(len(beams.lengths), self._model))
@@ -239,33 +220,22 @@ class DpSlam:
         distance = math.hypot(moved[0], moved[1])
         deviations = self.config.motion.deviations(distance, moved[2])
         radius = distance + MOST_DEVIATIONS * float(deviations[:2].sum())
-        self._map.check_ground(*self._tiles(self._poses, radius + self._sight(beams)))
-
-    def _reserve_ground(self, beams: Beams) -> None:
-        """Have tiles for all that the particles see."""
-        low, high = self._tiles(self._poses, self._sight(beams))
-        self._map.reserve_tiles(low, high)
+        self._map.check_ground(self._poses, radius + self._sight(beams))
 
     def _sight(self, beams: Beams) -> float:
         """How far from the robot a beam may end (m)."""
         return self.config.reach + math.hypot(*beams.eye)
 
-    def _tiles(
-        self, poses: Float64[np.ndarray, "poses 3"], radius: float
-    ) -> tuple[Int64[np.ndarray, "2"], Int64[np.ndarray, "2"]]:
-        """Row and column of the first tile within a distance (m) of poses, and after the last."""
-        side = TILE * self.config.cell
-        places = poses[:, 1::-1]
-        low, high = places.min(axis=0) - radius, places.max(axis=0) + radius
-        first, last = np.floor(np.clip((low, high), -_FAR, _FAR) / side).astype(np.int64)
-        return first, last + 1
-
     @property
     def estimate(self) -> Estimate:
-        """The best particle's pose, and what the odometer said since."""
+        """The best particle's pose, and what the odometer said since.
+
+        The robot is lost while nothing stops a beam.
+        """
         return Estimate(
             pose=compose(self._poses[self._best], self._moved),
             home=np.zeros(3),
+            localised=self._is_localised,
             updates=self._paths.updates,
             map_version=self._paths.updates,
         )
@@ -285,20 +255,24 @@ class DpSlam:
             "bytes": self._map.bytes,
         }
 
-    def snapshot(self) -> MapSnapshot:
-        """The best particle's map and path, and all particles.
+    @property
+    def way_home(self) -> WayHome:
+        """The shortest way home over squares that the best particle believes to be free."""
 
-        A square is occupied with the probability that it stops a beam that crosses it from corner
-        to corner.
-        """
-        beams, origin = self._known(self._best)
-        stopped, distance = beams[:, :, 0], beams[:, :, 1]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            crossed = 1.0 - np.exp(-math.sqrt(2) * self.config.cell * stopped / distance)
+        def ground() -> Ground:
+            crossed, corner = self._crossed()
+            # Above 0 where a beam that crosses a square is likelier to stop in it than not.
+            belief = np.nan_to_num(crossed - np.float32(0.5))
+            path = self._paths.poses_of(self._best)
+            return Ground(belief, corner, self.config.cell, path[:, :2])
+
+        return self._route.way_home(self._paths.updates, self.estimate.pose, ground)
+
+    def snapshot(self) -> MapSnapshot:
+        """The best particle's map and path, and all particles."""
+        crossed, corner = self._crossed()
         grid = OccupancyGridLayer(
-            origin=np.array((*origin, 0.0)),
-            resolution=self.config.cell,
-            occupancy=np.where(distance > 0, crossed, np.nan).astype(np.float32),
+            origin=np.array((*corner, 0.0)), resolution=self.config.cell, occupancy=crossed
         )
         weights = self._draws / self._draws.sum()
         return MapSnapshot(
@@ -309,12 +283,22 @@ class DpSlam:
             )
         )
 
-    def _known(
-        self, particle: int
-    ) -> tuple[Float64[np.ndarray, "rows columns 2"], Float64[np.ndarray, "2"]]:
-        """All that a particle knows (see `known_beams`), and the corner of the first square (m)."""
-        beams, corner = self._map.known_by(int(self._nodes[particle]))
-        return beams, corner[::-1] * self.config.cell
+    def _crossed(self) -> tuple[Float32[np.ndarray, "rows columns"], Float64[np.ndarray, "2"]]:
+        """How likely each square, as the best particle knows it, is taken to be occupied.
+
+        That is the probability that it stops a beam that crosses it from corner to corner, by the
+        beams that came there alone: the prior, by which the filter doubts what few have seen, would
+        hide walls. NaN where nothing is known.
+
+        Returns:
+            The probabilities, and x, y of the outer corner of the first square (m).
+        """
+        beams, corner = self._map.known_by(int(self._nodes[self._best]))
+        stopped, distance = beams[:, :, 0], beams[:, :, 1]
+        passed = np.maximum(distance - self._model.prior_distance, _LEAST_WAY)
+        crossed = 1.0 - np.exp(-math.sqrt(2) * self.config.cell * stopped / passed)
+        known = np.where(distance > 0, crossed, np.nan).astype(np.float32)
+        return known, corner[::-1] * self.config.cell
 
     def corrected_poses(self) -> Poses:
         """The poses at all readings, as the best particle's ancestors had them."""
@@ -326,6 +310,7 @@ class DpSlam:
             "rng": generator_state(self._rng),
             "moved": self._moved.copy(),
             "best": np.array(self._best, np.int64),
+            "localised": np.array(self._is_localised, np.int64),
             "particles.poses": self._poses.copy(),
             "particles.nodes": self._nodes.copy(),
             "particles.draws": self._draws.copy(),
@@ -339,7 +324,8 @@ class DpSlam:
         Raises:
             InputError: The arrays are none that a state holds.
         """
-        shapes = {"particles.poses": ("particles", 3), "best": (), "moved": (3,), "rng": (6,)}
+        shapes = {"particles.poses": ("particles", 3), "moved": (3,), "rng": (6,)}
+        shapes |= {"best": (), "localised": ()}
         shapes |= dict.fromkeys(("particles.nodes", "particles.draws"), ("particles",))
         check_shapes(state, shapes)
         check_finite(state, "particles.poses", "moved")
@@ -353,24 +339,18 @@ class DpSlam:
             )
         if not 0 <= state["best"] < len(poses):
             raise InputError("best", "one of the particles", str(state["best"]))
-        paths, distributed = (
-            AncestralPaths(),
-            DistributedMap(self.config.particles, self.config.cell),
-        )
+        if state["localised"] not in (0, 1):
+            raise InputError("localised", "0 or 1", str(state["localised"]))
+        paths = AncestralPaths()
         paths.restore(state, len(poses))
+        distributed = DistributedMap(self.config.particles, self.config.cell)
         distributed.restore(state, state["particles.nodes"])
         self._rng = generator_of(state["rng"])
         self._map, self._paths = distributed, paths
         self._poses, self._draws = poses.copy(), draws.copy()
         self._nodes, self._best = state["particles.nodes"].copy(), int(state["best"])
-        self._moved = state["moved"].copy()
-
-
-def _along_and_across(moved: Pose) -> tuple[float, float, float]:
-    """A motion along and to the left of the heading midway; and its turn."""
-    x, y, turn = moved.tolist()
-    cos, sin = math.cos(0.5 * turn), math.sin(0.5 * turn)
-    return cos * x + sin * y, cos * y - sin * x, turn
+        self._moved, self._is_localised = state["moved"].copy(), bool(state["localised"])
+        self._route.forget()
 
 
 @kernel()

@@ -14,7 +14,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
+from albot_core.geometry.types import Pose
 from albot_core.mappers.slam.opacity import LaserModel
+from albot_core.mappers.slam.way_home import WayHomeConfig
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 
 _PARTICLES = Range("a whole number from 2 to 1000", 2.0, 1000.0, whole=True)
@@ -71,6 +73,25 @@ class MotionModel:
             )
         )
 
+    def draw(
+        self, moved: Pose, samples: int, rng: np.random.Generator
+    ) -> Float64[np.ndarray, "samples 3"]:
+        """Draw where the robot may have gone: along, to the left (m), and the turn (rad).
+
+        Args:
+            moved: What the odometer says.
+            samples: How many are drawn.
+            rng: Where random numbers come from.
+        """
+        x, y, turn = moved.tolist()
+        cos, sin = math.cos(0.5 * turn), math.sin(0.5 * turn)
+        means = np.array((cos * x + sin * y, cos * y - sin * x, turn))
+        uniforms = rng.random((samples, 3, UNIFORMS))
+        normals = (uniforms.sum(axis=-1) - 0.5 * UNIFORMS) / math.sqrt(UNIFORMS / 12)
+        drawn: Float64[np.ndarray, "samples 3"]
+        drawn = means + normals * self.deviations(math.hypot(x, y), turn)
+        return drawn
+
 
 @dataclass(frozen=True, kw_only=True)
 class DpSlamConfig:
@@ -82,6 +103,10 @@ class DpSlamConfig:
     """Samples that are drawn and weighed for each of them (SAMPLE_NUMBER)."""
     motion: MotionModel = field(default_factory=MotionModel)
     """How the robot moves."""
+    way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
+    """How the way home is found; ours."""
+    longest_step: float = 10.0
+    """No robot goes farther between two readings (m): a longer motion is not believed; ours."""
     step: float = 0.05
     """A scan is used once the robot has gone this far since the last (m)…"""
     turn: float = 0.03
@@ -119,6 +144,7 @@ class DpSlamConfig:
         check_fields(self, _FROM_ONE, "samples", "beams", "passes")
         check_fields(self, NOT_NEGATIVE, "step", "turn", "beyond", "before_end", "after_end")
         check_fields(self, POSITIVE, "cell", "reach", "variance", "prior", "prior_squares", "cull")
+        check_fields(self, POSITIVE, "longest_step")
         check_fields(self, _SHARE, "floor")
         if not max(self.reach, self.beyond, self.before_end, self.after_end) / self.cell <= 4096:
             expected = f"at most 4096 squares of {self.cell:g} m"

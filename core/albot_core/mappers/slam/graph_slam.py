@@ -11,11 +11,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int32
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative, transform_points
@@ -23,19 +22,14 @@ from albot_core.geometry.types import Pose, Poses
 from albot_core.mappers.mapper import Estimate, MapperSpec, WayHome
 from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.slam.correlation import Window, correlate
-from albot_core.mappers.slam.grid import GridConfig, LogOddsGrid
-from albot_core.mappers.slam.likelihood_field import FieldConfig, LikelihoodField
-from albot_core.mappers.slam.local_map import (
-    LocalMap,
-    Match,
-    MatchingConfig,
-    ScanPoints,
-    scan_points,
-)
+from albot_core.mappers.slam.graph_slam_config import GraphSlamConfig
+from albot_core.mappers.slam.grid import LogOddsGrid
+from albot_core.mappers.slam.likelihood_field import LikelihoodField
+from albot_core.mappers.slam.local_map import LocalMap, Match, ScanPoints, scan_points
 from albot_core.mappers.slam.pose_graph import PoseGraph, invert_symmetric
 from albot_core.mappers.slam.refinement import refine
 from albot_core.mappers.slam.scan_matching import believed_motion
-from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
+from albot_core.mappers.slam.way_home import Ground, RouteKeeper
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import (
     MapSnapshot,
@@ -44,84 +38,7 @@ from albot_core.maps.layers import (
     PlaceNode,
     TrajectoryLayer,
 )
-from albot_core.ranges import POSITIVE, SHARE, Range, check_fields
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
-
-_FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ClosureConfig:
-    """When and how loops are closed. The values are ours, tuned on Intel and Wean alone."""
-
-    field: FieldConfig = field(default_factory=lambda: FieldConfig(half=12.0))
-    """The likelihood field of the earlier part of the way."""
-    near: float = 4.0
-    """Keyframes are compared that may be as near as this (m)."""
-    behind: int = 40
-    """The latest keyframes, which the local map holds, are not compared."""
-    chain: int = 3
-    """So many keyframes before and after an earlier one are matched with as one."""
-    together: int = 3
-    """So many of the latest keyframes are matched as one."""
-    tries: int = 1
-    """How many earlier parts of the way are tried at each keyframe."""
-    deviations: float = 3.0
-    """The window reaches so many standard deviations of the relative pose to each side…"""
-    least_reach: float = 0.2
-    """…at least so far (m)…"""
-    most_reach: float = 6.0
-    """…and at most so far (m)."""
-    least_turn: float = math.radians(4.0)
-    """The same of the heading (rad)."""
-    most_turn: float = math.radians(40.0)
-    """The same (rad)."""
-    response: float = 0.6
-    """A closure is believed whose points have at least this mean likelihood…"""
-    wide_response: float = 0.7
-    """…or this, where the window is as wide as it may be."""
-
-    def __post_init__(self) -> None:
-        check_fields(
-            self, POSITIVE, "near", "deviations", "least_reach", "most_reach", "least_turn",
-            "most_turn",
-        )  # fmt: skip
-        check_fields(self, _FROM_ONE, "behind", "chain", "together", "tries")
-        check_fields(self, SHARE, "response", "wide_response")
-
-
-@dataclass(frozen=True, kw_only=True)
-class GraphSlamConfig:
-    """Thresholds of graph SLAM."""
-
-    matching: MatchingConfig = field(default_factory=MatchingConfig)
-    """How scans are matched with the latest ones, and which become keyframes."""
-    closures: ClosureConfig = field(default_factory=ClosureConfig)
-    """How loops are closed."""
-    grid: GridConfig = field(default_factory=GridConfig)
-    """The occupancy grid."""
-    way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
-    """How the way home is found."""
-    cauchy: float = 1.0
-    """Width of the robust function by which closures count at first, in standard deviations…"""
-    dcs: float = 5.0
-    """…and of that by which they count at last, in squared standard deviations."""
-    floor: float = 0.005
-    """Standard deviation of what no match tells (m): the roughness of surfaces…"""
-    turn_floor: float = math.radians(0.15)
-    """…and of the heading (rad)."""
-    surprise: float = 3.0
-    """The graph is optimised at once where a closure is so many standard deviations off…"""
-    most_waiting: int = 40
-    """…and else after so many closures."""
-    longest_step: float = 10.0
-    """No robot goes farther between two readings (m): a longer motion is not believed."""
-
-    def __post_init__(self) -> None:
-        check_fields(
-            self, POSITIVE, "cauchy", "dcs", "floor", "turn_floor", "surprise", "longest_step"
-        )
-        check_fields(self, _FROM_ONE, "most_waiting")
 
 
 class Keyframe(NamedTuple):
@@ -158,7 +75,7 @@ class GraphSlam:
 
     @property
     def estimate(self) -> Estimate:
-        """Where the robot is; the earlier reading is that with which a loop was closed just now."""
+        """Where the robot is; it matches the reading at whose place it has just closed a loop."""
         return Estimate(
             pose=self._pose.copy(),
             home=np.zeros(3),
@@ -178,7 +95,7 @@ class GraphSlam:
         self._offsets: list[Pose] = []  # Of each reading, from the keyframe that it follows…
         self._followed: list[int] = []  # …which is this.
         self._matched, self._version, self._waiting = -1, 0, 0
-        self._is_localised = True
+        self._is_localised, self._is_surprised = True, False
         self._drawn: tuple[int, int, LogOddsGrid] | None = None
 
     def update(self, reading: Reading) -> bool:
@@ -203,7 +120,7 @@ class GraphSlam:
             self._add_node(keyframe, match)  # Steps 1 and 2.
             self._local.keep(self._pose, points.surface)
             self._matched = self._close_loops()  # Step 3.
-            if self._must_optimise():
+            if self._is_surprised or self._waiting >= self._most_waiting:
                 self._optimise()  # Step 4.
         self._followed.append(len(self._keyframes) - 1)
         self._offsets.append(relative(self.graph.poses[-1], self._pose))
@@ -213,7 +130,7 @@ class GraphSlam:
         """Add a keyframe, and the edge from the one before: the match, or else the odometer."""
         graph, number = self.graph, len(self._keyframes)
         self._keyframes.append(keyframe)
-        graph.poses.append(self._pose.copy())
+        graph.add_pose(self._pose)
         self._version += 1
         if match is None:
             return
@@ -239,16 +156,16 @@ class GraphSlam:
         """Compare the latest keyframe with earlier ones nearby, and add edges where they match.
 
         Returns:
-            The reading of the keyframe with which a loop was closed, -1 where none was.
+            The reading of the earlier keyframe if a loop was closed with it and the robot is at its
+            place (`ClosureConfig.same_place`); -1 otherwise.
         """
         config, graph = self.config.closures, self.graph
         latest = len(self._keyframes) - 1
         last = latest - config.behind
         if last < 0:
             return -1
-        far, before = graph.spreads(latest)
-        old = np.array(graph.poses[: last + 1])
-        away = np.hypot(*(old - graph.poses[latest])[:, :2].T)
+        far, last_edges = graph.spreads(latest)
+        away = np.hypot(*(graph.poses[: last + 1] - graph.poses[latest])[:, :2].T)
         spread = np.minimum(np.sqrt(far[: last + 1]), config.most_reach / config.deviations)
         distance = away - config.deviations * spread
         open_ones = distance < config.near
@@ -262,8 +179,10 @@ class GraphSlam:
             low, high = max(0, other - config.chain), min(last, other + config.chain)
             open_ones[max(0, low - config.chain) : high + config.chain + 1] = False
             scan = self._latest_together() if scan is None else scan
-            if self._compare(latest, other, range(low, high + 1), scan, before):
-                matched = self._keyframes[other].reading if matched < 0 else matched
+            if self._compare(latest, other, range(low, high + 1), scan, last_edges):
+                x, y, _ = graph.motions[-1]
+                if matched < 0 and math.hypot(x, y) <= config.same_place:
+                    matched = self._keyframes[other].reading
         return matched
 
     def _latest_together(self) -> ScanPoints:
@@ -280,15 +199,20 @@ class GraphSlam:
         return ScanPoints(np.concatenate(points), np.concatenate(normals), np.empty((0, 2)))
 
     def _compare(
-        self, latest: int, other: int, chain: range, scan: ScanPoints, before: np.ndarray
+        self,
+        latest: int,
+        other: int,
+        chain: range,
+        scan: ScanPoints,
+        last_edges: Int32[np.ndarray, "keyframes"],
     ) -> bool:
         """Match the latest keyframes with an earlier part of the way; whether an edge was added."""
         config, graph = self.config.closures, self.graph
-        guess = graph.poses[latest]
+        guess = graph.poses[latest].copy()
         self._chain.clear(guess[:2])
         for number in chain:
             self._chain.add(graph.poses[number], self._keyframes[number].points.surface)
-        spread, turn = graph.deviations(latest, other, before)
+        spread, turn = graph.deviations(latest, other, last_edges)
         window = Window(
             min(max(config.deviations * spread, config.least_reach), config.most_reach),
             min(max(config.deviations * turn, config.least_turn), config.most_turn),
@@ -309,18 +233,20 @@ class GraphSlam:
         graph.add(other, latest, motion, information, closes=True)
         self._waiting += 1
         off = relative(found.pose, guess)
-        if off @ information @ off > self.config.surprise**2:
-            self._waiting += self.config.most_waiting
+        self._is_surprised |= bool(off @ information @ off > self.config.surprise**2)
         return True
 
-    def _must_optimise(self) -> bool:
-        return self._waiting >= self.config.most_waiting
+    @property
+    def _most_waiting(self) -> int:
+        """How many closures may wait for the next optimisation."""
+        share = self.config.waiting_share * self.graph.closures
+        return max(self.config.most_waiting, int(share))
 
     def _optimise(self) -> None:
         """Move all keyframes to where the edges fit best, and the robot with the last of them."""
-        self.graph.poses = list(self.graph.optimum())
+        self.graph.poses = self.graph.optimum()
         self._pose = self.graph.poses[-1].copy()
-        self._waiting = 0
+        self._waiting, self._is_surprised = 0, False
         self._version += 1
         kept = min(len(self.graph.poses), self.config.matching.scans)
         self._local.move(self.graph.poses[-kept:])
@@ -329,7 +255,7 @@ class GraphSlam:
         """The keyframes' poses with all closures, also those that wait."""
         if self._waiting:
             return self.graph.optimum()
-        return np.array(self.graph.poses).reshape(-1, 3)
+        return self.graph.poses
 
     def corrected_poses(self) -> Poses:
         """The robot's pose at every reading since the reset, as believed now."""
@@ -343,9 +269,9 @@ class GraphSlam:
         """The shortest way home over cells that are believed to be free."""
 
         def ground() -> Ground:
-            return Ground(self._grid(), np.array(self.graph.poses).reshape(-1, 3)[:, :2])
+            return self._grid().ground(self.graph.poses[:, :2])
 
-        version = self._version, len(self.graph.poses), sum(self.graph.closes)
+        version = self._version, len(self.graph.poses), self.graph.closures
         return self._route.way_home(version, self._pose, ground)
 
     def snapshot(self) -> MapSnapshot:
@@ -367,18 +293,18 @@ class GraphSlam:
     def _grid(self) -> LogOddsGrid:
         """The grid, drawn of all keyframes; only what is new, where no earlier pose has moved."""
         closures, done, grid = self._drawn or (-1, 0, LogOddsGrid(self.config.grid))
-        if closures != sum(self.graph.closes):
+        if closures != self.graph.closures:
             done, grid = 0, LogOddsGrid(self.config.grid)
         if done < len(self._keyframes):
             settled = self._settled()
             for keyframe, pose in zip(self._keyframes[done:], settled[done:], strict=True):
                 grid.integrate(pose, keyframe.scan)
-        self._drawn = sum(self.graph.closes), len(self._keyframes), grid
+        self._drawn = self.graph.closures, len(self._keyframes), grid
         return grid
 
     def state(self) -> dict[str, np.ndarray]:
         """Everything the mapper remembers, as arrays by name."""
-        graph, keyframes = self.graph, self._keyframes
+        keyframes = self._keyframes
         laser = keyframes[0].scan.geometry if keyframes else LaserGeometry(beams=2)
         numbers = (laser.first_bearing, laser.spacing, laser.max_range, *laser.mount)
         counts = (self._matched, self._version, self._waiting, self._is_localised, laser.beams)
@@ -389,13 +315,9 @@ class GraphSlam:
             "laser": np.array(numbers),
             "readings.offset": np.array(self._offsets).reshape(-1, 3),
             "readings.followed": np.array(self._followed, np.int64),
-            "keyframes.pose": np.array(graph.poses).reshape(-1, 3),
             "keyframes.ranges": np.array(scans).reshape(-1, laser.beams),
             "keyframes.reading": np.array([key.reading for key in keyframes], np.int64),
-            "edges.ends": np.array(graph.ends, np.int64).reshape(-1, 2),
-            "edges.motion": np.array(graph.motions).reshape(-1, 3),
-            "edges.information": np.array(graph.information).reshape(-1, 3, 3),
-            "edges.closes": np.array(graph.closes, np.bool_),
+            **self.graph.state(),
             **self._local.state(),
         }
 
@@ -406,17 +328,10 @@ class GraphSlam:
             InputError: The arrays are none that a state holds.
         """
         laser = _check_state(state)
+        graph = PoseGraph(self.config.cauchy, self.config.dcs)
+        graph.restore(state)
         self._local.restore(state)
-        self.graph = PoseGraph(self.config.cauchy, self.config.dcs)
-        self.graph.poses = list(state["keyframes.pose"].copy())
-        for (source, target), motion, information, closes in zip(
-            state["edges.ends"].tolist(),
-            state["edges.motion"].copy(),
-            state["edges.information"].copy(),
-            state["edges.closes"].tolist(),
-            strict=True,
-        ):
-            self.graph.add(source, target, motion, information, closes=closes)
+        self.graph = graph
         scans = [LaserScan(ranges=row, geometry=laser) for row in state["keyframes.ranges"].copy()]
         self._keyframes = [
             Keyframe(scan, scan_points(scan, self.config.matching), reading)
@@ -427,7 +342,7 @@ class GraphSlam:
         self._followed = state["readings.followed"].tolist()
         self._matched, self._version, self._waiting, localised, _ = state["counts"].tolist()
         self._is_localised = bool(localised)
-        self._drawn = None
+        self._is_surprised, self._drawn = False, None
         self._route.forget()
 
 
@@ -446,14 +361,9 @@ def _check_state(state: Mapping[str, np.ndarray]) -> LaserGeometry:
         "keyframes.pose": ("keyframes", 3),
         "keyframes.ranges": ("keyframes", "beams"),
         "keyframes.reading": ("keyframes",),
-        "edges.ends": ("edges", 2),
-        "edges.motion": ("edges", 3),
-        "edges.information": ("edges", 3, 3),
-        "edges.closes": ("edges",),
     }
     check_shapes(state, shapes)
-    finite = ("pose", "laser", "readings.offset", "keyframes.pose", "edges.motion")
-    check_finite(state, *finite, "edges.information")
+    check_finite(state, "pose", "laser", "readings.offset")
     keyframes, readings = len(state["keyframes.pose"]), len(state["readings.offset"])
     matched, version, waiting, localised, beams = state["counts"].tolist()
     if not (
@@ -466,17 +376,6 @@ def _check_state(state: Mapping[str, np.ndarray]) -> LaserGeometry:
         numbers = state[name]
         if len(numbers) and (numbers[0] != 0 or (np.diff(numbers) < 0).any() or numbers[-1] >= end):
             raise InputError(name, f"numbers that grow from 0 to less than {end}", "others")
-    ends = state["edges.ends"]
-    if len(ends) and (
-        ends.min() < 0 or ends.max() >= keyframes or (ends[:, 0] >= ends[:, 1]).any()
-    ):
-        raise InputError("edges.ends", f"growing pairs of {keyframes} keyframes", "others")
-    chain = ends[~state["edges.closes"]]
-    if not np.array_equal(chain[:, 1], np.arange(1, keyframes)) or (np.diff(chain) != 1).any():
-        raise InputError("edges.ends", "an edge from each keyframe to the next", "others")
-    information = state["edges.information"]
-    if len(information) and np.linalg.eigvalsh(information).min() <= 0:
-        raise InputError("edges.information", "positive definite matrices", "others")
     first_bearing, spacing, most, *mount = state["laser"].tolist()
     try:
         return LaserGeometry(

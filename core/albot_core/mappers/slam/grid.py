@@ -17,12 +17,13 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int32, Int64
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Pose
+from albot_core.geometry.types import Points, Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.slam.tiles import (
     MOST_TILES,
     NONE,
     TILE,
+    TILE_BITS,
     PoolArrays,
     TilePool,
     extend_index,
@@ -31,6 +32,7 @@ from albot_core.mappers.slam.tiles import (
     tiles_around,
     writable_tile,
 )
+from albot_core.mappers.slam.way_home import Ground
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import OccupancyGridLayer
 from albot_core.ranges import POSITIVE, Range, check_fields
@@ -162,6 +164,14 @@ class LogOddsGrid:
         corner = ((self.corner + low)[::-1] * TILE * self.config.cell).astype(np.float64)
         return np.ascontiguousarray(cells), corner
 
+    def ground(self, stood: Points) -> Ground:
+        """The ground for the search of a way home.
+
+        Args:
+            stood: Where the robot has been, in order (m), (n, 2).
+        """
+        return Ground(*self.log_odds(), self.config.cell, stood)
+
     def layer(self) -> OccupancyGridLayer:
         """The grid as a layer of a map: probabilities, NaN where nothing is known."""
         cells, corner = self.log_odds()
@@ -217,6 +227,7 @@ class LogOddsGrid:
 
 
 _FREE, _HIT = np.uint8(1), np.uint8(2)
+"""Bits of a cell's mark."""
 
 
 @kernel()
@@ -247,7 +258,7 @@ def integrate_scan(
         reaches: How far beams count (m); where the laser says that nothing came back (m).
         marks: Zeros; for all cells within reach, a square around the laser's. Zeros again at the
             end.
-        touched: Room for as many numbers.
+        touched: Room for as many numbers and one: row << 16 | column of the cells in the square.
     """
     reach, nothing = reaches
     half = (round(math.sqrt(len(marks))) - 1) // 2
@@ -273,10 +284,10 @@ def integrate_scan(
         next_y = (row + (uy > 0.0) - y0) / uy if uy != 0.0 else math.inf
         for _ in range(abs(end_column - column) + abs(end_row - row)):
             mark = row * width + column
-            if marks[mark] == 0:
-                marks[mark] = _FREE
-                touched[count] = mark
-                count += 1
+            # Without a branch, which would be taken at random.
+            touched[count] = row << 16 | column
+            count += marks[mark] == 0
+            marks[mark] |= _FREE
             if next_x < next_y:
                 column, next_x = column + across, next_x + delta_x
             else:
@@ -284,16 +295,18 @@ def integrate_scan(
         if ranges[k] > reach:
             continue
         mark = end_row * width + end_column
-        if marks[mark] == 0:
-            touched[count] = mark
-            count += 1
-        marks[mark] = _HIT
+        touched[count] = end_row << 16 | end_column
+        count += marks[mark] == 0
+        marks[mark] |= _HIT
+    first_row -= corner[0] * TILE
+    first_column -= corner[1] * TILE
     for k in range(count):
-        mark = touched[k]
-        row, column = first_row + mark // width, first_column + mark % width
-        tile_row, tile_column = row // TILE - corner[0], column // TILE - corner[1]
-        tile = writable_tile(pool, index, tile_row, tile_column)
-        added = log_odds[0] if marks[mark] == _HIT else log_odds[1]
-        held = pool.cells[tile, row % TILE, column % TILE] + added
-        pool.cells[tile, row % TILE, column % TILE] = min(max(held, log_odds[2]), log_odds[3])
+        row, column = touched[k] >> 16, touched[k] & 0xFFFF
+        mark = row * width + column
+        added = log_odds[0] if marks[mark] & _HIT else log_odds[1]
         marks[mark] = 0
+        row, column = first_row + row, first_column + column
+        tile = writable_tile(pool, index, row >> TILE_BITS, column >> TILE_BITS)
+        row, column = row & (TILE - 1), column & (TILE - 1)
+        held = pool.cells[tile, row, column] + added
+        pool.cells[tile, row, column] = min(max(held, log_odds[2]), log_odds[3])

@@ -10,8 +10,12 @@ of the scans at its poses.
 from __future__ import annotations
 
 import importlib
+import logging
+import math
 from collections.abc import Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass, field
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -26,9 +30,10 @@ from albot_core.mappers.slam.scan_matching import believed_motion
 from albot_core.mappers.slam.way_home import Ground, RouteKeeper, WayHomeConfig
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 from albot_core.maps.layers import MapSnapshot, TrajectoryLayer
-from albot_core.ranges import POSITIVE, Range, check_fields
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 
+_log = logging.getLogger(__name__)
 _FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 
@@ -48,6 +53,11 @@ class KartoConfig:
     """…and of the fine one."""
     range_threshold: float = 20.0
     """Beams that are longer are not matched (m)."""
+    minimum_travel_distance: float = 0.0
+    """A scan is handed over once the odometer has gone so far since the last (m)…"""
+    minimum_travel_heading: float = 0.0
+    """…or has turned so far (rad). OpenKarto's own are 0.2 m and 10°; the package takes every
+    scan."""
     grid: GridConfig = field(default_factory=GridConfig)
     """The occupancy grid that is drawn: ours."""
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
@@ -60,13 +70,14 @@ class KartoConfig:
             self, POSITIVE, "loop_search_dist", "min_response_coarse", "min_response_fine",
             "range_threshold", "longest_step",
         )  # fmt: skip
+        check_fields(self, NOT_NEGATIVE, "minimum_travel_distance", "minimum_travel_heading")
         check_fields(self, _FROM_ONE, "scan_buffer_len", "loop_search_min_chain_size")
 
 
 class Karto:
-    """OpenKarto as a mapper: every reading is a scan of its graph.
+    """OpenKarto as a mapper: a reading whose robot has moved enough is a scan of its graph.
 
-    Its memory cannot be written down as arrays and taken back. So the state is the readings, and
+    Its memory cannot be written down as arrays and taken back. So the state is the scans, and
     restoring is running it again over them, which comes to the same since it is deterministic.
 
     Args:
@@ -87,9 +98,9 @@ class Karto:
 
     @property
     def estimate(self) -> Estimate:
-        """Where OpenKarto believes that the robot is, its first scan being where it set out."""
+        """Where OpenKarto believes that the latest scan was taken, and the odometer's way since."""
         return Estimate(
-            pose=self._pose_of(-1) if self._scans else np.zeros(3),
+            pose=compose(self._pose_of(-1), self._offsets[-1]) if self._scans else np.zeros(3),
             home=np.zeros(3),
             updates=len(self._scans),
             map_version=len(self._scans),
@@ -99,12 +110,14 @@ class Karto:
         """Forget everything; the next reading is the first. It draws no random number."""
         self._route.forget()
         self._scans: list[LaserScan] = []
-        self._odometry: list[Pose] = []
+        self._odometry: list[Pose] = []  # Of each scan.
+        self._offsets: list[Pose] = []  # Of each reading, by the odometer from the scan…
+        self._followed: list[int] = []  # …which is this.
         self._karto = self._fresh()
-        self._drawn: tuple[int, LogOddsGrid] | None = None
+        self._drawn: tuple[Poses, LogOddsGrid] | None = None
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading; true, since each is added.
+        """Take in a reading; true where its scan was handed over.
 
         Raises:
             InputError: The reading lacks a laser scan, or its laser is another one than before.
@@ -112,12 +125,24 @@ class Karto:
         laser = reading.required_laser(self._name)
         if self._scans and laser.geometry != self._scans[0].geometry:
             raise InputError("Reading.laser", "the same laser at each reading", "another one")
-        pose = np.zeros(3)
+        offset, is_due = np.zeros(3), True
         if self._scans:
             motion, _ = believed_motion(reading, self.config.longest_step, self._name)
-            pose = compose(self._odometry[-1], motion)
-        self._process(laser, pose)
-        return True
+            offset = compose(self._offsets[-1], motion)
+            is_due = self._has_moved_enough(offset)
+        if is_due:
+            before = self._odometry[-1] if self._scans else np.zeros(3)
+            self._process(laser, compose(before, offset))
+            offset = np.zeros(3)
+        self._followed.append(len(self._scans) - 1)
+        self._offsets.append(offset)
+        return is_due
+
+    def _has_moved_enough(self, offset: Pose) -> bool:
+        """Whether the robot has gone or turned so far since the last scan, by the odometer."""
+        x, y, turn = offset.tolist()
+        far = math.hypot(x, y) >= self.config.minimum_travel_distance
+        return far or abs(turn) >= self.config.minimum_travel_heading
 
     def _fresh(self) -> Any:
         graph_slam = importlib.import_module("yag_slam.graph_slam")
@@ -152,12 +177,16 @@ class Karto:
             self.config.range_threshold,
             *at.tolist(),
         )
-        self._karto.process_scan(scan)
+        # It tells its doubts by `print`, among what is meant for standard output.
+        with redirect_stdout(StringIO()) as told:
+            self._karto.process_scan(scan)
+        for line in told.getvalue().splitlines():
+            _log.info("%s: %s", self._name, line)
         self._scans.append(laser)
         self._odometry.append(pose)
 
     def _pose_of(self, number: int) -> Pose:
-        """Where OpenKarto believes that the robot was at a scan."""
+        """Where OpenKarto believes that the robot was at a scan, the first being the origin."""
         at = self._karto.graph.vertices[number].obj.corrected_pose
         mount = np.array(self._scans[number].geometry.mount)
         laser = np.array((at.x, at.y, at.euler[-1]))
@@ -165,6 +194,12 @@ class Karto:
 
     def corrected_poses(self) -> Poses:
         """The robot's pose at every reading since the reset, as believed now."""
+        if not self._followed:
+            return np.empty((0, 3))
+        return compose(self._scan_poses()[self._followed], np.array(self._offsets))
+
+    def _scan_poses(self) -> Poses:
+        """The robot's pose at every scan, as believed now."""
         return np.array([self._pose_of(k) for k in range(len(self._scans))]).reshape(-1, 3)
 
     @property
@@ -172,7 +207,7 @@ class Karto:
         """The shortest way home over cells that are believed to be free."""
 
         def ground() -> Ground:
-            return Ground(self._grid(), self.corrected_poses()[:, :2])
+            return self._grid().ground(self._scan_poses()[:, :2])
 
         return self._route.way_home(len(self._scans), self.estimate.pose, ground)
 
@@ -182,17 +217,19 @@ class Karto:
         return MapSnapshot(layers=(self._grid().layer(), way))
 
     def _grid(self) -> LogOddsGrid:
-        """The grid, drawn of all scans where they are believed to have been taken now."""
-        count, grid = self._drawn or (-1, LogOddsGrid(self.config.grid))
-        if count != len(self._scans):
-            grid = LogOddsGrid(self.config.grid)
-            for pose, scan in zip(self.corrected_poses(), self._scans, strict=True):
-                grid.integrate(pose, scan)
-            self._drawn = len(self._scans), grid
+        """The grid, drawn of all scans; only what is new, where no earlier pose has moved."""
+        poses = self._scan_poses()
+        drawn, grid = self._drawn or (poses[:0], LogOddsGrid(self.config.grid))
+        done = len(drawn)
+        if not np.array_equal(drawn, poses[:done]):
+            done, grid = 0, LogOddsGrid(self.config.grid)
+        for pose, scan in zip(poses[done:], self._scans[done:], strict=True):
+            grid.integrate(pose, scan)
+        self._drawn = poses, grid
         return grid
 
     def state(self) -> dict[str, np.ndarray]:
-        """The readings that were taken in, as arrays by name."""
+        """The scans that were handed over, and the readings' ways from them, as arrays by name."""
         laser = self._scans[0].geometry if self._scans else LaserGeometry(beams=2)
         numbers = (laser.first_bearing, laser.spacing, laser.max_range, *laser.mount)
         ranges = [scan.ranges for scan in self._scans]
@@ -200,21 +237,34 @@ class Karto:
             "laser": np.array(numbers),
             "ranges": np.array(ranges).reshape(-1, laser.beams),
             "odometry": np.array(self._odometry).reshape(-1, 3),
+            "readings.offset": np.array(self._offsets).reshape(-1, 3),
+            "readings.followed": np.array(self._followed, np.int64),
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`, by taking in its readings again.
+        """Become the mapper that returned `state`, by taking in its scans again.
 
         Raises:
             InputError: The arrays are none that a state holds.
         """
         shapes: dict[str, tuple[str | int, ...]] = {
             "laser": (6,),
-            "ranges": ("readings", "beams"),
-            "odometry": ("readings", 3),
+            "ranges": ("scans", "beams"),
+            "odometry": ("scans", 3),
+            "readings.offset": ("readings", 3),
+            "readings.followed": ("readings",),
         }
         check_shapes(state, shapes)
-        check_finite(state, "laser", "odometry")
+        check_finite(state, "laser", "odometry", "readings.offset")
+        followed, scans = state["readings.followed"], len(state["ranges"])
+        # From the first scan to the last, each followed by its own reading at least.
+        if (
+            not np.array_equal(np.unique(followed), np.arange(scans))
+            or (np.diff(followed) < 0).any()
+        ):
+            raise InputError(
+                "readings.followed", f"numbers that grow from 0 to {scans - 1}", "others"
+            )
         first_bearing, spacing, most, *mount = state["laser"].tolist()
         try:
             laser = LaserGeometry(
@@ -229,6 +279,8 @@ class Karto:
         self.reset(np.random.default_rng(0))
         for ranges, pose in zip(state["ranges"].copy(), state["odometry"].copy(), strict=True):
             self._process(LaserScan(ranges=ranges, geometry=laser), pose)
+        self._followed = followed.tolist()
+        self._offsets = list(state["readings.offset"].copy())
 
     def __getstate__(self) -> dict[str, Any]:
         """The readings; OpenKarto's own memory cannot be copied."""

@@ -19,6 +19,7 @@ from jaxtyping import Float64, UInt8, UInt16
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose
+from albot_core.kernels.byte_tables import BYTES_RAISED, raise_bytes
 from albot_core.kernels.compiled import kernel
 from albot_core.ranges import POSITIVE, Range, check_fields
 
@@ -126,15 +127,20 @@ class LikelihoodField:
         self._built = 0
 
 
-def _make_stamps(config: FieldConfig) -> UInt8[np.ndarray, "parts side side"]:
-    """What one point adds to the cells around it, by the part of the cell that it lies in."""
+def _make_stamps(config: FieldConfig) -> UInt8[np.ndarray, "parts rows columns"]:
+    """What one point adds to the cells around it, by the part of the cell that it lies in.
+
+    Rows are filled up with zeros, to a number of bytes that `raise_bytes` can take.
+    """
     reach = int(np.ceil(3.0 * config.sigma / config.cell))
     along = (np.arange(2 * reach + 1) - reach) * config.cell
-    stamps = np.empty((_PARTS * _PARTS, len(along), len(along)), np.uint8)
+    width = -(-len(along) // BYTES_RAISED) * BYTES_RAISED
+    stamps = np.zeros((_PARTS * _PARTS, len(along), width), np.uint8)
     for part in range(_PARTS * _PARTS):
         off = ((np.array(divmod(part, _PARTS)) + 0.5) / _PARTS - 0.5) * config.cell
         squared = (along - off[0])[:, None] ** 2 + (along - off[1]) ** 2
-        stamps[part] = np.round(CERTAIN * np.exp(-0.5 * squared / config.sigma**2))
+        near = CERTAIN * np.exp(-0.5 * squared / config.sigma**2)
+        stamps[part, :, : len(along)] = np.round(near)
     return stamps
 
 
@@ -155,7 +161,8 @@ def add_points(
     Args:
         finest: Level 0 of a field (side, side), changed in place.
         seen: Which parts of each cell have a point, as bits (side, side), changed in place.
-        stamps: What a point adds, by its part of the cell (parts, width, width).
+        stamps: What a point adds, by its part of the cell (parts, rows, columns): see
+            `_make_stamps`.
         corner: x, y of the outer corner of the first cell (m).
         cell: Side of a cell (m).
         pose: x, y, heading of the frame that the points are given in.
@@ -164,13 +171,14 @@ def add_points(
         ahead: …with so many more before them.
     """
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    side, width = len(finest), stamps.shape[1]
-    reach = width // 2
+    side, rows, columns = len(finest), stamps.shape[1], stamps.shape[2]
+    reach, border = rows // 2, stamps.shape[1] // 2 + ahead
+    flat, values = finest.reshape(side * side), stamps.reshape(stamps.size)
     for k in range(len(points)):
         x = (pose[0] + cos * points[k, 0] - sin * points[k, 1] - corner[0]) / cell
         y = (pose[1] + sin * points[k, 0] + cos * points[k, 1] - corner[1]) / cell
-        border = reach + ahead
-        if not (border <= x < side - reach and border <= y < side - reach):
+        # What is filled up with zeros must have room, too.
+        if not (border <= x < side - columns + reach and border <= y < side - reach):
             continue
         column, row = int(x), int(y)
         part = int((y - row) * _PARTS) * _PARTS + int((x - column) * _PARTS)
@@ -180,11 +188,10 @@ def add_points(
         seen[row, column] |= bit
         used[0], used[1] = min(used[0], row - reach - ahead), max(used[1], row + reach + 1)
         used[2], used[3] = min(used[2], column - reach - ahead), max(used[3], column + reach + 1)
-        for i in range(width):
-            for j in range(width):
-                value = stamps[part, i, j]
-                if value > finest[row - reach + i, column - reach + j]:
-                    finest[row - reach + i, column - reach + j] = value
+        for i in range(rows):
+            place = (row - reach + i) * side + column - reach
+            for j in range(0, columns, BYTES_RAISED):
+                raise_bytes(flat, place + j, values, (part * rows + i) * columns + j)
 
 
 def _build_coarse(

@@ -18,7 +18,7 @@ from jaxtyping import Float64
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import relative, wrap_angle
-from albot_core.geometry.types import Points, Pose
+from albot_core.geometry.types import Points, Pose, Poses
 from albot_core.mappers.slam.correlation import Window, correlate
 from albot_core.mappers.slam.likelihood_field import FieldConfig, LikelihoodField
 from albot_core.mappers.slam.points import matched_points, surface_points
@@ -228,7 +228,7 @@ class LocalMap:
         for pose, surface in self._kept:
             self._field.add(pose, surface)
 
-    def move(self, poses: list[Pose]) -> None:
+    def move(self, poses: Poses) -> None:
         """Take in that the latest scans were taken elsewhere, and forget all before them."""
         self._kept = [
             (pose.copy(), surface)

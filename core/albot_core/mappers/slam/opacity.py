@@ -15,28 +15,15 @@ from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float64
-from numba import types
 
-from albot_core.kernels.compiled import kernel, scratch
-from albot_core.mappers.slam.ancestry import (
-    CHUNK,
-    SIZES,
-    TILE_SQUARES,
-    LocalMap,
-    MapArrays,
-    TreeArrays,
-    add_observation,
-    clear_local_map,
-    fill_local_map,
-    made_square_at,
-    own_observation,
-    tile_at,
-)
+from albot_core.kernels.compiled import kernel
+from albot_core.mappers.slam.ancestry import LocalMap, clear_local_map, fill_local_map
+from albot_core.mappers.slam.observations import TILE_SQUARES, MapArrays, TreeArrays, tile_at
 from albot_core.mappers.slam.tiles import NONE, TILE
+from albot_core.sensing.reading import LaserScan
 
 SLIVER = 1e-9
 """A beam that goes no farther through a square (m) has only touched its corner."""
-_block_counts = scratch(SIZES, kind=types.int64)
 
 
 class LaserModel(NamedTuple):
@@ -77,6 +64,29 @@ class Beams(NamedTuple):
     """Whether something stopped them there."""
     eye: Float64[np.ndarray, "2"]
     """Where the laser is in the robot's frame (m)."""
+
+
+def used_beams(scan: LaserScan, most: int, reach: float) -> Beams:
+    """The beams of a scan that are used: each, or as far apart as need be.
+
+    A laser that says 0 has seen nothing, and says nothing of what it did not see.
+
+    Args:
+        scan: The scan.
+        most: No more of its beams are used.
+        reach: Ranges count no farther than this (m).
+    """
+    geometry = scan.geometry
+    every = -(-geometry.beams // most)
+    ranges, directions = scan.ranges[::every], geometry.directions[::every]
+    is_used = ranges > 0
+    ranges = ranges[is_used]
+    return Beams(
+        directions=np.ascontiguousarray(directions[is_used]),
+        lengths=np.minimum(ranges, reach),
+        stopped=ranges < min(reach, geometry.max_range),
+        eye=np.array(geometry.mount[:2]),
+    )
 
 
 @kernel()
@@ -287,136 +297,3 @@ def slots_needed(beams: int, model: LaserModel) -> int:
     """How many squares a scan can reach."""
     length = max(model.reach, model.after_end) + model.beyond + model.after_end
     return int(beams * (1.5 * length / model.cell + 4.0)) + 1
-
-
-@kernel()
-def enter_scan(
-    arrays: MapArrays,
-    tree: TreeArrays,
-    local: LocalMap,
-    nodes: int,
-    particle: int,
-    node: int,
-    pose: np.ndarray,
-    beams: Beams,
-    model: LaserModel,
-    seen: np.ndarray,
-    touched: np.ndarray,
-    lacking: np.ndarray,
-) -> bool:
-    """Enter a scan into the map, as a node's observations.
-
-    Args:
-        arrays: The map, with tiles to spare.
-        tree: The tree, in order.
-        local: The local map.
-        nodes: How many nodes there are.
-        particle: The particle whose descendant the node is, for what was known before.
-        node: The node.
-        pose: x, y, heading of the robot (3,).
-        beams: The scan.
-        model: The model's numbers.
-        seen: Zeros for every row of the local map: beams stopped and distance (slots, 2); zeros
-            again at the end.
-        touched: Room for as many numbers.
-        lacking: How many places for observations and chunks there must be (2,), filled in.
-
-    Returns:
-        Whether it is entered. If not, there was too little room, and nothing is changed.
-    """
-    if local.rows[0] + slots_needed(len(beams.lengths), model) > len(local.squares):
-        clear_local_map(arrays, local)
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    x0 = pose[0] + cos * beams.eye[0] - sin * beams.eye[1]
-    y0 = pose[1] + sin * beams.eye[0] + cos * beams.eye[1]
-    count = 0
-    for k in range(len(beams.lengths)):
-        ux = cos * beams.directions[k, 0] - sin * beams.directions[k, 1]
-        uy = sin * beams.directions[k, 0] + cos * beams.directions[k, 1]
-        at, end = 0.0, beams.lengths[k]
-        walk = start_walk((x0, y0, ux, uy), at, model.cell)
-        column, row, across, up, delta_x, delta_y, next_x, next_y = walk
-        while at < end:
-            leave = min(next_x, next_y, end)
-            is_hit = leave == end and beams.stopped[k]
-            if leave - at > SLIVER or is_hit:
-                slot = _made_slot(arrays, tree, local, nodes, row, column)
-                if seen[slot, 1] == 0.0:
-                    touched[count] = slot
-                    count += 1
-                seen[slot, 1] += max(leave - at, SLIVER)
-                seen[slot, 0] += is_hit
-            at = leave
-            if next_x < next_y:
-                column, next_x = column + across, next_x + delta_x
-            else:
-                row, next_y = row + up, next_y + delta_y
-    is_entered = _has_room(arrays, local, touched[:count], lacking)
-    if is_entered:
-        _add_seen(arrays, tree, local, particle, node, seen, touched[:count], model.prior_distance)
-    for k in range(count):
-        seen[touched[k], 0] = seen[touched[k], 1] = 0.0
-    return is_entered
-
-
-@kernel()
-def _made_slot(
-    arrays: MapArrays, tree: TreeArrays, local: LocalMap, nodes: int, row: int, column: int
-) -> int:
-    """The row in the local map of a square, whose tile is made if need be."""
-    square = made_square_at(arrays, row, column)
-    slot = arrays.slot[square]
-    if slot == 0:
-        slot = fill_local_map(arrays, tree, local, nodes, square)
-    return int(abs(slot))
-
-
-@kernel()
-def _add_seen(
-    arrays: MapArrays,
-    tree: TreeArrays,
-    local: LocalMap,
-    particle: int,
-    node: int,
-    seen: np.ndarray,
-    slots: np.ndarray,
-    prior_distance: float,
-) -> None:
-    """Add what was seen to what the particle knew, as the node's observations."""
-    # Of most nodes it is the first scan.
-    has_observed = tree.chunk[node] != NONE
-    for slot in slots:
-        stopped, distance = local.beams[slot, particle, 0], local.beams[slot, particle, 1]
-        if distance == 0.0:
-            # A square's prior counts for so much distance, but for no beam that stopped.
-            distance = np.float32(prior_distance)
-        square = local.squares[slot]
-        own = own_observation(arrays, square, node) if has_observed else NONE
-        if own == NONE:
-            add_observation(
-                arrays, tree, square, node, stopped + seen[slot, 0], distance + seen[slot, 1]
-            )
-        else:
-            arrays.beams[own, 0] = stopped + seen[slot, 0]
-            arrays.beams[own, 1] = distance + seen[slot, 1]
-
-
-@kernel()
-def _has_room(arrays: MapArrays, local: LocalMap, slots: np.ndarray, lacking: np.ndarray) -> bool:
-    """Whether there is room for one more observation of each of some squares."""
-    # Blocks of each size that are needed beyond those that are free.
-    blocks = _block_counts()
-    for size in range(SIZES):
-        blocks[size] = -arrays.free_counts[size]
-    for k in range(len(slots)):
-        square = local.squares[slots[k]]
-        if arrays.first[square] == NONE:
-            blocks[0] += 1
-        elif arrays.counts[square] == 2 << arrays.size[square]:
-            blocks[arrays.size[square] + 1] += 1
-    places = 0
-    for size in range(SIZES):
-        places += max(blocks[size], 0) * (2 << size)
-    lacking[0], lacking[1] = places, len(slots) // CHUNK + 2
-    has_places = arrays.used[0] + places <= len(arrays.owner)
-    return bool(has_places and lacking[1] <= arrays.free_counts[SIZES + 1])

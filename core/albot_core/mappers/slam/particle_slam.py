@@ -209,7 +209,7 @@ class ParticleSlam(ABC):
 
         def ground() -> Ground:
             best = particles.best
-            return Ground(particles.grid(best), particles.trajectory(best)[:, :2])
+            return particles.grid(best).ground(particles.trajectory(best)[:, :2])
 
         pose = compose(particles.poses[particles.best], self._motion)
         return self._route.way_home(particles.updates, pose, ground)

@@ -12,14 +12,16 @@ Nothing is kept of the optimiser between two calls: what it returns follows from
 from __future__ import annotations
 
 import math
-from itertools import pairwise
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64, Int32
 
+from albot_core.errors import InputError
 from albot_core.geometry.types import Pose, Poses
 from albot_core.kernels.compiled import kernel
+from albot_core.mappers.stored_arrays import check_finite, check_shapes
 
 
 class PoseGraph:
@@ -32,8 +34,8 @@ class PoseGraph:
 
     def __init__(self, cauchy: float, dcs: float) -> None:
         self._widths = cauchy, dcs
-        self.poses: list[Pose] = []
-        """The poses as believed; the first is the map's frame."""
+        self._poses = np.empty((64, 3))
+        self._count = 0
         self.ends: list[tuple[int, int]] = []
         """Source and target of each edge."""
         self.motions: list[Pose] = []
@@ -42,13 +44,30 @@ class PoseGraph:
         """The inverse covariance of each edge's motion, along the target's own axes."""
         self.closes: list[bool] = []
         """Whether each edge is a loop closure, which may be false."""
+        self.closures = 0
+        """How many edges are loop closures."""
         self._variances = np.empty((64, 2))
         self._ends = np.empty((64, 2), np.int32)
         # The ends of edges (2 edge + side) at each pose, as chains: the first, and each one's next.
         self._first = np.full(64, -1, np.int32)
         self._next = np.empty((64, 2), np.int32)
-        self._edge_between: dict[tuple[int, int], int] = {}
         self._factors: list[Any] = []
+
+    @property
+    def poses(self) -> Poses:
+        """The poses as believed, (poses, 3); the first is the map's frame."""
+        return self._poses[: self._count]
+
+    @poses.setter
+    def poses(self, poses: Poses) -> None:
+        self._poses, self._count = poses.copy(), len(poses)
+
+    def add_pose(self, pose: Pose) -> None:
+        """Add a pose, which is believed to be there."""
+        if self._count == len(self._poses):
+            self._poses = np.concatenate((self._poses, np.empty((self._count + 1, 3))))
+        self._poses[self._count] = pose
+        self._count += 1
 
     def add(
         self,
@@ -81,11 +100,11 @@ class PoseGraph:
             self._first[pose] = 2 * number + side
         self._variances[number] = covariance[0, 0] + covariance[1, 1], covariance[2, 2]
         self._ends[number] = source, target
-        self._edge_between[source, target] = number
         self.ends.append((source, target))
         self.motions.append(motion)
         self.information.append(information)
         self.closes.append(closes)
+        self.closures += closes
 
     def optimum(self) -> Poses:
         """The likeliest poses, searched from those believed (Levenberg-Marquardt).
@@ -96,11 +115,11 @@ class PoseGraph:
         import gtsam
 
         values = gtsam.Values()
-        for number, pose in enumerate(self.poses):
-            values.insert(number, gtsam.Pose2(*pose.tolist()))
+        for number, pose in enumerate(self.poses.tolist()):
+            values.insert(number, gtsam.Pose2(*pose))
         settings = gtsam.LevenbergMarquardtParams()
         settings.setMaxIterations(30)
-        for factors, tolerance in zip(self._factor_graphs(), (1e-2, 1e-4), strict=True):
+        for factors, tolerance in zip(self._factor_graphs(), (1e-2, 1e-3), strict=True):
             settings.setRelativeErrorTol(tolerance)
             values = gtsam.LevenbergMarquardtOptimizer(factors, values, settings).optimize()
         return np.asarray(gtsam.utilities.extractPose2(values), np.float64)
@@ -132,7 +151,7 @@ class PoseGraph:
         """All but what GTSAM holds, which is made again from the edges."""
         return self.__dict__ | {"_factors": []}
 
-    def spreads(self, node: int) -> tuple[Float64[np.ndarray, "poses"], Int64[np.ndarray, "poses"]]:
+    def spreads(self, node: int) -> tuple[Float64[np.ndarray, "poses"], Int32[np.ndarray, "poses"]]:
         """How unsure the positions of all poses are, seen from one.
 
         By the surest path of edges (E. Olson, Recognizing places using spectrally clustered local
@@ -140,36 +159,77 @@ class PoseGraph:
         counts at a lever of `LEVER` here, and as it is in `deviations`.
 
         Returns:
-            The variance along the path (m²), and the pose before each on it, negative for none.
+            The variance along the path (m²), and the last edge of each path, -1 for none.
         """
-        count, size = len(self.ends), len(self.poses)
-        far, before = np.full(size, np.inf), np.full(size, -1)
+        count, size = len(self.ends), self._count
+        far, last = np.full(size, np.inf), np.full(size, -1, np.int32)
         weights = self._variances[:count] @ (1.0, LEVER**2)
-        find_surest_paths(self._ends[:count], weights, self._next, self._first, node, far, before)
-        return far, before
+        find_surest_paths(self._ends[:count], weights, self._next, self._first, node, far, last)
+        return far, last
 
     def deviations(
-        self, node: int, other: int, before: Int64[np.ndarray, "poses"]
+        self, node: int, other: int, last: Int32[np.ndarray, "poses"]
     ) -> tuple[float, float]:
         """Standard deviations of a pose seen from another: position (m), heading (rad).
 
         Args:
             node: The pose from which `spreads` was asked.
             other: The other pose.
-            before: What `spreads` returned.
+            last: What `spreads` returned.
         """
-        path = [other]
-        while path[-1] != node:
-            path.append(int(before[path[-1]]))
-        known = self._edge_between
-        position = heading = 0.0
-        for one, next_one in pairwise(path):
-            edge = known[min(one, next_one), max(one, next_one)]
-            slip, turn = self._variances[edge].tolist()
-            away = self.poses[one][:2] - self.poses[other][:2]
-            position += slip + turn * float(away @ away)
-            heading += turn
+        position, heading = add_errors(self._poses, self._ends, self._variances, last, node, other)
         return math.sqrt(position), math.sqrt(heading)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The poses and edges, as arrays by name."""
+        return {
+            "keyframes.pose": self.poses.copy(),
+            "edges.ends": np.array(self.ends, np.int64).reshape(-1, 2),
+            "edges.motion": np.array(self.motions).reshape(-1, 3),
+            "edges.information": np.array(self.information).reshape(-1, 3, 3),
+            "edges.closes": np.array(self.closes, np.bool_),
+        }
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Become, when empty, the graph that returned `state`.
+
+        Raises:
+            InputError: The arrays are none that a state holds.
+        """
+        _check_state(state)
+        self.poses = state["keyframes.pose"]
+        for (source, target), motion, information, closes in zip(
+            state["edges.ends"].tolist(),
+            state["edges.motion"].copy(),
+            state["edges.information"].copy(),
+            state["edges.closes"].tolist(),
+            strict=True,
+        ):
+            self.add(source, target, motion, information, closes=closes)
+
+
+def _check_state(state: Mapping[str, np.ndarray]) -> None:
+    """Raise InputError where the arrays are none that a state holds."""
+    shapes: dict[str, tuple[str | int, ...]] = {
+        "keyframes.pose": ("keyframes", 3),
+        "edges.ends": ("edges", 2),
+        "edges.motion": ("edges", 3),
+        "edges.information": ("edges", 3, 3),
+        "edges.closes": ("edges",),
+    }
+    check_shapes(state, shapes)
+    check_finite(state, "keyframes.pose", "edges.motion", "edges.information")
+    keyframes, ends = len(state["keyframes.pose"]), state["edges.ends"]
+    if len(ends) and (
+        ends.min() < 0 or ends.max() >= keyframes or (ends[:, 0] >= ends[:, 1]).any()
+    ):
+        raise InputError("edges.ends", f"growing pairs of {keyframes} keyframes", "others")
+    chain = ends[~state["edges.closes"]]
+    if not np.array_equal(chain[:, 1], np.arange(1, keyframes)) or (np.diff(chain) != 1).any():
+        raise InputError("edges.ends", "an edge from each keyframe to the next", "others")
+    information = state["edges.information"]
+    if len(information) and np.linalg.eigvalsh(information).min() <= 0:
+        raise InputError("edges.information", "positive definite matrices", "others")
 
 
 LEVER = 5.0
@@ -202,7 +262,7 @@ def find_surest_paths(
     first: np.ndarray,
     start: int,
     far: np.ndarray,
-    before: np.ndarray,
+    last: np.ndarray,
 ) -> None:
     """Find the paths of least weight from one pose to all others.
 
@@ -216,7 +276,7 @@ def find_surest_paths(
         first: The first end at each pose.
         start: The pose that the paths begin at.
         far: Infinity; filled in with the weights of the paths (poses,).
-        before: -1; filled in with the pose before each on its path.
+        last: -1; filled in with the last edge of each pose's path.
     """
     size = len(far)
     queue, is_waiting = np.empty(size + 1, np.int64), np.zeros(size, np.bool_)
@@ -232,9 +292,40 @@ def find_surest_paths(
             other = ends[edge, 1 - side]
             reached = far[pose] + weights[edge]
             if reached < far[other]:
-                far[other], before[other] = reached, pose
+                far[other], last[other] = reached, edge
                 if not is_waiting[other]:
                     is_waiting[other] = True
                     queue[tail] = other
                     tail = (tail + 1) % (size + 1)
             end = following[edge, side]
+
+
+@kernel()
+def add_errors(
+    poses: np.ndarray,
+    ends: np.ndarray,
+    variances: np.ndarray,
+    last: np.ndarray,
+    node: int,
+    other: int,
+) -> tuple[float, float]:
+    """Variances of a pose seen from another, along the path that `find_surest_paths` found.
+
+    Args:
+        poses: The poses (poses, 3).
+        ends: Source and target of each edge (edges, 2).
+        variances: Of each edge: position (m²), heading (rad²), (edges, 2).
+        last: The last edge of each path from `node`.
+        node: The pose that the paths begin at.
+        other: The other pose.
+    """
+    position = heading = 0.0
+    one = other
+    while one != node:
+        edge = last[one]
+        # A turn's error moves the other pose by the distance that it is away.
+        x, y = poses[one, 0] - poses[other, 0], poses[one, 1] - poses[other, 1]
+        position += variances[edge, 0] + variances[edge, 1] * (x * x + y * y)
+        heading += variances[edge, 1]
+        one = ends[edge, 0] + ends[edge, 1] - one
+    return position, heading

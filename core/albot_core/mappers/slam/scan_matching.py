@@ -146,7 +146,7 @@ class ScanMatching:
         """The shortest way home over cells that are believed to be free."""
 
         def ground() -> Ground:
-            return Ground(self._grid, self._trajectory()[: self._kept_at + 1, :2])
+            return self._grid.ground(self._trajectory()[: self._kept_at + 1, :2])
 
         return self._route.way_home(self._updates, self._pose, ground)
 

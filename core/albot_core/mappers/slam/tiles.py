@@ -16,7 +16,8 @@ from jaxtyping import Float32, Int32, Int64, UInt8
 from albot_core.errors import InputError
 from albot_core.kernels.compiled import kernel
 
-TILE = 32
+TILE_BITS = 5
+TILE = 1 << TILE_BITS
 """Cells along each side of a tile."""
 NONE = -1
 """In an index: no tile, the ground is unknown."""
@@ -51,14 +52,14 @@ class TilePool:
         self._marks = np.zeros(0, np.uint8)
         self._touched = np.empty(0, np.int32)
 
-    def marks(self, half: int) -> tuple[UInt8[np.ndarray, "cells"], Int32[np.ndarray, "cells"]]:
+    def marks(self, half: int) -> tuple[UInt8[np.ndarray, "cells"], Int32[np.ndarray, "cells+1"]]:
         """What `integrate_scan` needs to work in, for cells within `half` of the laser's.
 
         The grids use it in turn: a map of every particle's own would cost more than the map.
         """
         cells = (2 * half + 1) ** 2
         if len(self._marks) != cells:
-            self._marks, self._touched = np.zeros(cells, np.uint8), np.empty(cells, np.int32)
+            self._marks, self._touched = np.zeros(cells, np.uint8), np.empty(cells + 1, np.int32)
         return self._marks, self._touched
 
     @property

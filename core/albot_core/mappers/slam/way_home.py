@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64, Int8
+from jaxtyping import Float32, Float64, Int8
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Pose
 from albot_core.kernels.compiled import kernel
 from albot_core.mappers.mapper import POINT, TRAVEL, WayHome
-from albot_core.mappers.slam.grid import LogOddsGrid
-from albot_core.mappers.slam.tiles import NONE, TILE, PoolArrays
 from albot_core.planning.grid_search import (
     BLOCKED,
     FREE,
@@ -83,8 +81,12 @@ class RouteKeeper:
 class Ground(NamedTuple):
     """Where a route is looked for."""
 
-    grid: LogOddsGrid
-    """What is free and what is occupied."""
+    belief: Float32[np.ndarray, "rows columns"]
+    """Of each cell: above 0 where it is occupied, below 0 where it is free, 0 where unknown."""
+    corner: Float64[np.ndarray, "2"]
+    """x, y of the outer corner of the first cell (m), a whole number of the search's cells…"""
+    cell: float
+    """…each of which has some of this side (m)."""
     stood: Points
     """Where the robot has been (m), (n, 2), home first. The route begins at the last."""
 
@@ -97,14 +99,11 @@ def find_route(ground: Ground, config: WayHomeConfig) -> Points | None:
     Returns:
         Points along the way, (n, 2), home's cell last; None where there is none.
     """
-    stood, cell = ground.stood, ground.grid.config.cell * config.coarser
+    stood, cell = ground.stood, ground.cell * config.coarser
     if len(stood) < 2:
         return stood.copy() if len(stood) else np.zeros((1, 2))
     states, corner = _search_cells(ground, config)
-    rows, columns = states.shape
     start, goal = (_cell_of(point, corner, cell) for point in (stood[-1], stood[0]))
-    if not all(0 <= r < rows and 0 <= c < columns for r, c in (start, goal)):
-        return None
     parents = np.empty(states.shape, np.int64)
     radii = config.radius / cell, config.wide / cell
     lengths, end = search_grid(states, start, radii, parents, False, goal)
@@ -144,40 +143,36 @@ def way_along(route: Points | None, pose: Pose, ahead: float) -> WayHome:
 def _search_cells(
     ground: Ground, config: WayHomeConfig
 ) -> tuple[Int8[np.ndarray, "rows columns"], Float64[np.ndarray, "2"]]:
-    """The cells of the search, and x and y of the outer corner of the first (m)."""
-    grid, cell = ground.grid, ground.grid.config.cell * config.coarser
-    states = coarse_states(grid.pool.arrays, grid.index, config.coarser)
-    corner = grid.corner[::-1] * (TILE * grid.config.cell)
-    rows, columns = states.shape
+    """The cells of the search, and x and y of the outer corner of the first (m).
+
+    They cover all that is known, and where the robot stood.
+    """
+    cell = ground.cell * config.coarser
+    known = coarse_states(ground.belief, config.coarser)
     around = np.arange(-config.stood, config.stood + cell / 2, cell)
     square = np.stack(np.meshgrid(around, around), axis=-1).reshape(-1, 2)
     disc = square[np.hypot(*square.T) <= config.stood]
     stood = (ground.stood[:, None] + disc).reshape(-1, 2)
-    at = np.floor((stood - corner) / cell).astype(np.int64)
-    column, row = at[((at >= 0) & (at < (columns, rows))).all(axis=1)].T
-    states[row, column] = FREE
-    return states, corner.astype(np.float64)
+    at = np.floor((stood - ground.corner) / cell).astype(np.int64)[:, ::-1]
+    before = np.maximum(-at.min(axis=0), 0)
+    after = np.maximum(at.max(axis=0) + 1 - known.shape, 0)
+    states = np.pad(known, np.stack((before, after), axis=1), constant_values=UNKNOWN)
+    states[*(at + before).T] = FREE
+    return states, ground.corner - before[::-1] * cell
 
 
 @kernel(arrays=True)
-def coarse_states(pool: PoolArrays, index: np.ndarray, coarser: int) -> np.ndarray:
+def coarse_states(belief: np.ndarray, coarser: int) -> np.ndarray:
     """What squares of cells are to a search: blocked where any is occupied, free where any is."""
-    side = TILE // coarser
-    rows, columns = index.shape
-    states = np.full((rows * side, columns * side), UNKNOWN, np.int8)
+    rows, columns = belief.shape
+    states = np.full((-(-rows // coarser), -(-columns // coarser)), UNKNOWN, np.int8)
     for i in range(rows):
         for j in range(columns):
-            tile = index[i, j]
-            if tile == NONE:
-                continue
-            for r in range(side * coarser):
-                for c in range(side * coarser):
-                    value = pool.cells[tile, r, c]
-                    row, column = i * side + r // coarser, j * side + c // coarser
-                    if value > 0.0:
-                        states[row, column] = BLOCKED
-                    elif value < 0.0 and states[row, column] == UNKNOWN:
-                        states[row, column] = FREE
+            row, column = i // coarser, j // coarser
+            if belief[i, j] > 0.0:
+                states[row, column] = BLOCKED
+            elif belief[i, j] < 0.0 and states[row, column] == UNKNOWN:
+                states[row, column] = FREE
     return states
 
 

@@ -24,6 +24,7 @@ CONFIGS = [
     Albot1Config.thesis(),
     Albot1Config(),
     replace(Albot1Config.thesis(), submap_matching=True, **SPACED),
+    Albot1Config.tracked(),
 ]
 
 
@@ -74,7 +75,7 @@ def same(batch: Albot1Batch, row: int, single: Albot1) -> None:
     assert batch.segment_counts[row] == len(single.snapshot().segments)
 
 
-@pytest.mark.parametrize("config", CONFIGS, ids=["thesis", "improved", "spaced"])
+@pytest.mark.parametrize("config", CONFIGS, ids=["thesis", "improved", "spaced", "tracked"])
 def test_a_batch_does_what_single_ones_do(config: Albot1Config) -> None:
     count, rng = 5, np.random.default_rng(1)
     batch, drive = Albot1Batch(count, config), Drive(count, 2)

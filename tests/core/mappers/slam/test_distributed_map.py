@@ -11,20 +11,22 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_core.mappers.slam.ancestry import (
-    SIZES,
-    TILE_SQUARES,
     add_node,
-    add_observation,
     fill_local_map,
-    made_square_at,
     make_local_map,
     order_nodes,
-    own_observation,
     prune,
-    release_empty_tiles,
 )
 from albot_core.mappers.slam.distributed_map import DistributedMap
-from albot_core.mappers.slam.tiles import MOST_TILES, NONE
+from albot_core.mappers.slam.observations import (
+    SIZES,
+    TILE_SQUARES,
+    add_observation,
+    made_square_at,
+    own_observation,
+    release_empty_tiles,
+)
+from albot_core.mappers.slam.tiles import NONE
 
 MOST = 6
 """Particles."""
@@ -270,8 +272,9 @@ def test_damaged_arrays_are_refused(name, damage, message):
 def test_ground_beyond_all_buildings_is_refused_and_takes_no_memory():
     filtered = random_run(6, 5, 10)
     before = filtered.map.bytes
-    for reserve in (filtered.map.check_ground, filtered.map.reserve_tiles):
+    far = np.array(((0.0, 0.0, 0.0), (1e5, 0.0, 0.0)))
+    for reserve in (filtered.map.check_ground, filtered.map.reserve_ground):
         with pytest.raises(InputError, match=r"occupancy grid: expected ground that fits"):
-            reserve(np.array((0, 0)), np.array((MOST_TILES, 2)))
+            reserve(far, 50.0)
     assert filtered.map.bytes == before
     filtered.check()

@@ -15,10 +15,10 @@ from albot_core.mappers.registry import make_mapper
 from albot_core.mappers.slam.ancestral_paths import AncestralPaths
 from albot_core.mappers.slam.dp_slam import DpSlam, resample
 from albot_core.mappers.slam.dp_slam_config import DpSlamConfig, MotionModel
-from albot_core.mappers.slam.opacity import SLIVER
+from albot_core.mappers.slam.opacity import SLIVER, used_beams
 from albot_core.mappers.slam.tiles import NONE
 from albot_core.maps.layers import OccupancyGridLayer, ParticlesLayer, TrajectoryLayer
-from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
+from albot_core.sensing.reading import LaserGeometry, Reading
 from tests.core.mappers.slam.rooms import LASER, ROOM, reading_from
 from tests.core.mappers.slam.test_opacity import walked_likelihood
 
@@ -150,7 +150,7 @@ def test_a_sample_that_is_given_up_had_no_chance():
     for reading in drive(6):
         for mapper in (kept, culled):
             mapper.update(reading)
-    beams = kept._beams(drive(7)[6].laser)
+    beams = used_beams(drive(7)[6].laser, many.beams, many.reach)
     samples, origins = kept._move_particles(np.array((0.2, 0.0, 0.15)))
     all_weights = kept._weigh(samples, origins, beams)
     culled.restore(kept.state())
@@ -213,8 +213,8 @@ def test_scans_are_used_once_the_robot_has_moved():
     np.testing.assert_allclose(mapper.corrected_poses()[1:3, 0], (0.02, 0.04))
 
 
-def test_a_jump_of_ten_kilometres_is_refused_and_changes_nothing():
-    mapper = make_mapper("dp-slam", config={"particles": 5})
+def test_ground_beyond_all_buildings_is_refused_and_nothing_changes():
+    mapper = make_mapper("dp-slam", config={"particles": 5, "longest_step": 1e301})
     readings = drive(4)
     for reading in readings[:3]:
         mapper.update(reading)
@@ -227,19 +227,6 @@ def test_a_jump_of_ten_kilometres_is_refused_and_changes_nothing():
         np.testing.assert_array_equal(array, before[key], err_msg=key)
     assert mapper.memory["bytes"] < 50e6
     mapper.update(readings[3])
-
-
-def test_scans_of_nothing_leave_the_odometer():
-    mapper = make_mapper("dp-slam", config={"particles": 5})
-    for ranges in (np.full(LASER.beams, np.inf), np.zeros(LASER.beams)):
-        scan = LaserScan(ranges=ranges, geometry=LASER)
-        mapper.reset(np.random.default_rng(0))
-        for _ in range(5):
-            mapper.update(Reading(stamp=0.0, motion=np.array((0.1, 0, 0)), laser=scan))
-        assert mapper.estimate.pose[0] == pytest.approx(0.4, abs=0.25)
-        assert not np.isnan(mapper.estimate.pose).any()
-        map_to_draw = mapper.snapshot().layer(OccupancyGridLayer).occupancy
-        assert not (map_to_draw > 0).any()
 
 
 def test_paths_of_the_dead_are_dropped():

@@ -14,7 +14,8 @@ from albot_core.kernels.compiled import kernel
 from albot_core.mappers.slam.ancestry import make_local_map, order_nodes
 from albot_core.mappers.slam.distributed_map import DistributedMap
 from albot_core.mappers.slam.dp_slam_config import DpSlamConfig
-from albot_core.mappers.slam.opacity import SLIVER, Beams, beam_likelihood, enter_scan
+from albot_core.mappers.slam.opacity import SLIVER, Beams, beam_likelihood
+from albot_core.mappers.slam.scan_entry import enter_scan
 from albot_core.mappers.slam.tiles import TILE
 
 CONFIG = DpSlamConfig(cell=0.1, reach=5.0, prior_squares=2.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +17,7 @@ from albot_core.mappers.slam.grid_slam import GridSlamConfig
 from albot_core.mappers.slam.particles import Particles
 from albot_core.mappers.slam.points import matched_points
 from albot_core.maps.layers import OccupancyGridLayer, ParticlesLayer
-from albot_core.sensing.reading import LaserScan, Reading
-from tests.core.mappers.slam.rooms import LASER, reading_from, scan_from
+from tests.core.mappers.slam.rooms import scan_from
 from tests.core.mappers.slam.test_scan_matching import drive, lap
 
 NAMES = ("grid-slam", "gmapping")
@@ -50,31 +48,6 @@ def test_other_random_numbers_are_another_run(name):
         ways.append(mapper.corrected_poses())
     np.testing.assert_array_equal(ways[0], ways[1])
     assert (ways[0] != ways[2]).any()
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_motion_that_no_robot_makes_is_told_and_not_followed(name, caplog):
-    mapper, poses = make_mapper(name, config={"particles": 3}), lap()[:8]
-    drive(mapper, poses[:7], np.random.default_rng(0), 0.0, 0.0)
-    tiles = mapper.state()["particles.index"].size
-    with caplog.at_level(logging.WARNING):
-        mapper.update(reading_from(poses[7], np.array((1e4, 0.0, 0.0))))
-    assert f"{name}: the odometer's motion of 10000.0 m" in caplog.text
-    true = relative(poses[0], poses[7])
-    assert np.hypot(*(mapper.estimate.pose - true)[:2]) < 0.2
-    assert mapper.state()["particles.index"].size == tiles
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_scans_of_no_returns_leave_the_odometer(name):
-    mapper = make_mapper(name, config={"particles": 5})
-    nothing = LaserScan(ranges=np.full(LASER.beams, np.inf), geometry=LASER)
-    for k in range(10):
-        motion = np.array((0.5 if k else 0.0, 0.0, 0.0))
-        mapper.update(Reading(stamp=float(k), motion=motion, laser=nothing))
-    assert not mapper.estimate.localised
-    assert np.isfinite(mapper.estimate.pose).all()
-    assert mapper.estimate.pose[0] == pytest.approx(4.5, abs=1.5)
 
 
 def _drawn(points: np.ndarray, deviations: np.ndarray, off: np.ndarray, **changed: float):

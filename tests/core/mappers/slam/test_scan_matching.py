@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import logging
-
 import numpy as np
 import pytest
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
-from albot_core.mappers.mapper import POINT, TRAVEL
 from albot_core.mappers.slam.scan_matching import ScanMatching, ScanMatchingConfig
 from albot_core.maps.layers import OccupancyGridLayer
 from albot_core.sensing.reading import LaserScan, Reading
@@ -58,41 +55,6 @@ def test_it_follows_the_robot_whatever_the_odometer_says(turn_error, scale):
     away = np.min([abs(x + 4), abs(x - 5), abs(y + 3), abs(y - 4), abs(x - 1)], axis=0)
     assert len(away) > 300
     assert np.quantile(away, 0.95) < 0.1
-
-
-def test_the_way_home_leads_around_a_wall():
-    """Home is behind the stub of the wall that hangs from above."""
-    mapper = ScanMatching()
-    begin, aside = np.array((0.0, 3.2, -np.pi / 2)), np.linspace(0.1, 2.0, 8)
-    poses = [begin + np.array((0, -d, 0)) for d in np.linspace(0, 2.2, 10)]
-    poses += [poses[-1] + (0, 0, 0.4 * k) for k in range(1, 5)]
-    poses += [poses[-1] + (d, 0, 0) for d in aside]
-    poses += [poses[-1] + (0, 0, 0.4 * k) for k in range(1, 5)]
-    poses += [poses[-1] + (0, d, 0) for d in np.linspace(0.1, 2.2, 10)]
-    drive(mapper, np.array(poses), np.random.default_rng(0), 0.0, 0.0)
-    way = mapper.way_home
-    straight = np.hypot(*(poses[-1] - begin)[:2])
-    assert straight == pytest.approx(2.0, abs=0.01)
-    assert 3.0 < way[TRAVEL] < 5.0
-    point = compose(begin, np.array((*way[POINT], 0.0)))
-    assert point[1] < 2.4
-    fresh = ScanMatching().way_home
-    assert fresh[TRAVEL] == 0.0
-    assert np.isnan(fresh[:6]).all()
-
-
-def test_a_jump_of_the_odometer_is_told_and_not_followed(caplog):
-    mapper, poses = ScanMatching(), lap()
-    drive(mapper, poses[:10], np.random.default_rng(0), 0.0, 0.0)
-    before = mapper.estimate.pose
-    jump = relative(poses[9], poses[10]) + np.array((1e4, 0.0, 0.0))
-    with caplog.at_level(logging.WARNING):
-        mapper.update(reading_from(poses[10], jump))
-    assert "scan-matching: the odometer's motion of 10000.2 m" in caplog.text
-    assert np.hypot(*(mapper.estimate.pose - before)[:2]) < 1.0
-    assert mapper.snapshot().layer(OccupancyGridLayer).occupancy.size < 10**6
-    believed = drive(mapper, poses[10:20], np.random.default_rng(0), 0.0, 0.0)
-    np.testing.assert_allclose(believed[-1], relative(poses[0], poses[19]), atol=0.05)
 
 
 def test_a_scan_of_no_returns_follows_the_odometer_and_says_so():

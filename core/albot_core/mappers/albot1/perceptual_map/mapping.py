@@ -10,7 +10,8 @@ The thesis's symbols: `pm` is the perceptual map PM; `current` and `previous` ar
 V_n-1; a view's `landmark` are its landmarks L, and those with a slot in the map its recognised
 landmarks RL; a view's `pose` is the robot's position RP; `motion` is its displacement RDTR.
 
-In place of algorithms 1 and 2 `albot1` takes `submap_matching.match_submap`; by `consistency` it
+`albot1-tracked` searches the turn before algorithm 1, and localises by `tracking` in place of
+algorithm 2. In place of both `albot1` takes `submap_matching.match_submap`; by `consistency` it
 notices when the robot was carried away. All other lines are the thesis's.
 """
 
@@ -48,6 +49,7 @@ from albot_core.mappers.albot1.perceptual_map.overlay import (
 )
 from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers
 from albot_core.mappers.albot1.perceptual_map.submap_matching import match_submap
+from albot_core.mappers.albot1.perceptual_map.tracking import localize_jointly, search_turn
 from albot_core.matching.lines import heading_of, line_length, wrap
 from albot_core.sensing.view import NO_EDGE, ViewBuffers, extract_surfaces
 
@@ -79,6 +81,7 @@ class ViewSettings(NamedTuple):
     thresholds: np.ndarray
     """(5,) float64: see `ViewConfig.thresholds`."""
     fit_lines: bool
+    grazing_ends: bool
     """See `ViewConfig`."""
 
 
@@ -99,6 +102,7 @@ def take_view(
         settings.max_range,
         settings.thresholds,
         settings.fit_lines,
+        settings.grazing_ends,
         view_buffers,
         current.surfaces,
         current.edges,
@@ -173,11 +177,14 @@ def _nearest_end(
 
 
 @kernel(arrays=True)
-def localize(pm: PerceptualMap, current: LocatedView, pairs: np.ndarray) -> None:
+def localize(
+    pm: PerceptualMap, current: LocatedView, pairs: np.ndarray, longest: bool = False
+) -> None:
     """Algorithm 2: set `current.pose` by the best of the recognised landmarks.
 
     Every landmark gives a localisation point. Those farther from their average than their
-    standard deviation are discarded; of the rest the landmark of highest goodness counts.
+    standard deviation are discarded; of the rest the landmark of highest goodness counts, or, as
+    the text at figure 3.11 has it, the `longest`.
     """
     room = current.size[0]
     poses = np.empty((room, 3))
@@ -200,10 +207,10 @@ def localize(pm: PerceptualMap, current: LocatedView, pairs: np.ndarray) -> None
         if np.hypot(poses[k, 0] - mean_x, poses[k, 1] - mean_y) > np.sqrt(variance) + TINY:
             continue
         j = which[k]
-        # Eq. (3.5); perfect agreement would divide by zero.
-        goodness = line_length(current.surfaces[j]) / (
-            max(pairs[j, DISTANCE], TINY) * max(pairs[j, GAP], TINY) * max(pairs[j, ANGLE], TINY)
-        )
+        goodness = line_length(current.surfaces[j])
+        if not longest:  # Eq. (3.5); perfect agreement would divide by zero.
+            goodness /= max(pairs[j, DISTANCE], TINY)
+            goodness /= max(pairs[j, GAP], TINY) * max(pairs[j, ANGLE], TINY)
         if goodness > best:  # Alg. 2, line 1
             best = goodness
             for i in range(3):
@@ -291,7 +298,7 @@ def _lay_over(
                     move_surface(pm, slot, changed, edges)
                 continue
             edges[0], edges[1] = view.edges[k, 0], view.edges[k, 1]
-            if extend_surface(in_map[k], old, outer, changed):
+            if extend_surface(in_map[k], old, outer, limits.keeps_outer_end, changed):
                 edges[outer] = pm.edges[slot, outer]
                 # The end in view is no longer the end in the map.
                 view.edges[k, outer] = NO_EDGE
@@ -309,14 +316,14 @@ def _lay_over(
 def _note_visit(
     pm: PerceptualMap, slot: int, in_map: np.ndarray, none_used: np.ndarray, limits: Albot1Limits
 ) -> None:
-    """Before a covered surface goes, count it for its visit if the view has it too (4.1.2).
+    """Before a covered surface goes, count it for its visit: a candidate to close a loop (4.1.2).
 
-    So a familiar place comes to be a loop-closure candidate.
+    Where `covered_is_reobserved` is off it counts only if the view holds the same wall.
     """
     old = pm.surfaces[slot]
     if pm.marks[slot] == pm.counts[VISIT] or line_length(old) < limits.landmark_length:
         return
-    if same_wall(old, in_map, none_used, limits) >= 0:
+    if limits.covered_is_reobserved or same_wall(old, in_map, none_used, limits) >= 0:
         count_reobserved(pm, slot)
 
 
@@ -350,7 +357,7 @@ def map_step(
             if limits.submap_matching:
                 recognized = int(match_submap(pm, previous, current, motion, limits, buffers))
             else:  # Alg. 4, lines 11, 14 and 19
-                recognized = _recognize_and_localize(pm, previous, current, motion, limits)
+                recognized = _recognize_and_localize(pm, previous, current, motion, limits, buffers)
             is_laid = progress[UPDATED_AT] >= step - 1 or progress[INCONSISTENT] > 0
             if recognized >= limits.min_landmarks or is_laid:  # Alg. 4, lines 12 and 13
                 break
@@ -378,10 +385,16 @@ def _recognize_and_localize(
     current: LocatedView,
     motion: np.ndarray,
     limits: Albot1Limits,
+    buffers: MatchBuffers,
 ) -> int:
     """Algorithms 1 and 2; with no landmark in view path integration stands in (section 3.2.1)."""
-    pairs = np.empty((current.size[0], 4))
-    recognized = recognize_landmarks(previous, current, motion, limits, pairs)
-    if recognized > 0:
-        localize(pm, current, pairs)
+    pairs, turned = np.empty((current.size[0], 4)), motion.copy()
+    if limits.joint_landmarks:
+        turned[2] += search_turn(previous, current, motion, limits, buffers)
+        compose_pose(previous.pose, turned, current.pose)
+    recognized = recognize_landmarks(previous, current, turned, limits, pairs)
+    if recognized > 0 and limits.joint_landmarks:
+        localize_jointly(pm, current, pairs[:, END], limits)
+    elif recognized > 0:
+        localize(pm, current, pairs, limits.longest_landmark)
     return int(recognized)

@@ -127,17 +127,24 @@ def same_wall(
 
 
 @kernel()
-def extend_surface(new: np.ndarray, old: np.ndarray, outer: int, out: np.ndarray) -> bool:
-    """Write the new surface drawn out to the old one's outer end; false where it reaches it."""
+def extend_surface(
+    new: np.ndarray, old: np.ndarray, outer: int, keeps_end: bool, out: np.ndarray
+) -> bool:
+    """Write the new surface drawn out to the old one's outer end; false where it reaches it.
+
+    With `keeps_end` it ends where the old one does. Without, it runs on in its own direction as
+    far as that: a short new surface then swings a long old wall about.
+    """
     length = line_length(new)
     ux, uy = (new[2] - new[0]) / length, (new[3] - new[1]) / length
-    along = (old[2 * outer] - new[0]) * ux + (old[2 * outer + 1] - new[1]) * uy
+    x, y = old[2 * outer], old[2 * outer + 1]
+    along = (x - new[0]) * ux + (y - new[1]) * uy
     for i in range(4):
         out[i] = new[i]
     if (outer == 0 and along >= 0.0) or (outer == 1 and along <= length):
         return False
-    out[2 * outer] = new[0] + along * ux
-    out[2 * outer + 1] = new[1] + along * uy
+    out[2 * outer] = x if keeps_end else new[0] + along * ux
+    out[2 * outer + 1] = y if keeps_end else new[1] + along * uy
     return True
 
 

@@ -58,10 +58,10 @@ _box = scratch(4)
 def enter_place(pm: PerceptualMap, view: LocatedView, limits: Albot1Limits) -> None:
     """The forced update: mark the surfaces in view as the new visit's (algorithm 5, line 16).
 
-    The thesis lays the view over the map, and so does `albot1-thesis`. But this update is made
-    for the marks alone, not because landmarks go out of sight: all else that it does is to
-    make the error of a view from a doorway the map's. Where the local submap localises the robot,
-    the map stays as it is: what it holds of the view is marked, and what it lacks is added.
+    The thesis lays the view over the map, and so do `albot1-thesis` and `albot1-tracked`. But this
+    update is made for the marks alone, not because landmarks go out of sight: all else that it does
+    is to make the error of a view from a doorway the map's. Where the local submap localises the
+    robot, the map stays as it is: what it holds of the view is marked, and what it lacks is added.
     """
     if not limits.submap_matching:
         update_map(pm, view, limits)

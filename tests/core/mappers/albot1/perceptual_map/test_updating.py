@@ -12,6 +12,8 @@ from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.perceptual_map.mapping import update_map
 from albot_core.mappers.albot1.perceptual_map.memory import (
     NOT_RECOGNIZED,
+    OBSERVED,
+    VISIT,
     LocatedView,
     PerceptualMap,
     add_surface,
@@ -79,10 +81,36 @@ def test_a_surface_partly_inside_without_counterpart_is_cut_at_the_boundary() ->
 def test_a_surface_partly_inside_is_extended_by_its_counterpart() -> None:
     # The left wall, remembered from x = 1 to behind the robot, a little beside itself.
     pm, view, others = after([[1.0, 2.1, -3.0, 2.1]])
-    assert others == [pytest.approx([4.0, 2.0, -3.0, 2.0])]
+    # Its end outside the view stays where it was.
+    assert others == [pytest.approx([4.0, 2.0, -3.0, 2.1])]
     # It keeps its id, the view's landmark is found in it, and only at the end in view.
     assert pm.ids[view.slots[2]] == 0
     assert view.edges[2].tolist() == [CORNER, NO_EDGE]
+
+
+def test_ours_draws_the_new_surface_out_to_the_old_end() -> None:
+    pm = empty_map(32)
+    add_surface(pm, np.array([1.0, 2.1, -3.0, 2.1]), EDGES)
+    update_map(pm, view_of(BOX), LIMITS._replace(keeps_outer_end=False))
+    surfaces = pm.surfaces[np.flatnonzero(living(pm))]
+    assert any(np.allclose(surface, [4.0, 2.0, -3.0, 2.0]) for surface in surfaces)
+
+
+def reobserved(old: list[float], covered: bool) -> int:
+    """How many surfaces of an earlier visit count as met again after the box was laid over."""
+    pm = empty_map(32)
+    add_surface(pm, np.array(old), EDGES)
+    pm.counts[VISIT] = 2
+    update_map(pm, view_of(BOX), LIMITS._replace(covered_is_reobserved=covered))
+    return int(pm.reobserved[1, OBSERVED])
+
+
+def test_to_the_letter_all_that_a_view_covers_is_met_again() -> None:
+    same, other = [3.8, -1.5, 3.8, 1.5], [1.0, -1.0, 2.0, 1.0]
+    assert [reobserved(same, covered) for covered in (True, False)] == [1, 1]
+    assert [reobserved(other, covered) for covered in (True, False)] == [1, 0]
+    # Neither what lies outside nor what is too short to be a landmark.
+    assert reobserved([6.0, -1.0, 6.0, 1.0], True) == reobserved([1.0, 0.0, 1.3, 0.0], True) == 0
 
 
 def test_the_robots_own_place_may_close_the_boundary() -> None:

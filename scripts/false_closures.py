@@ -1,0 +1,72 @@
+"""What false loop closures do to graph SLAM's map of a real log.
+
+    python scripts/false_closures.py LOG --reference FILE [--share S] [--runs N]
+
+The log is mapped once. Then closures between any two keyframes are added to the graph, which say
+anything and say it surely, and the optimum is found anew: again and again, with others.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+import numpy as np
+
+from albot_cli.main import exit_status
+from albot_core.errors import InputError
+from albot_core.evaluation.trajectory import Trajectory, trajectory_error
+from albot_core.logs.reader import read_log, read_reference
+from albot_core.mappers.slam.graph_slam import GraphSlam
+
+FARTHEST = 5.0
+"""How far apart (m, in x and in y) a false closure says that two keyframes are, at most."""
+SURE = np.diag((2500.0, 2500.0, 10000.0))
+"""How surely it says so: 2 cm and 0.01 rad."""
+
+
+@click.command()
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option("--reference", type=click.Path(path_type=Path), required=True)
+@click.option("--share", default=0.1, show_default=True, help="Of the closures that were found.")
+@click.option("--runs", default=20, show_default=True)
+def main(log: Path, reference: Path, share: float, runs: int) -> None:
+    """Map LOG, add false closures, and print the ATE of the corrected poses before and after."""
+    recorded, truth = read_log(log), read_reference(reference)
+    mapper = GraphSlam()
+    for reading in recorded.readings:
+        mapper.update(reading)
+    known = mapper.state()
+
+    def error(of: GraphSlam) -> float:
+        poses = Trajectory(stamps=recorded.stamps, poses=of.corrected_poses())
+        found = trajectory_error(poses, truth)
+        if found is None:
+            raise InputError(reference, "moments of the log", "stamps of another log")
+        return found.rmse
+
+    errors, count = [], round(share * mapper.graph.closures)
+    for seed in range(runs):
+        disturbed = GraphSlam()
+        disturbed.restore(known)
+        add_false_closures(disturbed, count, np.random.default_rng(seed))
+        errors.append(error(disturbed))
+    click.echo(
+        f"graph-slam on {recorded.name}: ATE {error(mapper):.4f} m with {mapper.graph.closures} "
+        f"closures; with {count} false ones besides {np.median(errors):.4f} m (median of {runs} "
+        f"runs; least {min(errors):.4f}, largest {max(errors):.4f})"
+    )
+
+
+def add_false_closures(mapper: GraphSlam, count: int, rng: np.random.Generator) -> None:
+    """Add closures that say anything, and move the keyframes to the new optimum."""
+    graph = mapper.graph
+    for _ in range(count):
+        source, target = sorted(rng.choice(len(graph.poses), 2, replace=False).tolist())
+        motion = rng.uniform(-1.0, 1.0, 3) * (FARTHEST, FARTHEST, np.pi)
+        graph.add(source, target, motion, SURE, closes=True)
+    graph.poses = graph.optimum()
+
+
+if __name__ == "__main__":
+    exit_status(main)
