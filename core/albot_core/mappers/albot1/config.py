@@ -177,11 +177,13 @@ class Albot1Config:
     longest_landmark: bool = False
     """The one landmark is the longest, as the text at figure 3.11 says; otherwise that of the
     highest goodness, eq. (3.5). Matters only where one landmark localises the robot."""
-    turn_search: float = np.radians(20.0)
-    """How wrong the odometer's turn may be (rad)."""
+    turn_search: float = np.radians(50.0)
+    """Largest error of the odometer's turn that is searched (rad)."""
     turn_cost: float = np.radians(12.0)
-    """A turn this far from the odometer's must be worth one landmark more, and one twice as
-    far four (rad)."""
+    """Scale of the odometer's errors of turn (rad). A turn that differs from the odometer's is
+    charged the square of the difference by this scale, in landmarks, but one landmark at most: an
+    odometer that slips may be off by any turn. This is minus the logarithm of a normal density
+    with a uniform one added."""
     match_range: float = 16.0
     """Only surfaces nearer than this are recognised and localise the robot (m)."""
     motion_error: float = 0.05
@@ -249,10 +251,10 @@ class Albot1Config:
         """The turns tried, as `Albot1Limits` holds them."""
         steps = int(self.turn_search / TURN_STEP + 0.5)
         turns = [TURN_STEP * step for step in range(-steps, steps + 1)]
-        shares = [turn / self.turn_cost for turn in turns]
+        costs = [min((turn / self.turn_cost) ** 2, 1.0) for turn in turns]
         return np.array(
             [
-                (math.cos(turn), math.sin(turn), share * share)
-                for turn, share in zip(turns, shares, strict=True)
+                (math.cos(turn), math.sin(turn), cost)
+                for turn, cost in zip(turns, costs, strict=True)
             ]
         )

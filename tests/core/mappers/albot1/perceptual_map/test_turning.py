@@ -71,3 +71,14 @@ def test_with_nothing_to_go_by_the_odometer_is_right() -> None:
     limits = Albot1Config().limits
     nothing = rows_of(np.empty((0, 4)), np.random.default_rng(0))
     assert likeliest_turn(*nothing, *nothing, limits, np.empty((2, len(limits.turns)))) == 0.0
+
+
+@pytest.mark.parametrize("degrees", [-45.0, -24.0, 0.0, 12.0, 24.0, 45.0])
+def test_a_turn_that_is_far_off_is_found(degrees: float) -> None:
+    limits, rng = Albot1Config().limits, np.random.default_rng(3)
+    surfaces = some_surfaces(12, 6.0, rng)
+    cos, sin = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    turned = np.array([moved_ends(row, np.zeros(3), cos, sin) for row in surfaces])
+    seen, expected = rows_of(surfaces, rng), rows_of(turned, rng)
+    found = likeliest_turn(*seen, *expected, limits, np.empty((2, len(limits.turns))))
+    assert np.degrees(found) == pytest.approx(degrees, abs=1.01)

@@ -1,0 +1,140 @@
+"""Disturbed versions of a log: what a worse odometer or a poorer laser would have recorded.
+
+The growth of a mapper's error over such versions tells how far it depends on the log that it was
+tuned on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import compose, relative
+from albot_core.logs.log import Log, with_noise
+
+TURN_SCALE, TURN_FREEDOM = np.radians(4.0), 2
+"""Scale (rad) and degrees of freedom of the error of a turn, which follows Student's t: one turn in
+26 is off by more than 20°."""
+LARGEST_TURN_ERROR = np.radians(30.0)
+"""Largest error of a turn (rad)."""
+BAD_TURN, BAD_LENGTH = np.radians(25.0), 0.1
+"""Largest error of a bad odometer's turn (rad), and of a length, as a share of it."""
+SHORTEST, LONGEST = 0.85, 1.15
+"""Least and largest factor by which a motion's length is off."""
+NEAR = 8.0
+"""Range of the near-sighted laser (m)."""
+
+
+def with_false_turns(log: Log, rng: np.random.Generator) -> Log:
+    """Return a copy of the log in which every turn is off, mostly slightly and at times strongly."""
+    motions = relative(log.odometry[:-1], log.odometry[1:])
+    errors = TURN_SCALE * rng.standard_t(TURN_FREEDOM, len(motions))
+    motions[:, 2] += np.clip(errors, -LARGEST_TURN_ERROR, LARGEST_TURN_ERROR)
+    return _with_motions(log, motions)
+
+
+def with_bad_odometer(log: Log, rng: np.random.Generator) -> Log:
+    """Return a copy of the log in which every turn is off by up to 25°, every length by a tenth."""
+    motions = relative(log.odometry[:-1], log.odometry[1:])
+    motions[:, :2] *= rng.uniform(1 - BAD_LENGTH, 1 + BAD_LENGTH, (len(motions), 1))
+    motions[:, 2] += rng.uniform(-BAD_TURN, BAD_TURN, len(motions))
+    return _with_motions(log, motions)
+
+
+def with_false_lengths(log: Log, rng: np.random.Generator) -> Log:
+    """Return a copy of the log in which each motion is scaled by a random factor."""
+    motions = relative(log.odometry[:-1], log.odometry[1:])
+    motions[:, :2] *= rng.uniform(SHORTEST, LONGEST, (len(motions), 1))
+    return _with_motions(log, motions)
+
+
+def with_half_the_beams(log: Log, rng: np.random.Generator) -> Log:
+    """Return a copy of the log with every second beam, from the first or the second on.
+
+    Raises:
+        InputError: The log has no laser.
+    """
+    if log.geometry is None or log.ranges is None:
+        raise InputError(log.name, "a laser", "none")
+    first = int(rng.integers(2))
+    ranges = np.ascontiguousarray(log.ranges[:, first::2])
+    geometry = replace(
+        log.geometry,
+        beams=ranges.shape[1],
+        first_bearing=float(log.geometry.bearings[first]),
+        spacing=2 * log.geometry.spacing,
+    )
+    return replace(log, ranges=ranges, geometry=geometry)
+
+
+def without_every_third(log: Log, rng: np.random.Generator) -> Log:
+    """Return a copy of the log without every third reading, from a random first one on."""
+    kept = np.arange(len(log.stamps)) % 3 != rng.integers(3)
+
+    def thinned(rows: np.ndarray | None) -> np.ndarray | None:
+        return None if rows is None else rows[kept]
+
+    return replace(
+        log,
+        stamps=log.stamps[kept],
+        odometry=log.odometry[kept],
+        ranges=thinned(log.ranges),
+        echoes=thinned(log.echoes),
+        scenes=thinned(log.scenes),
+        reference=thinned(log.reference),
+    )
+
+
+def near_sighted(log: Log, _: np.random.Generator) -> Log:
+    """Return a copy of the log whose laser sees no farther than `NEAR`.
+
+    Raises:
+        InputError: The log has no laser.
+    """
+    if log.geometry is None or log.ranges is None:
+        raise InputError(log.name, "a laser", "none")
+    ranges = np.where(log.ranges < NEAR, log.ranges, np.inf)
+    geometry = replace(log.geometry, max_range=min(NEAR, log.geometry.max_range))
+    return replace(log, ranges=ranges, geometry=geometry)
+
+
+def _all(log: Log, rng: np.random.Generator) -> Log:
+    for disturb in (with_false_turns, with_false_lengths, without_every_third):
+        log = disturb(log, rng)
+    return near_sighted(with_half_the_beams(log, rng), rng)
+
+
+DISTURBANCES: dict[str, Callable[[Log, np.random.Generator], Log]] = {
+    "noise": lambda log, _: log,
+    "turns": with_false_turns,
+    "lengths": with_false_lengths,
+    "odometer": with_bad_odometer,
+    "beams": with_half_the_beams,
+    "views": without_every_third,
+    "range": near_sighted,
+    "all": _all,
+}
+"""The disturbances by name; "noise" adds only the noise of `disturbed`."""
+
+
+def disturbed(log: Log, disturbance: str, seed: int) -> Log:
+    """Return the log under a disturbance, with a little noise, so that no two seeds are the same.
+
+    Args:
+        log: The log.
+        disturbance: One of `DISTURBANCES`.
+        seed: Seed of the random numbers.
+    """
+    rng = np.random.default_rng(seed)
+    return with_noise(DISTURBANCES[disturbance](log, rng), rng)
+
+
+def _with_motions(log: Log, motions: np.ndarray) -> Log:
+    """Return a copy of the log with other motions between readings."""
+    poses = [log.odometry[0]]
+    for motion in motions:
+        poses.append(compose(poses[-1], motion))
+    return replace(log, odometry=np.array(poses))

@@ -1,0 +1,100 @@
+"""Disturbed logs differ from what was recorded as their names say, and in nothing else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from albot_core.errors import InputError
+from albot_core.geometry.poses import relative
+from albot_core.logs.disturbed import (
+    DISTURBANCES,
+    LARGEST_TURN_ERROR,
+    LONGEST,
+    NEAR,
+    SHORTEST,
+    disturbed,
+)
+from albot_core.logs.log import Log
+from albot_core.sensing.reading import LaserGeometry
+
+
+@pytest.fixture(scope="module")
+def log() -> Log:
+    """A walk of 600 steps of a metre with a laser of 9 beams."""
+    rng = np.random.default_rng(0)
+    headings = np.cumsum(rng.uniform(-0.2, 0.2, 600))
+    steps = np.stack((np.cos(headings), np.sin(headings)), axis=-1)
+    odometry = np.column_stack((np.cumsum(steps, axis=0), headings))
+    return Log(
+        name="walk",
+        geometry=LaserGeometry(beams=9, spacing=np.pi / 8),
+        stamps=np.arange(600.0),
+        ranges=rng.uniform(1.0, 20.0, (600, 9)),
+        odometry=odometry,
+        reference=odometry.copy(),
+    )
+
+
+def motions(log: Log) -> np.ndarray:
+    """What the odometer says of each step."""
+    return relative(log.odometry[:-1], log.odometry[1:])
+
+
+def test_turns_are_off_by_heavy_tails_within_their_bound(log: Log) -> None:
+    worse = DISTURBANCES["turns"](log, np.random.default_rng(1))
+    errors = motions(worse)[:, 2] - motions(log)[:, 2]
+    assert np.abs(errors).max() <= LARGEST_TURN_ERROR + 1e-9
+    assert 0.01 < (np.abs(errors) > np.radians(20.0)).mean() < 0.08  # 3.8 % by Student's t
+    assert np.degrees(np.median(np.abs(errors))) == pytest.approx(4.0 * 0.816, rel=0.2)
+    assert motions(worse)[:, :2] == pytest.approx(motions(log)[:, :2], abs=1e-9)
+
+
+def test_lengths_are_off_by_a_factor_each(log: Log) -> None:
+    worse = DISTURBANCES["lengths"](log, np.random.default_rng(1))
+    factors = np.hypot(*motions(worse)[:, :2].T) / np.hypot(*motions(log)[:, :2].T)
+    assert SHORTEST <= factors.min() < 0.87 and 1.13 < factors.max() <= LONGEST
+    assert motions(worse)[:, 2] == pytest.approx(motions(log)[:, 2], abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_second_beam_points_where_it_did(log: Log, seed: int) -> None:
+    worse = DISTURBANCES["beams"](log, np.random.default_rng(seed))
+    assert log.geometry is not None and worse.geometry is not None
+    assert log.ranges is not None and worse.ranges is not None
+    which = np.abs(log.geometry.bearings[:, None] - worse.geometry.bearings).argmin(axis=0)
+    assert worse.geometry.bearings == pytest.approx(log.geometry.bearings[which])
+    assert np.array_equal(worse.ranges, log.ranges[:, which])
+    assert worse.geometry.beams in (4, 5)
+
+
+def test_every_third_reading_goes_with_all_that_is_of_it(log: Log) -> None:
+    worse = DISTURBANCES["views"](log, np.random.default_rng(1))
+    kept = np.isin(log.stamps, worse.stamps)
+    assert kept.sum() == 400 and set(np.diff(np.flatnonzero(~kept))) == {3}
+    assert log.ranges is not None
+    assert np.array_equal(worse.ranges, log.ranges[kept])
+    assert np.array_equal(worse.odometry, log.odometry[kept])
+    assert np.array_equal(worse.reference, log.reference[kept])
+
+
+def test_a_near_sighted_laser_sees_nothing_farther(log: Log) -> None:
+    worse = DISTURBANCES["range"](log, np.random.default_rng(1))
+    assert log.ranges is not None and worse.ranges is not None
+    far = log.ranges >= NEAR
+    assert np.isinf(worse.ranges[far]).all()
+    assert np.array_equal(worse.ranges[~far], log.ranges[~far])
+
+
+@pytest.mark.parametrize("disturbance", DISTURBANCES)
+def test_a_seed_is_a_log(log: Log, disturbance: str) -> None:
+    one, same, other = (disturbed(log, disturbance, seed) for seed in (1, 1, 2))
+    assert np.array_equal(one.odometry, same.odometry) and np.array_equal(one.ranges, same.ranges)
+    assert not np.array_equal(one.odometry[-1], other.odometry[-1])
+
+
+@pytest.mark.parametrize("disturbance", ["beams", "range"])
+def test_a_log_without_a_laser_is_refused(log: Log, disturbance: str) -> None:
+    blind = Log(name="blind", geometry=None, stamps=log.stamps, ranges=None, odometry=log.odometry)
+    with pytest.raises(InputError, match="blind: expected a laser"):
+        disturbed(blind, disturbance, 1)
