@@ -29,7 +29,7 @@ NEAR = 8.0
 
 
 def with_false_turns(log: Log, rng: np.random.Generator) -> Log:
-    """Return a copy of the log in which every turn is off, mostly slightly and at times strongly."""
+    """Return a copy of the log in which every turn is off, usually slightly, at times strongly."""
     motions = relative(log.odometry[:-1], log.odometry[1:])
     errors = TURN_SCALE * rng.standard_t(TURN_FREEDOM, len(motions))
     motions[:, 2] += np.clip(errors, -LARGEST_TURN_ERROR, LARGEST_TURN_ERROR)
