@@ -197,7 +197,7 @@ on the logs of experiment 6, with places left out as in chapter 3. Medians over 
 drive.
 
 `albot1` keeps none of the three. *Covered* changes no network of it, *obstructing* nothing on logs;
-*outer end kept* betters some logs and worsens Intel.
+*outer end kept* betters the drive and most logs, and worsens Intel.
 """
 
 

@@ -158,8 +158,9 @@ class Albot1Config:
     keeps_outer_end: bool = False
     """A remembered surface that a view extends keeps its end outside the view (algorithm 3,
     line 12). Off, the view's surface is drawn out, in its own direction, as far as that end. Off
-    in `albot1`: on, Intel's error grows by a third, those of Freiburg and Wean Hall fall by a
-    quarter (`albot experiment run albot1-readings`)."""
+    in `albot1` for Intel's sake: on, its error grows by a quarter, while those of ACES and Freiburg
+    fall by as much, and that of a drive in views 10 cm apart to a quarter (`albot experiment run
+    albot1-readings`)."""
     covered_is_reobserved: bool = False
     """Every surface that a view covers, at one end or both, counts as met again (section 4.1.2):
     those about to be deleted or extended. Off, only one that the view holds too, within
