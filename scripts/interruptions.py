@@ -116,7 +116,7 @@ What is promised, and was checked after each run:
   training's episodes, grow by whole pieces.
 - **An interrupted episode holds every moment** that its recorder was given, and is closed. That of
   a killed process lacks its end: at most the last {CHUNK_MOMENTS - 1} moments, less than a second
-  of the robot's time. `albot play` plays it up to its last whole chunk, and says so.
+  of the robot's time. `albot play` plays it up to its last complete chunk, and says so.
 - **A training goes on** with `--resume` from its last checkpoint.
 - **An interrupt leaves nothing behind**: no temporary files, no processes. A killed process cannot
   tidy up: a hidden file `.NAME.…` may stay beside its place (`--resume` clears away those of a

@@ -141,7 +141,7 @@ def _unpacked(path: Path, kind: str, largest: int) -> tuple[bytes | None, dict[s
     except InputError:
         raise
     except _TORN as error:
-        raise InputError(path, f"a whole {kind}", _one_line(error)) from None
+        raise InputError(path, f"an intact {kind}", _one_line(error)) from None
     return header, arrays
 
 
@@ -151,14 +151,14 @@ def _check_members(path: Path, members: list[zipfile.ZipInfo], largest: int) -> 
     size = sum(member.file_size for member in members)
     if len(members) > _MOST_MEMBERS or size > largest:
         found = f"{len(members):,} members of {size:,} bytes"
-        raise InputError(path, f"members of {largest:,} bytes together at most", found)
+        raise InputError(path, f"members of {largest:,} bytes in total at most", found)
     for name in names:
         if _PLAIN.fullmatch(name) is None:
             found = ascii(name)[:80]
             raise InputError(path, "members with plain names", found)
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(path, f"the member {twice} once", "it twice")
+        raise InputError(path, f"the member {twice} once", "a duplicate")
 
 
 def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:

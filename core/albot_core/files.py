@@ -85,14 +85,16 @@ def read_beginning(path: Path, largest: int = LARGEST) -> tuple[bytes, InputErro
     except IsADirectoryError:
         raise InputError(path, "a file", "a folder") from None
     except (EOFError, lzma.LZMAError, gzip.BadGzipFile, zlib.error) as error:
-        torn = InputError(path, f"whole {path.suffix[1:]} data", str(error))
+        torn = InputError(path, f"intact {path.suffix[1:]} data", str(error))
     except OSError as error:
         raise InputError(path, "a readable file", error.strerror or str(error)) from None
     except ValueError as error:  # A name with a zero byte, which no system allows.
         raise InputError(path, "a file that exists", str(error)) from None
     for start, suffix in _PACKED.items():
         if path.suffix not in _OPENERS and pieces and pieces[0].startswith(start):
-            raise InputError(path, f"a name that ends in {suffix}, as what is in it is packed so")
+            packed = suffix.removeprefix(".")
+            expected = f"a name that ends in {suffix}, because the content is {packed} data"
+            raise InputError(path, expected)
     return b"".join(pieces), torn
 
 
@@ -106,7 +108,7 @@ def _pieces(path: Path, largest: int) -> Iterator[bytes]:
         while piece := stream.read(_PIECE):
             size += len(piece)
             if size > largest:
-                raise InputError(path, expected, "more, unpacked")
+                raise InputError(path, expected, "more, decompressed")
             yield piece
 
 
@@ -123,7 +125,7 @@ def is_stream(path: Path) -> bool:
     except FileNotFoundError:
         parent = Path(os.path.realpath(path)).parent
         if not parent.is_dir():
-            raise InputError(path, f"a folder {parent} to write to", "none") from None
+            raise InputError(path, f"an existing folder {parent}", "none") from None
         return False
     except OSError as error:
         raise InputError(path, expected, error.strerror or str(error)) from None
@@ -194,7 +196,7 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(exist_ok=True)
     except FileNotFoundError:
-        raise InputError(folder, f"a folder {folder.parent} to make it in", "none") from None
+        raise InputError(folder, f"an existing parent folder {folder.parent}", "none") from None
     except OSError as error:
         found = "a file" if folder.exists() else error.strerror or str(error)
         raise InputError(folder, "a folder to write to", found) from None

@@ -60,7 +60,7 @@ class Door:
         _check_range("Door", "width", self.width, NARROWEST_LEAF, WIDEST_LEAF, "m")
         _check_range("Door", "turn_rate", self.turn_rate, 0.1, 3.0, "rad/s")
         if not 0.1 <= abs(self.opening) <= math.pi:
-            expected = "an angle from 0.1 to pi rad to either side"
+            expected = "an angle from 0.1 to pi rad, or from -pi to -0.1 rad"
             raise InputError("Door", expected, f"{self.opening:g} rad", place="opening")
         for name in ("open_for", "shut_for"):
             _check_span("Door", name, getattr(self, name), 0.0, 3600.0, "s")
@@ -252,7 +252,7 @@ def _door_faults(
         if not around.extent.buffer(TOLERANCE).contains(sweep):
             yield Fault(place, "a door inside the building", f"a hinge at {door.hinge}")
         if lines.intersects(inner):
-            yield Fault(place, "a leaf that swings clear of the walls", "one that a wall bars")
+            yield Fault(place, "a leaf that swings clear of the walls", "one blocked by a wall")
         for other, sweep_before in enumerate(sweeps):
             if inner.intersects(sweep_before):
                 expected = "a leaf that swings clear of the other doors'"
@@ -275,13 +275,13 @@ def _box_faults(
         distances = {"a wall": outline.distance(lines)}
         distances |= {f"boxes[{k}]": outline.distance(outlines[k]) for k in range(index)}
         distances |= {
-            f"what doors[{k}] sweeps": outline.distance(door.sweep)
+            f"the swept area of doors[{k}]": outline.distance(door.sweep)
             for k, door in enumerate(movables.doors)
         }
         for what, distance in distances.items():
             if distance < TOLERANCE:
                 found = f"{what} at {distance:.3g} m"
-                yield Fault(place, f"a box {TOLERANCE} m clear of all else", found)
+                yield Fault(place, f"a box at least {TOLERANCE} m from everything else", found)
         nearest = float(shapely.distance(starts, outline).min())
         if nearest < around.radius:
             expected = f"a box {around.radius} m clear of the starts"
@@ -318,8 +318,8 @@ def _walled_in(movables: Movables, around: Surroundings) -> Iterator[Fault]:
         bare = FreeSpace(around.walls, around.radius)
         full = FreeSpace(np.concatenate((around.walls, *sides)), around.radius)
         if _reach(full, start) < min(_WAY_OUT, _reach(bare, start)):
-            expected = "a way out between the boxes"
-            yield Fault(f"starts[{index}]", expected, "boxes all round")
+            expected = "a path out between the boxes"
+            yield Fault(f"starts[{index}]", expected, "boxes on all sides")
 
 
 def _sides(corners: Points) -> Segments:

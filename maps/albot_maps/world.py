@@ -195,7 +195,7 @@ class World:
                 place = f"tours.{name}" if kind == "tours" else f"{kind}[{index}]"
                 self._check_name(place, name)
                 if name in names[:index]:
-                    raise self._error(place, "a name of its own", f"{name!r} once more")
+                    raise self._error(place, "a unique name", f"{name!r} again")
 
     def _check_name(self, place: str, name: str) -> None:
         if not name.strip() or not name.isprintable():
@@ -290,7 +290,7 @@ class World:
         for index, start in enumerate(self.starts[1:], 1):
             if self.free_space.region_at(start[:2]) is not region:
                 expected = f"a start that a robot of radius {ROBOT_RADIUS} m reaches from starts[0]"
-                raise self._error(f"starts[{index}]", expected, "a way barred by walls")
+                raise self._error(f"starts[{index}]", expected, "a path blocked by walls")
         unreached = [
             index
             for index, outline in enumerate(self._outlines)

@@ -33,7 +33,7 @@ ALL = "all"
 
 @click.group()
 def command() -> None:
-    """Repeat the papers' experiments and see our figures beside theirs."""
+    """Repeat the papers' experiments and compare our figures with theirs."""
 
 
 @command.command("list")
@@ -50,12 +50,12 @@ def list_experiments(as_json: bool) -> None:
 
 @command.command("run")
 @click.argument("name", metavar="ID")
-@click.option("--seeds", type=int, help=f"How many seeds, from {FIRST_SEED} on.")
+@click.option("--seeds", type=int, help=f"Number of seeds, from {FIRST_SEED} on.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder for the report: Markdown, pictures, JSON. Of all: a folder each, and a page "
-    "over them, OUT.md.",
+    help="Folder for the report: Markdown, pictures, JSON. For all: one folder each, and a "
+    "summary page, OUT.md.",
 )
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
@@ -85,7 +85,7 @@ def run_experiment(
 @click.argument("folder", type=click.Path(path_type=Path))
 @FORCE
 def write_page(folder: Path, force: bool) -> None:
-    """Write the page over the reports in FOLDER, which stand there already, one of each."""
+    """Write the summary page of the existing reports in FOLDER, one per experiment."""
     check_file(index_path(folder), force=force)
     reports = [read_report(folder / name) for name in EXPERIMENTS]
     click.echo(str(write_index(reports, folder)))

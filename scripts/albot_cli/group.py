@@ -28,7 +28,7 @@ SUBCOMMANDS = {
     "results": "Measure all agents in all tasks, for one page.",
     "stress": "Drive agents through many worlds and check every step.",
     "train": "Let an agent learn a task.",
-    "warm-up": "Compile beforehand all that the others need.",
+    "warm-up": "Compile in advance all that the other commands need.",
     "worlds": "List, show, check, convert and make worlds.",
 }
 

@@ -53,10 +53,10 @@ def page(rows: Sequence[Row], machine: Row, picture: str) -> str:
         "",
         f"`{rows[0]['name']}` guided from room to room of `{rows[0]['world']}`, drawn at random, "
         f"for {rows[-1]['path_km']:.0f} km: {sum(row['readings'] for row in rows):,} readings. A "
-        "reading's cost is the processor's time for the mapper's update, the mean of a stage; "
-        "the ratio is that over what a thousand additions in Python take, measured in between, "
-        "which tells a slower mapper from a busier machine. What is remembered is all that a "
-        "saved map holds.",
+        "reading's cost is the mean processor time of the mapper's update over a stage. The ratio "
+        "divides it by the time of a thousand additions in Python, measured in between, so that a "
+        "busier machine does not look like a slower mapper. The memory is that of all arrays in a "
+        "saved map.",
         "",
         f"![Cost and memory along the way]({picture})",
         "",

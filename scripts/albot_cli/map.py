@@ -80,10 +80,9 @@ FILES = (
 @click.option(
     "--recognition",
     is_flag=True,
-    help="Measure as well how surely places are recognised by their structure; takes a "
-    "reference, and a minute or so.",
+    help="Also measure place recognition; needs a reference, and takes about a minute.",
 )
-@click.option("--keep-going", is_flag=True, help="Map the good beginning of a damaged log.")
+@click.option("--keep-going", is_flag=True, help="Map a damaged log up to the damage.")
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
@@ -98,11 +97,11 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Run a mapper over a real robot's LOG or a recorded EPISODE, and say how well it mapped.
+    """Run a mapper over a real robot's LOG or a recorded EPISODE, and report its errors.
 
-    LOG is a CARMEN, Wean Hall, Duke or JSON log, plain or packed (.gz, .xz); EPISODE is a file
-    of `albot play` (.mcap), which holds its own reference. The seconds reported are those of
-    the mapper's updates alone, compiling excluded.
+    LOG is a CARMEN, Wean Hall, Duke or JSON log, compressed (.gz, .xz) or not; EPISODE is a
+    file of `albot play` (.mcap), which holds its own reference. The seconds reported are those of
+    the mapper's updates alone, without compilation.
     """
     spec = mapper_spec(mapper)
     thresholds = read_mapper_config(spec, mapper_config)

@@ -203,7 +203,7 @@ def as_table(figures: dict[str, Any]) -> str:
     if figures["left_out"]:
         lost = figures["left_out"]
         counts = f"{_many(lost['lines'], 'line')}, {_many(lost['scans'], 'scan')}"
-        lines += ["", f"left out: {counts} ({lost['reason']})"]
+        lines += ["", f"not read: {counts} ({lost['reason']})"]
     return "\n".join(lines)
 
 

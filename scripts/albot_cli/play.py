@@ -179,7 +179,7 @@ def _free_names(record: Path | None, png: Path | None) -> tuple[Path, Path]:
 def _check_picture(png: Path, episode: Path, force: bool) -> None:
     """Raise InputError if the picture cannot be written, or would overwrite the episode."""
     if png.resolve() == episode.resolve():
-        raise InputError("--png", "another file than the episode's", str(png))
+        raise InputError("--png", "a file other than the episode", str(png))
     check_png(png, force=force)
 
 
@@ -212,7 +212,7 @@ def _run(
 
     task, agent, entry = _choose(task, agent)
     if agent == Keyboard.name and headless:
-        raise InputError("--agent keyboard", "somebody who watches", "--headless or --json")
+        raise InputError("--agent keyboard", "a window or a terminal", "--headless or --json")
     asked: dict[str, Any] = {"mapper": mapper, **sensors}
     settings = {name: value for name, value in asked.items() if value is not None}
     settings |= {"world": world, "movables": not no_movables}
@@ -302,7 +302,7 @@ def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) ->
     with open_viewer(f"{episode}", recorded.steps, headless=headless) as (viewer, tell):
         watch(recorded, viewer, controls, tell=tell)
     if reader.torn:
-        told = f"{episode}: ends early, as it was never closed; played up to its last whole chunk"
+        told = f"{episode}: never closed, ends early; played up to its last complete chunk"
         click.echo(f"albot: {told}, at {recorded.time:.1f} s", err=True)
     if png is not None:
         _save_picture(recorded.frame, png)

@@ -27,7 +27,12 @@ if TYPE_CHECKING:
     show_default=True,
     help="The page; the figures go into a JSON file beside it.",
 )
-@click.option("--task", "tasks", multiple=True, help="Only this one; repeatable. The others' stay.")
+@click.option(
+    "--task",
+    "tasks",
+    multiple=True,
+    help="Measure only this task; repeatable. Rows of other tasks stay.",
+)
 @click.option(
     "--seeds",
     default="2000..2039",
@@ -38,7 +43,7 @@ if TYPE_CHECKING:
 @click.option(
     "--plans",
     type=click.Path(path_type=Path, file_okay=False, exists=True),
-    help="Folder of real floor plans in XML. Without it these rows are left out.",
+    help="Folder of real floor plans in XML; without it, there are no rows for them.",
 )
 @click.option(
     "--plan-seeds",
@@ -60,8 +65,8 @@ def command(
 ) -> int:
     """Measure all agents in all tasks, and write the page of results.
 
-    It is written anew after each task: Ctrl-C loses no more than those of the present one. The exit
-    status is 130 then.
+    The page is rewritten after each task. If Ctrl-C stops it, the exit status is 130, and only the
+    figures of the current task are lost.
     """
     from albot_agents.evaluation.comparison import COMPARISONS, PLANS, RANDOM, plan_paired_trials
     from albot_agents.evaluation.plan import parse_seeds

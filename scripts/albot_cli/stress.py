@@ -75,11 +75,11 @@ def command(
 ) -> int:
     """Drive agents through many worlds and check every step.
 
-    Nothing may be NaN or outside its space, no reward other than the sum of its terms, no
-    robot inside or behind a wall or inside something that moves, no laser beam longer or
-    shorter than the way to the nearest surface, and no echo of a sonar from where none can
-    be. What is wrong is printed with the command that shows it again. The exit status is
-    0 where nothing is, 1 where something is, and 130 where Ctrl-C ended it before.
+    No number may be NaN or outside its space. Each reward must be the sum of its terms. No robot
+    may be inside or behind a wall, or inside a movable. Each laser beam must be as long as the
+    distance to the nearest surface, and each sonar echo must come from a possible surface. Each
+    violation is printed with the command that reproduces it. The exit status is 0 without
+    violations, 1 with some, and 130 if Ctrl-C stops it.
     """
     from albot_agents.registry import EXPLORE, check_agent
     from albot_agents.stress import plan_episodes

@@ -105,9 +105,9 @@ def test_no_folder_is_made_unasked(tmp_path: Path, linked: bool) -> None:
     if linked:
         path = tmp_path / "link"
         path.symlink_to(Path("gone") / "a")
-    with pytest.raises(InputError, match=r"expected a folder .*gone to write to, found none"):
+    with pytest.raises(InputError, match=r"expected an existing folder .*gone, found none"):
         write_text(path, "new")
-    with pytest.raises(InputError, match=r"expected a folder .*gone to make it in, found none"):
+    with pytest.raises(InputError, match=r"expected an existing parent folder .*gone, found none"):
         make_folder(tmp_path / "gone" / "new")
     assert not (tmp_path / "gone").exists()
 

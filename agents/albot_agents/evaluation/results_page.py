@@ -84,10 +84,10 @@ def render_page(rows: Sequence[Mapping[str, Any]]) -> str:
     lines = [
         "# Results",
         "",
-        "Every agent in buildings, and with odometers, that none was trained or tuned in. The",
-        "agents of a row of worlds meet the same worlds, journeys and noise. In brackets 95 %",
-        "intervals: Wilson's of rates, bootstrapped ones of means. What the columns mean stands in",
-        "[environments.md](environments.md).",
+        "All agents, measured in buildings and with odometers that were not used for training or",
+        "tuning. The agents of a row of worlds meet the same worlds, journeys and noise. In",
+        "brackets: 95 % intervals, Wilson's for rates and bootstrapped ones for means.",
+        "[environments.md](environments.md) explains the columns.",
     ]
     for task in dict.fromkeys(row["task"] for row in rows):
         its = [row for row in rows if row["task"] == task]

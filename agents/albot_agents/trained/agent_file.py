@@ -182,7 +182,7 @@ def _check_settings(
     # Compare before anything of this size is allocated: it must match the arrays in the file.
     length = sum(math.prod(shape) for shape in observing.shapes.values())
     if length != network.inputs:
-        raise where.error(f"what makes {network.inputs} numbers", f"{length}")
+        raise where.error(f"observations of {network.inputs} numbers", f"{length}")
 
 
 def _check_weights(path: Path, network: NetworkConfig, weights: Mapping[str, np.ndarray]) -> None:
@@ -201,4 +201,9 @@ def _check_weights(path: Path, network: NetworkConfig, weights: Mapping[str, np.
         # Larger values overflow in exponentials and sums of products.
         most = MOST_LOG_STD if name == "action.log_std" else LARGEST_WEIGHT
         if not (np.abs(array) <= most).all():
-            raise InputError(path, f"finite numbers within ±{most:g}", "others", place=place)
+            raise InputError(
+                path,
+                f"finite numbers within ±{most:g}",
+                "NaN, infinity or a larger number",
+                place=place,
+            )

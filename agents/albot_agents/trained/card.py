@@ -79,9 +79,9 @@ def read_evaluation(path: Path, agent: AgentFile) -> dict[str, Any]:
     """
     found, where = read_json(path), Location(path)
     if not isinstance(found, dict) or "success_rate" not in found:
-        raise InputError(path, "the figures of `albot evaluate`", "something else")
+        raise InputError(path, "the figures of `albot evaluate`", "other data")
     if found.get("fingerprint") != agent.fingerprint:
-        expected = "the figures of the card's agent, whose weights they name by a fingerprint"
+        expected = "figures of this agent, with the fingerprint of its weights"
         raise where.at("fingerprint").error(expected, f"those of {found.get('agent')}")
     known = _TOLD | {name: kind for name, kind in _KINDS.items() if name in found}
     return read_record(known, found, where, others=True)
@@ -95,9 +95,9 @@ def _heading(agent: AgentFile, name: str) -> str:
     if network.candidates:
         inputs = f"{network.candidates} candidates of {network.width} numbers each"
     actions = f"{network.outputs} {'discrete actions' if agent.discrete else 'numbers'}"
-    acts = "as its network holds for best; nothing is drawn by chance"
+    acts = "deterministically: it takes the action with the highest score"
     if network.sampled:
-        acts = "by chance about what its network holds for best, as in its training"
+        acts = "by sampling from its policy, as in its training"
     return (
         f"# {name}\n\nA policy for `{agent.task}`, trained by {agent.training.plan.algorithm}: "
         f"{inputs}, {lstm}{layers} {network.activation}, {actions}. It acts "

@@ -74,9 +74,9 @@ class Checkpoint:
             FORMAT.write(path, header | {"random": list(self.random)}, self.arrays)
         except OSError as error:
             left = checkpoints(folder)
-            good = f"; {left[-1]} is whole" if left else ""
+            good = f"; {left[-1]} is intact" if left else ""
             reason = error.strerror or str(error)
-            raise InputError(path, "room for a checkpoint", f"{reason}{good}") from None
+            raise InputError(path, "free disk space for a checkpoint", f"{reason}{good}") from None
         for old in checkpoints(folder)[:-KEPT]:
             old.unlink(missing_ok=True)
         return path
@@ -125,7 +125,7 @@ def read_checkpoint(path: Path) -> Checkpoint:
             raise where.at(name).error(COUNT.expected, str(fields[name]))
     for name, array in arrays.items():
         if not np.isfinite(array).all():
-            raise InputError(path, "finite numbers", "others", place=f"{name}.npy")
+            raise InputError(path, "finite numbers", "NaN or infinity", place=f"{name}.npy")
     return Checkpoint(**fields, arrays=arrays)
 
 
@@ -169,7 +169,7 @@ def _restore_random(arrays: dict[str, np.ndarray], place: tuple[float, ...], pat
     where = Location(f"{path}, {HEADER}").at("random")
     position, has_normal, normal = read_value(tuple[float, float, float], list(place), where)
     if not 0 <= position <= len(state) or has_normal not in (0, 1):
-        raise where.error(f"a place up to {len(state)}, 0 or 1, a number", str(place))
+        raise where.error(f"a position up to {len(state)}, 0 or 1, a number", str(place))
     np.random.set_state(("MT19937", state, int(position), int(has_normal), normal))  # noqa: NPY002
     try:
         torch.set_rng_state(_taken(arrays, "random.torch", torch.get_rng_state(), path))
@@ -224,7 +224,7 @@ class AgentExporter:
         self._inputs = spaces.flatdim(env.observation_space)
         self._discrete = isinstance(env.action_space, spaces.Discrete)
         if plan.policy.sampled and self._discrete:
-            raise InputError("PolicyPlan.sampled", "numbers as actions", "discrete ones")
+            raise InputError("PolicyPlan.sampled", "continuous actions", "discrete actions")
         self._outputs = int(spaces.flatdim(env.action_space))
         self._candidates = 0
         if plan.policy.kind == "candidates":

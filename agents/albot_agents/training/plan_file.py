@@ -46,7 +46,7 @@ def shipped_plan(task: str, **changes: Any) -> TrainingPlan:
     check_task(task)
     file = _SHIPPED / f"{task.rpartition('/')[2]}.yml"
     if not file.is_file():
-        raise InputError("--config", f"a file, since none comes with {task}", "none")
+        raise InputError("--config", f"a file, because no plan comes with {task}", "none")
     document = YamlDocument(file.read_text(encoding="utf-8"), file.name)
     return _plan(document, file.name, task, changes)
 
@@ -145,7 +145,7 @@ def _check_discount(plan: TrainingPlan, settings: Mapping[str, Any], where: Loca
     discount = getattr(weights, "discount", plan.gamma)
     if discount != plan.gamma:
         place = where.at("config", "weights", "discount")
-        raise place.error(f"gamma, {plan.gamma:g}, as the learner's", f"{discount:g}")
+        raise place.error(f"{plan.gamma:g}, the same as gamma", f"{discount:g}")
 
 
 def _deal_worlds(settings: dict[str, Any], count: int) -> dict[str, Any]:

@@ -104,7 +104,7 @@ class TrainingRun:
             if error.errno not in _NO_ROOM:
                 raise
             found = f"{error.strerror}; {self._last_checkpoint()}"
-            raise InputError(self._folder.path, "room to write", found) from None
+            raise InputError(self._folder.path, "free disk space", found) from None
         finally:
             log.close()
             self.close()
@@ -253,7 +253,7 @@ class TrainingRun:
 
     def _last_checkpoint(self) -> str:
         left = checkpoints(self._folder.checkpoints)
-        return f"{left[-1]} is whole" if left else "there is no checkpoint yet"
+        return f"{left[-1]} is intact" if left else "there is no checkpoint yet"
 
 
 class _RolloutCallback(BaseCallback):
@@ -285,7 +285,7 @@ def _newest(folder: RunFolder, warn: Callable[[str], None]) -> tuple[Any, Checkp
         try:
             return path, read_checkpoint(path)
         except InputError as error:
-            warn(f"{error}; going on from the one before")
+            warn(f"{error}; continuing from the one before")
             broken = error
     if broken is not None:
         raise broken

@@ -223,7 +223,7 @@ class _Messages:
         beams = text.beams(words[1:2], self._header.beams if self._header else None)
         if len(words) != 2 + beams + 6 + _TAIL:
             found = f"{len(words) - 2} fields"
-            raise text.error(f"{beams} ranges and 9 fields more in FLASER", found)
+            raise text.error(f"{beams} ranges and 9 more fields in FLASER", found)
         self._header = _Header(beams=beams)
         return self._sweep(words, words[2 : 2 + beams], words[2 + beams :])
 
@@ -256,11 +256,11 @@ class _Messages:
         if self._header is not None and header != self._header:
             raise text.error(
                 f"the laser of the first scan, {self._header.beams} beams",
-                f"another, {beams} beams",
+                f"a different one, {beams} beams",
             )
         if beams < 2 or not 0 < spacing <= np.pi / 2 or max_range <= 0:
             found = f"{beams}, {spacing:g} rad and {max_range:g} m"
-            raise text.error("2 beams or more, some spacing and a largest range", found)
+            raise text.error("at least 2 beams, and a spacing and maximum range above 0", found)
         self._header = header
 
     def _sweep(self, words: list[str], ranges: list[str], rest: list[str]) -> _Sweep:

@@ -133,11 +133,11 @@ class _Cursor:
             value, self._at = self._decoder.raw_decode(self._content, self._at)
         except json.JSONDecodeError as error:
             self._move_to(error.pos)
-            raise self._text.error("whole JSON", error.msg) from None
+            raise self._text.error("valid JSON", error.msg) from None
         except ValueError as error:
             raise self._text.error("numbers of a common size", str(error)) from None
         except RecursionError:
-            raise self._text.error("whole JSON", "brackets nested too deep") from None
+            raise self._text.error("valid JSON", "brackets nested too deep") from None
         return value
 
     def settle(self) -> None:

@@ -54,7 +54,7 @@ def read(text: LogText, keep_going: bool) -> Recording:
         np.stack([scan.odometry for scan in scans]), np.stack([line.laser for line in lines])
     )
     if mount is None:
-        raise InputError(text.source, "a laser that keeps its place on the robot", "one that moves")
+        raise InputError(text.source, "a laser with a constant mount", "one that moves")
     geometry = sick_laser(len(scans[0].ranges), NO_RETURN, mount)
     return Recording(
         geometry=geometry, scans=scans, left_out=text.left_out(("L",), error) if error else None
@@ -95,14 +95,14 @@ def read_wean_map(path: Path) -> Points:
     lines = read_bytes(path).decode("utf-8", "replace").splitlines()
     header = {words[0]: words[1:] for words in map(str.split, lines[:20]) if words}
     if _RESOLUTION not in header or _CELLS not in header:
-        raise InputError(path, f"lines {_RESOLUTION} and {_CELLS}", "others")
+        raise InputError(path, f"lines {_RESOLUTION} and {_CELLS}", "other lines")
     first = next(index for index, line in enumerate(lines) if line.startswith(_CELLS)) + 1
     try:
         cell = 0.01 * float(header[_RESOLUTION][0])
         shape = (int(header[_CELLS][0]), int(header[_CELLS][1]))
         cells = np.array([line.split() for line in lines[first : first + shape[0]]], np.float64)
     except (ValueError, IndexError) as error:
-        raise InputError(path, "numbers, as many in every row", str(error)) from None
+        raise InputError(path, "numbers, the same count in every row", str(error)) from None
     if cells.shape != shape or not cell > 0:
         raise InputError(path, f"{shape[0]} rows of {shape[1]} cells", f"{cells.shape}")
     walls = (cells >= 0) & (cells < WALL)

@@ -160,7 +160,7 @@ def read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
             more than `LARGEST` cells.
     """
     content = read_bytes(path, _BYTES * LARGEST)
-    expected = "a whole PGM or PNG picture"
+    expected = "an intact PGM or PNG image"
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # We count the cells.
@@ -171,9 +171,9 @@ def read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
     except InputError:
         raise
     except UnidentifiedImageError:  # Its message contains a memory address.
-        raise InputError(path, expected, "something else") from None
+        raise InputError(path, expected, "another format") from None
     except Image.DecompressionBombError:
-        raise InputError(path, f"{LARGEST:,} cells at most", "many more") from None
+        raise InputError(path, f"{LARGEST:,} cells at most", "more") from None
     except _TORN as error:
         raise InputError(path, expected, str(error)) from None
     return np.asarray(colours.mean(axis=2))

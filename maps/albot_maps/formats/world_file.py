@@ -192,7 +192,7 @@ class _Walls:
         segments = self._joined(path, np.concatenate((corners, corners[:1])))
         if not shapely.LinearRing(corners).is_simple or shapely.Polygon(corners).area == 0.0:
             found = "sides that cross or touch each other"
-            raise self._error(path, "an outline around some ground", found)
+            raise self._error(path, "an outline that encloses an area", found)
         self._solids.append((path, corners))
         return segments
 

@@ -50,9 +50,7 @@ def scatter_starts(world: World, parameters: Parameters, sampler: Sampler) -> Wo
             if len(starts) == wanted:
                 return replace(world, starts=np.array(starts))
     found = str(wanted)
-    raise InputError(
-        world.source, f"no more than find room, which {len(starts)} did", found, place="starts"
-    )
+    raise InputError(world.source, f"at most {len(starts)} (all that fit)", found, place="starts")
 
 
 Thing = TypeVar("Thing", Box, Door, Walker)
@@ -88,7 +86,7 @@ def populate(world: World, parameters: Parameters, sampler: Sampler) -> World:
 def _take(things: Iterator[Thing], number: int, world: World, name: str) -> tuple[Thing, ...]:
     found = tuple(islice(things, number))
     if len(found) < number:
-        expected = f"no more than find room, which {len(found)} did"
+        expected = f"at most {len(found)} (all that fit)"
         raise InputError(world.source, expected, str(number), place=name)
     return found
 

@@ -291,10 +291,10 @@ def test_the_spec_of_a_world_says_what_differs_from_the_defaults():
         ("random:maze:1?columns=4&rows=4&loops=10", "loops: expected at most 9 in 4 x 4 cells"),
         ("random:hall:1?pillars=1", "pillars: expected 0, or at least 3 m"),
         ("random:ring:1?growth=3&loops=10", "growth: expected loops at most 5000 m wide"),
-        ("random:apartment:1?doors=50", "doors: expected no more than find room, which"),
+        ("random:apartment:1?doors=50", "doors: expected at most "),
         (
             "random:maze:1?columns=2&rows=2&loops=0&boxes=50",
-            "boxes: expected no more than find room",
+            "boxes: expected at most ",
         ),
         ("random:maze:1?doors=1", "found doors"),
         ("random:ring:1?length=9", "length: expected at least 12 with corridors of 2 m"),
