@@ -42,14 +42,14 @@ def measure(share: float, jobs: int) -> dict[str, Any]:
     lengths = prepare()
     found: dict[str, dict[str, Counter[str]]] = {kind: {} for kind in _KINDS}
     problems: list[str] = []
-    with progress("reliability", 2 * (forked + fresh), "runs") as tell:
+    with progress("reliability", 2 * (forked + fresh), "runs") as update:
         for kind, numbers in _KINDS.items():
             every = chain(
                 fresh_runs(fresh, numbers, jobs), forked_runs(lengths, forked, numbers, jobs)
             )
             for run in every:
                 _count(run, found[kind].setdefault(run.words[0], Counter()), problems)
-                tell(sum(each["runs"] for kinds in found.values() for each in kinds.values()))
+                update(sum(each["runs"] for kinds in found.values() for each in kinds.values()))
     return {"found": found, "problems": problems, "seconds": lengths, "fresh": fresh}
 
 

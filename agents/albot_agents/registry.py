@@ -34,7 +34,7 @@ from albot_env.tasks.core.observation import ObservationConfig
 EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
 ROUND_TRIP, PLACES = "Albot/ExploreAndHome-v0", "Albot/PlaceRecognition-v0"
 
-USUAL = ObservationConfig()
+DEFAULT_OBSERVATIONS = ObservationConfig()
 """The observations of the environments with their default sensors."""
 
 
@@ -58,7 +58,7 @@ class AgentEntry:
     @property
     def observing(self) -> ObservationConfig:
         """The observation config that the agent expects."""
-        return (self.file and self.file.observing) or USUAL
+        return (self.file and self.file.observing) or DEFAULT_OBSERVATIONS
 
     def environment(self, task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
         """Return the settings of an environment in which the agent can act.
@@ -75,7 +75,7 @@ class AgentEntry:
             return {"mapper": self.mapper, **self.sensors} | dict(settings)
         return self.file.environment(task, settings)
 
-    def untrained(self, settings: Mapping[str, Any]) -> tuple[str, ...]:
+    def untrained_settings(self, settings: Mapping[str, Any]) -> tuple[str, ...]:
         """Return in words which settings differ from those in a trained agent's training.
 
         Odometer and world are not compared: evaluations may vary them.

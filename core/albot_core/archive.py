@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.files import read_bytes, replacing
+from albot_core.files import atomic_write, read_bytes
 from albot_core.json_document import parse_json
 
 HEADER = "header.json"
@@ -34,7 +34,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9_.-]{1,200}")
 """Allowed names of members: no folders, no paths."""
 _MOST_MEMBERS = 10_000
 
-_TORN = (
+_CORRUPT = (
     zipfile.BadZipFile,
     zlib.error,
     struct.error,
@@ -79,7 +79,7 @@ class ArchiveFormat:
             OSError: The disk is full.
         """
         head = {"format": self.name, "version": self.version, **header}
-        with replacing(path) as stream, zipfile.ZipFile(stream, "w") as archive:
+        with atomic_write(path) as stream, zipfile.ZipFile(stream, "w") as archive:
             _add(archive, HEADER, json.dumps(head, sort_keys=True, allow_nan=False).encode())
             for name, array in sorted(arrays.items()):
                 content = io.BytesIO()
@@ -140,7 +140,7 @@ def _unpacked(path: Path, kind: str, largest: int) -> tuple[bytes | None, dict[s
                     raise InputError(path, f"only {HEADER} and arrays NAME.npy", name)
     except InputError:
         raise
-    except _TORN as error:
+    except _CORRUPT as error:
         raise InputError(path, f"an intact {kind}", _one_line(error)) from None
     return header, arrays
 
@@ -173,7 +173,7 @@ def _array(path: Path, name: str, content: bytes) -> np.ndarray:
     try:
         version = np.lib.format.read_magic(stream)
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
-    except _TORN as error:
+    except _CORRUPT as error:
         raise InputError(path, "an array", _one_line(error), place=name) from None
     if version != (1, 0):
         raise InputError(path, "npy version 1.0", ".".join(map(str, version)), place=name)

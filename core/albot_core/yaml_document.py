@@ -155,7 +155,7 @@ def dotted(path: Sequence[str | int]) -> str:
     ]
 
 
-def shown(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Return a value as text for errors: on one line, and shortened if it is long."""
     try:
         dumped = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, width=10**9)

@@ -80,10 +80,10 @@ def command(
     # All keys are present even if not measured, so that programs can rely on them.
     figures: dict[str, Any] = {"machine": _machine(), "laser": [], "mapper": [], "env": []}
     figures |= {"journey": [], "generator": [], "processes": {}, "learner": {}}
-    with progress("bench", len(chosen), "parts") as tell:
+    with progress("bench", len(chosen), "parts") as update:
         for done, part in enumerate(chosen, start=1):
             figures[part] = measures[part]()
-            tell(done)
+            update(done)
     if out is not None and figures["journey"]:
         write_long_run(out, figures["journey"], figures["machine"])
     click.echo(json.dumps(figures) if as_json else as_text(figures))

@@ -99,8 +99,8 @@ def command(
         settings["config"] = _way_out(task, outward)
     if out is not None:
         check_folder(out, (_FIGURES, _PICTURE), force=force)
-    thresholds = {} if mapper_config is None else {"mapper_config": mapper_config}
-    untrained = entry.untrained(settings | thresholds)
+    mapper_parameters = {} if mapper_config is None else {"mapper_config": mapper_config}
+    untrained = entry.untrained_settings(settings | mapper_parameters)
     settings = entry.environment(task, settings)
     inside = settings.get("mapper", entry.mapper)
     if mapper_config is not None:
@@ -152,12 +152,12 @@ def _run(trials: list[Trial], jobs: int) -> tuple[list[Outcome], bool]:
     numbers = {(trial.world, trial.seed): k for k, trial in enumerate(trials)}
     results = run_parallel(TrialRunner(), trials, min(jobs, len(trials)))
     try:
-        with progress("evaluate", len(trials), "episodes") as tell, closing(results):
+        with progress("evaluate", len(trials), "episodes") as update, closing(results):
             for outcome in results:
                 if isinstance(outcome, InputError):
                     raise outcome
                 done[numbers[outcome.trial.world, outcome.trial.seed]] = outcome
-                tell(len(done))
+                update(len(done))
     except KeyboardInterrupt:
         stopped = True
     return [done[k] for k in sorted(done)], stopped

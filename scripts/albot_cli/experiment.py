@@ -123,8 +123,8 @@ def _run_all(
 
 def _run(experiment: Experiment, seeds: int | None) -> Report:
     count = experiment.seeds if seeds is None else seeds
-    with progress(experiment.id, count, "seeds") as tell:
-        return experiment.run(count, tell)
+    with progress(experiment.id, count, "seeds") as update:
+        return experiment.run(count, update)
 
 
 def _print(report: Report, files: list[Path]) -> None:

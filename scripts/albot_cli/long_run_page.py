@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from albot_core.files import replacing, write_text
+from albot_core.files import atomic_write, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,7 +41,7 @@ def write_long_run(path: Path, rows: Sequence[Row], machine: Row) -> None:
         InputError: A file cannot be written.
     """
     picture = path.with_suffix(".png")
-    with replacing(picture) as stream:
+    with atomic_write(picture) as stream:
         _drawn(rows).savefig(stream, format="png", dpi=90, metadata={"Software": "albot-env"})
     write_text(path, page(rows, machine, picture.name))
 

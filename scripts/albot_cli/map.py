@@ -104,7 +104,7 @@ def command(
     the mapper's updates alone, without compilation.
     """
     spec = mapper_spec(mapper)
-    thresholds = read_mapper_config(spec, mapper_config)
+    mapper_parameters = read_mapper_config(spec, mapper_config)
     if out is not None:
         check_folder(out, FILES, force=force)
     recorded = read_log_or_episode(log, keep_going)
@@ -115,9 +115,9 @@ def command(
     odometry = score(recorded.odometry_trajectory, truth, true_relations)
     _check_stamps(recorded, odometry, reference, relations)
     check_sensors(spec, recorded.sensors, recorded.name)
-    warm_up(mapper, thresholds, recorded)
-    with progress(f"{mapper} on {recorded.name}", len(recorded.readings), "scans") as tell:
-        run = run_mapper(mapper, thresholds, recorded, tell)
+    warm_up(mapper, mapper_parameters, recorded)
+    with progress(f"{mapper} on {recorded.name}", len(recorded.readings), "scans") as update:
+        run = run_mapper(mapper, mapper_parameters, recorded, update)
     mapped = score(run.believed, truth, true_relations)
     corrected = None if run.corrected is None else score(run.corrected, truth, true_relations)
     figures = report(recorded, run, mapped, corrected, odometry)
@@ -139,7 +139,7 @@ def _check_stamps(
     """
     if reference and odometry.trajectory is None:
         raise InputError(reference, f"moments of {log.name}", "stamps of another log")
-    if relations and odometry.relations is None and log.left_out is None:
+    if relations and odometry.relations is None and log.unread is None:
         raise InputError(relations, f"moments of {log.name}", "stamps of another log")
 
 

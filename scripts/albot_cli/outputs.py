@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from albot_core.errors import InputError
-from albot_core.files import is_stream, make_folder, replacing, scratch_folder
+from albot_core.files import atomic_write, is_stream, make_folder, scratch_folder
 from albot_core.interrupts import interrupts_deferred
 
 FORCE = click.option("--force", is_flag=True, help="Overwrite existing files.")
@@ -68,7 +68,7 @@ def filled_folder(folder: Path) -> Iterator[Path]:
         with interrupts_deferred(), ExitStack() as files:
             make_folder(folder)
             for path in sorted(scratch.iterdir()):
-                stream = files.enter_context(replacing(folder / path.name))
+                stream = files.enter_context(atomic_write(folder / path.name))
                 stream.write(path.read_bytes())
                 stream.flush()  # A full disk raises here, before anything is replaced.
 

@@ -73,20 +73,22 @@ def command(
     from albot_agents.evaluation.results_page import read_figures, render_page, save_figures
     from albot_core.files import write_text
 
-    known = [contest.task for contest in COMPARISONS]
+    known = [comparison.task for comparison in COMPARISONS]
     for task in tasks:
         if task not in known:
             raise InputError("--task", f"one of {', '.join(known)}", task)
     figures = out.with_suffix(".json")
     check_file(out, force=True)  # Existing rows are kept.
     read_figures(figures)  # A file that is not one of figures raises before the work begins.
-    contests = [contest for contest in COMPARISONS if not tasks or contest.task in tasks]
+    comparisons = [
+        comparison for comparison in COMPARISONS if not tasks or comparison.task in tasks
+    ]
     worlds = {kind: [spec] for kind, spec in RANDOM.items()}
     ranges = dict.fromkeys(RANDOM, parse_seeds(seeds))
     if plans is not None:
         worlds[PLANS] = [str(plans / "*.xml")]
         ranges[PLANS] = parse_seeds(plan_seeds)
-    planned = [plan_paired_trials([contest], worlds, ranges) for contest in contests]
+    planned = [plan_paired_trials([comparison], worlds, ranges) for comparison in comparisons]
     said = ["albot", "results", *(word for task in tasks for word in ("--task", task))]
     said += ["--seeds", seeds]
     if plans is not None:
@@ -106,14 +108,14 @@ def _measure(planned: list[list[PairedTrials]], jobs: int) -> Iterator[Figures]:
     from albot_agents.evaluation.comparison import run_paired_trials
 
     before = 0
-    with progress("results", sum(map(len, planned)), "meetings") as tell:
-        for meetings in planned:
+    with progress("results", sum(map(len, planned)), "trials") as update:
+        for paired_trials in planned:
 
             def over(done: int, before: int = before) -> None:
-                tell(before + done)
+                update(before + done)
 
-            yield run_paired_trials(meetings, jobs, over)
-            before += len(meetings)
+            yield run_paired_trials(paired_trials, jobs, over)
+            before += len(paired_trials)
 
 
 def _line(words: list[str]) -> str:

@@ -85,7 +85,7 @@ def command(
     from albot_agents.stress import plan_episodes
 
     _check_mapper(mapper)
-    thresholds = None if mapper_config is None else read_robots_config(mapper, mapper_config)
+    mapper_parameters = None if mapper_config is None else read_robots_config(mapper, mapper_config)
     chosen = tuple(dict.fromkeys(agents))
     for name in chosen:
         check_agent(name, EXPLORE)
@@ -96,7 +96,7 @@ def command(
         first=seed,
         mapper=mapper,
         steps=steps,
-        mapper_config=thresholds,
+        mapper_config=mapper_parameters,
         mapper_config_file=mapper_config,
     )
     tally = _Tally()
@@ -185,9 +185,9 @@ def _run(episodes: list[Episode], jobs: int, tally: _Tally) -> None:
     length = episodes[0].steps
     outcomes = run_parallel(StressRunner(), episodes, jobs)
     try:
-        with progress("stress", len(episodes) * length, "steps") as tell, closing(outcomes):
+        with progress("stress", len(episodes) * length, "steps") as update, closing(outcomes):
             for done, outcome in enumerate(outcomes, start=1):
                 tally.add(outcome)
-                tell(done * length)
+                update(done * length)
     except KeyboardInterrupt:
         tally.stopped = True

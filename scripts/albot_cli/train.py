@@ -130,8 +130,8 @@ def _train(folder: RunFolder, plan: TrainingPlan, every: float) -> dict[str, Any
 
     run = TrainingRun(folder, plan, warn)
     title, start = f"train {plan.task}", run.learner.num_timesteps
-    with progress(title, plan.n_timesteps, "samples", start=start, every=every) as tell:
-        return run.run(tell)
+    with progress(title, plan.n_timesteps, "samples", start=start, every=every) as update:
+        return run.run(update)
 
 
 def _as_text(result: dict[str, Any]) -> str:

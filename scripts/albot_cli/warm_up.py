@@ -34,11 +34,11 @@ def command(as_json: bool) -> None:
     """
     began, parts = time.monotonic(), dict(_parts())
     with _silence(), _counting() as compiled:
-        with progress("warm-up", len(parts), "parts", every=10.0) as tell:
+        with progress("warm-up", len(parts), "parts", every=10.0) as update:
             for done, (name, run) in enumerate(parts.items()):
-                tell(done, name)
+                update(done, name)
                 run()
-            tell(len(parts))
+            update(len(parts))
         seconds = time.monotonic() - began
     if as_json:
         click.echo(json.dumps({"compiled": len(compiled), "seconds": seconds}))

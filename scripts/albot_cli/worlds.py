@@ -174,10 +174,10 @@ def make(
         raise InputError("--png", f"at most {_MOST_ON_A_SHEET} worlds on one sheet", str(count))
     query = "?" + "&".join(params) if params else ""
     worlds = []
-    with progress("make", count, "worlds") as tell:
+    with progress("make", count, "worlds") as update:
         for done in range(count):
             worlds.append(load_world(f"random:{kind}:{seed + done}{query}"))
-            tell(done + 1)
+            update(done + 1)
     if out is not None:
         check_folder(out, [f"{world.name}.yaml" for world in worlds], force=force)
         make_folder(out)

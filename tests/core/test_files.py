@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.files import make_folder, replacing, scratch_folder, write_text
+from albot_core.files import atomic_write, make_folder, scratch_folder, write_text
 
 
 def _names(folder: Path) -> list[str]:
@@ -121,7 +121,7 @@ def test_an_interrupt_leaves_the_old_file_and_nothing_else(tmp_path: Path, numbe
     path.write_text("old")
     before = signal.signal(number, stop)
     try:
-        with pytest.raises(KeyboardInterrupt), replacing(path) as stream:
+        with pytest.raises(KeyboardInterrupt), atomic_write(path) as stream:
             stream.write(b"new")
             signal.raise_signal(number)
         with pytest.raises(KeyboardInterrupt), scratch_folder() as scratch:

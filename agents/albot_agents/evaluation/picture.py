@@ -12,7 +12,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from albot_agents.evaluation.trial import Outcome
-from albot_core.files import replacing
+from albot_core.files import atomic_write
 from albot_maps import load_world
 
 MOST = 24
@@ -43,7 +43,7 @@ def save_failures(outcomes: Sequence[Outcome], path: Path) -> None:
     if shown:
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
-    with replacing(path) as stream:
+    with atomic_write(path) as stream:
         figure.savefig(stream, format="png", dpi=90, metadata={"Software": "albot-env"})
 
 

@@ -10,9 +10,9 @@ import yaml
 
 from albot_agents.trained.agent_file import AgentFile
 from albot_core.errors import InputError
-from albot_core.files import replacing, write_text
+from albot_core.files import atomic_write, write_text
 from albot_core.json_document import read_json
-from albot_core.plain_data import Location, merged, read_record, to_plain
+from albot_core.plain_data import Location, deep_merge, read_record, to_plain
 
 _FIGURES = {
     "success_rate": "success",
@@ -27,7 +27,7 @@ _FIGURES = {
 }
 """Figures of an evaluation on the card, if known, and their names there."""
 _INTERVALS = {"success_rate": "ci95", "spl": "spl_ci95", "soft_spl": "soft_spl_ci95"}
-_TOLD = {
+_REQUIRED_FIELDS = {
     "task": str, "world_specs": list[str], "seeds": str, "odometer": str, "mapper": str,
     "episodes": int,
 }  # fmt: skip
@@ -83,7 +83,7 @@ def read_evaluation(path: Path, agent: AgentFile) -> dict[str, Any]:
     if found.get("fingerprint") != agent.fingerprint:
         expected = "figures of this agent, with the fingerprint of its weights"
         raise where.at("fingerprint").error(expected, f"those of {found.get('agent')}")
-    known = _TOLD | {name: kind for name, kind in _KINDS.items() if name in found}
+    known = _REQUIRED_FIELDS | {name: kind for name, kind in _KINDS.items() if name in found}
     return read_record(known, found, where, others=True)
 
 
@@ -108,7 +108,7 @@ def _heading(agent: AgentFile, name: str) -> str:
 def _origin(agent: AgentFile) -> str:
     """Return the section about the training."""
     training, plan = agent.training, agent.training.plan
-    stages = (plan.env, *(merged(plan.env, stage.env) for stage in plan.curriculum))
+    stages = (plan.env, *(deep_merge(plan.env, stage.env) for stage in plan.curriculum))
     worlds = [stage.get("world", "office-ring") for stage in stages]
     shown = dict.fromkeys(world if isinstance(world, str) else ", ".join(world) for world in worlds)
     rows = {
@@ -166,5 +166,5 @@ def _draw(curve: Mapping[str, Any], path: Path) -> None:
         panel.grid(alpha=0.3)
     if shares:
         axes[0].set_ylim(0, 1)
-    with replacing(path) as stream:
+    with atomic_write(path) as stream:
         figure.savefig(stream, format="png", dpi=100, metadata={"Software": "albot-env"})

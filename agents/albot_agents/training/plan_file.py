@@ -15,7 +15,7 @@ from albot_agents.task import check_task, read_settings
 from albot_agents.training.plan import StagePlan, TrainingPlan
 from albot_core.errors import InputError
 from albot_core.files import write_text
-from albot_core.plain_data import Location, merged, read_config, to_plain
+from albot_core.plain_data import Location, deep_merge, read_config, to_plain
 from albot_core.yaml_document import YamlDocument, read_yaml
 
 _SHIPPED = resources.files("albot_agents.training") / "configs"
@@ -68,7 +68,7 @@ def stage_settings(
     Raises:
         InputError: A setting is unknown, or its value has the wrong type.
     """
-    settings = read_settings(plan.task, merged(plan.env, stage.env), where)
+    settings = read_settings(plan.task, deep_merge(plan.env, stage.env), where)
     return _deal_worlds(settings, plan.n_envs)
 
 
@@ -81,8 +81,8 @@ def evaluation_settings(plan: TrainingPlan, where: Location = _MEMORY) -> dict[s
         InputError: A setting is unknown, or its value has the wrong type.
     """
     assert plan.evaluation is not None
-    last = merged(plan.env, plan.stages[-1].env)
-    settings = read_settings(plan.task, merged(last, plan.evaluation.env), where)
+    last = deep_merge(plan.env, plan.stages[-1].env)
+    settings = read_settings(plan.task, deep_merge(last, plan.evaluation.env), where)
     settings.pop("world", None)
     return settings
 

@@ -30,7 +30,7 @@ from albot_core.errors import InputError
 from albot_core.plain_data import Location, read_record
 from albot_core.ranges import NOT_NEGATIVE
 
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+_DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 _RUN = dict.fromkeys(("stage", "stage_began", "monitor", "episodes"), int) | {"seconds": float}
 """The state of a run in a checkpoint: the stage, the samples at its beginning, the size of the
 episode log (bytes), and the episodes and seconds so far."""
@@ -101,7 +101,7 @@ class TrainingRun:
             stopped = True
             self._save()
         except OSError as error:
-            if error.errno not in _NO_ROOM:
+            if error.errno not in _DISK_FULL_ERRORS:
                 raise
             found = f"{error.strerror}; {self._last_checkpoint()}"
             raise InputError(self._folder.path, "free disk space", found) from None

@@ -35,7 +35,14 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Poses, Ranges
-from albot_core.logs.log import NO_RETURN, Recording, Scan, good_beginning, sick_laser, steady_mount
+from albot_core.logs.log import (
+    NO_RETURN,
+    Recording,
+    Scan,
+    constant_mount,
+    read_until_damage,
+    sick_laser,
+)
 from albot_core.logs.text import LogText, is_number
 from albot_core.sensing.reading import LaserGeometry
 
@@ -83,7 +90,7 @@ def read(text: LogText, keep_going: bool) -> Recording:
         InputError: A line is damaged, and no scan comes before it or `keep_going` is not set.
     """
     messages = _Messages(text)
-    records, error = good_beginning(iter(messages), keep_going)
+    records, error = read_until_damage(iter(messages), keep_going)
     sweeps = [record for record in records if isinstance(record, _Sweep)]
     if not sweeps:
         raise error or InputError(text.source, "a FLASER or ROBOTLASER1 line", "none")
@@ -95,7 +102,7 @@ def read(text: LogText, keep_going: bool) -> Recording:
             for sweep, pose in zip(sweeps, odometry, strict=True)
         ],
         reference=None if reference is None else list(reference),
-        left_out=text.left_out(_SCANS, error) if error else None,
+        unread=text.unread(_SCANS, error) if error else None,
     )
 
 
@@ -108,7 +115,7 @@ def _poses(
     raw = _raw_odometry(records, source)
     if raw is not None:
         return raw, robot, _AT_CENTRE
-    mount = steady_mount(robot, laser)
+    mount = constant_mount(robot, laser)
     if mount is None:
         return robot, laser, _AT_CENTRE
     return robot, None, mount

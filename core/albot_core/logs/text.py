@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_core.logs.log import SICK_SPACINGS, LeftOut
+from albot_core.logs.log import SICK_SPACINGS, Unread
 from albot_core.plain_data import LARGEST
 
 _LONGEST_COUNT = 9
@@ -69,11 +69,11 @@ class LogText:
         """Return an error that names the current line."""
         return InputError(self.source, expected, found, place=f"line {self.number}")
 
-    def left_out(self, scan_keywords: Collection[str], error: InputError) -> LeftOut:
+    def unread(self, scan_keywords: Collection[str], error: InputError) -> Unread:
         """Return what is lost if reading ends at the current line because of `error`."""
         rest = self.lines[self.number - 1 :]
         scans = sum(word in scan_keywords for line in rest for word in line.split(None, 1)[:1])
-        return LeftOut(lines=len(rest), scans=scans, reason=str(error))
+        return Unread(lines=len(rest), scans=scans, reason=str(error))
 
     def numbers(self, words: Sequence[str], what: str) -> Float64[np.ndarray, "numbers"]:
         """Parse words as finite numbers; `what` names them in errors.

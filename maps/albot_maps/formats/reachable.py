@@ -36,7 +36,7 @@ def reachable_world(
     reached = {
         room.name
         for room, outline in zip(rooms, outlines, strict=True)
-        if space.enters(region, outline)
+        if space.disc_fits_inside(region, outline)
     }
     shut = [room.name for room in rooms if room.name not in reached]
     if shut:

@@ -68,7 +68,7 @@ def read_stage_world(path: Path) -> World:
     notes = [f"missing include: {name}" for name in dict.fromkeys(text.missing)]
     for model in text.models:
         solid = _Solid(model, text)
-        if solid.stands_in_the_way:
+        if solid.is_obstacle:
             walls.append(solid.walls())
             notes += solid.notes
         else:
@@ -119,7 +119,7 @@ class _Solid:
         self._kind = kind
 
     @property
-    def stands_in_the_way(self) -> bool:
+    def is_obstacle(self) -> bool:
         """Whether it is an obstacle."""
         return self._kind in _SOLID_TYPES and self._values.get("obstacle_return", 1.0) != 0
 

@@ -120,11 +120,15 @@ def test_what_differs_is_said(path: Path) -> None:
 
 def test_what_it_never_learnt_to_act_with_is_said(path: Path) -> None:
     entry = find_agent(str(path))
-    assert entry.untrained({}) == entry.untrained({"mapper": "odometry", "odometer": "poor"}) == ()
-    assert entry.untrained({"mapper": "none"}) == ("mapper none (trained with odometry)",)
+    assert (
+        entry.untrained_settings({})
+        == entry.untrained_settings({"mapper": "odometry", "odometer": "poor"})
+        == ()
+    )
+    assert entry.untrained_settings({"mapper": "none"}) == ("mapper none (trained with odometry)",)
     other = ("mapper_config x.yaml (trained with its default parameters)",)
-    assert entry.untrained({"mapper_config": Path("x.yaml")}) == other
-    assert find_agent("oracle").untrained({"mapper": "albot1"}) == ()
+    assert entry.untrained_settings({"mapper_config": Path("x.yaml")}) == other
+    assert find_agent("oracle").untrained_settings({"mapper": "albot1"}) == ()
 
 
 def test_its_mapper_s_thresholds_are_kept_but_not_for_another_mapper() -> None:

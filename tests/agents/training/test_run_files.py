@@ -54,7 +54,7 @@ def test_a_checkpoint_is_what_it_says(saved: Checkpoint, trained: Trained, tmp_p
     restore(trained[2].learner, saved, tmp_path)
     for random in ((9999.0, 0.0, 0.0), (3.0, 1e300, 0.0)):
         with pytest.raises(InputError, match="random: expected a position up to 624"):
-            restore(trained[2].learner, replace(saved, random=random), tmp_path)
+            restore(trained[2].learner, replace(saved, numpy_state=random), tmp_path)
     scrambled = {**saved.arrays, "random.torch": saved.arrays["random.torch"] * 0 + 255}
     with pytest.raises(InputError, match=r"random\.torch\.npy: expected a generator's state"):
         restore(trained[2].learner, replace(saved, arrays=scrambled), tmp_path)
