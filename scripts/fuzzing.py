@@ -36,13 +36,13 @@ def measure(share: float, jobs: int) -> dict[str, Any]:
     with (
         tempfile.TemporaryDirectory() as folder,
         ThreadPoolExecutor(jobs) as pool,
-        progress("damaged files", len(names), "readers") as tell,
+        progress("damaged files", len(names), "readers") as update,
     ):
 
         def work(k: int) -> None:
             for name, tally in _tallies(names[k::jobs], Path(folder) / str(k), examples):
                 found[name] = tally
-                tell(len(found))
+                update(len(found))
 
         list(pool.map(work, range(jobs)))
     readers = {name: found[name] for name in names}

@@ -42,14 +42,14 @@ def measure(share: float, jobs: int) -> dict[str, Any]:
     lengths = prepare()
     found: dict[str, dict[str, Counter[str]]] = {kind: {} for kind in _KINDS}
     problems: list[str] = []
-    with progress("reliability", 2 * (forked + fresh), "runs") as tell:
+    with progress("reliability", 2 * (forked + fresh), "runs") as update:
         for kind, numbers in _KINDS.items():
             every = chain(
                 fresh_runs(fresh, numbers, jobs), forked_runs(lengths, forked, numbers, jobs)
             )
             for run in every:
                 _count(run, found[kind].setdefault(run.words[0], Counter()), problems)
-                tell(sum(each["runs"] for kinds in found.values() for each in kinds.values()))
+                update(sum(each["runs"] for kinds in found.values() for each in kinds.values()))
     return {"found": found, "problems": problems, "seconds": lengths, "fresh": fresh}
 
 
@@ -116,7 +116,7 @@ What is promised, and was checked after each run:
   training's episodes, grow by whole pieces.
 - **An interrupted episode holds every moment** that its recorder was given, and is closed. That of
   a killed process lacks its end: at most the last {CHUNK_MOMENTS - 1} moments, less than a second
-  of the robot's time. `albot play` plays it up to its last whole chunk, and says so.
+  of the robot's time. `albot play` plays it up to its last complete chunk, and says so.
 - **A training goes on** with `--resume` from its last checkpoint.
 - **An interrupt leaves nothing behind**: no temporary files, no processes. A killed process cannot
   tidy up: a hidden file `.NAME.…` may stay beside its place (`--resume` clears away those of a

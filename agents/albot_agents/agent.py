@@ -50,10 +50,10 @@ def choose_action(agent: Agent, observation: Any, info: Mapping[str, Any]) -> Ac
     return agent.act(observation, info if agent.knows_truth else {})
 
 
-def fill_action(driving: Float32[np.ndarray, "2"], actions: Box, *, says: bool = False) -> Action:
-    """Return an action from speed and turn rate; `says` sets the third number to 1, else -1."""
+def fill_action(driving: Float32[np.ndarray, "2"], actions: Box, *, flag: bool = False) -> Action:
+    """Return an action from speed and turn rate; `flag` sets the third number to 1, else -1."""
     (length,) = actions.shape
-    action = np.full(length, 1.0 if says else -1.0, np.float32)
+    action = np.full(length, 1.0 if flag else -1.0, np.float32)
     action[:2] = driving
     return action
 

@@ -34,7 +34,7 @@ from albot_env.tasks.core.observation import ObservationConfig
 EXPLORE, HOMING = "Albot/Explore-v0", "Albot/Homing-v0"
 ROUND_TRIP, PLACES = "Albot/ExploreAndHome-v0", "Albot/PlaceRecognition-v0"
 
-USUAL = ObservationConfig()
+DEFAULT_OBSERVATIONS = ObservationConfig()
 """The observations of the environments with their default sensors."""
 
 
@@ -58,7 +58,7 @@ class AgentEntry:
     @property
     def observing(self) -> ObservationConfig:
         """The observation config that the agent expects."""
-        return (self.file and self.file.observing) or USUAL
+        return (self.file and self.file.observing) or DEFAULT_OBSERVATIONS
 
     def environment(self, task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
         """Return the settings of an environment in which the agent can act.
@@ -75,17 +75,17 @@ class AgentEntry:
             return {"mapper": self.mapper, **self.sensors} | dict(settings)
         return self.file.environment(task, settings)
 
-    def untrained(self, settings: Mapping[str, Any]) -> tuple[str, ...]:
+    def untrained_settings(self, settings: Mapping[str, Any]) -> tuple[str, ...]:
         """Return in words which settings differ from those in a trained agent's training.
 
         Odometer and world are not compared: evaluations may vary them.
         """
         if self.file is None:
             return ()
-        learnt = {"mapper_config": "its default thresholds", **self.file.settings}
+        learnt = {"mapper_config": "its default parameters", **self.file.settings}
         learnt |= {"mapper": self.mapper, "config": settings.get("config")}
         return tuple(
-            f"{name} {settings[name]} (trained with {learnt.get(name, 'the usual one')})"
+            f"{name} {settings[name]} (trained with {learnt.get(name, 'the default')})"
             for name in KEPT_SETTINGS
             if settings.get(name, learnt.get(name)) != learnt.get(name)
         )
@@ -98,7 +98,7 @@ def _driving(kind: Callable[..., Agent]) -> Callable[[ObservationConfig, str | N
 
 AGENTS = {
     Albot0Homing.name: AgentEntry(
-        summary="Drives home by sonars alone, until it believes to be in the home ASR of Albot0.",
+        summary="Drives home by sonar alone, until Albot0 says that it is in the home ASR.",
         make=lambda observing, _: Albot0Homing(observing),
         tasks=(HOMING,),
         mapper="albot0",
@@ -110,35 +110,35 @@ AGENTS = {
         tasks=(HOMING,),
     ),
     AssociationExplorer.name: AgentEntry(
-        summary="Explores by short moves to near gaps, and remembers none of them.",
+        summary="Explores by short moves to nearby gaps, without a memory.",
         make=_driving(AssociationExplorer),
         tasks=(EXPLORE,),
         mapper="association",
     ),
     AssociationHoming.name: AgentEntry(
-        summary="Drives home to where the global map of landmark association says it is.",
+        summary="Drives to the position of home in the global map of landmark association.",
         make=_driving(AssociationHoming),
         tasks=(HOMING,),
         mapper="association",
     ),
     GapExplorerAgent.name: AgentEntry(
-        summary="Explores from gap to gap, the nearest first; claims to know what its map knows.",
+        summary="Explores from gap to gap, the nearest first; reports places known to its mapper.",
         make=_driving(GapExplorerAgent),
         tasks=(EXPLORE,),
     ),
     MapHoming.name: AgentEntry(
-        summary="Drives home by the way that its mapper knows, whichever mapper that is.",
+        summary="Drives home by the route that its mapper gives, with any mapper.",
         make=_driving(MapHoming),
         tasks=(HOMING,),
         mapper="scan-matching",
     ),
     NearestFrontier.name: AgentEntry(
-        summary="Explores by going to the nearest border of the ground that it has covered.",
+        summary="Explores by driving to the nearest frontier of the ground that it has covered.",
         make=_driving(NearestFrontier),
         tasks=(EXPLORE,),
     ),
     Oracle.name: AgentEntry(
-        summary="Knows the truth and drives the shortest way home: the upper bound.",
+        summary="Knows the true map and pose, and drives the shortest path home: the upper bound.",
         make=_driving(Oracle),
         tasks=(HOMING,),
         mapper="none",
@@ -150,7 +150,7 @@ AGENTS = {
         mapper="none",
     ),
     PlaceJudge.name: AgentEntry(
-        summary="Judges which place it has seen before, by what agrees; it drives nothing.",
+        summary="Judges which place it has seen before, by match scores; does not drive.",
         make=lambda observing, _: PlaceJudge(observing),
         tasks=(PLACES,),
     ),

@@ -85,7 +85,7 @@ def read_settings(task: str, data: Any, where: Location) -> dict[str, Any]:
     return read_fields(known, data, where)
 
 
-def for_one(task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
+def single_env_settings(task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return those settings of a batch that a single environment has too."""
     known = single_settings(task)
     return {name: value for name, value in settings.items() if name in known}

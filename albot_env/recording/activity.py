@@ -76,6 +76,7 @@ def activity_from_message(content: Any, where: Location) -> Activity:
     active = np.array(told["active"], np.int64)
     amounts = read_array((len(active),), told["values"], where.at("values"))
     packet = read_array((3,), told["packet"], where.at("packet"))
-    with where.naming(), np.errstate(over="ignore"):  # Values beyond float32 become infinite.
+    # Values beyond float32 become infinite.
+    with where.relocate_errors(), np.errstate(over="ignore"):
         values.ravel()[active] = amounts
         return Activity(cell=told["cell"], values=values, packet=packet)

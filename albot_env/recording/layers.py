@@ -25,7 +25,7 @@ from albot_core.maps.layers import (
     TrajectoryLayer,
 )
 from albot_core.plain_data import Location, read_array, read_fields, read_record
-from albot_core.yaml_document import shown
+from albot_core.yaml_document import format_value
 from albot_env.recording.foxglove import Message, lines, pose_of, scene, time_of
 
 SEGMENT_COLOUR = {"r": 0.96, "g": 0.72, "b": 0.26, "a": 1.0}
@@ -126,10 +126,10 @@ def _read_grid(content: dict[str, Any], where: Location) -> OccupancyGridLayer:
         occupancy = np.where(cells == UNKNOWN, np.nan, cells / 254).astype(np.float32)
     except (ValueError, OverflowError):
         expected = f"{shape[0]} x {shape[1]} bytes in base 64"
-        raise where.at("occupancy").error(expected, shown(content["occupancy"])) from None
+        raise where.at("occupancy").error(expected, format_value(content["occupancy"])) from None
     origin = _row(3, content, "origin", where)
     resolution = float(read_array((), content["resolution"], where.at("resolution")))
-    with where.naming():
+    with where.relocate_errors():
         return OccupancyGridLayer(origin=origin, resolution=resolution, occupancy=occupancy)
 
 

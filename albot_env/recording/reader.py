@@ -32,7 +32,7 @@ from albot_core.sensing.reading import (
     SonarGeometry,
     SonarScan,
 )
-from albot_core.yaml_document import shown
+from albot_core.yaml_document import format_value
 from albot_env.recording.activity import activity_from_message
 from albot_env.recording.episode import EpisodeHeader, Moment
 from albot_env.recording.layers import map_from_message
@@ -155,17 +155,17 @@ class EpisodeReader:
         ranges[ranges == 0] = np.inf
         if self.header.laser is None:
             raise where.error("no scan, as the header knows no laser", "one")
-        with where.naming():
+        with where.relocate_errors():
             return LaserScan(ranges=ranges, geometry=self.header.laser)
 
     def _sonar(self, echoes: list[float | None] | None, where: Location) -> SonarScan | None:
         geometry = self.header.sonar
         if (echoes is None) != (geometry is None):
-            raise where.error("echoes of the sonars that the header knows", shown(echoes))
+            raise where.error("echoes of the sonars that the header knows", format_value(echoes))
         if echoes is None or geometry is None:
             return None
         ranges = np.array([math.inf if reach is None else reach for reach in echoes], np.float64)
-        with where.naming(()):
+        with where.relocate_errors(()):
             return SonarScan(ranges=ranges, geometry=geometry)
 
     def _read_header(self) -> EpisodeHeader:
@@ -188,9 +188,9 @@ class EpisodeReader:
                 None
             )
         where = Location(self._path, ("header",))
-        with where.at("laser").naming():
+        with where.at("laser").relocate_errors():
             laser = _laser_geometry(content["laser"])
-        with where.at("sonar").naming():
+        with where.at("sonar").relocate_errors():
             sonar = _sonar_geometry(content["sonar"])
         return EpisodeHeader(
             environment=content["environment"],

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.transforms import Affine2D
 
-from albot_core.files import replacing
+from albot_core.files import atomic_write
 from albot_env.rendering.frame import Frame
 from albot_env.rendering.scene import Panel, lay_out, scale_bar
 from albot_env.rendering.shapes import Shape
@@ -53,7 +53,7 @@ def save_picture(frame: Frame, path: Path) -> None:
     grid = figure.subplots(1, len(shares), width_ratios=shares)
     for axes, panel in zip(grid, scene.panels, strict=True):
         _draw_panel(axes, panel)
-    with replacing(path) as stream:
+    with atomic_write(path) as stream:
         figure.savefig(stream, format="png", dpi=110, metadata={"Software": "albot-env"})
 
 

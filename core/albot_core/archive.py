@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from albot_core.errors import InputError
-from albot_core.files import read_bytes, replacing
+from albot_core.files import atomic_write, read_bytes
 from albot_core.json_document import parse_json
 
 HEADER = "header.json"
@@ -34,7 +34,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9_.-]{1,200}")
 """Allowed names of members: no folders, no paths."""
 _MOST_MEMBERS = 10_000
 
-_TORN = (
+_CORRUPT = (
     zipfile.BadZipFile,
     zlib.error,
     struct.error,
@@ -79,7 +79,7 @@ class ArchiveFormat:
             OSError: The disk is full.
         """
         head = {"format": self.name, "version": self.version, **header}
-        with replacing(path) as stream, zipfile.ZipFile(stream, "w") as archive:
+        with atomic_write(path) as stream, zipfile.ZipFile(stream, "w") as archive:
             _add(archive, HEADER, json.dumps(head, sort_keys=True, allow_nan=False).encode())
             for name, array in sorted(arrays.items()):
                 content = io.BytesIO()
@@ -140,8 +140,8 @@ def _unpacked(path: Path, kind: str, largest: int) -> tuple[bytes | None, dict[s
                     raise InputError(path, f"only {HEADER} and arrays NAME.npy", name)
     except InputError:
         raise
-    except _TORN as error:
-        raise InputError(path, f"a whole {kind}", _one_line(error)) from None
+    except _CORRUPT as error:
+        raise InputError(path, f"an intact {kind}", _one_line(error)) from None
     return header, arrays
 
 
@@ -151,14 +151,14 @@ def _check_members(path: Path, members: list[zipfile.ZipInfo], largest: int) -> 
     size = sum(member.file_size for member in members)
     if len(members) > _MOST_MEMBERS or size > largest:
         found = f"{len(members):,} members of {size:,} bytes"
-        raise InputError(path, f"members of {largest:,} bytes together at most", found)
+        raise InputError(path, f"members of {largest:,} bytes in total at most", found)
     for name in names:
         if _PLAIN.fullmatch(name) is None:
             found = ascii(name)[:80]
             raise InputError(path, "members with plain names", found)
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
-        raise InputError(path, f"the member {twice} once", "it twice")
+        raise InputError(path, f"the member {twice} once", "a duplicate")
 
 
 def _add(archive: zipfile.ZipFile, name: str, content: bytes) -> None:
@@ -173,7 +173,7 @@ def _array(path: Path, name: str, content: bytes) -> np.ndarray:
     try:
         version = np.lib.format.read_magic(stream)
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
-    except _TORN as error:
+    except _CORRUPT as error:
         raise InputError(path, "an array", _one_line(error), place=name) from None
     if version != (1, 0):
         raise InputError(path, "npy version 1.0", ".".join(map(str, version)), place=name)

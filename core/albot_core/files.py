@@ -61,9 +61,9 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
         InputError: The file is missing, unreadable or too large, or the compressed data is
             damaged.
     """
-    content, torn = read_beginning(path, largest)
-    if torn is not None:
-        raise torn
+    content, damage = read_beginning(path, largest)
+    if damage is not None:
+        raise damage
     return content
 
 
@@ -74,7 +74,7 @@ def read_beginning(path: Path, largest: int = LARGEST) -> tuple[bytes, InputErro
         InputError: The file is missing, unreadable or too large.
     """
     pieces: list[bytes] = []
-    torn = None
+    damage = None
     try:
         for piece in _pieces(path, largest):  # Pieces before the damage are kept.
             pieces.append(piece)  # noqa: PERF402
@@ -85,15 +85,17 @@ def read_beginning(path: Path, largest: int = LARGEST) -> tuple[bytes, InputErro
     except IsADirectoryError:
         raise InputError(path, "a file", "a folder") from None
     except (EOFError, lzma.LZMAError, gzip.BadGzipFile, zlib.error) as error:
-        torn = InputError(path, f"whole {path.suffix[1:]} data", str(error))
+        damage = InputError(path, f"intact {path.suffix[1:]} data", str(error))
     except OSError as error:
         raise InputError(path, "a readable file", error.strerror or str(error)) from None
     except ValueError as error:  # A name with a zero byte, which no system allows.
         raise InputError(path, "a file that exists", str(error)) from None
     for start, suffix in _PACKED.items():
         if path.suffix not in _OPENERS and pieces and pieces[0].startswith(start):
-            raise InputError(path, f"a name that ends in {suffix}, as what is in it is packed so")
-    return b"".join(pieces), torn
+            packed = suffix.removeprefix(".")
+            expected = f"a name that ends in {suffix}, because the content is {packed} data"
+            raise InputError(path, expected)
+    return b"".join(pieces), damage
 
 
 def _pieces(path: Path, largest: int) -> Iterator[bytes]:
@@ -106,7 +108,7 @@ def _pieces(path: Path, largest: int) -> Iterator[bytes]:
         while piece := stream.read(_PIECE):
             size += len(piece)
             if size > largest:
-                raise InputError(path, expected, "more, unpacked")
+                raise InputError(path, expected, "more, decompressed")
             yield piece
 
 
@@ -123,7 +125,7 @@ def is_stream(path: Path) -> bool:
     except FileNotFoundError:
         parent = Path(os.path.realpath(path)).parent
         if not parent.is_dir():
-            raise InputError(path, f"a folder {parent} to write to", "none") from None
+            raise InputError(path, f"an existing folder {parent}", "none") from None
         return False
     except OSError as error:
         raise InputError(path, expected, error.strerror or str(error)) from None
@@ -135,7 +137,7 @@ def is_stream(path: Path) -> bool:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[IO[bytes]]:
+def atomic_write(path: Path) -> Iterator[IO[bytes]]:
     """Open a temporary file beside `path` that replaces it when the block ends without an error.
 
     A reader sees the old file or the complete new one, never a part. If `path` is a symbolic link,
@@ -194,7 +196,7 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(exist_ok=True)
     except FileNotFoundError:
-        raise InputError(folder, f"a folder {folder.parent} to make it in", "none") from None
+        raise InputError(folder, f"an existing parent folder {folder.parent}", "none") from None
     except OSError as error:
         found = "a file" if folder.exists() else error.strerror or str(error)
         raise InputError(folder, "a folder to write to", found) from None
@@ -218,6 +220,6 @@ def _permissions(target: Path) -> int:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write UTF-8 text to `path`, atomically; raises as `replacing`."""
-    with replacing(path) as stream:
+    """Write UTF-8 text to `path`, atomically; raises as `atomic_write`."""
+    with atomic_write(path) as stream:
         stream.write(text.encode())

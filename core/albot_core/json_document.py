@@ -43,9 +43,9 @@ def parse_json(content: bytes | str, source: object, place: str = "") -> Any:
         value = json.loads(content, parse_int=_whole, parse_float=_finite, parse_constant=_finite)
     except json.JSONDecodeError as error:
         line = "" if place else f"line {error.lineno}"
-        raise InputError(source, "whole JSON", error.msg, place=place or line) from None
+        raise InputError(source, "valid JSON", error.msg, place=place or line) from None
     except UnicodeDecodeError:
-        raise InputError(source, "JSON text", "bytes that are no text", place=place) from None
+        raise InputError(source, "JSON text", "bytes that are not text", place=place) from None
     except RecursionError:
         raise _too_deep(source, place) from None
     except ValueError as error:

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError, did_you_mean
-from albot_core.yaml_document import Steps, dotted, shown
+from albot_core.yaml_document import Steps, dotted, format_value
 
 Config = TypeVar("Config")
 
@@ -47,7 +47,7 @@ class Location:
         return InputError(self.source, expected, found, place=self.place(self.path))
 
     @contextmanager
-    def naming(self, names: Collection[str] | None = None) -> Iterator[None]:
+    def relocate_errors(self, names: Collection[str] | None = None) -> Iterator[None]:
         """Let errors raised by a dataclass in the block name the place in the file.
 
         Args:
@@ -91,7 +91,7 @@ def read_config(
     for name, default in bases.items():
         if default is dataclasses.MISSING and name not in values:
             raise where.at(name).error("a value", "none")
-    with where.naming(bases):
+    with where.relocate_errors(bases):
         return kind(**(bases | values))
 
 
@@ -104,7 +104,7 @@ def read_fields(
         InputError: As for `read_config`.
     """
     if not isinstance(data, Mapping):
-        raise where.error(f"a mapping with {_listed(known)}", shown(data))
+        raise where.error(f"a mapping with {_listed(known)}", format_value(data))
     for key in data:
         if key not in known:
             found = f"{key}{did_you_mean(key, known)}"
@@ -167,7 +167,7 @@ def read_array(
         length in (None, found) for length, found in zip(shape, array.shape, strict=True)
     )
     if not right or array.dtype.kind not in "iuf" or not (np.abs(array) <= LARGEST).all():
-        raise where.error(expected, shown(data))
+        raise where.error(expected, format_value(data))
     return array.astype(np.float64)
 
 
@@ -204,14 +204,14 @@ def read_value(kind: Any, data: Any, where: Location, base: Any = None) -> Any:
         and isinstance(data, bool) == (kind is bool)
     ):
         return data
-    raise where.error(_name(kind), shown(data))
+    raise where.error(_name(kind), format_value(data))
 
 
 def _read_choice(values: tuple[Any, ...], data: Any, where: Location, _: Any) -> Any:
     """Parse one of several values."""
     if any(type(data) is type(value) and data == value for value in values):
         return data
-    found = f"{shown(data)}{did_you_mean(data, map(str, values))}"
+    found = f"{format_value(data)}{did_you_mean(data, map(str, values))}"
     raise where.error(f"one of {', '.join(map(str, values))}", found)
 
 
@@ -229,16 +229,16 @@ def _read_union(kinds: Iterable[Any], data: Any, where: Location, base: Any) -> 
             return read_value(kind, data, where)
         except InputError:
             continue
-    raise where.error(" or ".join(map(_name, kinds)), shown(data))
+    raise where.error(" or ".join(map(_name, kinds)), format_value(data))
 
 
 def _read_tuple(kinds: tuple[Any, ...], data: Any, where: Location) -> tuple[Any, ...]:
     if not isinstance(data, list | tuple):
-        raise where.error("a list", shown(data))
+        raise where.error("a list", format_value(data))
     if len(kinds) == 2 and kinds[1] is Ellipsis:
         kinds = (kinds[0],) * len(data)
     if len(data) != len(kinds):
-        raise where.error(f"a list of {len(kinds)}", shown(data))
+        raise where.error(f"a list of {len(kinds)}", format_value(data))
     return tuple(
         read_value(kind, value, where.at(k))
         for k, (kind, value) in enumerate(zip(kinds, data, strict=True))
@@ -271,10 +271,10 @@ def changed_fields(config: Any, default: Any) -> dict[str, Any]:
     return changed
 
 
-def merged(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
+def deep_merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> dict[str, Any]:
     """Return plain data overridden by other plain data, recursively for mappings."""
     both = {
-        key: merged(base[key], value)
+        key: deep_merge(base[key], value)
         if isinstance(value, Mapping) and isinstance(base.get(key), Mapping)
         else value
         for key, value in over.items()
@@ -290,7 +290,9 @@ def differences(one: Any, other: Any, path: Steps = ()) -> list[str]:
             for key in dict.fromkeys((*one, *other))
             for line in differences(one.get(key), other.get(key), (*path, key))
         ]
-    return [] if one == other else [f"{dotted(path)} {shown(one)}, not {shown(other)}"]
+    if one == other:
+        return []
+    return [f"{dotted(path)} {format_value(one)}, not {format_value(other)}"]
 
 
 def _listed(known: Iterable[str]) -> str:

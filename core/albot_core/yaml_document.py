@@ -29,7 +29,7 @@ class _Loader(yaml.BaseLoader):
         """Raise for aliases, a few lines of which can expand to an endless document."""
         if self.check_event(yaml.AliasEvent):
             raise yaml.composer.ComposerError(
-                problem="an alias, which is not read", problem_mark=self.get_mark()
+                problem="an alias, which is not supported", problem_mark=self.get_mark()
             )
         return super().compose_node(parent, index)
 
@@ -73,7 +73,7 @@ class YamlDocument:
             line = mark.line + 1 if mark else 1
             raise self._error(line, f"valid YAML ({error.problem})", "") from None
         except RecursionError:
-            raise InputError(source, "a document nested a few levels", "too many") from None
+            raise InputError(source, "a document without deep nesting", "too many levels") from None
 
     def place(self, path: Sequence[str | int]) -> str:
         """Return the text for a path in errors: `line 7, walls[3]`."""
@@ -86,7 +86,7 @@ class YamlDocument:
 
     def _plain(self, node: yaml.Node, path: Steps, line: int) -> Any:
         if path in self._lines:
-            raise self._error(line, f"the key {path[-1]!r} once", "it twice")
+            raise self._error(line, f"the key {path[-1]!r} once", "a duplicate")
         self._lines[path] = line
         if isinstance(node, yaml.CollectionNode) and node.tag not in _COLLECTIONS:
             raise self._error(line, "plain values", f"the tag {node.tag}")
@@ -155,11 +155,11 @@ def dotted(path: Sequence[str | int]) -> str:
     ]
 
 
-def shown(value: Any) -> str:
+def format_value(value: Any) -> str:
     """Return a value as text for errors: on one line, and shortened if it is long."""
     try:
         dumped = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, width=10**9)
     except (yaml.YAMLError, ValueError, RecursionError):
-        return f"a {type(value).__name__} that cannot be shown"
+        return f"a {type(value).__name__} that cannot be printed"
     text = " ".join(str(dumped).split()).removesuffix(" ...")
     return text if len(text) <= 60 else f"{text[:57]}..."

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 from shapely.plotting import patch_from_polygon
 
-from albot_core.files import replacing
+from albot_core.files import atomic_write
 from albot_maps.freespace import FreeSpace
 from albot_maps.movables import Door, Movables, Walker
 from albot_maps.world import ROBOT_RADIUS, World
@@ -40,7 +40,7 @@ def save_picture(world: World, path: Path, *, tours: Iterable[str] = ()) -> None
     figure = Figure(figsize=tuple(np.maximum(size / size.max() * _LONGER_SIDE, 3.0)))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     draw_world(world, axes, tours=tours)
-    with replacing(path) as stream:
+    with atomic_write(path) as stream:
         figure.savefig(stream, format="png", dpi=120)
 
 
@@ -53,7 +53,7 @@ def save_sheet(worlds: Sequence[World], path: Path) -> None:
         axes = figure.add_subplot(rows, columns, index)
         draw_world(world, axes, names=len(worlds) <= _MOST_WITH_NAMES)
         axes.set_title(world.source, fontsize=8, color=_TEXT)
-    with replacing(path) as stream:
+    with atomic_write(path) as stream:
         figure.savefig(stream, format="png", dpi=100)
 
 

@@ -61,7 +61,7 @@ class FreeSpace:
         """Return whether walls separate one of the regions from the outside of the building."""
         return not region.intersects(self._frame.exterior)
 
-    def enters(self, region: shapely.Polygon, outline: shapely.Polygon) -> bool:
+    def disc_fits_inside(self, region: shapely.Polygon, outline: shapely.Polygon) -> bool:
         """Return whether the disc, moving within `region`, can lie completely inside `outline`."""
         # Inscribed like the widened walls; otherwise a room exactly as wide as the robot is lost.
         inside = shapely.buffer(outline, -self.radius, quad_segs=self._SIDES_PER_QUARTER)

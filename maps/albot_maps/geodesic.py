@@ -53,21 +53,21 @@ class DistanceField:
         self.anchors: Float64[np.ndarray, "anchors 4"] = anchors[:count].copy()
         """Per anchor: x, y (cells), distance from the goal (cells), index of the next anchor."""
 
-    def distance(self, place: Float64[np.ndarray, "2"]) -> float:
+    def distance(self, position: Float64[np.ndarray, "2"]) -> float:
         """Return the shortest path's length (m) from a position (m); infinite if there is none."""
-        anchor = self._anchor(place)
+        anchor = self._anchor(position)
         if anchor == FAR:
             return math.inf
-        x, y = ((place - self.corner) / self.cell).tolist()
+        x, y = ((position - self.corner) / self.cell).tolist()
         ahead = self.anchors[anchor]
         return float((ahead[2] + length_of(x - ahead[0], y - ahead[1])) * self.cell)
 
-    def way(self, place: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "turns 2"]:
+    def path(self, position: Float64[np.ndarray, "2"]) -> Float64[np.ndarray, "turns 2"]:
         """Return the turning points (m) of the shortest path from a position (m).
 
         The goal is the last. The array is empty if there is no path.
         """
-        anchor, turns = self._anchor(place), []
+        anchor, turns = self._anchor(position), []
         while anchor > 0:
             turns.append(self.anchors[anchor, :2])
             anchor = int(self.anchors[anchor, 3])
@@ -76,6 +76,6 @@ class DistanceField:
         places = np.array((*turns, self.anchors[0, :2]))
         return np.asarray(places * self.cell + self.corner)
 
-    def _anchor(self, place: Float64[np.ndarray, "2"]) -> int:
-        x, y = ((place - self.corner) / self.cell).tolist()
+    def _anchor(self, position: Float64[np.ndarray, "2"]) -> int:
+        x, y = ((position - self.corner) / self.cell).tolist()
         return int(first_anchor(x, y, self.columns, self.rows, self.anchors, self.anchor_of))

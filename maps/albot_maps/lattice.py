@@ -58,7 +58,7 @@ class Lattice:
         inside = 0 <= column < self.shape[0] and 0 <= row < self.shape[1]
         return (column, row) if inside else None
 
-    def places(self, axis: int, low: float, high: float) -> slice:
+    def index_range(self, axis: int, low: float, high: float) -> slice:
         """Return the columns (axis 0) or rows (axis 1) from `low` to `high` (m)."""
         begin = float(self.corner[axis])
         first = max(0, math.ceil((low - begin) / self.cell))
@@ -145,17 +145,17 @@ class FloodFill:
         nearest = self._lattice.nearest(point)
         return nearest is not None and bool(self._state[nearest] == REACHED)
 
-    def enters(self, outline: Points) -> bool:
+    def disc_fits_inside(self, outline: Points) -> bool:
         """Return whether the disc certainly reaches a position completely inside an outline (m)."""
         lattice = self._lattice
         (left, bottom), (right, top) = outline.min(axis=0).tolist(), outline.max(axis=0).tolist()
         if _is_rectangle(outline):
             inset = self._radius + _ROUNDING
-            columns = lattice.places(0, left + inset, right - inset)
-            rows = lattice.places(1, bottom + inset, top - inset)
+            columns = lattice.index_range(0, left + inset, right - inset)
+            rows = lattice.index_range(1, bottom + inset, top - inset)
             return bool((self._state[columns, rows] == REACHED).any())
         inside = shapely.buffer(shapely.Polygon(outline), -self._radius)
-        columns, rows = lattice.places(0, left, right), lattice.places(1, bottom, top)
+        columns, rows = lattice.index_range(0, left, right), lattice.index_range(1, bottom, top)
         first = np.array([columns.start, rows.start])
         points = np.argwhere(self._state[columns, rows] == REACHED) + first
         places = points * lattice.cell + lattice.corner

@@ -112,7 +112,7 @@ def _description_of(picture: Path) -> Path:
         path = picture.with_name(picture.name.replace(".gz", "")).with_suffix(suffix)
         if path.is_file():
             return path
-    raise InputError(picture, f"its map_server description {stem}.yaml beside it", "none")
+    raise InputError(picture, f"its map_server description {stem}.yaml in the same folder", "none")
 
 
 class WorldSet:

@@ -60,7 +60,7 @@ class Door:
         _check_range("Door", "width", self.width, NARROWEST_LEAF, WIDEST_LEAF, "m")
         _check_range("Door", "turn_rate", self.turn_rate, 0.1, 3.0, "rad/s")
         if not 0.1 <= abs(self.opening) <= math.pi:
-            expected = "an angle from 0.1 to pi rad to either side"
+            expected = "an angle from 0.1 to pi rad, or from -pi to -0.1 rad"
             raise InputError("Door", expected, f"{self.opening:g} rad", place="opening")
         for name in ("open_for", "shut_for"):
             _check_span("Door", name, getattr(self, name), 0.0, 3600.0, "s")
@@ -205,7 +205,7 @@ _WAY_OUT = 1.0
 """Distance (m) that a robot must be able to drive from a start without pushing a box."""
 
 
-class Fault(NamedTuple):
+class Violation(NamedTuple):
     """A check that a movable does not pass."""
 
     place: str
@@ -214,7 +214,7 @@ class Fault(NamedTuple):
     found: str
 
 
-class Surroundings(NamedTuple):
+class Environment(NamedTuple):
     """The walls and starts with which movables must be compatible."""
 
     walls: Segments
@@ -229,67 +229,71 @@ class Surroundings(NamedTuple):
         return shapely.box(*wall_lines(self.walls).bounds)
 
 
-def faults(movables: Movables, around: Surroundings) -> Iterator[Fault]:
+def find_violations(movables: Movables, around: Environment) -> Iterator[Violation]:
     """Yield what is wrong with the movables of a world: doors, boxes, walkers, then starts."""
     lines = wall_lines(around.walls)
     shapely.prepare(lines)
-    yield from _door_faults(movables, around, lines)
-    yield from _box_faults(movables, around, lines)
+    yield from _door_violations(movables, around, lines)
+    yield from _box_violations(movables, around, lines)
     for index, walker in enumerate(movables.walkers):
-        for expected, found in _walker_faults(walker, movables, around, lines):
-            yield Fault(f"movables.walkers[{index}]", expected, found)
-    yield from _walled_in(movables, around)
+        for expected, found in _walker_violations(walker, movables, around, lines):
+            yield Violation(f"movables.walkers[{index}]", expected, found)
+    yield from _enclosed_starts(movables, around)
 
 
-def _door_faults(
-    movables: Movables, around: Surroundings, lines: shapely.Geometry
-) -> Iterator[Fault]:
+def _door_violations(
+    movables: Movables, around: Environment, lines: shapely.Geometry
+) -> Iterator[Violation]:
     sweeps: list[shapely.Polygon] = []
     starts = shapely.points(around.starts)
     for index, door in enumerate(movables.doors):
         place, sweep = f"movables.doors[{index}]", door.sweep
         inner = sweep.buffer(-TOLERANCE)
         if not around.extent.buffer(TOLERANCE).contains(sweep):
-            yield Fault(place, "a door inside the building", f"a hinge at {door.hinge}")
+            yield Violation(place, "a door inside the building", f"a hinge at {door.hinge}")
         if lines.intersects(inner):
-            yield Fault(place, "a leaf that swings clear of the walls", "one that a wall bars")
+            yield Violation(place, "a leaf that swings clear of the walls", "one blocked by a wall")
         for other, sweep_before in enumerate(sweeps):
             if inner.intersects(sweep_before):
                 expected = "a leaf that swings clear of the other doors'"
-                yield Fault(place, expected, f"one that meets doors[{other}]")
+                yield Violation(place, expected, f"one that meets doors[{other}]")
         if shapely.distance(starts, sweep).min() < around.radius:
             expected = f"a leaf that stays {around.radius} m clear of the starts"
-            yield Fault(place, expected, f"one at {shapely.distance(starts, sweep).min():.3g} m")
+            yield Violation(
+                place, expected, f"one at {shapely.distance(starts, sweep).min():.3g} m"
+            )
         sweeps.append(inner)
 
 
-def _box_faults(
-    movables: Movables, around: Surroundings, lines: shapely.Geometry
-) -> Iterator[Fault]:
+def _box_violations(
+    movables: Movables, around: Environment, lines: shapely.Geometry
+) -> Iterator[Violation]:
     starts = shapely.points(around.starts)
     outlines = [box.outline for box in movables.boxes]
     for index, outline in enumerate(outlines):
         place = f"movables.boxes[{index}]"
         if not around.extent.contains(outline):
-            yield Fault(place, "a box inside the building", f"one at {movables.boxes[index].at}")
+            yield Violation(
+                place, "a box inside the building", f"one at {movables.boxes[index].at}"
+            )
         distances = {"a wall": outline.distance(lines)}
         distances |= {f"boxes[{k}]": outline.distance(outlines[k]) for k in range(index)}
         distances |= {
-            f"what doors[{k}] sweeps": outline.distance(door.sweep)
+            f"the swept area of doors[{k}]": outline.distance(door.sweep)
             for k, door in enumerate(movables.doors)
         }
         for what, distance in distances.items():
             if distance < TOLERANCE:
                 found = f"{what} at {distance:.3g} m"
-                yield Fault(place, f"a box {TOLERANCE} m clear of all else", found)
+                yield Violation(place, f"a box at least {TOLERANCE} m from everything else", found)
         nearest = float(shapely.distance(starts, outline).min())
         if nearest < around.radius:
             expected = f"a box {around.radius} m clear of the starts"
-            yield Fault(place, expected, f"one at {nearest:.3g} m")
+            yield Violation(place, expected, f"one at {nearest:.3g} m")
 
 
-def _walker_faults(
-    walker: Walker, movables: Movables, around: Surroundings, lines: shapely.Geometry
+def _walker_violations(
+    walker: Walker, movables: Movables, around: Environment, lines: shapely.Geometry
 ) -> Iterator[tuple[str, str]]:
     legs = shapely.linestrings(walker.legs.reshape(-1, 2, 2))
     if not around.extent.contains(shapely.union_all(legs)):
@@ -307,7 +311,7 @@ def _walker_faults(
         yield f"waypoints {least:g} m apart", f"at most {spread:.3g} m"
 
 
-def _walled_in(movables: Movables, around: Surroundings) -> Iterator[Fault]:
+def _enclosed_starts(movables: Movables, around: Environment) -> Iterator[Violation]:
     """Yield the starts from which a robot cannot drive away without pushing a box."""
     outlines = shapely.union_all([box.outline for box in movables.boxes])
     for index, start in enumerate(around.starts):
@@ -318,8 +322,8 @@ def _walled_in(movables: Movables, around: Surroundings) -> Iterator[Fault]:
         bare = FreeSpace(around.walls, around.radius)
         full = FreeSpace(np.concatenate((around.walls, *sides)), around.radius)
         if _reach(full, start) < min(_WAY_OUT, _reach(bare, start)):
-            expected = "a way out between the boxes"
-            yield Fault(f"starts[{index}]", expected, "boxes all round")
+            expected = "a path out between the boxes"
+            yield Violation(f"starts[{index}]", expected, "boxes on all sides")
 
 
 def _sides(corners: Points) -> Segments:

@@ -55,7 +55,7 @@ class Routes:
             if not self._floor.covers(shapely.Point(x, y)):
                 raise InputError(
                     self._world.source,
-                    f"stops {self._clearance} m from walls that the first start reaches",
+                    f"stops {self._clearance} m from walls and reachable from the first start",
                     f"({x:g}, {y:g})",
                 )
         legs = [self._straightened(self._way(*leg)) for leg in pairwise(stops)]
@@ -77,7 +77,7 @@ class Routes:
             if room.name == name:
                 floor = self._floor.intersection(shapely.Polygon(room.boundary))
                 if floor.area == 0.0:
-                    raise InputError(self._world.source, "a room with space", repr(name))
+                    raise InputError(self._world.source, "a room with free space", repr(name))
                 disc = shapely.maximum_inscribed_circle(floor, tolerance=0.01)
                 return disc.coords[0][0], disc.coords[0][1]
         raise InputError(self._world.source, "a room of this world", repr(name))
@@ -90,7 +90,7 @@ class Routes:
         while way[-1] != first:
             way.append(int(before[way[-1]]))
             if way[-1] < 0:
-                raise InputError(self._world.source, f"a way to {end}", "none")
+                raise InputError(self._world.source, f"a path to {end}", "none")
         return np.concatenate([[start], self._lattice[way[::-1]], [end]])
 
     def _straightened(self, way: np.ndarray) -> _Waypoints:

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float64
 from albot_core.errors import InputError
 from albot_core.geometry.types import Points, Poses, Segments
 from albot_maps.freespace import FreeSpace, wall_lines
-from albot_maps.movables import Movables, Surroundings, faults
+from albot_maps.movables import Environment, Movables, find_violations
 
 ROBOT_RADIUS = 0.25
 """Radius (m) of the disc that represents the Pioneer 3-DX in the checks of a world."""
@@ -195,7 +195,7 @@ class World:
                 place = f"tours.{name}" if kind == "tours" else f"{kind}[{index}]"
                 self._check_name(place, name)
                 if name in names[:index]:
-                    raise self._error(place, "a name of its own", f"{name!r} once more")
+                    raise self._error(place, "a unique name", f"{name!r} again")
 
     def _check_name(self, place: str, name: str) -> None:
         if not name.strip() or not name.isprintable():
@@ -280,7 +280,7 @@ class World:
 
         fill = FloodFill(self.walls, ROBOT_RADIUS, self.starts[0, :2])
         return all(fill.reaches(start[:2]) for start in self.starts) and all(
-            fill.enters(room.boundary) for room in self.rooms
+            fill.disc_fits_inside(room.boundary) for room in self.rooms
         )
 
     def _check_reachability(self) -> None:
@@ -290,11 +290,11 @@ class World:
         for index, start in enumerate(self.starts[1:], 1):
             if self.free_space.region_at(start[:2]) is not region:
                 expected = f"a start that a robot of radius {ROBOT_RADIUS} m reaches from starts[0]"
-                raise self._error(f"starts[{index}]", expected, "a way barred by walls")
+                raise self._error(f"starts[{index}]", expected, "a path blocked by walls")
         unreached = [
             index
             for index, outline in enumerate(self._outlines)
-            if not self.free_space.enters(region, outline)
+            if not self.free_space.disc_fits_inside(region, outline)
         ]
         if unreached:
             names = ", ".join(self.rooms[index].name for index in unreached)
@@ -307,8 +307,8 @@ class World:
     def _check_movables(self) -> None:
         if not self.movables:
             return
-        around = Surroundings(self.walls, self.starts[:, :2], ROBOT_RADIUS)
-        for place, expected, found in faults(self.movables, around):
+        around = Environment(self.walls, self.starts[:, :2], ROBOT_RADIUS)
+        for place, expected, found in find_violations(self.movables, around):
             raise self._error(place, expected, found)
 
 

@@ -127,9 +127,9 @@ def patrol(world: World, rng: np.random.Generator) -> Iterator[Reading]:
     while True:
         here = int(rng.choice([room for room in stops.rooms if room != here]))
         goal = stops.point(here, rng)
-        way = DistanceField(world.walls, ROBOT_RADIUS + _CLEARANCE, goal).way(simulator.pose[:2])
+        way = DistanceField(world.walls, ROBOT_RADIUS + _CLEARANCE, goal).path(simulator.pose[:2])
         if not len(way):
             tight = DistanceField(world.walls, ROBOT_RADIUS, goal, tight=True)
-            way = tight.way(simulator.pose[:2])
+            way = tight.path(simulator.pose[:2])
         for turn in way:
             yield from follow_leg(simulator, turn, STEPS)

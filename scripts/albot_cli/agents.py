@@ -21,7 +21,7 @@ def command() -> None:
 @command.command("list")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def list_agents(as_json: bool) -> None:
-    """List the agents and what each does; of trained ones, where their cards are."""
+    """List the agents, what each does, and the model cards of the trained ones."""
     from albot_agents.registry import agent_names, find_agent, make_agent
     from albot_agents.trained.trained_agent import card_path
 

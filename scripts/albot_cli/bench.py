@@ -47,8 +47,8 @@ PARTS = (
 @click.option(
     "--rounds",
     type=click.IntRange(1),
-    help="Rounds in which each environment is timed; the best counts. More help on a busy "
-    f"machine.  [default: {ROUNDS}]",
+    help="Number of times each environment is measured; the best counts. More rounds help on a "
+    f"busy machine.  [default: {ROUNDS}]",
 )
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
@@ -60,9 +60,9 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Measure speed: laser, mappers, environments, a learner, random worlds and the start.
+    """Measure speed: laser, mappers, environments, a learner, random worlds and start-up.
 
-    The part `journey` leads a mapper 10 km through one building, to see whether it slows down.
+    The part `journey` leads a mapper 10 km through a building, to see whether it slows down.
     Each other figure is the best of several rounds on one core; `processes` uses a core for each
     process, `learner` all cores.
     """
@@ -71,20 +71,20 @@ def command(
             raise InputError("--part", f"one of {', '.join(PARTS)}", repr(part))
     if out is not None:
         if parts and "journey" not in parts:
-            raise InputError("--out", "--part journey, whose page it is", ", ".join(parts))
+            raise InputError("--out", "--part journey, which writes the page", ", ".join(parts))
         check_file(out, force=force)
         check_file(out.with_suffix(".png"), force=force)
     if rounds is not None and parts and "env" not in parts:
-        raise InputError("--rounds", "--part env, whose rounds they are", ", ".join(parts))
+        raise InputError("--rounds", "--part env, which is measured in rounds", ", ".join(parts))
     measures = _measures(log, rounds or ROUNDS)
     chosen = parts or PARTS
     # All keys are present even if not measured, so that programs can rely on them.
     figures: dict[str, Any] = {"machine": _machine(), "laser": [], "mapper": [], "env": []}
     figures |= {"journey": [], "generator": [], "processes": {}, "learner": {}}
-    with progress("bench", len(chosen), "parts") as tell:
+    with progress("bench", len(chosen), "parts") as update:
         for done, part in enumerate(chosen, start=1):
             figures[part] = measures[part]()
-            tell(done)
+            update(done)
     if out is not None and figures["journey"]:
         write_long_run(out, figures["journey"], figures["machine"])
     click.echo(json.dumps(figures) if as_json else as_text(figures))
@@ -173,8 +173,8 @@ def _mapper(row: Figures) -> str:
             f"{row['regions']} regions  {row['name']}"
         )
     batch = (
-        f"; {row['batch']} at once {row['batch_readings_per_second']:,.0f} in sum, "
-        f"{row['row_readings_per_second']:,.0f} where each is asked by itself"
+        f"; {row['batch']} at once {row['batch_readings_per_second']:,.0f} in total, "
+        f"{row['row_readings_per_second']:,.0f} when each is updated alone"
         if "batch" in row
         else ""
     )
@@ -200,7 +200,7 @@ def _environment(row: Figures) -> str:
     parts = f", which observes {row['parts']}" if row["parts"] else ""
     return (
         f"environment {row['num_envs']:7,d} {row['mode']:9s} {row['steps_per_second']:8,.0f} "
-        f"steps/s ({row['steps_per_cpu_second']:,.0f} on a core of its own), "
+        f"steps/s ({row['steps_per_cpu_second']:,.0f} per second of CPU time), "
         f"{row['ratio']:,.2f} times pymunk's loop: {row['id']}{inside}{parts}, "
         f"{row['segments']} walls{memory}{threads}"
     )
@@ -209,14 +209,14 @@ def _environment(row: Figures) -> str:
 def _processes(row: Figures) -> str:
     return (
         f"processes   {row['processes']:7,d} at once   {row['together']:8,.0f} steps/s in "
-        f"sum, {row['scaling']:.2f} times one alone ({row['scaling_cpu']:.2f} on cores of "
-        f"their own): {row['num_envs']} {row['id']} each"
+        f"total, {row['scaling']:.2f} times one alone ({row['scaling_cpu']:.2f} by CPU "
+        f"time): {row['num_envs']} {row['id']} each"
     )
 
 
 def _learner(row: Figures) -> Iterator[str]:
     if "missing" in row:
-        yield f"learner     not measured, for want of {row['missing']}"
+        yield f"learner     not measured, missing: {row['missing']}"
     for run in row.get("runs", ()):
         inside = f" with {run['mapper']}" if run["mapper"] else " environment"
         yield (
@@ -259,6 +259,6 @@ def _startup(row: Figures) -> str:
     return (
         f"start       {row['first_s']:.1f} s compiling everything, {row['later_s']:.2f} s from the "
         f"cache; the README's first episode {row['episode_first_s']:.1f} s "
-        f"({row['episode_first_cpu_s']:.1f} s of a processor), "
+        f"({row['episode_first_cpu_s']:.1f} s of CPU time), "
         f"{row['episode_later_s']:.2f} s from the cache ({row['episode_later_cpu_s']:.2f} s)"
     )

@@ -51,7 +51,7 @@ _FIGURES, _PICTURE = "evaluation.json", "failures.png"
 @click.option(
     "--outward",
     metavar="A..B",
-    help="Length of the way out before homing, in metres.  [default: 30..100]",
+    help="Length of the outward journey, in metres.  [default: 30..100]",
 )
 @click.option("--steps", type=click.IntRange(1), help="Time limit.  [default: the task's]")
 @click.option("--jobs", type=click.IntRange(1), help="Processes.  [default: one a core]")
@@ -79,9 +79,9 @@ def command(
 ) -> int:
     """Run an agent through many episodes of TASK, such as homing (or Albot/Homing-v0).
 
-    Success with its 95 % Wilson interval, success weighted by path length (SPL, its mean and its
-    median with bootstrapped 95 % intervals), how far from home it ended. The exit status
-    is 130 where Ctrl-C ended it before: then the figures are those of the episodes so far.
+    The figures are: success with its 95 % Wilson interval, success weighted by path length (SPL,
+    mean and median, with bootstrapped 95 % intervals), and the final distance from home. If Ctrl-C
+    stops it, the exit status is 130 and the figures are those of the episodes so far.
     """
     from albot_agents.evaluation.plan import parse_seeds, plan_trials
     from albot_agents.registry import check_agent, find_agent
@@ -99,8 +99,8 @@ def command(
         settings["config"] = _way_out(task, outward)
     if out is not None:
         check_folder(out, (_FIGURES, _PICTURE), force=force)
-    thresholds = {} if mapper_config is None else {"mapper_config": mapper_config}
-    untrained = entry.untrained(settings | thresholds)
+    mapper_parameters = {} if mapper_config is None else {"mapper_config": mapper_config}
+    untrained = entry.untrained_settings(settings | mapper_parameters)
     settings = entry.environment(task, settings)
     inside = settings.get("mapper", entry.mapper)
     if mapper_config is not None:
@@ -108,7 +108,7 @@ def command(
     trials = plan_trials(task, agent, worlds, parse_seeds(seeds), settings)
     trials[0].make().close()  # Invalid settings raise before the work begins.
     for setting in untrained:
-        click.echo(f"albot: {agent} never learnt to act with {setting}", err=True)
+        click.echo(f"albot: {agent} was not trained with {setting}", err=True)
     began = time.perf_counter()
     outcomes, stopped = _run(trials, jobs or os.cpu_count() or 1)
     facts: dict[str, Any] = {"task": task, "agent": agent, "mapper": inside, "odometer": odometer}
@@ -129,7 +129,9 @@ def _way_out(task: str, text: str) -> Any:
     from albot_env.tasks.homing.task import HomingConfig, HomingTask
 
     if task != HomingTask.environment:
-        raise InputError("--outward", f"{HomingTask.environment}, which has a way out", task)
+        raise InputError(
+            "--outward", f"{HomingTask.environment}, which has an outward journey", task
+        )
     number = r"(\d+(?:\.\d+)?)"
     found = re.fullmatch(rf"{number}\.\.{number}", text)
     if found is None:
@@ -150,12 +152,12 @@ def _run(trials: list[Trial], jobs: int) -> tuple[list[Outcome], bool]:
     numbers = {(trial.world, trial.seed): k for k, trial in enumerate(trials)}
     results = run_parallel(TrialRunner(), trials, min(jobs, len(trials)))
     try:
-        with progress("evaluate", len(trials), "episodes") as tell, closing(results):
+        with progress("evaluate", len(trials), "episodes") as update, closing(results):
             for outcome in results:
                 if isinstance(outcome, InputError):
                     raise outcome
                 done[numbers[outcome.trial.world, outcome.trial.seed]] = outcome
-                tell(len(done))
+                update(len(done))
     except KeyboardInterrupt:
         stopped = True
     return [done[k] for k in sorted(done)], stopped

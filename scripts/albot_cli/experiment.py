@@ -34,7 +34,7 @@ ALL = "all"
 
 @click.group()
 def command() -> None:
-    """Repeat the papers' experiments and see our figures beside theirs."""
+    """Repeat the papers' experiments and compare our figures with theirs."""
 
 
 @command.command("list")
@@ -54,13 +54,13 @@ def list_experiments(as_json: bool) -> None:
 @click.option(
     "--seeds",
     metavar="A..B",
-    help=f"Both included. By default from {FIRST_SEED} on, as many as the list names.",
+    help=f"First and last seed. Default: from {FIRST_SEED} on, as many as the list shows.",
 )
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder for the report: Markdown, pictures, JSON. Of all: a folder each, and a page "
-    "over them, OUT.md.",
+    help="Folder for the report: Markdown, pictures, JSON. For all: one folder each, and a "
+    "summary page, OUT.md.",
 )
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
@@ -91,7 +91,7 @@ def run_experiment(
 @click.argument("folder", type=click.Path(path_type=Path))
 @FORCE
 def write_page(folder: Path, force: bool) -> None:
-    """Write the page over the reports in FOLDER, which stand there already, one of each."""
+    """Write the summary page of the existing reports in FOLDER, one per experiment."""
     check_file(index_path(folder), force=force)
     reports = [read_report(folder / name) for name in EXPERIMENTS]
     click.echo(str(write_index(reports, folder)))
@@ -140,8 +140,8 @@ def _run_all(
 
 def _run(experiment: Experiment, seeds: range | None) -> Report:
     over = experiment.default_seeds if seeds is None else seeds
-    with progress(experiment.id, len(over), "seeds") as tell:
-        return experiment.run(over, tell)
+    with progress(experiment.id, len(over), "seeds") as update:
+        return experiment.run(over, update)
 
 
 def _print(report: Report, files: list[Path]) -> None:

@@ -112,12 +112,12 @@ def explore_all(explorations: Sequence[Exploration], jobs: int) -> list[Log]:
     explorations[0].make().close()
     logs: dict[tuple[str, int], Log] = {}
     results = run_parallel(ExplorationRunner(), explorations, min(jobs, len(explorations)))
-    with progress("exploring", len(explorations), "worlds") as tell, closing(results):
+    with progress("exploring", len(explorations), "worlds") as update, closing(results):
         for exploration, log in results:
             if isinstance(log, InputError):
                 raise log
             logs[_key(exploration)] = log
-            tell(len(logs))
+            update(len(logs))
     return [logs[_key(exploration)] for exploration in explorations]
 
 

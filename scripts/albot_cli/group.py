@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from albot_cli.main import drop_output
-from albot_cli.signals import die_quietly, heeded
+from albot_cli.signals import handled_signals, use_default_handlers
 
 _CLOSED_PIPE = 141
 """Exit status after the reader of the output has closed the pipe: that of SIGPIPE."""
@@ -28,7 +28,7 @@ SUBCOMMANDS = {
     "results": "Measure all agents in all tasks, for one page.",
     "stress": "Drive agents through many worlds and check every step.",
     "train": "Let an agent learn a task.",
-    "warm-up": "Compile beforehand all that the others need.",
+    "warm-up": "Compile in advance all that the other commands need.",
     "worlds": "List, show, check, convert and make worlds.",
 }
 
@@ -54,7 +54,7 @@ class LazyGroup(click.Group):
         """Import `albot_cli.NAME`, with - replaced by _, and return its `command`."""
         if name not in SUBCOMMANDS:
             return None
-        with _dying_quietly():
+        with _default_handlers():
             module = importlib.import_module(f"albot_cli.{name.replace('-', '_')}")
         command: click.Command = module.command
         return command
@@ -82,10 +82,10 @@ def _until_the_pipe_closes() -> Iterator[None]:
 
 
 @contextmanager
-def _dying_quietly() -> Iterator[None]:
+def _default_handlers() -> Iterator[None]:
     """Let signals end the process at once, without output, during the block."""
-    before = {number: signal.getsignal(number) for number in heeded()}
-    die_quietly()
+    before = {number: signal.getsignal(number) for number in handled_signals()}
+    use_default_handlers()
     try:
         yield
     finally:

@@ -50,7 +50,7 @@ class Keyboard:
         return action
 
 
-SAYS = {
+ENTER_MEANINGS = {
     EXPLORE: "enter: I was here",
     HOMING: "enter: I am home",
     ROUND_TRIP: "enter: I am home",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from albot_core.files import replacing, write_text
+from albot_core.files import atomic_write, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,7 +41,7 @@ def write_long_run(path: Path, rows: Sequence[Row], machine: Row) -> None:
         InputError: A file cannot be written.
     """
     picture = path.with_suffix(".png")
-    with replacing(picture) as stream:
+    with atomic_write(picture) as stream:
         _drawn(rows).savefig(stream, format="png", dpi=90, metadata={"Software": "albot-env"})
     write_text(path, page(rows, machine, picture.name))
 
@@ -53,10 +53,10 @@ def page(rows: Sequence[Row], machine: Row, picture: str) -> str:
         "",
         f"`{rows[0]['name']}` guided from room to room of `{rows[0]['world']}`, drawn at random, "
         f"for {rows[-1]['path_km']:.0f} km: {sum(row['readings'] for row in rows):,} readings. A "
-        "reading's cost is the processor's time for the mapper's update, the mean of a stage; "
-        "the ratio is that over what a thousand additions in Python take, measured in between, "
-        "which tells a slower mapper from a busier machine. What is remembered is all that a "
-        "saved map holds.",
+        "reading's cost is the mean processor time of the mapper's update over a stage. The ratio "
+        "divides it by the time of a thousand additions in Python, measured in between, so that a "
+        "busier machine does not look like a slower mapper. The memory is that of all arrays in a "
+        "saved map.",
         "",
         f"![Cost and memory along the way]({picture})",
         "",

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 
-from albot_cli.signals import STOPPED, Interrupts, die_quietly
+from albot_cli.signals import STOPPED, Interrupts, use_default_handlers
 
 TYPE_CHECKING = False  # Like typing.TYPE_CHECKING, without loading typing.
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def main() -> None:
     The exit status is 0 for success, 2 for bad input, 1 for a bug, 128 + n if signal n ended the
     command, and so 141 (SIGPIPE) if the reader of the output has closed the pipe.
     """
-    die_quietly()
+    use_default_handlers()
     with open(os.devnull, "w", encoding="utf-8") as nowhere:  # noqa: PTH123
         # A stream closed by the caller (`>&-`) is None.
         sys.stdout = sys.stdout or nowhere
@@ -38,14 +38,14 @@ def exit_status(command: click.Command) -> None:
         interrupts.listen()
         returned = command.main(standalone_mode=False)
         status = returned if isinstance(returned, int) else 0
-        die_quietly()
+        use_default_handlers()
     except BaseException as error:  # noqa: BLE001 - an interrupt may come out as any error
-        die_quietly()
-        status = _tell(error, interrupts)
+        use_default_handlers()
+        status = _report_error(error, interrupts)
     sys.exit(interrupts.status if status == STOPPED else status)
 
 
-def _tell(error: BaseException, interrupts: Interrupts) -> int:
+def _report_error(error: BaseException, interrupts: Interrupts) -> int:
     """Report what ended the command, and return the exit status; re-raise other errors."""
     import errno
 
@@ -54,27 +54,27 @@ def _tell(error: BaseException, interrupts: Interrupts) -> int:
     from albot_core.errors import InputError
 
     if interrupts.heard is not None or isinstance(error, click.Abort):
-        _say("albot: stopped")  # Even if a library turned the interrupt into another error.
+        _print_error("albot: stopped")  # Even if a library turned the interrupt into another error.
         return STOPPED
     if isinstance(error, InputError):
-        _say(f"albot: {error}")
+        _print_error(f"albot: {error}")
         return 2
     if isinstance(error, click.ClickException):
         message = error.format_message()
         # A group called without a subcommand shows its help.
-        _say(message if message.startswith("Usage:") else f"albot: {message}")
+        _print_error(message if message.startswith("Usage:") else f"albot: {message}")
         return 2
     # Errors of a full or broken disk or output device.
     no_room = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
     if isinstance(error, OSError) and error.errno in no_room:
         where = error.filename or "what is printed"
-        _say(f"albot: cannot write {where}: {error.strerror}")
+        _print_error(f"albot: cannot write {where}: {error.strerror}")
         drop_output()
         return 1
     raise error
 
 
-def _say(text: str) -> None:
+def _print_error(text: str) -> None:
     from contextlib import suppress
 
     import click

@@ -80,10 +80,9 @@ FILES = (
 @click.option(
     "--recognition",
     is_flag=True,
-    help="Measure as well how surely places are recognised by their structure; takes a "
-    "reference, and a minute or so.",
+    help="Also measure place recognition; needs a reference, and takes about a minute.",
 )
-@click.option("--keep-going", is_flag=True, help="Map the good beginning of a damaged log.")
+@click.option("--keep-going", is_flag=True, help="Map a damaged log up to the damage.")
 @FORCE
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
@@ -98,14 +97,14 @@ def command(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Run a mapper over a real robot's LOG or a recorded EPISODE, and say how well it mapped.
+    """Run a mapper over a real robot's LOG or a recorded EPISODE, and report its errors.
 
-    LOG is a CARMEN, Wean Hall, Duke or JSON log, plain or packed (.gz, .xz); EPISODE is a file
-    of `albot play` (.mcap), which holds its own reference. The seconds reported are those of
-    the mapper's updates alone, compiling excluded.
+    LOG is a CARMEN, Wean Hall, Duke or JSON log, compressed (.gz, .xz) or not; EPISODE is a
+    file of `albot play` (.mcap), which holds its own reference. The seconds reported are those of
+    the mapper's updates alone, without compilation.
     """
     spec = mapper_spec(mapper)
-    thresholds = read_mapper_config(spec, mapper_config)
+    mapper_parameters = read_mapper_config(spec, mapper_config)
     if out is not None:
         check_folder(out, FILES, force=force)
     recorded = read_log_or_episode(log, keep_going)
@@ -116,9 +115,9 @@ def command(
     odometry = score(recorded.odometry_trajectory, truth, true_relations)
     _check_stamps(recorded, odometry, reference, relations)
     check_sensors(spec, recorded.sensors, recorded.name)
-    warm_up(mapper, thresholds, recorded)
-    with progress(f"{mapper} on {recorded.name}", len(recorded.readings), "scans") as tell:
-        run = run_mapper(mapper, thresholds, recorded, tell)
+    warm_up(mapper, mapper_parameters, recorded)
+    with progress(f"{mapper} on {recorded.name}", len(recorded.readings), "scans") as update:
+        run = run_mapper(mapper, mapper_parameters, recorded, update)
     mapped = score(run.believed, truth, true_relations)
     corrected = None if run.corrected is None else score(run.corrected, truth, true_relations)
     figures = report(recorded, run, mapped, corrected, odometry)
@@ -140,7 +139,7 @@ def _check_stamps(
     """
     if reference and odometry.trajectory is None:
         raise InputError(reference, f"moments of {log.name}", "stamps of another log")
-    if relations and odometry.relations is None and log.left_out is None:
+    if relations and odometry.relations is None and log.unread is None:
         raise InputError(relations, f"moments of {log.name}", "stamps of another log")
 
 

@@ -90,7 +90,7 @@ def run_mapper(
     name: str,
     config: Any,
     log: Log,
-    tell: Callable[[int], None],
+    update: Callable[[int], None],
     rng: np.random.Generator | None = None,
 ) -> MappingRun:
     """Run a new mapper over the log.
@@ -99,7 +99,7 @@ def run_mapper(
         name: The mapper's name.
         config: The mapper's parameters (see `make_mapper`).
         log: The log.
-        tell: Called from time to time with the number of scans done.
+        update: Called from time to time with the number of scans done.
         rng: The mapper's random generator (see `make_mapper`).
     """
     mapper = make_mapper(name, config=config, rng=rng)
@@ -114,8 +114,8 @@ def run_mapper(
         if isinstance(mapper, AttractorNetwork):
             packets[number] = mapper.activity.packet[:2]
         if number % _TELL_EVERY == 0:
-            tell(number)
-    tell(len(log.readings))
+            update(number)
+    update(len(log.readings))
     corrected = None
     if isinstance(mapper, CorrectedTrajectory):
         corrected = Trajectory(stamps=log.stamps, poses=mapper.corrected_poses())
@@ -170,7 +170,7 @@ def report(
         "odometry_relations": _relations(odometry.relations),
         "map_entropy": _entropy(log, run.believed.poses),
         "odometry_map_entropy": _entropy(log, log.odometry),
-        "left_out": None if log.left_out is None else vars(log.left_out),
+        "left_out": None if log.unread is None else vars(log.unread),
     }
 
 
@@ -212,7 +212,7 @@ def as_table(figures: dict[str, Any]) -> str:
     if figures["left_out"]:
         lost = figures["left_out"]
         counts = f"{_many(lost['lines'], 'line')}, {_many(lost['scans'], 'scan')}"
-        lines += ["", f"left out: {counts} ({lost['reason']})"]
+        lines += ["", f"not read: {counts} ({lost['reason']})"]
     return "\n".join(lines)
 
 

@@ -17,7 +17,7 @@ from albot_core.yaml_document import read_yaml
 mapper_config_option = click.option(
     "--mapper-config",
     type=click.Path(path_type=Path, dir_okay=False),
-    help="YAML file of the mapper's thresholds that differ from its default ones.",
+    help="YAML file with mapper parameters that override the defaults.",
 )
 
 

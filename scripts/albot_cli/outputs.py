@@ -10,10 +10,10 @@ from pathlib import Path
 import click
 
 from albot_core.errors import InputError
-from albot_core.files import is_stream, make_folder, replacing, scratch_folder
+from albot_core.files import atomic_write, is_stream, make_folder, scratch_folder
 from albot_core.interrupts import interrupts_deferred
 
-FORCE = click.option("--force", is_flag=True, help="Overwrite files that are there.")
+FORCE = click.option("--force", is_flag=True, help="Overwrite existing files.")
 """The option of every command that writes files named by the user."""
 
 
@@ -26,7 +26,7 @@ def check_folder(folder: Path, names: Iterable[str] = (), *, force: bool = False
         force: Whether these files may exist.
     """
     if not folder.exists() and not folder.parent.exists():
-        raise InputError(folder, f"a folder {folder.parent} to make it in", "none")
+        raise InputError(folder, f"an existing parent folder {folder.parent}", "none")
     _check_writable(folder, folder if folder.exists() else folder.parent, "a folder to write to")
     for name in names if folder.exists() else ():
         check_file(folder / name, force=force)
@@ -42,7 +42,7 @@ def check_file(path: Path, *, force: bool = False) -> None:
     if is_stream(path):
         return
     if path.exists() and not force:
-        raise InputError(path, "no file, or --force to overwrite it", "one")
+        raise InputError(path, "no existing file, or --force to overwrite it", "one")
     _check_writable(path, path.resolve().parent, "a file to write")
 
 
@@ -68,7 +68,7 @@ def filled_folder(folder: Path) -> Iterator[Path]:
         with interrupts_deferred(), ExitStack() as files:
             make_folder(folder)
             for path in sorted(scratch.iterdir()):
-                stream = files.enter_context(replacing(folder / path.name))
+                stream = files.enter_context(atomic_write(folder / path.name))
                 stream.write(path.read_bytes())
                 stream.flush()  # A full disk raises here, before anything is replaced.
 

@@ -177,7 +177,7 @@ def _free_names(record: Path | None, png: Path | None) -> tuple[Path, Path]:
 def _check_picture(png: Path, episode: Path, force: bool) -> None:
     """Raise InputError if the picture cannot be written, or would overwrite the episode."""
     if png.resolve() == episode.resolve():
-        raise InputError("--png", "another file than the episode's", str(png))
+        raise InputError("--png", "a file other than the episode", str(png))
     check_png(png, force=force)
 
 
@@ -202,7 +202,7 @@ def _run(
     import gymnasium
 
     from albot_cli.episodes import RunningEpisode
-    from albot_cli.keyboard import SAYS, Keyboard
+    from albot_cli.keyboard import ENTER_MEANINGS, Keyboard
     from albot_cli.watch import open_viewer, watch
     from albot_env.recording.writer import EpisodeWriter
     from albot_env.rendering.controls import Controls
@@ -210,7 +210,7 @@ def _run(
 
     task, agent, entry = _choose(task, agent)
     if agent == Keyboard.name and headless:
-        raise InputError("--agent keyboard", "somebody who watches", "--headless or --json")
+        raise InputError("--agent keyboard", "a window or a terminal", "--headless or --json")
     asked: dict[str, Any] = {"mapper": mapper, **sensors}
     settings = {name: value for name, value in asked.items() if value is not None}
     settings |= {"world": world, "movables": not no_movables}
@@ -224,7 +224,7 @@ def _run(
     assert isinstance(inside, SingleEnv)
     inside.agent, inside.recorder = agent, EpisodeWriter(record, overwrite=force)
     drives = isinstance(driver, Keyboard)
-    more = f"arrows drive · {SAYS[task]}" if drives else ""
+    more = f"arrows drive · {ENTER_MEANINGS[task]}" if drives else ""
     controls = Controls(speed or (1.0 if drives else 10.0), recorded=False, more=more)
     try:
         episode = RunningEpisode(env, driver, seed, steps=steps)
@@ -236,12 +236,12 @@ def _run(
             _save_picture(episode.frame, png)
 
         with (
-            _told_what_is_left(record),
-            open_viewer(title, steps, headless=headless) as (viewer, tell),
+            _report_partial_recording(record),
+            open_viewer(title, steps, headless=headless) as (viewer, update),
         ):
             if isinstance(driver, Keyboard):
                 driver.listen(viewer)
-            watch(episode, viewer, controls, tell=tell, at_end=keep)
+            watch(episode, viewer, controls, update=update, at_end=keep)
         info = episode.info
         return {
             **_summary(episode),
@@ -278,7 +278,7 @@ def _choose(task: str | None, agent: str | None) -> tuple[str, str, AgentEntry]:
 
 
 @contextmanager
-def _told_what_is_left(record: Path) -> Iterator[None]:
+def _report_partial_recording(record: Path) -> Iterator[None]:
     """If Ctrl-C ends the episode, print which file holds it."""
     try:
         yield
@@ -296,10 +296,10 @@ def _play_back(episode: Path, png: Path | None, speed: float, headless: bool) ->
     recorded = RecordedEpisode(episode, seekable=not headless)
     reader = recorded.reader
     controls = Controls(speed, recorded=True)
-    with open_viewer(f"{episode}", recorded.steps, headless=headless) as (viewer, tell):
-        watch(recorded, viewer, controls, tell=tell)
+    with open_viewer(f"{episode}", recorded.steps, headless=headless) as (viewer, update):
+        watch(recorded, viewer, controls, update=update)
     if reader.torn:
-        told = f"{episode}: ends early, as it was never closed; played up to its last whole chunk"
+        told = f"{episode}: never closed, ends early; played up to its last complete chunk"
         click.echo(f"albot: {told}, at {recorded.time:.1f} s", err=True)
     if png is not None:
         _save_picture(recorded.frame, png)

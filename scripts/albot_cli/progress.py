@@ -15,7 +15,7 @@ EVERY = 60.0
 """Time between two lines without a terminal (s)."""
 
 
-class Tell(Protocol):
+class ProgressCallback(Protocol):
     """Receives the progress."""
 
     def __call__(self, done: int, note: str = "") -> None:
@@ -30,7 +30,7 @@ def progress(
     *,
     start: int = 0,
     every: float | None = None,
-) -> Iterator[Tell]:
+) -> Iterator[ProgressCallback]:
     """Show the progress of long work, its rate, and the remaining time.
 
     It goes to stderr: as a bar if that is a terminal, otherwise as lines.
@@ -70,12 +70,12 @@ def progress(
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(description, total=total, completed=start, rate="", note="")
 
-        def tell(done: int, note: str = "") -> None:
+        def update(done: int, note: str = "") -> None:
             seconds = bar.tasks[task].elapsed
             rate = _rate(done - start, seconds, unit) if seconds else ""
             bar.update(task, completed=done, rate=rate, note=note)
 
-        yield tell
+        yield update
 
 
 class _Lines:

@@ -27,7 +27,12 @@ if TYPE_CHECKING:
     show_default=True,
     help="The page; the figures go into a JSON file beside it.",
 )
-@click.option("--task", "tasks", multiple=True, help="Only this one; repeatable. The others' stay.")
+@click.option(
+    "--task",
+    "tasks",
+    multiple=True,
+    help="Measure only this task; repeatable. Rows of other tasks stay.",
+)
 @click.option(
     "--seeds",
     default="2000..2039",
@@ -38,7 +43,7 @@ if TYPE_CHECKING:
 @click.option(
     "--plans",
     type=click.Path(path_type=Path, file_okay=False, exists=True),
-    help="Folder of real floor plans in XML. Without it these rows are left out.",
+    help="Folder of real floor plans in XML; without it, there are no rows for them.",
 )
 @click.option(
     "--plan-seeds",
@@ -60,28 +65,30 @@ def command(
 ) -> int:
     """Measure all agents in all tasks, and write the page of results.
 
-    It is written anew after each task: Ctrl-C loses no more than those of the present one. The exit
-    status is 130 then.
+    The page is rewritten after each task. If Ctrl-C stops it, the exit status is 130, and only the
+    figures of the current task are lost.
     """
     from albot_agents.evaluation.comparison import COMPARISONS, PLANS, RANDOM, plan_paired_trials
     from albot_agents.evaluation.plan import parse_seeds
     from albot_agents.evaluation.results_page import read_figures, render_page, save_figures
     from albot_core.files import write_text
 
-    known = [contest.task for contest in COMPARISONS]
+    known = [comparison.task for comparison in COMPARISONS]
     for task in tasks:
         if task not in known:
             raise InputError("--task", f"one of {', '.join(known)}", task)
     figures = out.with_suffix(".json")
     check_file(out, force=True)  # Existing rows are kept.
     read_figures(figures)  # A file that is not one of figures raises before the work begins.
-    contests = [contest for contest in COMPARISONS if not tasks or contest.task in tasks]
+    comparisons = [
+        comparison for comparison in COMPARISONS if not tasks or comparison.task in tasks
+    ]
     worlds = {kind: [spec] for kind, spec in RANDOM.items()}
     ranges = dict.fromkeys(RANDOM, parse_seeds(seeds))
     if plans is not None:
         worlds[PLANS] = [str(plans / "*.xml")]
         ranges[PLANS] = parse_seeds(plan_seeds)
-    planned = [plan_paired_trials([contest], worlds, ranges) for contest in contests]
+    planned = [plan_paired_trials([comparison], worlds, ranges) for comparison in comparisons]
     said = ["albot", "results", *(word for task in tasks for word in ("--task", task))]
     said += ["--seeds", seeds]
     if plans is not None:
@@ -101,14 +108,14 @@ def _measure(planned: list[list[PairedTrials]], jobs: int) -> Iterator[Figures]:
     from albot_agents.evaluation.comparison import run_paired_trials
 
     before = 0
-    with progress("results", sum(map(len, planned)), "meetings") as tell:
-        for meetings in planned:
+    with progress("results", sum(map(len, planned)), "trials") as update:
+        for paired_trials in planned:
 
             def over(done: int, before: int = before) -> None:
-                tell(before + done)
+                update(before + done)
 
-            yield run_paired_trials(meetings, jobs, over)
-            before += len(meetings)
+            yield run_paired_trials(paired_trials, jobs, over)
+            before += len(paired_trials)
 
 
 def _line(words: list[str]) -> str:

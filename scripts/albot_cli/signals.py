@@ -35,7 +35,7 @@ class Interrupts:
 
     def listen(self) -> None:
         """Raise KeyboardInterrupt from now on."""
-        for number in heeded():
+        for number in handled_signals():
             signal.signal(number, self._stop)
 
     def _stop(self, number: int, frame: FrameType | None) -> NoReturn:
@@ -43,17 +43,17 @@ class Interrupts:
         raise KeyboardInterrupt
 
 
-def die_quietly() -> None:
+def use_default_handlers() -> None:
     """Let signals end the process at once, without output, from now on.
 
     Use it when there is nothing to clean up: during imports, where an exception could be replaced
     by another or lost, and at the very end.
     """
-    for number in heeded():
+    for number in handled_signals():
         signal.signal(number, signal.SIG_DFL)
 
 
-def heeded() -> list[signal.Signals]:
+def handled_signals() -> list[signal.Signals]:
     """Return the signals that end programs, except those that are ignored."""
     known = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
     return [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]

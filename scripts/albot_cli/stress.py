@@ -75,17 +75,17 @@ def command(
 ) -> int:
     """Drive agents through many worlds and check every step.
 
-    Nothing may be NaN or outside its space, no reward other than the sum of its terms, no
-    robot inside or behind a wall or inside something that moves, no laser beam longer or
-    shorter than the way to the nearest surface, and no echo of a sonar from where none can
-    be. What is wrong is printed with the command that shows it again. The exit status is
-    0 where nothing is, 1 where something is, and 130 where Ctrl-C ended it before.
+    No number may be NaN or outside its space. Each reward must be the sum of its terms. No robot
+    may be inside or behind a wall, or inside a movable. Each laser beam must be as long as the
+    distance to the nearest surface, and each sonar echo must come from a possible surface. Each
+    violation is printed with the command that reproduces it. The exit status is 0 without
+    violations, 1 with some, and 130 if Ctrl-C stops it.
     """
     from albot_agents.registry import EXPLORE, check_agent
     from albot_agents.stress import plan_episodes
 
     _check_mapper(mapper)
-    thresholds = None if mapper_config is None else read_robots_config(mapper, mapper_config)
+    mapper_parameters = None if mapper_config is None else read_robots_config(mapper, mapper_config)
     chosen = tuple(dict.fromkeys(agents))
     for name in chosen:
         check_agent(name, EXPLORE)
@@ -96,7 +96,7 @@ def command(
         first=seed,
         mapper=mapper,
         steps=steps,
-        mapper_config=thresholds,
+        mapper_config=mapper_parameters,
         mapper_config_file=mapper_config,
     )
     tally = _Tally()
@@ -185,9 +185,9 @@ def _run(episodes: list[Episode], jobs: int, tally: _Tally) -> None:
     length = episodes[0].steps
     outcomes = run_parallel(StressRunner(), episodes, jobs)
     try:
-        with progress("stress", len(episodes) * length, "steps") as tell, closing(outcomes):
+        with progress("stress", len(episodes) * length, "steps") as update, closing(outcomes):
             for done, outcome in enumerate(outcomes, start=1):
                 tally.add(outcome)
-                tell(done * length)
+                update(done * length)
     except KeyboardInterrupt:
         tally.stopped = True

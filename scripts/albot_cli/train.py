@@ -39,7 +39,7 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
     help="The plan, a YAML file.  [default: the one that comes with the task]",
 )
 @click.option("--out", type=_FOLDER, help="Folder of the run.  [default: runs/TASK-ALGORITHM-N]")
-@click.option("--resume", type=_FOLDER, help="Go on with the run in this folder.")
+@click.option("--resume", type=_FOLDER, help="Continue the run in this folder.")
 @click.option("--seed", type=click.IntRange(0), help="[default: the plan's]")
 @click.option(
     "--steps", type=click.IntRange(1), help="Samples in all.  [default: the plan's n_timesteps]"
@@ -47,7 +47,7 @@ _FOLDER = click.Path(path_type=Path, file_okay=False)
 @click.option(
     "--quiet",
     is_flag=True,
-    help="No lines about the progress where stderr is no terminal.",
+    help="Print no progress lines if stderr is not a terminal.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(
@@ -62,11 +62,11 @@ def command(
 ) -> int:
     """Train an agent for TASK, such as homing (or Albot/Homing-v0).
 
-    Needs what the extra `train` brings: pip install -c constraints.txt '.[train]' in a clone.
+    Needs the extra `train`: pip install -c constraints.txt '.[train]' in a clone.
 
-    The run's folder holds all that is needed to go on: killed at any moment and begun again with
-    --resume, it loses at most what came after the last checkpoint. Ctrl-C writes a checkpoint
-    and ends with exit status 130. best.albot and last.albot in the folder are agents for
+    The run's folder holds everything needed to resume: a run that is killed and continued with
+    --resume loses at most the samples after the last checkpoint. Ctrl-C writes a checkpoint and
+    ends with exit status 130. best.albot and last.albot in the folder are agents for
     `albot evaluate --agent FILE`.
     """
     _check_installed()
@@ -80,7 +80,7 @@ def command(
 def _check_installed() -> None:
     missing = [name for name in _NEEDED if importlib.util.find_spec(name) is None]
     if missing:
-        expected = f"what the extra `train` brings ({TRAINING_EXTRA})"
+        expected = f"the packages of the extra `train` ({TRAINING_EXTRA})"
         raise InputError("albot train", expected, f"no {', '.join(missing)}")
 
 
@@ -102,7 +102,7 @@ def _begin(
     if resume is not None:
         for name, value in (("--config", config), ("--out", out), ("--seed", seed)):
             if value is not None:
-                raise InputError(name, "no such option when a run is resumed", str(value))
+                raise InputError(name, "no such option with --resume", str(value))
         folder = RunFolder(resume)
         return folder, folder.resume(task, n_timesteps=steps)
     changes = {"seed": seed, "n_timesteps": steps}
@@ -130,8 +130,8 @@ def _train(folder: RunFolder, plan: TrainingPlan, every: float) -> dict[str, Any
 
     run = TrainingRun(folder, plan, warn)
     title, start = f"train {plan.task}", run.learner.num_timesteps
-    with progress(title, plan.n_timesteps, "samples", start=start, every=every) as tell:
-        return run.run(tell)
+    with progress(title, plan.n_timesteps, "samples", start=start, every=every) as update:
+        return run.run(update)
 
 
 def _as_text(result: dict[str, Any]) -> str:
@@ -152,7 +152,7 @@ def _as_text(result: dict[str, Any]) -> str:
     if result["checkpoint"]:
         lines.append(f"  {'checkpoint':<10} {result['checkpoint']}")
     if result["stopped"]:
-        lines.append(f"  go on with: albot train --resume {shlex.quote(result['folder'])}")
+        lines.append(f"  continue with: albot train --resume {shlex.quote(result['folder'])}")
     return "\n".join(lines)
 
 

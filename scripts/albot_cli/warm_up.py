@@ -26,18 +26,19 @@ MOVABLE = "random:office:0?rooms=4&people=1&boxes=1&doors=1"
 @click.command()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object and nothing else.")
 def command(as_json: bool) -> None:
-    """Compile beforehand what environments, mappers, agents and other commands need.
+    """Compile in advance what environments, mappers, agents and other commands need.
 
-    It is kept beside the source, or in the folder that NUMBA_CACHE_DIR names, until the package
-    changes. What is kept is not compiled again: an interrupted call goes on where it stopped.
+    The compiled code is cached beside the source, or in the folder that NUMBA_CACHE_DIR names,
+    until the package changes. Cached code is not compiled again, so an interrupted call continues
+    where it stopped.
     """
     began, parts = time.monotonic(), dict(_parts())
     with _silence(), _counting() as compiled:
-        with progress("warm-up", len(parts), "parts", every=10.0) as tell:
+        with progress("warm-up", len(parts), "parts", every=10.0) as update:
             for done, (name, run) in enumerate(parts.items()):
-                tell(done, name)
+                update(done, name)
                 run()
-            tell(len(parts))
+            update(len(parts))
         seconds = time.monotonic() - began
     if as_json:
         click.echo(json.dumps({"compiled": len(compiled), "seconds": seconds}))

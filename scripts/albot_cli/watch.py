@@ -24,7 +24,7 @@ LONGEST_STEP = 10.0
 led from stop to stop, a step can take minutes."""
 _LAG = 0.25
 """Largest delay by slow drawing that is caught up (s)."""
-_ATTENTION = 0.02
+_KEY_POLL_INTERVAL = 0.02
 """Time between two checks for keys (s)."""
 
 
@@ -33,7 +33,7 @@ def watch(
     viewer: Viewer,
     controls: Controls,
     *,
-    tell: Callable[[], None] = lambda: None,
+    update: Callable[[], None] = lambda: None,
     at_end: Callable[[], None] = lambda: None,
 ) -> None:
     """Show an episode at the chosen speed; without a viewer, run it as fast as possible.
@@ -44,13 +44,13 @@ def watch(
         episode: The episode.
         viewer: Shows the frames.
         controls: The state set by keys: pause, speed, jumps.
-        tell: Called after every step.
+        update: Called after every step.
         at_end: Called once, when the episode is over or the user quits.
     """
     watched, ended, stale = not isinstance(viewer, NullViewer), False, True
     pace, shown = _Pace(controls), -inf
     while not controls.closed:
-        if _heed(viewer, controls):
+        if _handle_keys(viewer, controls):
             pace.resume()
             stale = True
         jump, running = controls.take_jump(), not (controls.paused or episode.over)
@@ -60,7 +60,7 @@ def watch(
         elif running and (not watched or pace.wait <= 0):
             before = episode.time
             episode.advance()
-            tell()
+            update()
             pace.follow(episode.time - before)
             stale = True
         if episode.over and not ended:
@@ -73,12 +73,14 @@ def watch(
         if ended and not viewer.lasting:
             break
         if watched:
-            time.sleep(min(max(pace.wait, 0.0), _ATTENTION) if running else _ATTENTION)
+            time.sleep(
+                min(max(pace.wait, 0.0), _KEY_POLL_INTERVAL) if running else _KEY_POLL_INTERVAL
+            )
     if not ended:
         at_end()
 
 
-def _heed(viewer: Viewer, controls: Controls) -> bool:
+def _handle_keys(viewer: Viewer, controls: Controls) -> bool:
     """Handle the pressed keys; return whether there were any."""
     keys = viewer.keys()
     for key in keys:
@@ -121,7 +123,7 @@ def _footer(episode: PlayedEpisode, controls: Controls) -> Footer:
 
 
 @contextmanager
-def open_viewer(title: str, steps: int, *, headless: bool) -> Iterator[tuple[Viewer, Tell]]:
+def open_viewer(title: str, steps: int, *, headless: bool) -> Iterator[tuple[Viewer, StepCallback]]:
     """Open a window if there is a display, otherwise use the terminal, otherwise nothing.
 
     Unless the terminal shows the episode, a line on stderr shows the progress.
@@ -139,7 +141,7 @@ def open_viewer(title: str, steps: int, *, headless: bool) -> Iterator[tuple[Vie
         from albot_env.rendering.terminal import TerminalView
 
         with closing(TerminalView(Console())) as view:
-            yield view, _tell_nobody
+            yield view, _update_nothing
         return
     progress = Progress(
         # Markup would turn `:office:` in a world's name into an emoji.
@@ -155,20 +157,20 @@ def open_viewer(title: str, steps: int, *, headless: bool) -> Iterator[tuple[Vie
         task = progress.add_task(title, total=steps, rate="")
         began, done = time.monotonic(), 0
 
-        def tell() -> None:
+        def update() -> None:
             nonlocal done
             done += 1
             rate = done / max(time.monotonic() - began, 1e-6)
             progress.update(task, advance=1, rate=f"{rate:.0f} steps/s")
 
-        yield viewer, tell
+        yield viewer, update
 
 
-Tell = Callable[[], None]
+StepCallback = Callable[[], None]
 """Called after each step."""
 
 
-def _tell_nobody() -> None:
+def _update_nothing() -> None:
     """Do nothing: the terminal view shows the progress."""
 
 

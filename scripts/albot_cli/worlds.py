@@ -21,7 +21,7 @@ _MOST_ON_A_SHEET = 100
 _SINGULAR = {"boxes": "box"}
 _WORLD = click.argument("spec", metavar="WORLD")
 _STRICT = click.option(
-    "--strict", is_flag=True, help="Refuse a world of which its reader left out anything."
+    "--strict", is_flag=True, help="Refuse a world if its reader left anything out."
 )
 
 
@@ -30,7 +30,7 @@ def command() -> None:
     """List, show, check, convert and make worlds.
 
     WORLD is a name that `albot worlds list` prints, a random world (random:KIND:SEED), or
-    a file: our own YAML, a ROS map (.yaml, .pgm, .png), an XML floor plan, a house of
+    a file: albot-world YAML, a ROS map (.yaml, .pgm, .png), an XML floor plan, a house of
     HouseExpo (.json), or a Stage world (.world); compressed (.gz, .xz) or not.
     """
 
@@ -55,7 +55,7 @@ def list_worlds(as_json: bool) -> None:
 @_STRICT
 @_JSON
 def show(spec: str, png: Path | None, force: bool, strict: bool, as_json: bool) -> None:
-    """Say what WORLD holds, and draw it."""
+    """Describe WORLD, and draw it."""
     check_png(png, force=force)
     world = _load(spec, strict)
     facts = summary(world)
@@ -72,7 +72,7 @@ def show(spec: str, png: Path | None, force: bool, strict: bool, as_json: bool) 
 @_STRICT
 @_JSON
 def check(spec: str, strict: bool, as_json: bool) -> None:
-    """Check that WORLD can be read and is valid; say what its reader left out."""
+    """Check that WORLD can be read and is valid; list what its reader left out."""
     facts = summary(_load(spec, strict))
     if as_json:
         click.echo(json.dumps({"valid": True, **facts}))
@@ -89,7 +89,7 @@ def check(spec: str, strict: bool, as_json: bool) -> None:
 @_STRICT
 @_JSON
 def convert(spec: str, out: Path, force: bool, strict: bool, as_json: bool) -> None:
-    """Write WORLD, whatever its format, as our own YAML."""
+    """Write WORLD, whatever its format, as albot-world YAML."""
     if out.suffix not in {".yaml", ".yml"}:
         raise InputError("--out", "a name that ends in .yaml", str(out))
     check_file(out, force=force)
@@ -107,7 +107,7 @@ def _load(spec: str, strict: bool) -> World:
     """
     world = load_world(spec)
     if strict and world.notes:
-        raise InputError(spec, "a world of which nothing is left out", "; ".join(world.notes))
+        raise InputError(spec, "a world without notes, with --strict", "; ".join(world.notes))
     return world
 
 
@@ -130,14 +130,28 @@ class _MakeCommand(click.Command):
 
 
 def _default(value: object) -> str:
-    return "what suits the rest" if value is None else str(value).lower()
+    return "chosen automatically" if value is None else str(value).lower()
 
 
 @command.command(cls=_MakeCommand)
 @click.argument("kind")
-@click.option("--count", type=click.IntRange(1), default=1, show_default=True, help="How many.")
-@click.option("--seed", type=click.IntRange(0), default=0, show_default=True, help="The first's.")
-@click.option("--param", "params", multiple=True, metavar="KEY=VALUE", help="A parameter's value.")
+@click.option(
+    "--count", type=click.IntRange(1), default=1, show_default=True, help="Number of worlds."
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=0,
+    show_default=True,
+    help="Seed of the first world; the others follow.",
+)
+@click.option(
+    "--param",
+    "params",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Value of a parameter; repeatable.",
+)
 @click.option("--out", type=click.Path(path_type=Path), help="The folder to write YAML files to.")
 @click.option("--png", type=click.Path(path_type=Path), help="Draw all of them on one sheet.")
 @FORCE
@@ -152,10 +166,7 @@ def make(
     force: bool,
     as_json: bool,
 ) -> None:
-    """Make random worlds of a KIND: apartment, hall, maze, office, ring or warehouse.
-
-    The seeds are counted up from --seed.
-    """
+    """Make random worlds of a KIND: apartment, hall, maze, office, ring or warehouse."""
     check_png(png, force=force)
     if out is None and png is None:
         raise InputError("albot worlds make", "--out DIR, --png FILE or both", "neither")
@@ -163,10 +174,10 @@ def make(
         raise InputError("--png", f"at most {_MOST_ON_A_SHEET} worlds on one sheet", str(count))
     query = "?" + "&".join(params) if params else ""
     worlds = []
-    with progress("make", count, "worlds") as tell:
+    with progress("make", count, "worlds") as update:
         for done in range(count):
             worlds.append(load_world(f"random:{kind}:{seed + done}{query}"))
-            tell(done + 1)
+            update(done + 1)
     if out is not None:
         check_folder(out, [f"{world.name}.yaml" for world in worlds], force=force)
         make_folder(out)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from albot_core.errors import InputError
-from albot_core.files import make_folder, replacing, write_text
+from albot_core.files import atomic_write, make_folder, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -119,7 +119,7 @@ class Report:
         paths = []
         for name, figure in self.pictures.items():
             path = folder / f"{name}.png"
-            with replacing(path) as stream:
+            with atomic_write(path) as stream:
                 stream.write(_small_png(figure))
             paths.append(path)
         result, report = (folder / name for name in REPORT_FILES)

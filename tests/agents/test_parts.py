@@ -17,7 +17,7 @@ from albot_core.planning.gap_explorer import CandidateGoals, find_gaps
 from albot_core.planning.grid_search import (
     BLOCKED,
     FREE,
-    WANTED,
+    TARGET,
     search_grid,
     trace_path,
 )
@@ -203,7 +203,7 @@ def test_a_search_with_an_end_finds_the_shortest_way_there(
         assert (ways[tuple(cells.T)] == all_ways[tuple(cells.T)]).all()
     wanted = (rng.random(grid.shape) < 0.03) & (grid == FREE)
     wanted[start] = False
-    ways, end = _search(np.where(wanted, np.int8(WANTED), grid), start, before, *settings, (-1, -1))
+    ways, end = _search(np.where(wanted, np.int8(TARGET), grid), start, before, *settings, (-1, -1))
     clear = _slow_search(np.where(grid == 0, FREE, grid) if unknown_is_free else grid, start, 2)
     near = np.hypot(*(np.indices(grid.shape) - np.array(start)[:, None, None])) <= 3
     reached = np.sort(clear[wanted & (clear >= 0) & ~near])

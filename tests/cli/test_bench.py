@@ -122,7 +122,7 @@ def test_ratslam_has_its_keys_and_lines(monkeypatch: pytest.MonkeyPatch) -> None
 def test_a_missing_learner_is_a_line() -> None:
     figures = bench("--part", "laser") | {"learner": {"missing": "torch: pip install it"}}
     assert as_text(figures).splitlines()[-1] == (
-        "learner     not measured, for want of torch: pip install it"
+        "learner     not measured, missing: torch: pip install it"
     )
 
 
@@ -149,7 +149,7 @@ def test_a_mappers_line_tells_what_a_batch_does() -> None:
     figures = {**bench("--part", "laser"), "mapper": [row | batch, row]}
     told = [line for line in as_text(figures).splitlines() if line.startswith("mapper")]
     alone = "mapper            7 surfaces     1,500 readings/s  odometry"
-    assert told[0] == f"{alone}; 4 at once 2,000,000 in sum, 30,000 where each is asked by itself"
+    assert told[0] == f"{alone}; 4 at once 2,000,000 in total, 30,000 when each is updated alone"
     assert told[1] == alone
 
 
@@ -204,8 +204,8 @@ def test_a_large_map_knows_the_floor_again_and_again_and_maps_on() -> None:
     [
         (["--part", "lazer"], "one of laser"),
         (["--log", "missing.log"], "file not found"),
-        (["--part", "startup", "--out", "page.md"], "--part journey, whose page it is"),
-        (["--part", "startup", "--rounds", "2"], "--part env, whose rounds they are"),
+        (["--part", "startup", "--out", "page.md"], "--part journey, which writes the page"),
+        (["--part", "startup", "--rounds", "2"], "--part env, which is measured in rounds"),
     ],
 )
 def test_bad_input_is_one_line(args: list[str], message: str, tmp_path: Path) -> None:

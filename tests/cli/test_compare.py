@@ -154,7 +154,7 @@ def test_bad_input(words, message, corridor, call):
 def test_nothing_is_overwritten_unasked(corridor, tmp_path, call):
     (tmp_path / "comparison.md").write_text("mine")
     result = call("compare", corridor[0], "--out", tmp_path)
-    assert "comparison.md: expected no file, or --force" in str(result.exception)
+    assert "comparison.md: expected no existing file, or --force" in str(result.exception)
     assert (tmp_path / "comparison.md").read_text() == "mine"
 
 

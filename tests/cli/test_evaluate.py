@@ -133,7 +133,7 @@ def test_a_trained_agent_with_another_mapper_is_told_of(
     status, out, err = run(*words, "--mapper", "none")
     assert status == 0
     untrained = "mapper none (trained with albot1)"
-    assert err == f"albot: homing never learnt to act with {untrained}\n"
+    assert err == f"albot: homing was not trained with {untrained}\n"
     assert json.loads(out)["untrained"] == [untrained]
     status, out, err = run(*words)
     assert (status, err, json.loads(out)["untrained"]) == (0, "", [])
@@ -163,7 +163,7 @@ def test_exploring_has_no_success(run: Albot, monkeypatch: pytest.MonkeyPatch) -
         (("Albot/Homing-v0", "--agent", "random", "--mapper", "albot9"), "albot9"),
         (("Albot/Homing-v0", "--agent", "random", "--noise", "loud"), "loud"),
         (("Albot/Homing-v0", "--agent", "random", "--outward", "9..3"), "--outward: expected"),
-        (("Albot/Explore-v0", "--agent", "random", "--outward", "1..3"), "has a way out"),
+        (("Albot/Explore-v0", "--agent", "random", "--outward", "1..3"), "has an outward journey"),
     ],
 )
 def test_bad_input_is_one_line(run: Albot, words: tuple[str, ...], found: str) -> None:

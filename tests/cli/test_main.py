@@ -12,7 +12,7 @@ import pytest
 from albot_agents.registry import EXPLORE, agent_names
 from albot_cli import mappers
 from albot_cli.main import main
-from albot_core.files import replacing
+from albot_core.files import atomic_write
 
 ALBOT = f'"{sys.executable}" -c "from albot_cli.main import main; main()"'
 SHORT = "--world square-loop --mapper odometry --steps 5"
@@ -70,7 +70,7 @@ def test_a_full_disk_is_said_of_the_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def full(**_: object) -> None:
-        with replacing(tmp_path / "figures.json"):
+        with atomic_write(tmp_path / "figures.json"):
             raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(mappers.command, "callback", full)

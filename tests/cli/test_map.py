@@ -125,7 +125,9 @@ def test_recognition_is_measured_where_the_truth_is_known(corridor, truth_file, 
 
 def test_the_files(corridor, truth_file, call, tmp_path):
     out = tmp_path / "new" / "out"
-    expect_error(call("map", corridor[0], "--out", out), "expected a folder", "found none")
+    expect_error(
+        call("map", corridor[0], "--out", out), "expected an existing parent folder", "found none"
+    )
     out.parent.mkdir()
     told = figures(call("map", corridor[0], "--reference", truth_file, "--out", out, "--json"))
     assert {path.name for path in out.iterdir()} == FILES | PLACES
@@ -165,7 +167,7 @@ def test_files_of_others_stay(corridor, call, tmp_path):
     out.mkdir()
     (out / "notes.txt").write_text("mine")
     (out / "map.png").write_text("old")
-    expect_error(call("map", corridor[0], "--out", out), "map.png", "no file, or --force")
+    expect_error(call("map", corridor[0], "--out", out), "map.png", "no existing file, or --force")
     assert {path.name for path in out.iterdir()} == {"notes.txt", "map.png"}
     call("map", corridor[0], "--out", out, "--force")
     assert {path.name for path in out.iterdir()} == FILES | PLACES | {"notes.txt"}
@@ -235,7 +237,7 @@ def test_a_torn_log_and_its_good_beginning(corridor, call, tmp_path):
     assert told["left_out"]["scans"] == 3
     assert "line 21" in told["left_out"]["reason"]
     shown = call("map", path, "--keep-going").stdout
-    assert "left out: 3 lines, 3 scans" in shown
+    assert "not read: 3 lines, 3 scans" in shown
     other = tmp_path / "other.tum"
     truth = corridor[1]
     write_tum(Trajectory(stamps=truth.stamps + 1e6, poses=truth.poses), other)

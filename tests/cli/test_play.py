@@ -99,7 +99,7 @@ def test_a_file_that_was_named_is_overwritten_by_force_alone(
     assert done.returncode == 2
     assert (
         done.stderr
-        == f"albot: {path.name}: expected no file, or --force to overwrite it, found one\n"
+        == f"albot: {path.name}: expected no existing file, or --force to overwrite it, found one\n"
     )
     assert path.read_text() == "mine"
     assert [each.name for each in tmp_path.iterdir()] == [path.name]
@@ -143,7 +143,7 @@ def test_a_torn_episode_plays_its_beginning_and_says_so(play: Play, tmp_path: Pa
     (tmp_path / "torn.mcap").write_bytes(whole[: len(whole) // 2])
     back = play("torn.mcap", "--json")
     assert back.returncode == 0
-    assert "torn.mcap: ends early, as it was never closed; played up to its last" in back.stderr
+    assert "torn.mcap: never closed, ends early; played up to its last" in back.stderr
     summary = json.loads(back.stdout)
     assert summary["torn"] is True
     assert 0 < summary["steps"] < 40
@@ -164,12 +164,12 @@ def test_a_torn_episode_plays_its_beginning_and_says_so(play: Play, tmp_path: Pa
         (("--speed", "0"), "speed"),
         (("--speed", "nan"), "speed"),
         ((*SHORT, "--png", "taken/a.png"), "taken"),
-        ((*SHORT, "--png", "./episode.mcap"), "another file than the episode's"),
+        ((*SHORT, "--png", "./episode.mcap"), "a file other than the episode"),
         ((*SHORT, "--png", "a.jpg"), "a name that ends in .png"),
         (("--world", "two\nlines"), r"found two\nlines"),
         (("none.mcap",), "none.mcap"),
-        ((*SHORT, "--record", "gone/a.mcap"), "expected a folder"),
-        ((*SHORT, "--png", "gone/a.png"), "expected a folder"),
+        ((*SHORT, "--record", "gone/a.mcap"), "expected an existing folder"),
+        ((*SHORT, "--png", "gone/a.png"), "expected an existing folder"),
         ((*SHORT, "--record", "taken/a.mcap"), "taken"),
         (("--jsn",), "--json"),
     ],
@@ -192,7 +192,7 @@ def test_a_picture_never_takes_the_place_of_the_episode(play: Play, tmp_path: Pa
     before = (tmp_path / "episode.mcap").read_bytes()
     done = play("episode.mcap", "--png", str(tmp_path / "episode.mcap"))
     assert done.returncode == 2
-    assert "another file than the episode's" in done.stderr
+    assert "a file other than the episode" in done.stderr
     assert (tmp_path / "episode.mcap").read_bytes() == before
 
 
@@ -318,7 +318,7 @@ def test_a_users_agent_file_is_watched_at_its_own_task(play: Play) -> None:
         (("explore", "--agent", "place-judge"), "one for Albot/Explore-v0: ", "place-judge"),
         (("place-recognition", "--agent", "keyboard"), "place-judge", "found keyboard"),
         (("hooming",), "explore-and-home (Albot/ExploreAndHome-v0)", "did you mean homing?"),
-        (("--agent", "keyboard", "--headless"), "somebody who watches", "--headless"),
+        (("--agent", "keyboard", "--headless"), "a window or a terminal", "--headless"),
         (("--agent", "keyboard", *SHORT), "a window or a terminal with keys", "neither"),
         (
             ("--mapper", "none", "--mapper-config", "a.yml"),

@@ -21,10 +21,10 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 def test_a_line_is_told_now_and_then(
     clock: list[float], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with progress("train", 100_000, "samples", start=1000, every=10.0) as tell:
+    with progress("train", 100_000, "samples", start=1000, every=10.0) as update:
         for seconds, done in ((0, 1000), (9.9, 5000), (10, 21_000), (15, 30_000), (20, 41_000)):
             clock[0] = 100.0 + seconds
-            tell(done, f"at {seconds}")
+            update(done, f"at {seconds}")
     out, err = capsys.readouterr()
     assert out == ""
     assert err.splitlines() == [
@@ -37,11 +37,11 @@ def test_what_has_not_begun_has_no_rate_and_what_is_slow_has_one(
     clock: list[float], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(progress_module, "EVERY", 60.0)
-    with progress("evaluate", 40, "episodes") as tell:
+    with progress("evaluate", 40, "episodes") as update:
         clock[0] += 60.0
-        tell(0)
+        update(0)
         clock[0] += 60.0
-        tell(6)
+        update(6)
     assert capsys.readouterr().err.splitlines() == [
         "evaluate: 0 of 40 episodes",
         "evaluate: 6 of 40 episodes, 0.05 episodes/s, 0:11:20 left",
@@ -49,7 +49,7 @@ def test_what_has_not_begun_has_no_rate_and_what_is_slow_has_one(
 
 
 def test_who_wants_quiet_has_it(clock: list[float], capsys: pytest.CaptureFixture[str]) -> None:
-    with progress("train", 10, "samples", every=math.inf) as tell:
+    with progress("train", 10, "samples", every=math.inf) as update:
         clock[0] += 1e9
-        tell(10)
+        update(10)
     assert capsys.readouterr().err == ""

@@ -109,7 +109,7 @@ def test_ctrl_c_says_how_to_go_on(
     status, out, err = run("train", "--config", config, "--out", tmp_path / "run")
     assert (status, err) == (130, "")
     assert "stopped before the end" in out
-    assert f"go on with: albot train --resume {tmp_path / 'run'}" in out
+    assert f"continue with: albot train --resume {tmp_path / 'run'}" in out
     assert list((tmp_path / "run" / "checkpoints").glob("*.checkpoint"))
 
 
@@ -119,7 +119,7 @@ def test_ctrl_c_says_how_to_go_on(
         (("Albot/Homming-v0",), "did you mean Albot/Homing-v0"),
         ((), "expected a TASK, --config or --resume"),
         (("--config", "none.yml"), "none.yml: file not found"),
-        (("--resume", "nowhere"), "nowhere: expected a training's folder"),
+        (("--resume", "nowhere"), "nowhere: expected the folder of a training run"),
         (("--resume", "nowhere", "--seed", "3"), "--seed: expected no such option"),
         (("--config", "{config}", "--out", "{config}"), "Invalid value for '--out'"),
         (("--config", "{config}", "--out", "{config}/x"), "expected a folder to write to"),

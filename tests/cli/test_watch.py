@@ -129,9 +129,9 @@ def test_nobody_waits_for_minutes_between_two_stops(monkeypatch: pytest.MonkeyPa
 def test_titles_stand_below_the_stage_as_they_are(
     title: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with open_viewer(title, 3, headless=True) as (viewer, tell):
+    with open_viewer(title, 3, headless=True) as (viewer, update):
         assert isinstance(viewer, NullViewer)
-        tell()
+        update()
     assert title in capsys.readouterr().err
 
 
@@ -140,8 +140,8 @@ def test_so_do_descriptions_before_a_progress_bar(
 ) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     monkeypatch.setenv("TERM", "xterm")
-    with progress("random:office:0..9 [/b]", 3) as tell:
-        tell(1, "random:ring:1")
+    with progress("random:office:0..9 [/b]", 3) as update:
+        update(1, "random:ring:1")
     shown = capsys.readouterr().err
     assert "random:office:0..9 [/b]" in shown
     assert "random:ring:1" in shown

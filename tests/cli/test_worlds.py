@@ -77,7 +77,7 @@ def test_show_draws_a_floor_plan(albot, flags):
     if flags:
         assert json.loads(out)["png"] == "ring.png"
     assert [path.name for path in Path().iterdir()] == ["ring.png"]
-    told = "albot: ring.png: expected no file, or --force to overwrite it, found one\n"
+    told = "albot: ring.png: expected no existing file, or --force to overwrite it, found one\n"
     assert albot("show", "office-ring", "--png", "ring.png") == (2, "", told)
     assert albot("show", "square-loop", "--png", "ring.png", "--force")[0] == 0
 
@@ -139,12 +139,12 @@ def bad_files(folder: Path) -> None:
         ("close.yaml", "close.yaml, line 6, starts[0]: expected free space of radius 0.25 m"),
         ("typo.yaml", "typo.yaml, line 3, wall: expected one of the keys"),
         ("list.yaml", "list.yaml, line 1: expected a YAML mapping"),
-        ("torn.xml", "torn.xml, line 3: expected whole XML, found unclosed token\n"),
+        ("torn.xml", "torn.xml, line 3: expected well-formed XML, found unclosed token\n"),
         ("nowhere.yaml", "nowhere.yaml, line 1, image: expected a picture that exists, found gone"),
-        ("cut.yaml", "cut.pgm: expected a whole PGM or PNG picture"),
-        ("lone.pgm", "lone.pgm: expected its map_server description lone.yaml beside it"),
+        ("cut.yaml", "cut.pgm: expected an intact PGM or PNG image"),
+        ("lone.pgm", "lone.pgm: expected its map_server description lone.yaml in the same folder"),
         ("odd.txt", "odd.txt: expected a world file"),
-        ("torn.yaml.gz", "torn.yaml.gz: expected whole gz data"),
+        ("torn.yaml.gz", "torn.yaml.gz: expected intact gz data"),
         ("latin.yaml", "latin.yaml, line 1: expected UTF-8 text, found the byte 0xfc"),
         ("folder.yaml", "folder.yaml: expected a file, found a folder"),
         ("gone.yaml", "gone.yaml: file not found"),
@@ -203,7 +203,7 @@ def test_make_writes_worlds_that_read_the_same(albot):
         assert sum(not name.startswith(("corridor", "link")) for name in each["rooms"]) == 8
     status, _, err = albot(*arguments, "--out", "made")
     assert status == 2
-    assert err.startswith("albot: made/office-5.yaml: expected no file, or --force")
+    assert err.startswith("albot: made/office-5.yaml: expected no existing file, or --force")
     assert albot(*arguments, "--out", "made", "--force")[0] == 0
     assert albot(*arguments, "--out", "gone/made")[0] == 2
     assert not Path("gone").exists()
@@ -267,14 +267,14 @@ def test_make_lists_the_parameters_of_every_kind(albot):
 
 @pytest.mark.parametrize("words", [("check",), ("show",), ("convert", "-o", "out.yaml")])
 def test_a_strict_reading_refuses_what_would_be_left_out(albot, words):
-    left = "left out: NOOK, whose outline encloses nothing"
+    left = "skipped: NOOK, whose outline encloses no area"
     rooms = test_plan_xml.space("a", "A", test_plan_xml.LEFT)
     Path("a.xml").write_text(test_plan_xml.plan(rooms, test_plan_xml.space("b", "NOOK", [])))
     assert albot(*words, "a.xml")[0] == 0
     Path("out.yaml").unlink(missing_ok=True)
     status, out, err = albot(*words, "a.xml", "--strict")
     assert (status, out) == (2, "")
-    assert err == f"albot: a.xml: expected a world of which nothing is left out, found {left}\n"
+    assert err == f"albot: a.xml: expected a world without notes, with --strict, found {left}\n"
     Path("a.xml").write_text(test_plan_xml.plan(rooms))
     assert albot(*words, "a.xml", "--strict")[0] == 0
 
@@ -285,7 +285,7 @@ def test_a_picture_that_is_none_is_said_to_be_none(albot, name):
     Path("map.yaml").write_text(MAP.format(name))
     status, out, err = albot("check", name)
     assert (status, out) == (2, "")
-    assert err == f"albot: {name}: expected a whole PGM or PNG picture, found something else\n"
+    assert err == f"albot: {name}: expected an intact PGM or PNG image, found another format\n"
 
 
 def test_a_picture_of_16_bits_is_said_to_be_one(albot):

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from albot_core.errors import InputError
-from albot_core.files import make_folder, replacing, scratch_folder, write_text
+from albot_core.files import atomic_write, make_folder, scratch_folder, write_text
 
 
 def _names(folder: Path) -> list[str]:
@@ -105,9 +105,9 @@ def test_no_folder_is_made_unasked(tmp_path: Path, linked: bool) -> None:
     if linked:
         path = tmp_path / "link"
         path.symlink_to(Path("gone") / "a")
-    with pytest.raises(InputError, match=r"expected a folder .*gone to write to, found none"):
+    with pytest.raises(InputError, match=r"expected an existing folder .*gone, found none"):
         write_text(path, "new")
-    with pytest.raises(InputError, match=r"expected a folder .*gone to make it in, found none"):
+    with pytest.raises(InputError, match=r"expected an existing parent folder .*gone, found none"):
         make_folder(tmp_path / "gone" / "new")
     assert not (tmp_path / "gone").exists()
 
@@ -121,7 +121,7 @@ def test_an_interrupt_leaves_the_old_file_and_nothing_else(tmp_path: Path, numbe
     path.write_text("old")
     before = signal.signal(number, stop)
     try:
-        with pytest.raises(KeyboardInterrupt), replacing(path) as stream:
+        with pytest.raises(KeyboardInterrupt), atomic_write(path) as stream:
             stream.write(b"new")
             signal.raise_signal(number)
         with pytest.raises(KeyboardInterrupt), scratch_folder() as scratch:

@@ -22,10 +22,10 @@ def test_values_are_read_as_they_stand() -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"", "a.json, line 1: expected whole JSON"),
-        (b'{"a": 1,\n"b"', "a.json, line 2: expected whole JSON"),
-        (b"{}{}", "a.json, line 1: expected whole JSON, found Extra data"),
-        (b'"\xff"', "expected JSON text, found bytes that are no text"),
+        (b"", "a.json, line 1: expected valid JSON"),
+        (b'{"a": 1,\n"b"', "a.json, line 2: expected valid JSON"),
+        (b"{}{}", "a.json, line 1: expected valid JSON, found Extra data"),
+        (b'"\xff"', "expected JSON text, found bytes that are not text"),
         (b"NaN", "expected finite numbers of 40 digits at most, found NaN"),
         (b"[-Infinity]", "finite numbers of 40 digits at most, found -Infinity"),
         (b"1e400", "finite numbers of 40 digits at most, found 1e400"),

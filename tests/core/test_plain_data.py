@@ -13,15 +13,15 @@ from albot_agents.task import (
     batch_settings,
     check_task,
     config_kind,
-    for_one,
     read_settings,
+    single_env_settings,
     task_names,
 )
 from albot_core.errors import InputError
 from albot_core.plain_data import (
     Location,
+    deep_merge,
     differences,
-    merged,
     read_array,
     read_config,
     read_record,
@@ -49,7 +49,7 @@ def test_every_task_tells_its_settings(task: str) -> None:
     data = {"mapper": "none", "threads": 2, "max_episode_steps": None}
     settings = read_settings(task, data, WHERE)
     assert settings == data
-    assert for_one(task, settings) == {"mapper": "none"}
+    assert single_env_settings(task, settings) == {"mapper": "none"}
     for name in ("num_envs", "autoreset_mode"):  # Ours to say.
         with pytest.raises(InputError, match=f"{name}: expected one of"):
             read_settings(task, {name: 3}, WHERE)
@@ -133,11 +133,11 @@ def test_a_record_holds_all_its_keys() -> None:
 
 def test_plain_data_is_laid_over_plain_data() -> None:
     base = {"a": {"b": 1, "c": [1]}, "d": 2}
-    assert merged(base, {"a": {"c": [2, 3]}, "e": {}}) == {
+    assert deep_merge(base, {"a": {"c": [2, 3]}, "e": {}}) == {
         "a": {"b": 1, "c": [2, 3]}, "d": 2, "e": {},
     }  # fmt: skip
     assert base == {"a": {"b": 1, "c": [1]}, "d": 2}
-    assert differences(base, merged(base, {"a": {"b": 5}})) == ["a.b 1, not 5"]
+    assert differences(base, deep_merge(base, {"a": {"b": 5}})) == ["a.b 1, not 5"]
 
 
 def test_an_unknown_task_is_refused() -> None:

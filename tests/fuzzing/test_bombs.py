@@ -89,12 +89,12 @@ def test_what_unpacks_to_too_much_is_refused_within_500_mb(tmp_path: Path) -> No
     told = json.loads(ran.stdout)
     assert told.pop("episode.mcap").endswith("a chunk that unpacks to more than 67,108,864 bytes")
     assert told == {
-        "log.log.gz": ": 134,217,728 bytes at most, more, unpacked",
-        "map.albot": ": members of 268,435,456 bytes together at most, "
+        "log.log.gz": ": 134,217,728 bytes at most, more, decompressed",
+        "map.albot": ": members of 268,435,456 bytes in total at most, "
         "1 members of 314,572,800 bytes",
         "world.board.yaml": ": 500,000 runs of dark cells at most, 8,388,608",
-        "world.json.gz": ": 16,777,216 bytes at most, more, unpacked",
+        "world.json.gz": ": 16,777,216 bytes at most, more, decompressed",
         "world.large.yaml": ": 16,777,216 cells at most, 13,000 x 13,000",
-        "world.xml.gz": ": 16,777,216 bytes at most, more, unpacked",
-        "world.yaml.xz": ": 4,194,304 bytes at most, more, unpacked",
+        "world.xml.gz": ": 16,777,216 bytes at most, more, decompressed",
+        "world.yaml.xz": ": 4,194,304 bytes at most, more, decompressed",
     }

@@ -23,8 +23,8 @@ def with_gap(width: float) -> np.ndarray:
 def test_a_gap_is_passable_where_it_is_wider_than_the_disc(gap, passes):
     space = FreeSpace(with_gap(gap), 0.25)
     region = space.region_at(np.array([1.0, 2.0]))
-    assert space.enters(region, shapely.box(2, 0, 4, 4)) is passes
-    assert space.enters(region, shapely.box(0, 0, 2, 4))
+    assert space.disc_fits_inside(region, shapely.box(2, 0, 4, 4)) is passes
+    assert space.disc_fits_inside(region, shapely.box(0, 0, 2, 4))
 
 
 def test_the_free_part_of_a_room_is_its_inset():

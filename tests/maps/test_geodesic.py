@@ -51,7 +51,7 @@ def test_where_no_way_leads_it_is_infinitely_far() -> None:
     shut = np.array([*ROOM, [5, 0, 5, 10]], float)
     field = DistanceField(shut, 0.25, np.array((2.0, 2.0)))
     assert field.distance(np.array((8.0, 2.0))) == math.inf
-    assert len(field.way(np.array((8.0, 2.0)))) == 0
+    assert len(field.path(np.array((8.0, 2.0)))) == 0
 
 
 def test_a_narrow_gap_is_passed_by_who_must_not_miss_any() -> None:
@@ -73,7 +73,7 @@ def test_ways_are_as_long_as_they_say_and_keep_clear_of_walls(spec: str) -> None
         place = room.boundary.mean(axis=0)
         if not math.isfinite(field.distance(place)):
             continue
-        way = np.vstack((place, field.way(place)))
+        way = np.vstack((place, field.path(place)))
         length = np.hypot(*np.diff(way, axis=0).T).sum()
         assert length == pytest.approx(field.distance(place), abs=1e-6)
         assert way[-1] == pytest.approx(home)

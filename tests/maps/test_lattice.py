@@ -37,8 +37,8 @@ def test_what_is_reached_is_reached_in_the_exact_space(inner, spots):
         outline = spot + np.array([[0, 0], [1, 0], [1, 0.8], [0, 0.8]])
         triangle = spot + np.array([[0, 0], [1.5, 0], [0, 1.5]])
         for room in (outline, triangle):
-            if fill.enters(room):
-                assert space.enters(region, shapely.Polygon(room))
+            if fill.disc_fits_inside(room):
+                assert space.disc_fits_inside(region, shapely.Polygon(room))
 
 
 @pytest.mark.parametrize(("gap", "passes"), [(0.49, False), (0.75, True)])
@@ -48,7 +48,7 @@ def test_a_gap_is_found_where_it_is_a_quarter_metre_wider_than_the_disc(gap, pas
         wall = [[3, 0, 3, middle - gap / 2], [3, middle + gap / 2, 3, 6]]
         fill = FloodFill(np.concatenate((FRAME, wall)), ROBOT_RADIUS, START)
         assert fill.reaches(np.array([5.0, 5])) is passes
-        assert fill.enters(np.array([[3.0, 0], [6, 0], [6, 6], [3, 6]])) is passes
+        assert fill.disc_fits_inside(np.array([[3.0, 0], [6, 0], [6, 6], [3, 6]])) is passes
         assert not fill.reaches(np.array([-3.0, 5]))
 
 
@@ -57,7 +57,7 @@ def test_the_proof_succeeds_on_the_catalogue(name):
     world = load_world(name)
     fill = FloodFill(world.walls, ROBOT_RADIUS, world.starts[0, :2])
     assert all(fill.reaches(start[:2]) for start in world.starts)
-    assert all(fill.enters(room.boundary) for room in world.rooms)
+    assert all(fill.disc_fits_inside(room.boundary) for room in world.rooms)
 
 
 def test_a_start_outside_the_walls_or_too_near_one_proves_nothing():

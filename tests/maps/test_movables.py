@@ -103,8 +103,16 @@ def box(x: float, y: float, **fields) -> Box:
 @pytest.mark.parametrize(
     ("movables", "place", "words"),
     [
-        ({"doors": [Door(hinge=(4.5, 1.0), heading=0.0, width=1.0)]}, "doors[0]", "a wall bars"),
-        ({"doors": [Door(hinge=(4.5, 2.5), heading=-0.9, width=1.0)]}, "doors[0]", "a wall bars"),
+        (
+            {"doors": [Door(hinge=(4.5, 1.0), heading=0.0, width=1.0)]},
+            "doors[0]",
+            "blocked by a wall",
+        ),
+        (
+            {"doors": [Door(hinge=(4.5, 2.5), heading=-0.9, width=1.0)]},
+            "doors[0]",
+            "blocked by a wall",
+        ),
         (
             {"doors": [DOOR, Door(hinge=(5.0, 3.0), heading=-np.pi / 2, width=1.0, opening=-1.5)]},
             "doors[1]",
@@ -119,7 +127,11 @@ def box(x: float, y: float, **fields) -> Box:
         ({"boxes": [box(5, 1)]}, "boxes[0]", "a wall at 0 m"),
         ({"boxes": [box(3, 1), box(3.5, 1)]}, "boxes[1]", "boxes[0] at 0 m"),
         ({"boxes": [box(3, 1), box(3, 1, length=0.3, width=0.3)]}, "boxes[1]", "boxes[0] at 0"),
-        ({"boxes": [box(4.6, 2.5)], "doors": [DOOR]}, "boxes[0]", "what doors[0] sweeps at 0"),
+        (
+            {"boxes": [box(4.6, 2.5)], "doors": [DOOR]},
+            "boxes[0]",
+            "the swept area of doors[0] at 0",
+        ),
         ({"boxes": [box(2, 2.5, length=0.6)]}, "boxes[0]", "clear of the starts"),
         ({"boxes": [box(20, 2)]}, "boxes[0]", "inside the building"),
         ({"walkers": [Walker(route=((1.0, 1.0), (7.0, 1.0)))]}, "walkers[0]", "one at 0 m"),
@@ -153,7 +165,7 @@ def test_a_start_is_not_walled_in_by_boxes_alone():
         box(2.0, 2.5, length=0.3, width=0.8),
         box(1.0, 2.5, length=0.3, width=0.8),
     ]
-    with pytest.raises(InputError, match="boxes all round") as caught:
+    with pytest.raises(InputError, match="boxes on all sides") as caught:
         make(boxes=around)
     assert caught.value.place == "starts[0]"
     make(boxes=around[1:])

@@ -12,7 +12,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from albot_agents.evaluation.trial import Outcome
-from albot_core.files import replacing
+from albot_core.files import atomic_write
 from albot_maps import load_world
 
 MOST = 24
@@ -43,7 +43,7 @@ def save_failures(outcomes: Sequence[Outcome], path: Path) -> None:
     if shown:
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
-    with replacing(path) as stream:
+    with atomic_write(path) as stream:
         figure.savefig(stream, format="png", dpi=90, metadata={"Software": "albot-env"})
 
 
@@ -53,12 +53,12 @@ def _draw(axes: Axes, outcome: Outcome) -> None:
     walls = load_world(trial.world).walls
     lines = list(walls.reshape(-1, 2, 2))
     axes.add_collection(LineCollection(lines, colors="#2b2f36", linewidths=1.0))
-    axes.plot(path[:, 0], path[:, 1], color="#2a6fbb", lw=1.0, label="way driven")
-    axes.plot(*path[0], "o", color="#2a6fbb", ms=5, label="where the agent began")
+    axes.plot(path[:, 0], path[:, 1], color="#2a6fbb", lw=1.0, label="path driven")
+    axes.plot(*path[0], "o", color="#2a6fbb", ms=5, label="start")
     axes.plot(*outcome.start[:2], "o", color="#b5338a", mfc="none", ms=10, label="home")
-    axes.plot(*path[-1], "x", color="#c0392b", ms=9, mew=2.0, label="where it ended")
+    axes.plot(*path[-1], "x", color="#c0392b", ms=9, mew=2.0, label="end")
     declared = info.get("declared")
-    ended = "declared" if declared else "time was up"
+    ended = "declared" if declared else "time limit reached,"
     apart = info.get("distance_home", math.nan)
     axes.set_title(f"{trial.world}, seed {trial.seed}\n{ended} {apart:.1f} m from home", fontsize=8)
     axes.set(aspect="equal", xticks=[], yticks=[])

@@ -113,5 +113,5 @@ def _files(spec: str) -> list[str]:
     path = Path(spec)
     found = sorted(str(file) for file in Path(path.anchor).glob(str(path.relative_to(path.anchor))))
     if not found:
-        raise InputError("--worlds", "a pattern of files that are there", spec)
+        raise InputError("--worlds", "a pattern that matches files", spec)
     return found

@@ -12,7 +12,7 @@ from albot_agents.evaluation.comparison import Figures
 from albot_core.files import write_text
 from albot_core.json_document import read_json
 from albot_core.plain_data import Location, read_record
-from albot_core.yaml_document import shown
+from albot_core.yaml_document import format_value
 
 _KEYS = (
     "success_rate", "ci95", "spl", "spl_ci95", "soft_spl", "mean_final_distance_m",
@@ -21,7 +21,7 @@ _KEYS = (
 )  # fmt: skip
 """Figures kept per row, if its task measures them."""
 
-_TOLD = {
+_REQUIRED_FIELDS = {
     "task": str, "agent": str, "odometer": str, "kind": str, "command": str, "episodes": int,
 }  # fmt: skip
 """Keys that every row has, and the types of their values."""
@@ -40,7 +40,7 @@ _COLUMNS: Mapping[str, tuple[str, str | None, str]] = {
 
 
 def save_figures(figures: Figures, command: str, path: Path) -> list[dict[str, Any]]:
-    """Write rows to a JSON file, replacing those of the same tasks; return all rows of the file.
+    """Write rows to a JSON file, atomic_write those of the same tasks; return all rows of the file.
 
     Raises:
         InputError: The file cannot be written, or exists and is not a file of figures.
@@ -64,13 +64,13 @@ def read_figures(path: Path) -> list[dict[str, Any]]:
         return []
     rows, where = read_json(path), Location(path)
     if not isinstance(rows, list):
-        raise where.error("a list of rows", shown(rows))
+        raise where.error("a list of rows", format_value(rows))
     return [_read_row(row, where.at(k)) for k, row in enumerate(rows)]
 
 
 def _read_row(row: Any, where: Location) -> dict[str, Any]:
     given = row if isinstance(row, dict) else {}
-    known = _TOLD | {name: _kind(name) for name in _KEYS if name in given}
+    known = _REQUIRED_FIELDS | {name: _kind(name) for name in _KEYS if name in given}
     return read_record(known, row, where)
 
 
@@ -84,10 +84,10 @@ def render_page(rows: Sequence[Mapping[str, Any]]) -> str:
     lines = [
         "# Results",
         "",
-        "Every agent in buildings, and with odometers, that none was trained or tuned in. The",
-        "agents of a row of worlds meet the same worlds, journeys and noise. In brackets 95 %",
-        "intervals: Wilson's of rates, bootstrapped ones of means. What the columns mean stands in",
-        "[environments.md](environments.md).",
+        "All agents, measured in buildings and with odometers that were not used for training or",
+        "tuning. The agents of a row of worlds meet the same worlds, journeys and noise. In",
+        "brackets: 95 % intervals, Wilson's for rates and bootstrapped ones for means.",
+        "[environments.md](environments.md) explains the columns.",
     ]
     for task in dict.fromkeys(row["task"] for row in rows):
         its = [row for row in rows if row["task"] == task]

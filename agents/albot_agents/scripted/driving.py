@@ -71,11 +71,11 @@ class DrivingAgent(Generic[DriverT]):
     def _drive(self, command: Command, observation: Any) -> Action:
         """Return the action for a command, with the claim to know the place if `claims` is set."""
         knows = self._claims and decode_recognition(observation, self._observing)
-        return fill_action(ActionConfig().shares(command), self._actions, says=knows)
+        return fill_action(ActionConfig().shares(command), self._actions, flag=knows)
 
     def _declare(self) -> Action:
         """Return the action that stops, and declares home unless `claims` is set."""
-        return fill_action(np.zeros(2, np.float32), self._actions, says=not self._claims)
+        return fill_action(np.zeros(2, np.float32), self._actions, flag=not self._claims)
 
 
 def decode_observation(observation: Any, config: ObservationConfig) -> Percept:

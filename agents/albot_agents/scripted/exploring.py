@@ -35,7 +35,7 @@ class GapExplorerAgent(DrivingAgent[GapExplorer]):
     """Driving distance (m) that completely new ground is worth (see `GapExplorerConfig.gain`)."""
 
     def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
-        config = GapExplorerConfig(near=observing.coverage.radius, gain=self._GAIN)
+        config = GapExplorerConfig(coverage_range=observing.coverage.radius, gain=self._GAIN)
         super().__init__(observing, GapExplorer(config), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:

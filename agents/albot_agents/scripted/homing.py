@@ -108,7 +108,7 @@ class Albot0Homing:
 
     ARRIVED = 0.3
     """Distance to the estimated home at which it declares home (m)."""
-    PATIENCE = 600
+    STALL_STEPS = 600
     """Number of steps in the home ASR after which it declares home anyway."""
 
     def __init__(self, observing: ObservationConfig) -> None:
@@ -132,8 +132,8 @@ class Albot0Homing:
         believes_home = knows_asr and not decode_has_exit(observation, observing)
         self._steps_at_home += believes_home
         is_there = (believes_home or not knows_asr) and np.hypot(*home) < self.ARRIVED
-        if is_there or self._steps_at_home > self.PATIENCE:
-            return fill_action(np.zeros(2, np.float32), self._actions, says=True)
+        if is_there or self._steps_at_home > self.STALL_STEPS:
+            return fill_action(np.zeros(2, np.float32), self._actions, flag=True)
         known = decode_known_way(observation, observing)
         ahead = home if known is None else known.ahead
         # At the end of the known way, but not yet in the home ASR, it drives on without a target.

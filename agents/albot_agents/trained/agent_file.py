@@ -11,20 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from albot_agents.task import config_kind, for_one, read_settings, task_names
+from albot_agents.task import config_kind, read_settings, single_env_settings, task_names
 from albot_agents.trained.network import NetworkConfig
 from albot_agents.training.plan import TrainingPlan
 from albot_core.archive import HEADER, ArchiveFormat
 from albot_core.errors import InputError
 from albot_core.plain_data import Location, read_config, read_record, to_plain
-from albot_core.yaml_document import shown
+from albot_core.yaml_document import format_value
 from albot_env.tasks.core.observation import ObservationConfig
 
 FORMAT = ArchiveFormat(name="albot-agent", version=1, kind="agent file", largest=1 << 24)
 SUFFIX = ".albot"
 LARGEST_WEIGHT = 1e6
 """Largest absolute weight of a network; weights of trained networks are below ten."""
-MOST_LOG_STD = 20.0
+LARGEST_LOG_STD = 20.0
 """Largest absolute logarithm of a standard deviation."""
 
 KEPT_SETTINGS = ("mapper", "mapper_config", "laser", "sonar", "scenes", "action", "config")
@@ -126,7 +126,11 @@ class AgentFile:
             its.pop("mapper_config", None)  # They belong to the agent's own mapper.
         base = settings.get("config") or kind()
         seen = read_config(kind, config, where, base)
-        return for_one(task, read_settings(task, its, where)) | dict(settings) | {"config": seen}
+        return (
+            single_env_settings(task, read_settings(task, its, where))
+            | dict(settings)
+            | {"config": seen}
+        )
 
 
 def read_agent(path: Path) -> AgentFile:
@@ -174,7 +178,7 @@ def _check_settings(
     where = where.at("config")
     config = settings.get("config")
     if not isinstance(config, Mapping) or set(config) - set(KEPT_CONFIG):
-        raise where.error(f"a mapping with {' and '.join(KEPT_CONFIG)}", shown(config))
+        raise where.error(f"a mapping with {' and '.join(KEPT_CONFIG)}", format_value(config))
     if "observations" not in config:
         return
     where = where.at("observations")
@@ -182,7 +186,7 @@ def _check_settings(
     # Compare before anything of this size is allocated: it must match the arrays in the file.
     length = sum(math.prod(shape) for shape in observing.shapes.values())
     if length != network.inputs:
-        raise where.error(f"what makes {network.inputs} numbers", f"{length}")
+        raise where.error(f"observations of {network.inputs} numbers", f"{length}")
 
 
 def _check_weights(path: Path, network: NetworkConfig, weights: Mapping[str, np.ndarray]) -> None:
@@ -199,6 +203,11 @@ def _check_weights(path: Path, network: NetworkConfig, weights: Mapping[str, np.
             expected = f"shape {shapes[name]} of float32"
             raise InputError(path, expected, f"{array.shape} of {array.dtype}", place=place)
         # Larger values overflow in exponentials and sums of products.
-        most = MOST_LOG_STD if name == "action.log_std" else LARGEST_WEIGHT
+        most = LARGEST_LOG_STD if name == "action.log_std" else LARGEST_WEIGHT
         if not (np.abs(array) <= most).all():
-            raise InputError(path, f"finite numbers within ±{most:g}", "others", place=place)
+            raise InputError(
+                path,
+                f"finite numbers within ±{most:g}",
+                "NaN, infinity or a larger number",
+                place=place,
+            )

@@ -10,9 +10,9 @@ import yaml
 
 from albot_agents.trained.agent_file import AgentFile
 from albot_core.errors import InputError
-from albot_core.files import replacing, write_text
+from albot_core.files import atomic_write, write_text
 from albot_core.json_document import read_json
-from albot_core.plain_data import Location, merged, read_record, to_plain
+from albot_core.plain_data import Location, deep_merge, read_record, to_plain
 
 _FIGURES = {
     "success_rate": "success",
@@ -27,7 +27,7 @@ _FIGURES = {
 }
 """Figures of an evaluation on the card, if known, and their names there."""
 _INTERVALS = {"success_rate": "ci95", "spl": "spl_ci95", "soft_spl": "soft_spl_ci95"}
-_TOLD = {
+_REQUIRED_FIELDS = {
     "task": str, "world_specs": list[str], "seeds": str, "odometer": str, "mapper": str,
     "episodes": int,
 }  # fmt: skip
@@ -79,11 +79,11 @@ def read_evaluation(path: Path, agent: AgentFile) -> dict[str, Any]:
     """
     found, where = read_json(path), Location(path)
     if not isinstance(found, dict) or "success_rate" not in found:
-        raise InputError(path, "the figures of `albot evaluate`", "something else")
+        raise InputError(path, "the figures of `albot evaluate`", "other data")
     if found.get("fingerprint") != agent.fingerprint:
-        expected = "the figures of the card's agent, whose weights they name by a fingerprint"
+        expected = "figures of this agent, with the fingerprint of its weights"
         raise where.at("fingerprint").error(expected, f"those of {found.get('agent')}")
-    known = _TOLD | {name: kind for name, kind in _KINDS.items() if name in found}
+    known = _REQUIRED_FIELDS | {name: kind for name, kind in _KINDS.items() if name in found}
     return read_record(known, found, where, others=True)
 
 
@@ -95,9 +95,9 @@ def _heading(agent: AgentFile, name: str) -> str:
     if network.candidates:
         inputs = f"{network.candidates} candidates of {network.width} numbers each"
     actions = f"{network.outputs} {'discrete actions' if agent.discrete else 'numbers'}"
-    acts = "as its network holds for best; nothing is drawn by chance"
+    acts = "deterministically: it takes the action with the highest score"
     if network.sampled:
-        acts = "by chance about what its network holds for best, as in its training"
+        acts = "by sampling from its policy, as in its training"
     return (
         f"# {name}\n\nA policy for `{agent.task}`, trained by {agent.training.plan.algorithm}: "
         f"{inputs}, {lstm}{layers} {network.activation}, {actions}. It acts "
@@ -108,7 +108,7 @@ def _heading(agent: AgentFile, name: str) -> str:
 def _origin(agent: AgentFile) -> str:
     """Return the section about the training."""
     training, plan = agent.training, agent.training.plan
-    stages = (plan.env, *(merged(plan.env, stage.env) for stage in plan.curriculum))
+    stages = (plan.env, *(deep_merge(plan.env, stage.env) for stage in plan.curriculum))
     worlds = [stage.get("world", "office-ring") for stage in stages]
     shown = dict.fromkeys(world if isinstance(world, str) else ", ".join(world) for world in worlds)
     rows = {
@@ -166,5 +166,5 @@ def _draw(curve: Mapping[str, Any], path: Path) -> None:
         panel.grid(alpha=0.3)
     if shares:
         axes[0].set_ylim(0, 1)
-    with replacing(path) as stream:
+    with atomic_write(path) as stream:
         figure.savefig(stream, format="png", dpi=100, metadata={"Software": "albot-env"})

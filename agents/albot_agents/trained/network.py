@@ -73,7 +73,7 @@ class NetworkConfig:
         if any(units not in _SIZE for units in self.layers) or len(self.layers) not in _LAYERS:
             raise InputError("NetworkConfig.layers", "8 sizes at most", str(self.layers))
         if self.lstm_size not in (_SIZE if self.lstm_layers else (0,)):
-            expected = "a size where there are LSTM layers, else 0"
+            expected = "a size above 0 with LSTM layers, 0 without"
             raise InputError("NetworkConfig.lstm_size", expected, str(self.lstm_size))
         if self.activation not in _ACTIVATIONS:
             expected = f"one of {', '.join(_ACTIVATIONS)}"
@@ -86,10 +86,17 @@ class NetworkConfig:
         if not self.candidates:
             return
         row, rest = divmod(self.inputs, self.candidates)
-        alone = not (self.lstm_layers or self.sampled)
-        if rest or row < 2 or not alone or self.outputs != self.candidates + 1:
-            expected = "0, or as many as share the inputs, one output fewer, no LSTM, not sampled"
-            raise InputError("NetworkConfig.candidates", expected, str(self.candidates))
+        if rest or row < 2:
+            expected = f"at least 2 numbers for each of {self.candidates} candidates"
+            raise InputError("NetworkConfig.inputs", expected, str(self.inputs))
+        if self.outputs != self.candidates + 1:
+            expected = f"{self.candidates + 1}, one more than the candidates"
+            raise InputError("NetworkConfig.outputs", expected, str(self.outputs))
+        if self.lstm_layers:
+            found = str(self.lstm_layers)
+            raise InputError("NetworkConfig.lstm_layers", "0 with candidates", found)
+        if self.sampled:
+            raise InputError("NetworkConfig.sampled", "false with candidates", "true")
 
     @property
     def width(self) -> int:

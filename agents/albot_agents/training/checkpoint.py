@@ -17,7 +17,7 @@ import torch
 from gymnasium import spaces
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
-from albot_agents.task import for_one
+from albot_agents.task import single_env_settings
 from albot_agents.trained.agent_file import AgentFile, TrainingFacts, kept_settings
 from albot_agents.trained.network import CANDIDATES, NetworkConfig
 from albot_agents.training.plan import TrainingPlan
@@ -48,7 +48,7 @@ class Checkpoint:
     """Number of passes through the samples so far, as counted by stable-baselines3."""
     run: Mapping[str, Any]
     """Other state of the run, as plain data."""
-    random: tuple[float, ...]
+    numpy_state: tuple[float, ...]
     """State of numpy's generator: position, whether a normal number is left over, that number."""
     arrays: Mapping[str, np.ndarray]
     """Weights, Adam's moments, and the states of random generators."""
@@ -71,12 +71,12 @@ class Checkpoint:
         path = folder / f"{self.samples:012d}{SUFFIX}"
         header = {"samples": self.samples, "updates": self.updates, "run": dict(self.run)}
         try:
-            FORMAT.write(path, header | {"random": list(self.random)}, self.arrays)
+            FORMAT.write(path, header | {"random": list(self.numpy_state)}, self.arrays)
         except OSError as error:
             left = checkpoints(folder)
-            good = f"; {left[-1]} is whole" if left else ""
+            good = f"; {left[-1]} is intact" if left else ""
             reason = error.strerror or str(error)
-            raise InputError(path, "room for a checkpoint", f"{reason}{good}") from None
+            raise InputError(path, "free disk space for a checkpoint", f"{reason}{good}") from None
         for old in checkpoints(folder)[:-KEPT]:
             old.unlink(missing_ok=True)
         return path
@@ -105,7 +105,7 @@ def take_checkpoint(learner: OnPolicyAlgorithm, run: Mapping[str, Any]) -> Check
         samples=learner.num_timesteps,
         updates=int(learner._n_updates),
         run=run,
-        random=tuple(float(number) for number in place),
+        numpy_state=tuple(float(number) for number in place),
         arrays=arrays,
     )
 
@@ -125,8 +125,9 @@ def read_checkpoint(path: Path) -> Checkpoint:
             raise where.at(name).error(COUNT.expected, str(fields[name]))
     for name, array in arrays.items():
         if not np.isfinite(array).all():
-            raise InputError(path, "finite numbers", "others", place=f"{name}.npy")
-    return Checkpoint(**fields, arrays=arrays)
+            raise InputError(path, "finite numbers", "NaN or infinity", place=f"{name}.npy")
+    state = fields.pop("random")
+    return Checkpoint(**fields, numpy_state=state, arrays=arrays)
 
 
 def restore(learner: OnPolicyAlgorithm, checkpoint: Checkpoint, path: Path) -> None:
@@ -142,7 +143,7 @@ def restore(learner: OnPolicyAlgorithm, checkpoint: Checkpoint, path: Path) -> N
     """
     arrays = dict(checkpoint.arrays)
     weights = {
-        name: _taken(arrays, f"{_WEIGHT}{name}", value, path)
+        name: _pop_tensor(arrays, f"{_WEIGHT}{name}", value, path)
         for name, value in learner.policy.state_dict().items()
     }
     learner.policy.load_state_dict(weights)
@@ -152,10 +153,10 @@ def restore(learner: OnPolicyAlgorithm, checkpoint: Checkpoint, path: Path) -> N
             continue  # No update was made yet.
         shapes = dict(zip(_MOMENTS, (parameter, parameter, torch.zeros(())), strict=True))
         optimizer.state[parameter] = {
-            moment: _taken(arrays, f"adam.{moment}.{name}", like, path)
+            moment: _pop_tensor(arrays, f"adam.{moment}.{name}", like, path)
             for moment, like in shapes.items()
         }
-    _restore_random(arrays, checkpoint.random, path)
+    _restore_random(arrays, checkpoint.numpy_state, path)
     if arrays:
         raise InputError(path, "only this learner's arrays", min(arrays), place="members")
     learner.num_timesteps = checkpoint.samples
@@ -165,21 +166,21 @@ def restore(learner: OnPolicyAlgorithm, checkpoint: Checkpoint, path: Path) -> N
 def _restore_random(arrays: dict[str, np.ndarray], place: tuple[float, ...], path: Path) -> None:
     """Restore the states of the random generators from which the learner draws."""
     keys = torch.zeros(624, dtype=torch.uint32)
-    state = _taken(arrays, "random.numpy", keys, path).numpy()
+    state = _pop_tensor(arrays, "random.numpy", keys, path).numpy()
     where = Location(f"{path}, {HEADER}").at("random")
     position, has_normal, normal = read_value(tuple[float, float, float], list(place), where)
     if not 0 <= position <= len(state) or has_normal not in (0, 1):
-        raise where.error(f"a place up to {len(state)}, 0 or 1, a number", str(place))
+        raise where.error(f"a position up to {len(state)}, 0 or 1, a number", str(place))
     np.random.set_state(("MT19937", state, int(position), int(has_normal), normal))  # noqa: NPY002
     try:
-        torch.set_rng_state(_taken(arrays, "random.torch", torch.get_rng_state(), path))
+        torch.set_rng_state(_pop_tensor(arrays, "random.torch", torch.get_rng_state(), path))
     except RuntimeError as error:
         raise InputError(path, "a generator's state", str(error), place="random.torch.npy") from (
             None
         )
     if torch.cuda.is_available() and "random.cuda" in arrays:
         like = torch.cuda.get_rng_state()
-        torch.cuda.set_rng_state(_taken(arrays, "random.cuda", like, path))
+        torch.cuda.set_rng_state(_pop_tensor(arrays, "random.cuda", like, path))
     arrays.pop("random.cuda", None)
 
 
@@ -187,7 +188,7 @@ def _array(value: torch.Tensor) -> np.ndarray:
     return value.detach().cpu().numpy().copy()
 
 
-def _taken(
+def _pop_tensor(
     arrays: dict[str, np.ndarray], name: str, like: torch.Tensor, path: Path
 ) -> torch.Tensor:
     """Remove an array from `arrays`; return it as a tensor with the shape and type of `like`."""
@@ -215,7 +216,7 @@ class AgentExporter:
     def __init__(self, plan: TrainingPlan) -> None:
         self._plan = plan
         settings = stage_settings(plan, plan.stages[-1])
-        single = for_one(plan.task, settings)
+        single = single_env_settings(plan.task, settings)
         if isinstance(single.get("world"), list):
             single["world"] = single["world"][0]
         env = gymnasium.make(plan.task, **single)
@@ -224,7 +225,7 @@ class AgentExporter:
         self._inputs = spaces.flatdim(env.observation_space)
         self._discrete = isinstance(env.action_space, spaces.Discrete)
         if plan.policy.sampled and self._discrete:
-            raise InputError("PolicyPlan.sampled", "numbers as actions", "discrete ones")
+            raise InputError("PolicyPlan.sampled", "continuous actions", "discrete actions")
         self._outputs = int(spaces.flatdim(env.action_space))
         self._candidates = 0
         if plan.policy.kind == "candidates":

@@ -18,7 +18,7 @@ from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import evaluation_settings
 from albot_core.archive import read_arrays
 from albot_core.errors import InputError
-from albot_core.files import replacing
+from albot_core.files import atomic_write
 
 FILE = "evaluations.npz"
 _KINDS: dict[str, tuple[int, Any]] = {
@@ -115,7 +115,7 @@ class Evaluations:
         ends = self._run(learner)
         for name, row in ends.items():
             self._results[name] = np.concatenate((self._results[name], row[np.newaxis]))
-        with replacing(self._path) as stream:
+        with atomic_write(self._path) as stream:
             np.savez(stream, **self._results)  # type: ignore[arg-type]
         return self._score(-1) > best
 

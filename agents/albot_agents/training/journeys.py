@@ -55,7 +55,7 @@ def prepare_journeys(
     if first[1] is not None:
         batch.journeys.keep(tickets[0], first[1])
         if not batch.missing_journeys():  # The first one's size shows that not all can be kept.
-            report(f"1 of {len(tickets)} journeys made, the others when they are drawn")
+            report(f"1 of {len(tickets)} journeys made; the others are made when needed")
             return
     others = run_parallel(_JourneyRunner(task, single), numbered[1:], min(jobs, len(tickets) - 1))
     for done, (number, journey) in enumerate(chain([first], others), start=1):

@@ -21,7 +21,7 @@ DEVICES = ("auto", "cpu", "cuda")
 
 _COUNT = Range("a whole number from 1", 1.0, whole=True)
 _FROM_ZERO = Range("a whole number from 0", 0.0, whole=True)
-_FROM_TWO = Range("a whole number from 2, to find a deviation of", 2.0, whole=True)
+_FROM_TWO = Range("a whole number from 2, for a standard deviation", 2.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,11 +179,11 @@ class TrainingPlan:
             self.schedule(name)
         samples = self.n_envs * self.n_steps
         if samples % self.batch_size:
-            expected = f"a part of n_envs × n_steps, {samples}"
+            expected = f"a divisor of n_envs × n_steps, {samples}"
             raise InputError("TrainingPlan.batch_size", expected, str(self.batch_size))
         if any(stage.for_steps is stage.until_success is None for stage in self.curriculum[:-1]):
             expected = "for_steps or until_success in all stages but the last"
-            raise InputError("TrainingPlan.curriculum", expected, "neither in one")
+            raise InputError("TrainingPlan.curriculum", expected, "a stage with neither")
 
     def schedule(self, name: str) -> Schedule:
         """Return the schedule of a field.

@@ -15,7 +15,7 @@ from albot_agents.task import check_task, read_settings
 from albot_agents.training.plan import StagePlan, TrainingPlan
 from albot_core.errors import InputError
 from albot_core.files import write_text
-from albot_core.plain_data import Location, merged, read_config, to_plain
+from albot_core.plain_data import Location, deep_merge, read_config, to_plain
 from albot_core.yaml_document import YamlDocument, read_yaml
 
 _SHIPPED = resources.files("albot_agents.training") / "configs"
@@ -46,7 +46,7 @@ def shipped_plan(task: str, **changes: Any) -> TrainingPlan:
     check_task(task)
     file = _SHIPPED / f"{task.rpartition('/')[2]}.yml"
     if not file.is_file():
-        raise InputError("--config", f"a file, since none comes with {task}", "none")
+        raise InputError("--config", f"a file, because no plan comes with {task}", "none")
     document = YamlDocument(file.read_text(encoding="utf-8"), file.name)
     return _plan(document, file.name, task, changes)
 
@@ -68,7 +68,7 @@ def stage_settings(
     Raises:
         InputError: A setting is unknown, or its value has the wrong type.
     """
-    settings = read_settings(plan.task, merged(plan.env, stage.env), where)
+    settings = read_settings(plan.task, deep_merge(plan.env, stage.env), where)
     return _deal_worlds(settings, plan.n_envs)
 
 
@@ -81,8 +81,8 @@ def evaluation_settings(plan: TrainingPlan, where: Location = _MEMORY) -> dict[s
         InputError: A setting is unknown, or its value has the wrong type.
     """
     assert plan.evaluation is not None
-    last = merged(plan.env, plan.stages[-1].env)
-    settings = read_settings(plan.task, merged(last, plan.evaluation.env), where)
+    last = deep_merge(plan.env, plan.stages[-1].env)
+    settings = read_settings(plan.task, deep_merge(last, plan.evaluation.env), where)
     settings.pop("world", None)
     return settings
 
@@ -145,7 +145,7 @@ def _check_discount(plan: TrainingPlan, settings: Mapping[str, Any], where: Loca
     discount = getattr(weights, "discount", plan.gamma)
     if discount != plan.gamma:
         place = where.at("config", "weights", "discount")
-        raise place.error(f"gamma, {plan.gamma:g}, as the learner's", f"{discount:g}")
+        raise place.error(f"{plan.gamma:g}, the same as gamma", f"{discount:g}")
 
 
 def _deal_worlds(settings: dict[str, Any], count: int) -> dict[str, Any]:

@@ -30,7 +30,7 @@ from albot_core.errors import InputError
 from albot_core.plain_data import Location, read_record
 from albot_core.ranges import NOT_NEGATIVE
 
-_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+_DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 _RUN = dict.fromkeys(("stage", "stage_began", "monitor", "episodes"), int) | {"seconds": float}
 """The state of a run in a checkpoint: the stage, the samples at its beginning, the size of the
 episode log (bytes), and the episodes and seconds so far."""
@@ -101,10 +101,10 @@ class TrainingRun:
             stopped = True
             self._save()
         except OSError as error:
-            if error.errno not in _NO_ROOM:
+            if error.errno not in _DISK_FULL_ERRORS:
                 raise
             found = f"{error.strerror}; {self._last_checkpoint()}"
-            raise InputError(self._folder.path, "room to write", found) from None
+            raise InputError(self._folder.path, "free disk space", found) from None
         finally:
             log.close()
             self.close()
@@ -253,7 +253,7 @@ class TrainingRun:
 
     def _last_checkpoint(self) -> str:
         left = checkpoints(self._folder.checkpoints)
-        return f"{left[-1]} is whole" if left else "there is no checkpoint yet"
+        return f"{left[-1]} is intact" if left else "there is no checkpoint yet"
 
 
 class _RolloutCallback(BaseCallback):
@@ -285,7 +285,7 @@ def _newest(folder: RunFolder, warn: Callable[[str], None]) -> tuple[Any, Checkp
         try:
             return path, read_checkpoint(path)
         except InputError as error:
-            warn(f"{error}; going on from the one before")
+            warn(f"{error}; continuing from the one before")
             broken = error
     if broken is not None:
         raise broken

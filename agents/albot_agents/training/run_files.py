@@ -108,7 +108,9 @@ class RunFolder:
             InputError: The folder holds no run, or one for another task.
         """
         if not self.plan.is_file():
-            raise InputError(self.path, f"a training's folder with {self.plan.name}", "none")
+            raise InputError(
+                self.path, f"the folder of a training run, with {self.plan.name}", "none"
+            )
         plan = read_plan(self.plan, task, **changes)
         for folder in (self.path, self.checkpoints):
             for left in folder.glob(".*.*.*"):
@@ -207,7 +209,7 @@ class EpisodeLog:
             expected = f"a line {','.join(_COLUMNS)} for each episode"
             raise InputError(self._path, expected, str(error)) from None
         if not np.isfinite(rows).all():
-            raise InputError(self._path, "finite numbers", "others")
+            raise InputError(self._path, "finite numbers", "NaN or infinity")
         return rows.T
 
     def _write(self, lines: bytes) -> None:
@@ -225,7 +227,7 @@ class EpisodeLog:
                     stream.truncate(self.size)
                     raise
         except OSError as error:
-            raise InputError(self._path, "room to write", error.strerror or str(error)) from None
+            raise InputError(self._path, "free disk space", error.strerror or str(error)) from None
 
 
 def _write_all(stream: io.FileIO, content: bytes) -> None:

@@ -17,7 +17,7 @@ from albot_core.kernels.compiled import kernel
 from albot_core.planning.grid_search import (
     FREE,
     STEP,
-    WANTED,
+    TARGET,
     nearest_reached,
     search_grid,
     trace_path,
@@ -243,7 +243,7 @@ def _mark_uncovered(
             x = (low[1] + column - half + 0.5) * cell
             could_be = part[row, column] == FREE and max(abs(x), abs(y)) < extent
             if could_be and not is_covered(covered, i, x, y):
-                part[row, column] = WANTED
+                part[row, column] = TARGET
 
 
 @kernel()

@@ -96,7 +96,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
             actions=ActionConfig(),
             observations=replace(observations, parts=tuple(parts)),
         )
-        self._explorer = GapExplorer(GapExplorerConfig(near=observations.coverage.radius))
+        self._explorer = GapExplorer(GapExplorerConfig(coverage_range=observations.coverage.radius))
 
     def close(self) -> None:
         """Stop the threads of the robot that drives the journeys."""

@@ -178,9 +178,9 @@ class _Guide:
         """Lead the robot to a point (m, world frame); return whether there is a path."""
         simulator = self._simulator
         field = DistanceField(self._world.walls, ROBOT_RADIUS + _ROOM, goal)
-        way = field.way(simulator.pose[:2])
+        way = field.path(simulator.pose[:2])
         if not len(way):
-            way = DistanceField(self._world.walls, ROBOT_RADIUS, goal, tight=True).way(
+            way = DistanceField(self._world.walls, ROBOT_RADIUS, goal, tight=True).path(
                 simulator.pose[:2]
             )
         for turn in way:

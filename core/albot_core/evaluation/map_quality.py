@@ -38,11 +38,11 @@ _NEARNESS_SIGMA = 0.4
 """Coarse search: standard deviation of a point's Gaussian score over its wall distance (m)."""
 _HEADINGS = 180
 """Number of rotations in the coarse search, evenly spaced over the circle."""
-_BEST = 5
+_REFINED = 5
 """Number of best rotations that are refined."""
-_MOST = 2000
+_MAX_POINTS = 2000
 """Largest number of points that are aligned, evenly chosen."""
-_FAR = 1.0
+_MAX_DISTANCE = 1.0
 """Largest wall distance that counts (m); points farther away may not be on the plan."""
 
 
@@ -202,14 +202,14 @@ def register(points: _Cloud, walls: Float64[np.ndarray, "walls 2"]) -> Pose:
     if not len(points) or not len(walls):
         raise InputError("register", "points and walls", f"{len(points)} and {len(walls)}")
     centre = points.mean(axis=0)
-    centred = points[:: -(-len(points) // _MOST)] - centre
+    centred = points[:: -(-len(points) // _MAX_POINTS)] - centre
     nearness_grid = _nearness(walls, 2 * float(np.abs(np.hypot(*centred.T)).max()))
     headings = np.arange(_HEADINGS) * (2 * np.pi / _HEADINGS)
     found = [_best_place(centred, nearness_grid, heading) for heading in headings]
     scores = np.array([score for score, _ in found])
     tree = KDTree(walls)
     refined = [
-        _refined(centred, tree, found[index][1]) for index in np.argsort(scores)[::-1][:_BEST]
+        _refined(centred, tree, found[index][1]) for index in np.argsort(scores)[::-1][:_REFINED]
     ]
     _, pose = min(refined, key=lambda result: result[0])
     x, y = transform_points(pose, -centre)
@@ -249,8 +249,10 @@ def _best_place(centred: _Cloud, nearness_grid: _Nearness, heading: float) -> tu
 
 def _refined(centred: _Cloud, tree: KDTree, pose: Pose) -> tuple[float, Pose]:
     def cost(trial: Pose) -> float:
-        distances, _ = tree.query(transform_points(trial, centred), distance_upper_bound=_FAR)
-        return float(np.minimum(distances, _FAR).mean())
+        distances, _ = tree.query(
+            transform_points(trial, centred), distance_upper_bound=_MAX_DISTANCE
+        )
+        return float(np.minimum(distances, _MAX_DISTANCE).mean())
 
     simplex = pose + np.concatenate(([np.zeros(3)], np.diag((_CELL, _CELL, np.radians(2.0)))))
     best = minimize(cost, pose, method="Nelder-Mead", options={"initial_simplex": simplex})

@@ -2,7 +2,7 @@
 
 Along a log with known true poses, a local submap is built every few metres: the scans of the last
 part of the path, joined by the estimated motion. Each submap is matched with all submaps at least
-APART earlier on the path, at any position in the map and any rotation (`match_submaps`).
+MIN_PATH_APART earlier on the path, at any position in the map and any rotation (`match_submaps`).
 
 **Places.** Every submap claims the place of the submap that it matches best. A claim is right if
 the two true positions are within NEAR of each other, at any heading. A submap is a *query* if any
@@ -25,20 +25,20 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float64
 
-from albot_core.files import replacing
+from albot_core.files import atomic_write
 from albot_core.geometry.poses import relative
 from albot_core.geometry.types import Poses
 from albot_core.matching.lines import MatchConfig
 from albot_core.matching.submaps import local_submaps, match_submaps
 from albot_core.sensing.reading import Reading
 
-APART = 10.0
+MIN_PATH_APART = 10.0
 """Least path length between two submaps that are matched (m)."""
 NEAR = 3.0
 """Largest distance of true positions of the same place (m)."""
 MAX_SHIFT = 0.9 * NEAR
 """Largest distance of the frames of two matching submaps, after alignment (m)."""
-LEAP = 0.5
+MAX_MOTION_DIFFERENCE = 0.5
 """Difference between estimated and odometer motion (m) above which the mapper has corrected its
 pose; the odometer's motion is used there."""
 NO_MATCH = -9.0
@@ -112,7 +112,7 @@ def measure_recognition(
     claims, right, queries = [], [], 0
     all_scores, all_near = [np.empty(0)], [np.empty(0, np.bool_)]
     for k, mine in enumerate(submaps):
-        earlier = np.flatnonzero(ways <= ways[k] - APART)
+        earlier = np.flatnonzero(ways <= ways[k] - MIN_PATH_APART)
         if not len(earlier):
             continue
         near = np.hypot(*(where[earlier] - where[k]).T) <= NEAR
@@ -143,7 +143,7 @@ def _motions(readings: Sequence[Reading], believed: Poses | None) -> Poses:
         return motions
     steps = motions.copy()
     steps[1:] = relative(believed[:-1], believed[1:])
-    leaps = np.hypot(*(steps - motions)[:, :2].T) > LEAP
+    leaps = np.hypot(*(steps - motions)[:, :2].T) > MAX_MOTION_DIFFERENCE
     steps[leaps] = motions[leaps]
     return steps
 
@@ -163,5 +163,5 @@ def draw_precision_recall(
     )
     axes.grid(color="#e4e7eb", linewidth=0.6)
     axes.plot(curve[:, 0], curve[:, 1], color="#5f3dc4", linewidth=1.6, marker=".")
-    with replacing(path) as stream:
+    with atomic_write(path) as stream:
         figure.savefig(stream, format="png")

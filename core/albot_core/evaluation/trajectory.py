@@ -36,7 +36,9 @@ class Trajectory:
         if not (np.isfinite(self.stamps).all() and np.isfinite(self.poses).all()):
             raise InputError("Trajectory", "finite numbers", "NaN or infinity")
         if (np.diff(self.stamps) < 0).any():
-            raise InputError("Trajectory.stamps", "stamps in the order of time", "one that falls")
+            raise InputError(
+                "Trajectory.stamps", "stamps that do not decrease", "one that decreases"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Float64
 
-from albot_core.files import replacing
+from albot_core.files import atomic_write
 from albot_core.maps.layers import PlaceGraph
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def write_graphml(graph: PlaceGraph, path: Path) -> None:
 
     content = io.BytesIO()
     nx.write_graphml(place_graph_to_networkx(graph), content)
-    with replacing(path) as stream:
+    with atomic_write(path) as stream:
         stream.write(content.getvalue())
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import yaml
 
 from albot_core.errors import InputError
-from albot_core.files import replacing, write_text
+from albot_core.files import atomic_write, write_text
 from albot_core.maps.layers import OccupancyGridLayer
 
 OCCUPIED, FREE = 0.65, 0.196
@@ -45,7 +45,7 @@ def write_map_server(layer: OccupancyGridLayer, path: Path) -> None:
         gray[layer.occupancy > OCCUPIED] = _BLACK
         gray[layer.occupancy < 0.5] = _WHITE
     picture = path.with_suffix(".pgm")
-    with replacing(picture) as stream:
+    with atomic_write(picture) as stream:
         stream.write(f"P5\n{columns} {rows}\n255\n".encode())
         stream.write(np.ascontiguousarray(gray[::-1]).tobytes())
     described = {

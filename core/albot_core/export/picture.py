@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_core.files import replacing
+from albot_core.files import atomic_write
 from albot_core.geometry.types import Points
 from albot_core.maps.activity import Activity, packet_segments
 from albot_core.maps.layers import (
@@ -145,7 +145,7 @@ def _draw_panel(panel: Panel, axes: Axes) -> None:
 
 
 def _save(figure: Figure, path: Path) -> None:
-    with replacing(path) as stream:
+    with atomic_write(path) as stream:
         figure.savefig(stream, format="png")
 
 

@@ -35,7 +35,14 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
 from albot_core.geometry.types import Pose, Poses, Ranges
-from albot_core.logs.log import NO_RETURN, Recording, Scan, good_beginning, sick_laser, steady_mount
+from albot_core.logs.log import (
+    NO_RETURN,
+    Recording,
+    Scan,
+    constant_mount,
+    read_until_damage,
+    sick_laser,
+)
 from albot_core.logs.text import LogText, is_number
 from albot_core.sensing.reading import LaserGeometry
 
@@ -83,7 +90,7 @@ def read(text: LogText, keep_going: bool) -> Recording:
         InputError: A line is damaged, and no scan comes before it or `keep_going` is not set.
     """
     messages = _Messages(text)
-    records, error = good_beginning(iter(messages), keep_going)
+    records, error = read_until_damage(iter(messages), keep_going)
     sweeps = [record for record in records if isinstance(record, _Sweep)]
     if not sweeps:
         raise error or InputError(text.source, "a FLASER or ROBOTLASER1 line", "none")
@@ -95,7 +102,7 @@ def read(text: LogText, keep_going: bool) -> Recording:
             for sweep, pose in zip(sweeps, odometry, strict=True)
         ],
         reference=None if reference is None else list(reference),
-        left_out=text.left_out(_SCANS, error) if error else None,
+        unread=text.unread(_SCANS, error) if error else None,
     )
 
 
@@ -108,7 +115,7 @@ def _poses(
     raw = _raw_odometry(records, source)
     if raw is not None:
         return raw, robot, _AT_CENTRE
-    mount = steady_mount(robot, laser)
+    mount = constant_mount(robot, laser)
     if mount is None:
         return robot, laser, _AT_CENTRE
     return robot, None, mount
@@ -223,7 +230,7 @@ class _Messages:
         beams = text.beams(words[1:2], self._header.beams if self._header else None)
         if len(words) != 2 + beams + 6 + _TAIL:
             found = f"{len(words) - 2} fields"
-            raise text.error(f"{beams} ranges and 9 fields more in FLASER", found)
+            raise text.error(f"{beams} ranges and 9 more fields in FLASER", found)
         self._header = _Header(beams=beams)
         return self._sweep(words, words[2 : 2 + beams], words[2 + beams :])
 
@@ -256,11 +263,11 @@ class _Messages:
         if self._header is not None and header != self._header:
             raise text.error(
                 f"the laser of the first scan, {self._header.beams} beams",
-                f"another, {beams} beams",
+                f"a different one, {beams} beams",
             )
         if beams < 2 or not 0 < spacing <= np.pi / 2 or max_range <= 0:
             found = f"{beams}, {spacing:g} rad and {max_range:g} m"
-            raise text.error("2 beams or more, some spacing and a largest range", found)
+            raise text.error("at least 2 beams, and a spacing and maximum range above 0", found)
         self._header = header
 
     def _sweep(self, words: list[str], ranges: list[str], rest: list[str]) -> _Sweep:

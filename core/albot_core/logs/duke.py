@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Pose
-from albot_core.logs.log import Recording, Scan, good_beginning, sick_laser
+from albot_core.logs.log import Recording, Scan, read_until_damage, sick_laser
 from albot_core.logs.text import LogText
 
 NAME = "Duke (Odometry and Laser lines)"
@@ -30,14 +30,14 @@ def read(text: LogText, keep_going: bool) -> Recording:
     Raises:
         InputError: A line is damaged, and no scan comes before it or `keep_going` is not set.
     """
-    scans, error = good_beginning(_scans(text), keep_going)
+    scans, error = read_until_damage(_scans(text), keep_going)
     if not scans:
         raise InputError(text.source, "at least one Laser line", "none")
     geometry = sick_laser(len(scans[0].ranges), _MAX_RANGE, _MOUNT)
     return Recording(
         geometry=geometry,
         scans=scans,
-        left_out=text.left_out(("Laser",), error) if error else None,
+        unread=text.unread(("Laser",), error) if error else None,
     )
 
 

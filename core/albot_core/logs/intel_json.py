@@ -16,7 +16,14 @@ import numpy as np
 
 from albot_core.errors import InputError
 from albot_core.geometry.types import Ranges
-from albot_core.logs.log import SICK_SPACINGS, LeftOut, Recording, Scan, good_beginning, sick_laser
+from albot_core.logs.log import (
+    SICK_SPACINGS,
+    Recording,
+    Scan,
+    Unread,
+    read_until_damage,
+    sick_laser,
+)
 from albot_core.logs.text import LogText
 
 NAME = 'JSON ({"map": {stamp: {"range", "x", "y", "theta"}}})'
@@ -31,13 +38,13 @@ def read(text: LogText, keep_going: bool) -> Recording:
         InputError: An entry is damaged, and it is the first or `keep_going` is not set.
     """
     cursor = _Cursor(text)
-    scans, error = good_beginning(_scans(text, cursor), keep_going)
+    scans, error = read_until_damage(_scans(text, cursor), keep_going)
     if not scans:
         raise InputError(text.source, "at least one scan in the map", "none")
     return Recording(
         geometry=sick_laser(len(scans[0].ranges)),
         scans=scans,
-        left_out=cursor.left_out(error) if error else None,
+        unread=cursor.unread(error) if error else None,
     )
 
 
@@ -133,21 +140,21 @@ class _Cursor:
             value, self._at = self._decoder.raw_decode(self._content, self._at)
         except json.JSONDecodeError as error:
             self._move_to(error.pos)
-            raise self._text.error("whole JSON", error.msg) from None
+            raise self._text.error("valid JSON", error.msg) from None
         except ValueError as error:
             raise self._text.error("numbers of a common size", str(error)) from None
         except RecursionError:
-            raise self._text.error("whole JSON", "brackets nested too deep") from None
+            raise self._text.error("valid JSON", "brackets nested too deep") from None
         return value
 
     def settle(self) -> None:
         """Mark everything up to here as valid."""
         self._settled = self._at
 
-    def left_out(self, error: InputError) -> LeftOut:
+    def unread(self, error: InputError) -> Unread:
         """Return what is lost if only the part marked by `settle` is used."""
         lost = self._content[self._settled :]
-        return LeftOut(lines=lost.count("\n") + 1, scans=lost.count('"range"'), reason=str(error))
+        return Unread(lines=lost.count("\n") + 1, scans=lost.count('"range"'), reason=str(error))
 
     def end(self) -> None:
         """Raise InputError if anything follows."""

@@ -44,7 +44,7 @@ Record = TypeVar("Record")
 
 
 @dataclass(frozen=True, kw_only=True)
-class LeftOut:
+class Unread:
     """The part of a damaged log that was not read.
 
     In a damaged archive, only the part that still unpacks is counted.
@@ -80,7 +80,7 @@ class Log:
     """The visual scene at every scan, -1 for none; None in a log without a camera."""
     reference: Poses | None = None
     """The robot's corrected pose at every scan, where the log holds one."""
-    left_out: LeftOut | None = None
+    unread: Unread | None = None
     """What was not read; None where the log is whole."""
 
     @cached_property
@@ -151,10 +151,10 @@ class Recording:
     """At least one scan, all of `geometry.beams` ranges."""
     reference: list[Pose] | None = None
     """The robot's corrected pose at every scan, where the log holds one."""
-    left_out: LeftOut | None = None
+    unread: Unread | None = None
     """What was not read; None where the log is whole."""
 
-    def in_time(self, name: str) -> Log:
+    def to_log(self, name: str) -> Log:
         """Return the log in the order of time.
 
         Scans are sorted by stamp; scans with the same stamp keep their order. Robots' logs are
@@ -172,11 +172,11 @@ class Recording:
             ranges=ranges,
             odometry=np.stack([scan.odometry for scan in self.scans])[order],
             reference=None if self.reference is None else np.stack(self.reference)[order],
-            left_out=self.left_out,
+            unread=self.unread,
         )
 
 
-def good_beginning(
+def read_until_damage(
     records: Iterator[Record], keep_going: bool
 ) -> tuple[list[Record], InputError | None]:
     """Return all records and None; with `keep_going`, those before the first bad one and its error.
@@ -205,7 +205,7 @@ def sick_laser(
     return LaserGeometry(beams=beams, spacing=spacing, max_range=max_range, mount=mount)
 
 
-def steady_mount(robot: Poses, laser: Poses) -> tuple[float, float, float] | None:
+def constant_mount(robot: Poses, laser: Poses) -> tuple[float, float, float] | None:
     """Return the laser's pose in the robot's frame, from the poses of both at every scan.
 
     None if it is not constant: then the poses are two different estimates.

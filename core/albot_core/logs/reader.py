@@ -12,7 +12,7 @@ from albot_core.evaluation.trajectory import Trajectory
 from albot_core.export.tum import FIELDS, read_tum
 from albot_core.files import read_beginning, read_bytes
 from albot_core.logs import carmen, duke, intel_json, wean
-from albot_core.logs.log import LeftOut, Log, Recording
+from albot_core.logs.log import Log, Recording, Unread
 from albot_core.logs.text import LogText, is_number
 
 
@@ -44,7 +44,7 @@ def read_log(path: str | Path, keep_going: bool = False) -> Log:
 
     Args:
         path: The file.
-        keep_going: Whether to read a damaged log up to the first damage; the log's `left_out`
+        keep_going: Whether to read a damaged log up to the first damage; the log's `unread`
             says how much was lost. At least one scan must be good.
 
     Raises:
@@ -52,13 +52,13 @@ def read_log(path: str | Path, keep_going: bool = False) -> Log:
             and `keep_going` is not set.
     """
     path = Path(path)
-    content, torn = read_beginning(path)
-    if torn is not None and not (keep_going and content):
-        raise torn
+    content, damage = read_beginning(path)
+    if damage is not None and not (keep_going and content):
+        raise damage
     recording = _read(LogText(path, content.decode("utf-8", "replace")), keep_going)
-    if torn is not None:
-        recording = _torn(recording, torn)
-    return recording.in_time(path.name)
+    if damage is not None:
+        recording = _damaged(recording, damage)
+    return recording.to_log(path.name)
 
 
 def _read(text: LogText, keep_going: bool) -> Recording:
@@ -91,10 +91,10 @@ def _kind(text: LogText) -> str:
     return repr(beginning) if beginning.isprintable() else "binary data"
 
 
-def _torn(recording: Recording, torn: InputError) -> Recording:
-    """Return a recording from a damaged archive, with the archive's error in `left_out`."""
-    lost = recording.left_out or LeftOut(lines=0, scans=0, reason="")
-    return replace(recording, left_out=replace(lost, reason=str(torn)))
+def _damaged(recording: Recording, damage: InputError) -> Recording:
+    """Return a recording from a damaged archive, with the archive's error in `unread`."""
+    lost = recording.unread or Unread(lines=0, scans=0, reason="")
+    return replace(recording, unread=replace(lost, reason=str(damage)))
 
 
 def read_reference(path: Path) -> Trajectory:

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from albot_core.errors import InputError
-from albot_core.logs.log import SICK_SPACINGS, LeftOut
+from albot_core.logs.log import SICK_SPACINGS, Unread
 from albot_core.plain_data import LARGEST
 
 _LONGEST_COUNT = 9
@@ -59,21 +59,21 @@ class LogText:
                 others = max((*decimals.values(), *map(_decimals, words[-2:-1])), default=0)
                 usual = decimals.get(words[0], others)
                 if fixed_end and may_be_torn and _decimals(words[-1]) < usual:
-                    raise self.error("a whole number at the end", repr(words[-1]))
+                    raise self.error("a complete number at the end", repr(words[-1]))
                 decimals[words[0]] = _decimals(words[-1])
                 yield words
             elif may_be_torn and any(keyword.startswith(words[0]) for keyword in keywords):
-                raise self.error("a whole line", repr(line))
+                raise self.error("a complete line", repr(line))
 
     def error(self, expected: str, found: str) -> InputError:
         """Return an error that names the current line."""
         return InputError(self.source, expected, found, place=f"line {self.number}")
 
-    def left_out(self, scan_keywords: Collection[str], error: InputError) -> LeftOut:
+    def unread(self, scan_keywords: Collection[str], error: InputError) -> Unread:
         """Return what is lost if reading ends at the current line because of `error`."""
         rest = self.lines[self.number - 1 :]
         scans = sum(word in scan_keywords for line in rest for word in line.split(None, 1)[:1])
-        return LeftOut(lines=len(rest), scans=scans, reason=str(error))
+        return Unread(lines=len(rest), scans=scans, reason=str(error))
 
     def numbers(self, words: Sequence[str], what: str) -> Float64[np.ndarray, "numbers"]:
         """Parse words as finite numbers; `what` names them in errors.
@@ -96,9 +96,9 @@ class LogText:
         values = self._parse(words, "a range")
         for k in np.flatnonzero(np.isinf(values)).tolist():
             if "inf" not in words[k].lower():
-                raise self.error("a range, or inf where nothing came back", words[k])
+                raise self.error("a range, or inf for no return", words[k])
         if not (values >= 0).all():
-            raise self.error("distances, numbers not below 0", words[int((values >= 0).argmin())])
+            raise self.error("ranges of 0 or more", words[int((values >= 0).argmin())])
         return values
 
     def count(self, word: str, what: str) -> int:

@@ -23,7 +23,14 @@ from scipy.ndimage import binary_dilation
 from albot_core.errors import InputError
 from albot_core.files import read_bytes
 from albot_core.geometry.types import Points, Pose
-from albot_core.logs.log import NO_RETURN, Recording, Scan, good_beginning, sick_laser, steady_mount
+from albot_core.logs.log import (
+    NO_RETURN,
+    Recording,
+    Scan,
+    constant_mount,
+    read_until_damage,
+    sick_laser,
+)
 from albot_core.logs.text import LogText
 
 NAME = "Wean Hall (O and L lines)"
@@ -46,18 +53,18 @@ def read(text: LogText, keep_going: bool) -> Recording:
         InputError: A line is damaged, and no scan comes before it or `keep_going` is not set; or
             the laser's mount on the robot is not constant.
     """
-    lines, error = good_beginning(_laser_lines(text), keep_going)
+    lines, error = read_until_damage(_laser_lines(text), keep_going)
     if not lines:
         raise InputError(text.source, "at least one L line", "none")
     scans = [line.scan for line in lines]
-    mount = steady_mount(
+    mount = constant_mount(
         np.stack([scan.odometry for scan in scans]), np.stack([line.laser for line in lines])
     )
     if mount is None:
-        raise InputError(text.source, "a laser that keeps its place on the robot", "one that moves")
+        raise InputError(text.source, "a laser with a constant mount", "one that moves")
     geometry = sick_laser(len(scans[0].ranges), NO_RETURN, mount)
     return Recording(
-        geometry=geometry, scans=scans, left_out=text.left_out(("L",), error) if error else None
+        geometry=geometry, scans=scans, unread=text.unread(("L",), error) if error else None
     )
 
 
@@ -95,14 +102,14 @@ def read_wean_map(path: Path) -> Points:
     lines = read_bytes(path).decode("utf-8", "replace").splitlines()
     header = {words[0]: words[1:] for words in map(str.split, lines[:20]) if words}
     if _RESOLUTION not in header or _CELLS not in header:
-        raise InputError(path, f"lines {_RESOLUTION} and {_CELLS}", "others")
+        raise InputError(path, f"lines {_RESOLUTION} and {_CELLS}", "other lines")
     first = next(index for index, line in enumerate(lines) if line.startswith(_CELLS)) + 1
     try:
         cell = 0.01 * float(header[_RESOLUTION][0])
         shape = (int(header[_CELLS][0]), int(header[_CELLS][1]))
         cells = np.array([line.split() for line in lines[first : first + shape[0]]], np.float64)
     except (ValueError, IndexError) as error:
-        raise InputError(path, "numbers, as many in every row", str(error)) from None
+        raise InputError(path, "numbers, the same count in every row", str(error)) from None
     if cells.shape != shape or not cell > 0:
         raise InputError(path, f"{shape[0]} rows of {shape[1]} cells", f"{cells.shape}")
     walls = (cells >= 0) & (cells < WALL)

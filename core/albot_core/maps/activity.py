@@ -44,7 +44,9 @@ class Activity:
             expected = f"1 to {MOST_CELLS} rows and columns"
             raise InputError("Activity.values", expected, f"{rows} × {columns}")
         if not (np.isfinite(self.values).all() and (self.values >= 0).all()):
-            raise InputError("Activity.values", "finite numbers from 0", "others")
+            raise InputError(
+                "Activity.values", "finite numbers from 0", "negative numbers, NaN or infinity"
+            )
 
     @property
     def size(self) -> tuple[float, float]:

@@ -18,7 +18,7 @@ class Explorer(ABC):
     """Looks around, then drives from goal to goal. Subclasses choose the goals.
 
     Args:
-        near: Largest distance at which visible ground counts as covered (m).
+        coverage_range: Largest distance at which visible ground counts as covered (m).
         steering: The steering parameters.
     """
 
@@ -27,14 +27,14 @@ class Explorer(ABC):
     _ARRIVED = 0.3
     """Distance to the end of the route at which the goal counts as reached (m)."""
 
-    def __init__(self, near: float, steering: SteeringConfig) -> None:
-        self._near = near
+    def __init__(self, coverage_range: float, steering: SteeringConfig) -> None:
+        self._coverage_range = coverage_range
         self._steering = steering
 
     def reset(self, rng: np.random.Generator) -> None:
         """Reset all state, and begin with a full turn to look around."""
         self._rng = rng
-        self._grid = OccupancyGrid(OccupancyGridConfig(near=self._near))
+        self._grid = OccupancyGrid(OccupancyGridConfig(coverage_range=self._coverage_range))
         self._look_round = LookRound()
         self._stall = StallDetector()
         self._goal: Float64[np.ndarray, "2"] | None = None

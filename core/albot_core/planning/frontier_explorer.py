@@ -45,19 +45,19 @@ class FrontierExplorer(Explorer):
     the task.
 
     Args:
-        near: Largest distance at which visible ground counts as covered (m).
+        coverage_range: Largest distance at which visible ground counts as covered (m).
         config: The steering parameters.
     """
 
-    _LEAST = 0.6
+    _MIN_FRONTIER_LENGTH = 0.6
     """Least width of a frontier (m); the robot does not fit through narrower ones."""
     _NEAR_BY = 0.4
     """Distance from a frontier at which it counts as reached (m)."""
     _APART = 0.8
     """Least distance of a frontier from those given up (m)."""
 
-    def __init__(self, near: float = 2.0, config: SteeringConfig | None = None) -> None:
-        super().__init__(near, config or SteeringConfig())
+    def __init__(self, coverage_range: float = 2.0, config: SteeringConfig | None = None) -> None:
+        super().__init__(coverage_range, config or SteeringConfig())
 
     def reset(self, rng: np.random.Generator) -> None:
         """Reset all state, and begin with a full turn to look around."""
@@ -98,7 +98,7 @@ class FrontierExplorer(Explorer):
         These are their positions (m, map frame), path lengths (m) and frontier numbers.
         """
         grid, cell = self._grid, self._grid.cell
-        groups = find_frontiers(*grid.window(paths), least=round(self._LEAST / cell))
+        groups = find_frontiers(*grid.window(paths), least=round(self._MIN_FRONTIER_LENGTH / cell))
         reached = np.where(paths.lengths < 0, _FAR, paths.lengths)
         reached = ndimage.minimum_filter(reached, 2 * round(self._NEAR_BY / cell) + 1)
         rows, columns = np.nonzero((groups > 0) & (reached < _FAR))

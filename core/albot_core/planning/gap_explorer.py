@@ -36,19 +36,21 @@ class GapExplorerConfig:
     gain: float = 0.0
     """Gain of a goal with completely new ground around it (m of path). Above 0, a whole room is
     preferred to a smaller area nearby."""
-    chance: float = 0.5
+    random_cost: float = 0.5
     """Largest random cost (m of path), which makes tours differ."""
     steering: SteeringConfig = field(default_factory=SteeringConfig)
     """The steering parameters."""
-    worth: float = 0.75
+    min_new_share: float = 0.75
     """Least share of new ground around a goal. When no such goal is left, any new ground is
     enough."""
-    near: float = 2.0
+    coverage_range: float = 2.0
     """Largest distance at which visible ground counts as covered (m)."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "gap_width", "reach", "clearance", "near", "worth")
-        check_fields(self, NOT_NEGATIVE, "turn_cost", "gain", "chance")
+        check_fields(
+            self, POSITIVE, "gap_width", "reach", "clearance", "coverage_range", "min_new_share"
+        )
+        check_fields(self, NOT_NEGATIVE, "turn_cost", "gain", "random_cost")
 
 
 class GapExplorer(Explorer):
@@ -66,14 +68,14 @@ class GapExplorer(Explorer):
     """Angle between the beams that are searched for open ground (rad)."""
 
     def __init__(self, config: GapExplorerConfig = GapExplorerConfig()) -> None:
-        super().__init__(config.near, config.steering)
+        super().__init__(config.coverage_range, config.steering)
         self._config = config
 
     def reset(self, rng: np.random.Generator) -> None:
         """Reset all state, and begin with a full turn to look around."""
         super().reset(rng)
         self._candidates = CandidateGoals()
-        self._least = self._config.worth
+        self._least = self._config.min_new_share
 
     def _observe(self, percept: Percept) -> None:
         """Integrate the scan into the grid, and update the candidate goals."""
@@ -148,11 +150,11 @@ class GapExplorer(Explorer):
             self._look_round.begin()
             return None
         turns = np.abs(bearings_of(percept.to_robot(goals)))
-        chances = config.chance * self._rng.random(len(goals))
+        random_costs = config.random_cost * self._rng.random(len(goals))
         gains = config.gain * self._grid.uncovered_share(
             self._candidates.ground, self._SURROUNDINGS
         )
-        chosen = int((lengths + config.turn_cost * turns + chances - gains).argmin())
+        chosen = int((lengths + config.turn_cost * turns + random_costs - gains).argmin())
         self._stall.start(float(lengths[chosen]))
         return np.array(goals[chosen])
 

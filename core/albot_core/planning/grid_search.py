@@ -16,10 +16,10 @@ import numpy as np
 from albot_core.geometry.pose_kernels import length_of
 from albot_core.kernels.compiled import kernel
 
-UNKNOWN, FREE, BLOCKED, WANTED, REACHED = 0, 1, 2, 3, 4
-"""States of cells. A search may end at any `WANTED` cell, which is also free. `REACHED` cells were
+UNKNOWN, FREE, BLOCKED, TARGET, REACHED = 0, 1, 2, 3, 4
+"""States of cells. A search may end at any `TARGET` cell, which is also free. `REACHED` cells were
 reached by `flood_fill`."""
-STEP, ACROSS = 5, 7
+STEP, DIAGONAL = 5, 7
 """Lengths of a step to an adjacent and to a diagonal cell; 7 / 5 approximates √2."""
 _BUCKETS = 32
 """Number of buckets: more than a step can add to a path's length plus heuristic."""
@@ -40,7 +40,7 @@ def search_grid(
 ) -> tuple[np.ndarray, tuple[int, int]]:
     """Find the shortest paths from `start` to all passable cells.
 
-    A step to an adjacent cell has length `STEP`, a diagonal step `ACROSS`. Cells within the first
+    A step to an adjacent cell has length `STEP`, a diagonal step `DIAGONAL`. Cells within the first
     radius of a blocked cell are not passable. A step to a cell within the second radius counts
     twice. Near the start only blocked cells are not passable, so that a robot close to a wall can
     leave it.
@@ -48,7 +48,7 @@ def search_grid(
     Without a goal this is Dijkstra's search. With a `goal`, a cell of the grid, it is A* (P. Hart,
     N. Nilsson and B. Raphael, A formal basis for the heuristic determination of minimum cost
     paths, 1968). It ends at the goal. Paths to cells off the path to the goal may then be too long
-    or missing. With or without a goal, the search ends at the first `WANTED` cell.
+    or missing. With or without a goal, the search ends at the first `TARGET` cell.
 
     The open list consists of buckets: cells are sorted by the estimated length of the path through
     them, modulo the number of buckets (R. Dial, Algorithm 360, Communications of the ACM 12, 1969).
@@ -91,7 +91,7 @@ def search_grid(
             continue  # A shorter path was found since.
         done[row, column] = True
         is_end = row == goal[0] and column == goal[1]
-        if is_end or (grid[row, column] == WANTED and cost[row, column] > 0):
+        if is_end or (grid[row, column] == TARGET and cost[row, column] > 0):
             return lengths, (row, column)
         for i in range(9):
             r, c = row + (i // 3) - 1, column + (i % 3) - 1
@@ -99,7 +99,7 @@ def search_grid(
             if not inside:
                 continue
             near = (r - start[0]) ** 2 + (c - start[1]) ** 2 <= (radius + 1) ** 2
-            step = STEP if r == row or c == column else ACROSS
+            step = STEP if r == row or c == column else DIAGONAL
             reached = lengths[row, column] + step * max(1, cost[r, c])
             if 0 <= lengths[r, c] <= reached:
                 continue
@@ -147,7 +147,7 @@ def _heuristic(row: int, column: int, goal: tuple[int, int]) -> int:
     if goal[0] < 0:
         return 0
     down, across = abs(row - goal[0]), abs(column - goal[1])
-    return STEP * max(down, across) + (ACROSS - STEP) * min(down, across)
+    return STEP * max(down, across) + (DIAGONAL - STEP) * min(down, across)
 
 
 @kernel()

@@ -55,9 +55,9 @@ class MinimalSpaceExplorer:
     """Remaining angle at which a turn is complete (rad)."""
     _ARRIVED = 0.2
     """Distance to the centre of a gap at which it stops (m)."""
-    _BARRED = 10
+    _BLOCKED_STEPS = 10
     """Steps without progress after which a move ends because the way is blocked."""
-    _HEADWAY = 0.005
+    _MIN_PROGRESS = 0.005
     """Least progress of a step (m or rad)."""
 
     def __init__(self, config: MinimalSpaceConfig = MinimalSpaceConfig()) -> None:
@@ -68,7 +68,7 @@ class MinimalSpaceExplorer:
         self._rng = rng
         self._target = np.zeros(2)
         self._turn_left, self._way_left = 0.0, 0.0
-        self._standing = 0
+        self._steps_without_progress = 0
         self._side = 0.0
 
     def command(self, percept: Percept) -> Command:
@@ -88,12 +88,15 @@ class MinimalSpaceExplorer:
         motion = percept.motion
         self._target = transform_points(inverse(motion), self._target)
         way, turn = float(np.hypot(*motion[:2])), float(motion[2])
-        self._standing = 0 if max(way, abs(turn)) >= self._HEADWAY else self._standing + 1
+        self._steps_without_progress += 1
+        if max(way, abs(turn)) >= self._MIN_PROGRESS:
+            self._steps_without_progress = 0
         if abs(self._turn_left) > self._TURNED:
             self._turn_left -= turn
         else:
             self._way_left -= way
-        if np.hypot(*self._target) < self._ARRIVED or self._standing >= self._BARRED:
+        is_blocked = self._steps_without_progress >= self._BLOCKED_STEPS
+        if np.hypot(*self._target) < self._ARRIVED or is_blocked:
             self._turn_left, self._way_left = 0.0, 0.0
 
     def _begin_move(self, percept: Percept) -> None:
@@ -106,7 +109,7 @@ class MinimalSpaceExplorer:
         seen = find_gaps(percept.points, narrowest=config.gap_width, reach=self._REACH)
         # Leave out a gap in which the robot already stands.
         gaps = [gap for gap in minimal_space(seen) if np.hypot(*gap.centre) > 2 * self._ARRIVED]
-        if gaps and self._standing < self._BARRED:
+        if gaps and self._steps_without_progress < self._BLOCKED_STEPS:
             distances = np.array([np.hypot(*gap.centre) for gap in gaps])
             near = np.flatnonzero(distances <= distances.min() + config.nearest)
             self._target = gaps[int(self._rng.choice(near))].centre
@@ -117,7 +120,7 @@ class MinimalSpaceExplorer:
         bearing = float(np.arctan2(self._target[1], self._target[0]))
         self._turn_left = float(np.clip(bearing, -config.turn, config.turn))
         self._way_left = config.drive if self._turn_left == bearing else 0.0
-        self._standing = 0
+        self._steps_without_progress = 0
 
 
 def minimal_space(gaps: Sequence[Gap]) -> list[Gap]:
@@ -137,11 +140,11 @@ def _covers(gap: Gap, other: Gap) -> bool:
     # Find where the line, from 0 at the robot to 1 at the other gap, meets the line of this gap.
     towards = float(x * gap.outward[0] + y * gap.outward[1])
     away = float(gap.centre @ gap.outward)
-    if towards <= away + _SAME:
+    if towards <= away + _OFFSET_TOLERANCE:
         return False
     aside = float((away / towards * other.centre - gap.centre) @ along)
     return abs(aside) < gap.width / 2
 
 
-_SAME = 0.1
+_OFFSET_TOLERANCE = 0.1
 """Largest distance (m) of the lines of gaps that lie beside each other or are the same."""

@@ -65,7 +65,7 @@ class Navigator:
         self._pose: Pose | None = None
         self._route: Float64[np.ndarray, "cells 2"] = np.empty((0, 2))
         self._steps = 0
-        self._leaves = False
+        self._leaves_known_way = False
 
     def command(self, percept: Percept, target: Points, known: KnownWay | None = None) -> Command:
         """Return the next drive command.
@@ -79,7 +79,7 @@ class Navigator:
         if self._steps % self._PLAN_EVERY == 0:
             self._plan(percept, target, known)
         self._steps += 1
-        if known is not None and not self._leaves:
+        if known is not None and not self._leaves_known_way:
             target = known.ahead
         if not len(self._route):
             return self._seeker.command(percept, target)
@@ -94,8 +94,8 @@ class Navigator:
     def _plan(self, percept: Percept, target: Points, known: KnownWay | None) -> None:
         """Plan the path to the target, or along the known way if that is not much longer."""
         self._route, length = self._find_route(percept, target)
-        self._leaves = known is not None and WORTH * length < known.length < np.inf
-        if known is not None and not self._leaves:
+        self._leaves_known_way = known is not None and WORTH * length < known.length < np.inf
+        if known is not None and not self._leaves_known_way:
             self._route, _ = self._find_route(percept, known.ahead)
 
     def _find_route(
@@ -129,7 +129,7 @@ class GoalSeeker:
         config: The steering parameters.
     """
 
-    _PATIENCE = 60
+    _STALL_STEPS = 60
     """Steps without progress after which it makes a detour."""
     _NEARER = 0.2
     """Least decrease in distance that counts as progress (m)."""
@@ -147,7 +147,7 @@ class GoalSeeker:
         """Reset all state."""
         self._rng = rng
         self._nearest = np.inf
-        self._steps_in_vain = 0
+        self._steps_without_progress = 0
         self._detours = 0
         self._left = 0
         self._aim = np.zeros(2)
@@ -168,12 +168,12 @@ class GoalSeeker:
 
     def _update_progress(self, distance: float) -> bool:
         """Update with the current distance (m); return whether progress has stalled."""
-        self._steps_in_vain += 1
+        self._steps_without_progress += 1
         if distance < self._nearest - self._NEARER:
-            self._nearest, self._steps_in_vain = distance, 0
-        if self._steps_in_vain <= self._PATIENCE:
+            self._nearest, self._steps_without_progress = distance, 0
+        if self._steps_without_progress <= self._STALL_STEPS:
             return False
-        self._nearest, self._steps_in_vain = distance, 0
+        self._nearest, self._steps_without_progress = distance, 0
         return True
 
     def _start_detour(self, percept: Percept) -> None:

@@ -26,7 +26,7 @@ NEAR_BY = 0.5
 """Largest distance (m) between a point and the end of a path that counts as leading to it."""
 NARROW = 1.0
 """Length (m) below which a straight stretch of a route may pass close to obstacles."""
-SIGHT = 3.0
+MAX_STRAIGHT = 3.0
 """Longest stretch (m) that is driven straight (Yeap et al.: 3 m)."""
 BEHIND = 1.0
 """Distance (m) within which obstacles out of view count."""
@@ -40,21 +40,23 @@ class OccupancyGridConfig:
     """Side of a cell (m)."""
     reach: float = 7.0
     """Largest distance of cells that a scan marks (m)."""
-    near: float = 2.0
+    coverage_range: float = 2.0
     """Largest distance at which visible ground counts as covered (m)."""
     extent: float = 40.0
     """Half the initial side of the grid (m); the grid grows as needed."""
     radius: float = 0.28
     """Least distance of paths from obstacles (m)."""
-    wide: float = 0.45
+    comfort_clearance: float = 0.45
     """Distance from obstacles (m) within which a path counts twice, because the robot must be slow
     there."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, *vars(self))
-        if self.wide < self.radius:
+        if self.comfort_clearance < self.radius:
             expected = f"at least the radius, {self.radius:g}"
-            raise InputError("OccupancyGridConfig.wide", expected, f"{self.wide:g}")
+            raise InputError(
+                "OccupancyGridConfig.comfort_clearance", expected, f"{self.comfort_clearance:g}"
+            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,7 +91,7 @@ class OccupancyGrid:
         half = int(np.ceil(config.extent / config.cell))
         self._grid = np.zeros((2 * half, 2 * half), np.int8)
         self._covered = np.zeros((2 * half, 2 * half), np.bool_)
-        self._radii = config.radius / config.cell, config.wide / config.cell
+        self._radii = config.radius / config.cell, config.comfort_clearance / config.cell
         self._seen = np.zeros((2, 2))
 
     @property
@@ -101,12 +103,12 @@ class OccupancyGrid:
         """Mark the scan of a percept."""
         config = self._config
         self.grow_to(percept.pose[:2])
-        eye = compose(percept.pose, np.array(percept.laser.mount))
-        beams = config.cell, eye, percept.ranges, percept.laser.bearings
+        sensor_pose = compose(percept.pose, np.array(percept.laser.mount))
+        beams = config.cell, sensor_pose, percept.ranges, percept.laser.bearings
         mark_scan(self._grid, *beams, config.reach)
-        mark_covered(self._covered, *beams, config.near)
-        np.minimum(self._seen[0], eye[:2] - config.reach, out=self._seen[0])
-        np.maximum(self._seen[1], eye[:2] + config.reach, out=self._seen[1])
+        mark_covered(self._covered, *beams, config.coverage_range)
+        np.minimum(self._seen[0], sensor_pose[:2] - config.reach, out=self._seen[0])
+        np.maximum(self._seen[1], sensor_pose[:2] + config.reach, out=self._seen[1])
 
     def grow_to(self, point: Points) -> None:
         """Enlarge the grid if a point (m, map frame) is near its edge."""
@@ -142,7 +144,7 @@ class OccupancyGrid:
             unknown_is_free: Whether unseen ground counts as free.
             goal: The goal (m, map frame); None for all ground.
         """
-        margin = self._UNKNOWN_MARGIN if unknown_is_free else self._config.wide
+        margin = self._UNKNOWN_MARGIN if unknown_is_free else self._config.comfort_clearance
         low, high = self._window(pose[:2], goal, margin)
         window = np.ascontiguousarray(self._grid[low[0] : high[0], low[1] : high[1]])
         parents = np.empty(window.shape, np.int64)
@@ -175,7 +177,7 @@ class OccupancyGrid:
         *,
         unknown_is_free: bool = False,
     ) -> Points:
-        """Return the farthest point of a route within `SIGHT` that can be reached straight.
+        """Return the farthest point of a route within `MAX_STRAIGHT` that can be reached straight.
 
         If there is none, return a point a little farther along the route than its nearest point.
         Without a route, return the robot's position. The point is in the map's frame (m).
@@ -188,7 +190,7 @@ class OccupancyGrid:
             self._grid,
             (row, column),
             cells + len(self._grid) // 2,
-            (NARROW / self._config.cell, SIGHT / self._config.cell),
+            (NARROW / self._config.cell, MAX_STRAIGHT / self._config.cell),
             self._radii,
             unknown_is_free,
         )

@@ -13,27 +13,28 @@ from albot_core.planning.grid_search import BLOCKED, FREE, UNKNOWN
 def mark_scan(
     grid: np.ndarray,
     cell: float,
-    eye: np.ndarray,
+    sensor_pose: np.ndarray,
     ranges: np.ndarray,
     bearings: np.ndarray,
     reach: float,
 ) -> None:
     """Mark the cells along the beams free, and the cells at their ends blocked.
 
-    `eye` is the laser's pose in the map's frame. Cells are marked up to `reach` (m), and all of
-    them must be on the grid.
+    `sensor_pose` is the laser's pose in the map's frame. Cells are marked up to `reach` (m), and
+    all of them must be on the grid.
     """
     half = grid.shape[0] // 2
-    x, y = eye[0] / cell + half, eye[1] / cell + half  # Positive, so int() rounds down.
+    # Positive, so int() rounds down.
+    x, y = sensor_pose[0] / cell + half, sensor_pose[1] / cell + half
     for k in range(ranges.shape[0]):
-        angle = eye[2] + bearings[k]
+        angle = sensor_pose[2] + bearings[k]
         dx, dy = np.cos(angle), np.sin(angle)
         steps = int(min(ranges[k] - cell, reach) / cell)
         for j in range(steps + 1):
             grid[int(y + j * dy), int(x + j * dx)] = FREE
     for k in range(ranges.shape[0]):  # Last, so that a grazing beam does not erase a wall.
         if ranges[k] < reach:
-            angle, length = eye[2] + bearings[k], ranges[k] / cell
+            angle, length = sensor_pose[2] + bearings[k], ranges[k] / cell
             grid[int(y + length * np.sin(angle)), int(x + length * np.cos(angle))] = BLOCKED
 
 
@@ -41,18 +42,18 @@ def mark_scan(
 def mark_covered(
     covered: np.ndarray,
     cell: float,
-    eye: np.ndarray,
+    sensor_pose: np.ndarray,
     ranges: np.ndarray,
     bearings: np.ndarray,
-    near: float,
+    coverage_range: float,
 ) -> None:
-    """Mark the cells along the beams as covered, up to `near` (m). See `mark_scan`."""
+    """Mark the cells along the beams as covered, up to `coverage_range` (m). See `mark_scan`."""
     half = covered.shape[0] // 2
-    x, y = eye[0] / cell + half, eye[1] / cell + half
+    x, y = sensor_pose[0] / cell + half, sensor_pose[1] / cell + half
     for k in range(ranges.shape[0]):
-        angle = eye[2] + bearings[k]
+        angle = sensor_pose[2] + bearings[k]
         dx, dy = np.cos(angle), np.sin(angle)
-        for j in range(int(min(ranges[k] - cell, near) / cell) + 1):
+        for j in range(int(min(ranges[k] - cell, coverage_range) / cell) + 1):
             covered[int(y + j * dy), int(x + j * dx)] = True
 
 
@@ -61,15 +62,15 @@ def farthest_straight(
     grid: np.ndarray,
     place: tuple[float, float],
     cells: np.ndarray,
-    sights: tuple[float, float],
+    straight_limits: tuple[float, float],
     radii: tuple[float, float],
     unknown_is_free: bool,
 ) -> int:
     """Return the index of the last of a route's `cells` that a disc reaches straight from `place`.
 
     The first attempt uses a disc of the second radius and cells at least as far away as the first
-    sight. If no cell fits, the second attempt uses a disc of the first radius. Cells must be closer
-    than the second sight. All lengths are in cells. Only the route beyond its cell nearest to the
+    limit. If no cell fits, the second attempt uses a disc of the first radius. Cells must be closer
+    than the second limit. All lengths are in cells. Only the route beyond its cell nearest to the
     place is considered. If no cell can be reached straight, the result is the second cell after
     that nearest cell.
     """
@@ -79,10 +80,10 @@ def farthest_straight(
     for k in range(count):
         away[k] = length_of(cells[k, 0] + 0.5 - place[0], cells[k, 1] + 0.5 - place[1])
     here = int(np.argmin(away))
-    for radius, least in ((radii[1], sights[0]), (radii[0], 0.0)):
+    for radius, least in ((radii[1], straight_limits[0]), (radii[0], 0.0)):
         for k in range(count - 1, here - 1, -1):
             end = cells[k, 0], cells[k, 1]
-            seen = least <= away[k] < sights[1]
+            seen = least <= away[k] < straight_limits[1]
             if seen and straight_is_free(grid, start, end, radius, unknown_is_free):
                 return k
     return int(min(here + 2, count - 1))

@@ -28,9 +28,9 @@ DIRECTIONS = np.linspace(-np.pi, np.pi, _COUNT, endpoint=False)
 """The directions that are considered (rad)."""
 _SHARES = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Shares of the desired speed that are tried if the robot could not brake in time."""
-_SAME = 0.005
+_RANGE_TOLERANCE = 0.005
 """Decrease of an obstacle's distance (m) that is tolerated, because ranges are noisy."""
-_LEAST = 0.015
+_MIN_CLEARANCE = 0.015
 """Distance (m) from the body below which no decrease is tolerated; many steps would add up to a
 collision."""
 _FARTHEST = 1.5
@@ -45,7 +45,7 @@ class SteeringConfig:
 
     radius: float = 0.33
     """Radius of the robot with its clearance (m)."""
-    tight: float = 0.28
+    tight_radius: float = 0.28
     """Radius with clearance (m) if no free direction near the target's exists otherwise."""
     lookahead: float = 1.0
     """Least free distance in a chosen direction (m)."""
@@ -57,13 +57,13 @@ class SteeringConfig:
     """Largest speed (m/s)."""
     turn_rate: float = 2.0
     """Largest turn rate (rad/s)."""
-    creep: float = 0.3
+    min_speed: float = 0.3
     """Speed at an obstacle that almost touches the robot (m/s)."""
-    ease: float = 2.5
+    speed_per_metre: float = 2.5
     """Increase of speed per metre of distance to the nearest obstacle (1/s)."""
     gain: float = 2.0
     """Turn rate per radian between heading and direction (1/s)."""
-    pivot: float = 0.7
+    turn_on_spot_angle: float = 0.7
     """Angle to the direction above which the robot turns on the spot (rad)."""
     margin: float = 0.04
     """Least distance from obstacles if the robot brakes after the command (m)."""
@@ -87,16 +87,16 @@ class Limits(NamedTuple):
     """The parameters of `SteeringConfig`, in the same order."""
 
     radius: float
-    tight: float
+    tight_radius: float
     lookahead: float
     braking: float
     body: float
     speed: float
     turn_rate: float
-    creep: float
-    ease: float
+    min_speed: float
+    speed_per_metre: float
     gain: float
-    pivot: float
+    turn_on_spot_angle: float
     margin: float
     acceleration: float
     wheel_base: float
@@ -129,7 +129,7 @@ def _steer_towards(points: np.ndarray, x: float, y: float, s: Limits) -> tuple[f
     distance, bearing = length_of(x, y), math.atan2(y, x)
     way = np.empty(_COUNT)
     direction, least = bearing, math.inf
-    for radius in (s.radius, s.tight):
+    for radius in (s.radius, s.tight_radius):
         _find_free_distances(points, radius, _FARTHEST, way)
         for k in range(_COUNT):
             if way[k] >= min(s.lookahead, distance):
@@ -137,12 +137,12 @@ def _steer_towards(points: np.ndarray, x: float, y: float, s: Limits) -> tuple[f
                 off = abs(wrap_angle(candidate - bearing))
                 if off < least:
                     direction, least = candidate, off
-        if least <= s.pivot:
+        if least <= s.turn_on_spot_angle:
             break
     if least == math.inf:
         return 0.0, math.copysign(s.turn_rate, bearing)
     turn_rate = min(max(s.gain * direction, -s.turn_rate), s.turn_rate)
-    if abs(direction) > s.pivot:
+    if abs(direction) > s.turn_on_spot_angle:
         return 0.0, turn_rate
     nearest = math.inf
     for i in range(points.shape[0]):
@@ -151,7 +151,7 @@ def _steer_towards(points: np.ndarray, x: float, y: float, s: Limits) -> tuple[f
     speed = min(
         s.speed,
         math.sqrt(2 * s.braking * room),
-        s.creep + s.ease * max(0.0, nearest - s.body),
+        s.min_speed + s.speed_per_metre * max(0.0, nearest - s.body),
     )
     return speed * math.cos(direction) ** 2, turn_rate
 
@@ -233,7 +233,7 @@ def _find_admissible_command(
     near = near[:count]
     if count == 0:
         return command
-    enough = min(s.body + s.margin, max(held - _SAME, s.body + _LEAST))
+    enough = min(s.body + s.margin, max(held - _RANGE_TOLERANCE, s.body + _MIN_CLEARANCE))
     best, most = command, -math.inf
     for turning in (1.0, 0.0):
         for share in _SHARES:

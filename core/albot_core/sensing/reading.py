@@ -44,7 +44,7 @@ class LaserGeometry:
             raise InputError("LaserGeometry.spacing", "within (0, pi/2]", str(self.spacing))
         if (self.beams - 1) * self.spacing > 2 * np.pi + 1e-9:
             found = f"{self.beams} beams {self.spacing:g} rad apart"
-            raise InputError("LaserGeometry.beams", "a full turn at most", found)
+            raise InputError("LaserGeometry.beams", "at most a full turn", found)
         if not 0 < self.max_range < np.inf:
             raise InputError("LaserGeometry.max_range", "a positive length", str(self.max_range))
 
@@ -73,7 +73,7 @@ class LaserScan:
         if self.ranges.shape != (self.geometry.beams,):
             raise InputError(
                 "LaserScan.ranges",
-                f"{self.geometry.beams} ranges as the geometry says",
+                f"{self.geometry.beams} ranges, one per beam",
                 str(self.ranges.shape),
             )
         if not (self.ranges >= 0).all():
@@ -119,7 +119,7 @@ class SonarGeometry:
             expected = "one finite bearing (rad) or more"
             raise InputError("SonarGeometry.bearings", expected, str(self.bearings))
         if len(self.places) != len(self.bearings) or not np.isfinite(self.places).all():
-            expected = f"{len(self.bearings)} finite pairs x, y (m), as there are bearings"
+            expected = f"{len(self.bearings)} finite pairs x, y (m), one per bearing"
             raise InputError("SonarGeometry.places", expected, str(self.places))
         if not 0 < self.cone < np.pi:
             raise InputError("SonarGeometry.cone", "within (0, pi)", str(self.cone))
@@ -140,7 +140,7 @@ class SonarScan:
     def __post_init__(self) -> None:
         count = len(self.geometry.bearings)
         if self.ranges.shape != (count,):
-            expected = f"{count} ranges as the geometry says"
+            expected = f"{count} ranges, one per sonar"
             raise InputError("SonarScan.ranges", expected, str(self.ranges.shape))
         if not (self.ranges >= 0).all():
             sonar = int(np.argmin(self.ranges >= 0))

@@ -101,7 +101,7 @@ class _Plan:
             self._root = ElementTree.fromstring(content)
         except ElementTree.ParseError as error:
             line, _ = error.position
-            raise self._error("whole XML", ErrorString(error.code), f"line {line}") from None
+            raise self._error("well-formed XML", ErrorString(error.code), f"line {line}") from None
         except (LookupError, ValueError) as error:
             raise self._error("XML in a known encoding", str(error), "line 1") from None
         if self._root.tag != "building":
@@ -127,11 +127,11 @@ class _Plan:
             name = label if total[label] == 1 else f"{label} {seen[label]}"
             key = element.get("id", "")
             if not key or key in spaces:
-                raise self._error("an id of its own", repr(key), f"space {name}")
+                raise self._error("a unique id", repr(key), f"space {name}")
             spaces[key] = self._space(element, name)
         enclosing = {key: space for key, space in spaces.items() if space is not None}
         if not enclosing:
-            raise self._error("a space with an outline that encloses something", "none")
+            raise self._error("a space with an outline that encloses an area", "none")
         self._left_out = spaces.keys() - enclosing.keys()
         return enclosing
 
@@ -183,7 +183,7 @@ class _Plan:
             parts = shapely.get_parts(shapely.make_valid(outline, method="structure"))
             polygons = [part for part in parts if part.geom_type == "Polygon" and part.area]
             if not polygons:
-                self.notes.append(f"left out: {name}, whose outline encloses nothing")
+                self.notes.append(f"skipped: {name}, whose outline encloses no area")
                 return None
             outline = shapely.Polygon(max(polygons, key=lambda part: float(part.area)).exterior)
             self.notes.append(f"the outline of {name} crossed itself and was cleaned")

@@ -36,11 +36,11 @@ def reachable_world(
     reached = {
         room.name
         for room, outline in zip(rooms, outlines, strict=True)
-        if space.enters(region, outline)
+        if space.disc_fits_inside(region, outline)
     }
     shut = [room.name for room in rooms if room.name not in reached]
     if shut:
-        notes = (*notes, f"walls only, no way in for a robot: {', '.join(shut)}")
+        notes = (*notes, f"walls only, because no robot fits in: {', '.join(shut)}")
     return World(
         name=name,
         walls=walls,
@@ -68,6 +68,8 @@ def _start(space: FreeSpace, floor: shapely.Geometry, source: str) -> tuple[Pose
     parts = shapely.get_parts(region.intersection(floor))
     part = max(parts, key=lambda part: float(part.area), default=None)
     if part is None or not part.area:
-        raise InputError(source, f"a room for a robot of radius {ROBOT_RADIUS} m", "none")
+        raise InputError(
+            source, f"a room with space for a robot of radius {ROBOT_RADIUS} m", "none"
+        )
     centre = shapely.maximum_inscribed_circle(part, tolerance=0.05).coords[0]
     return np.array([*np.round(centre, 2), 0.0]), region

@@ -23,7 +23,7 @@ from albot_core.errors import InputError
 from albot_core.files import exists, read_bytes
 from albot_core.geometry.poses import transform_points, transform_segments
 from albot_core.geometry.types import Pose, Segments
-from albot_core.yaml_document import YamlDocument, shown
+from albot_core.yaml_document import YamlDocument, format_value
 from albot_maps.world import LARGEST_COORDINATE, ROBOT_RADIUS, World
 
 Cells = Bool[np.ndarray, "rows columns"]
@@ -160,7 +160,7 @@ def read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
             more than `LARGEST` cells.
     """
     content = read_bytes(path, _BYTES * LARGEST)
-    expected = "a whole PGM or PNG picture"
+    expected = "an intact PGM or PNG image"
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # We count the cells.
@@ -171,17 +171,17 @@ def read_shades(path: Path) -> Float64[np.ndarray, "rows columns"]:
     except InputError:
         raise
     except UnidentifiedImageError:  # Its message contains a memory address.
-        raise InputError(path, expected, "something else") from None
+        raise InputError(path, expected, "another format") from None
     except Image.DecompressionBombError:
-        raise InputError(path, f"{LARGEST:,} cells at most", "many more") from None
-    except _TORN as error:
+        raise InputError(path, f"{LARGEST:,} cells at most", "more") from None
+    except _CORRUPT as error:
         raise InputError(path, expected, str(error)) from None
     return np.asarray(colours.mean(axis=2))
 
 
 _BYTES = 4
 """Largest number of bytes per cell in a file: three digits and a space."""
-_TORN = (OSError, SyntaxError, ValueError, EOFError, IndexError, OverflowError, struct.error)
+_CORRUPT = (OSError, SyntaxError, ValueError, EOFError, IndexError, OverflowError, struct.error)
 """What Pillow raises for truncated or corrupt files."""
 
 
@@ -256,5 +256,5 @@ class _Fields:
     def error(self, key: str, expected: str) -> InputError:
         """Return the error for an invalid value at `key`."""
         data: dict[str, Any] = self._document.data
-        found = shown(data[key]) if key in data else "no such key"
+        found = format_value(data[key]) if key in data else "no such key"
         return InputError(self._path, expected, found, place=self._document.place((key,)))

@@ -65,19 +65,19 @@ def read_stage_world(path: Path) -> World:
     text = StageText()
     text.read(path)
     walls, left_out = [], Counter[str]()
-    notes = [f"not there: {name}" for name in dict.fromkeys(text.missing)]
+    notes = [f"missing include: {name}" for name in dict.fromkeys(text.missing)]
     for model in text.models:
         solid = _Solid(model, text)
-        if solid.stands_in_the_way:
+        if solid.is_obstacle:
             walls.append(solid.walls())
             notes += solid.notes
         else:
             left_out[model.type] += 1
     if not walls:
-        raise InputError(path, "a floorplan or a model that is solid", "none")
+        raise InputError(path, "a floorplan or a model that is an obstacle", "none")
     if left_out:
         listed = ", ".join(f"{count} {kind}" for kind, count in left_out.items())
-        notes.append(f"left out, for they are not known or not solid: {listed}")
+        notes.append(f"skipped (unknown or not an obstacle): {listed}")
     everything = np.concatenate(walls)
     check_coordinates(everything, path)
     return World(
@@ -94,7 +94,7 @@ def _start(walls: Segments, path: Path) -> np.ndarray:
     space = FreeSpace(walls, ROBOT_RADIUS)
     closed = [region for region in space.regions if space.encloses(region)]
     if not closed:
-        raise InputError(path, f"walls round a robot of radius {ROBOT_RADIUS} m", "none")
+        raise InputError(path, f"walls that enclose a robot of radius {ROBOT_RADIUS} m", "none")
     widest = max(closed, key=lambda region: float(region.area))
     x, y = shapely.maximum_inscribed_circle(widest, tolerance=0.05).coords[0]
     return np.array([[round(x, 2), round(y, 2), 0.0]])
@@ -119,7 +119,7 @@ class _Solid:
         self._kind = kind
 
     @property
-    def stands_in_the_way(self) -> bool:
+    def is_obstacle(self) -> bool:
         """Whether it is an obstacle."""
         return self._kind in _SOLID_TYPES and self._values.get("obstacle_return", 1.0) != 0
 
@@ -155,7 +155,7 @@ class _Solid:
         picture = folder / name
         beside = folder / Path(name).name
         if not exists(picture) and exists(beside):
-            self.notes.append(f"{name} is not there; {beside.name} beside the file was taken")
+            self.notes.append(f"{name} is missing; used {beside.name}")
             picture = beside
         dark = read_shades(picture)[::-1] < _DARK
         if not dark.any():
@@ -326,5 +326,5 @@ class _Parser:
             position = match.end()
 
     def _error(self, expected: str, found: _Token | None) -> InputError:
-        place = f"line {found.line}" if found else "its end"
+        place = f"line {found.line}" if found else "end of the file"
         return InputError(self._path, expected, repr(found.text) if found else "", place=place)

@@ -20,7 +20,7 @@ from jsonschema.exceptions import ValidationError, best_match
 
 from albot_core.errors import InputError, did_you_mean
 from albot_core.geometry.types import Points, Pose, Segments
-from albot_core.yaml_document import YamlDocument, shown
+from albot_core.yaml_document import YamlDocument, format_value
 from albot_maps.movables import Box, Door, Movables, Walker
 from albot_maps.world import LARGEST_COORDINATE, METRES, SHORTEST_WALL, Exit, Room, World
 
@@ -112,7 +112,7 @@ def _check_schema(document: YamlDocument, source: str) -> None:
     """
     data = document.data
     if not isinstance(data, dict):
-        found = "nothing" if data is None else shown(data)
+        found = "nothing" if data is None else format_value(data)
         raise InputError(source, "a YAML mapping with the key albot-world", found, place="line 1")
     if "albot-world" not in data:
         found = ", ".join(data) or "none"
@@ -147,7 +147,7 @@ def _explained(error: ValidationError) -> tuple[list[str | int], str, str]:
     if error.validator == "required":
         missing = next(key for key in schema["required"] if key not in keys)
         return path, f"the key {missing}", f"only {', '.join(keys) or 'an empty mapping'}"
-    return path, schema["description"], shown(error.instance)
+    return path, schema["description"], format_value(error.instance)
 
 
 class _Walls:
@@ -182,7 +182,7 @@ class _Walls:
             x_min, y_min, x_max, y_max = box
             if not (x_min < x_max and y_min < y_max):
                 expected = "x_min, y_min, x_max, y_max with x_min < x_max and y_min < y_max"
-                raise self._error(("boxes", index), expected, shown(box))
+                raise self._error(("boxes", index), expected, format_value(box))
             corners = [[x_min, y_min], [x_max, y_min], [x_max, y_max], [x_min, y_max]]
             yield self._solid(("boxes", index), _points(corners))
         for index, outline in enumerate(data.get("polygons", ())):
@@ -192,18 +192,18 @@ class _Walls:
         segments = self._joined(path, np.concatenate((corners, corners[:1])))
         if not shapely.LinearRing(corners).is_simple or shapely.Polygon(corners).area == 0.0:
             found = "sides that cross or touch each other"
-            raise self._error(path, "an outline around some ground", found)
+            raise self._error(path, "an outline that encloses an area", found)
         self._solids.append((path, corners))
         return segments
 
     def _joined(self, path: tuple[str | int, ...], points: Points) -> Segments:
         """Return the segments between consecutive points, checked here, where the line is known."""
         for index in np.flatnonzero(~(np.abs(points) <= LARGEST_COORDINATE).all(axis=1)):
-            found = shown(points[index].tolist())
+            found = format_value(points[index].tolist())
             raise self._error((*path, int(index)), METRES, found)
         for index in np.flatnonzero(np.hypot(*np.diff(points, axis=0).T) <= SHORTEST_WALL):
             place = (*path, int(index)) if path[0] in ("walls", "glass") else path
-            found = f"the point {shown(points[index].tolist())} twice"
+            found = f"the point {format_value(points[index].tolist())} twice"
             raise self._error(place, "a wall longer than 0", found)
         return np.concatenate((points[:-1], points[1:]), axis=1)
 

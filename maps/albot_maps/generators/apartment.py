@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from albot_core.errors import InputError
 from albot_maps.generators.furniture import GAP, HOME, furnish
-from albot_maps.generators.parameters import Parameters, count, metres, share
+from albot_maps.generators.parameters import Parameters, count, fraction, metres
 from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler
 
 _LEAST_SIDE = 200
@@ -37,7 +37,7 @@ class ApartmentParameters(Parameters):
     """Inner depth (m); by default chosen to suit the rooms."""
     door_width: float = metres(0.85, 0.75, 1.5)
     """Width of the doors (m)."""
-    clutter: float = share(0.4)
+    clutter: float = fraction(0.4)
     """Amount of furniture: 0 none, 1 one piece per 2.2 m², or fewer to keep passages open."""
     doors: int = count(0, 0, 100)
     """Number of doorways with a door that opens and closes."""
@@ -123,7 +123,7 @@ def _draw_outline(parameters: ApartmentParameters, sampler: Sampler) -> Box:
         side = 300
         while side * side < area:
             side += 5
-        width = area // depth if depth else side * sampler.whole(80, 125) // 100
+        width = area // depth if depth else side * sampler.integer(80, 125) // 100
         width = max(300, width)
     return Box(0, 0, width, depth or max(300, area // width))
 
@@ -132,10 +132,10 @@ def _split(sampler: Sampler, box: Box, number: int) -> list[Box] | None:
     """Return a floor divided into `number` rooms by walls; None if one would be too small."""
     if number == 1:
         return [box] if min(box.width, box.depth) >= _LEAST_SIDE else None
-    first = sampler.whole(max(1, number // 3), number - max(1, number // 3))
+    first = sampler.integer(max(1, number // 3), number - max(1, number // 3))
     across = box.width >= box.depth
     room = (box.width if across else box.depth) - WALL
-    part = room * first * sampler.whole(85, 115) // (100 * number)
+    part = room * first * sampler.integer(85, 115) // (100 * number)
     if part < _LEAST_SIDE or room - part < _LEAST_SIDE:
         return None
     if across:

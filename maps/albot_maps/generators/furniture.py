@@ -20,8 +20,8 @@ _TRIES = 4
 """Number of attempts to place each requested piece."""
 
 # Exact rotations (a, b, c): cosine a / c and sine b / c.
-_TURNS = ((1, 0, 1), (0, 1, 1), (4, 3, 5), (3, 4, 5), (12, 5, 13), (24, 7, 25), (15, -8, 17))
-_ROUND = ((12, 5), (5, 12), (-5, 12), (-12, 5), (-12, -5), (-5, -12), (5, -12), (12, -5))
+_ROTATIONS = ((1, 0, 1), (0, 1, 1), (4, 3, 5), (3, 4, 5), (12, 5, 13), (24, 7, 25), (15, -8, 17))
+_OCTAGON = ((12, 5), (5, 12), (-5, 12), (-12, 5), (-12, -5), (-5, -12), (5, -12), (12, -5))
 """Corners of an octagon with circumradius 13."""
 
 
@@ -147,7 +147,7 @@ class _Place(NamedTuple):
 
 def _place_at_wall(sampler: Sampler, size: Corner, piece: Piece) -> _Place | None:
     """Place a piece against a random wall; None if no passage would be left."""
-    along_u, far = sampler.chance(0.5), sampler.chance(0.5)
+    along_u, far = sampler.bernoulli(0.5), sampler.bernoulli(0.5)
     run, reach = size if along_u else size[::-1]
     spare, depth = run - piece.width, piece.depth + piece.chair
     if reach - depth < GAP or spare < GAP:
@@ -176,7 +176,7 @@ def _blocks(piece: Piece, bounds: Box, side: Side) -> list[Box]:
 
 def _place_freely(sampler: Sampler, size: Corner, piece: Piece) -> _Place | None:
     """Place a rotated piece away from all walls; None if the room is too small."""
-    corners, around = _turned(piece, sampler.pick(_TURNS))
+    corners, around = _turned(piece, sampler.pick(_ROTATIONS))
     spare_u, spare_v = size[0] - around.width - 2 * GAP, size[1] - around.depth - 2 * GAP
     if spare_u < 0 or spare_v < 0:
         return None
@@ -195,7 +195,7 @@ def _turned(piece: Piece, turn: tuple[int, int, int]) -> tuple[tuple[Corner, ...
     half_u, half_v = piece.width // 2, piece.depth // 2
     rectangle = ((-half_u, -half_v), (half_u, -half_v), (half_u, half_v), (-half_u, half_v))
     corners = tuple(
-        [(half_u * u // 13, half_u * v // 13) for u, v in _ROUND]
+        [(half_u * u // 13, half_u * v // 13) for u, v in _OCTAGON]
         if piece.round
         else [
             ((u * cosine - v * sine) // norm, (u * sine + v * cosine) // norm) for u, v in rectangle

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from albot_core.errors import InputError
 from albot_maps.generators.furniture import GAP, HALL, Furniture, furnish
-from albot_maps.generators.parameters import Parameters, count, metres, share, switch
+from albot_maps.generators.parameters import Parameters, count, fraction, metres, switch
 from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler
 
 _PORCH_WIDTH, _PORCH_DEPTH = 200, 150
@@ -31,7 +31,7 @@ class HallParameters(Parameters):
     """Width of the doors to the porches (m)."""
     pillars: float = metres(6.0, 0, 50)
     """Distance between pillars (m), which are 40 cm wide and stand in rows; 0 means none."""
-    clutter: float = share(0.3)
+    clutter: float = fraction(0.3)
     """Amount of furniture: 0 none, 1 one piece per 5 m², or fewer to keep passages open."""
     symmetry: bool = switch(False)
     """Whether the right half mirrors the left one; porches are not mirrored."""

@@ -45,7 +45,7 @@ def draw_maze(parameters: MazeParameters, sampler: Sampler, source: str) -> tupl
     columns, rows = parameters.columns, parameters.rows
     if parameters.symmetry:
         half = _draw_gates(sampler, columns // 2, rows, parameters.loops // 2)
-        middle = sampler.whole(0, rows - 1)
+        middle = sampler.integer(0, rows - 1)
         gates = [*half, ((columns // 2 - 1, middle), (columns // 2, middle))]
         gates += [_mirrored(gate, columns) for gate in half]
     else:
@@ -82,7 +82,7 @@ def _check(parameters: MazeParameters, source: str) -> None:
 
 def _draw_gates(sampler: Sampler, columns: int, rows: int, loops: int) -> list[_Gate]:
     """Return the openings: a spanning tree by a random depth-first walk, then random loops."""
-    here = (sampler.whole(0, columns - 1), sampler.whole(0, rows - 1))
+    here = (sampler.integer(0, columns - 1), sampler.integer(0, rows - 1))
     visited, way = {here}, [here]
     gates: list[_Gate] = []
     while way:

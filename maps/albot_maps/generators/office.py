@@ -11,7 +11,7 @@ from typing import ClassVar
 
 from albot_core.errors import InputError
 from albot_maps.generators.furniture import GAP, OFFICE, Furniture, furnish
-from albot_maps.generators.parameters import Parameters, count, metres, share, switch
+from albot_maps.generators.parameters import Parameters, count, fraction, metres, switch
 from albot_maps.generators.plan import WALL, Box, Corner, Frame, Plan, Sampler, Side
 
 _LEAST_DEPTH, _LEAST_BLOCK = 260, 300
@@ -38,9 +38,9 @@ class OfficeParameters(Parameters):
     """Width of the corridors (m)."""
     door_width: float = metres(0.9, 0.75, 1.5)
     """Width of the doors (m)."""
-    connections: float = share(0.1)
+    connections: float = fraction(0.1)
     """Share of the walls between neighbouring rooms of a row that have a door."""
-    clutter: float = share(0.3)
+    clutter: float = fraction(0.3)
     """Amount of furniture: 0 none, 1 one piece per 2.5 m², or fewer to keep passages open."""
     symmetry: bool = switch(False)
     """Whether all rooms along a corridor are alike and mirrored on its other side."""
@@ -201,7 +201,7 @@ class _Office:
             return [self._sampler.length(380, 600) for _ in range(number)]
         fixed = self._least_depth(across) - number * _LEAST_DEPTH
         spare = round(100 * self._asked.depth) - fixed
-        return self._sampler.parts(spare, number, _LEAST_DEPTH, even=self._asked.symmetry)
+        return self._sampler.partition(spare, number, _LEAST_DEPTH, even=self._asked.symmetry)
 
     def _draw_block_widths(
         self, upward: int, strips: list[int], block_depths: list[int]
@@ -217,7 +217,7 @@ class _Office:
             fronts -= 2 * sum(block_depths) if upward > 1 else 0
             spare = (fronts - 2 * fixed) // (2 + 2 * len(block_depths))
             spare = max(spare, 2 * number * _LEAST_BLOCK)
-        return self._sampler.parts(spare, number, _LEAST_BLOCK, even=self._asked.symmetry)
+        return self._sampler.partition(spare, number, _LEAST_BLOCK, even=self._asked.symmetry)
 
 
 def _rows(across: int, upward: int) -> int:
@@ -317,7 +317,7 @@ class RoomRows:
         fronts = (
             [spare // number] * number
             if self._alike
-            else self._sampler.parts(spare, number, _LEAST_FRONT)
+            else self._sampler.partition(spare, number, _LEAST_FRONT)
         )
         u, joined, last = 0, False, ""
         for index, front in enumerate(fronts):
@@ -329,7 +329,7 @@ class RoomRows:
                 opening = frame.placed(Box(u - WALL, low, u, high))
                 along_x = row.side in (Side.EAST, Side.WEST)
                 self._plan.add_door(opening, (last, name), along_x=along_x)
-            onward = index + 1 < number and self._sampler.chance(self._connections)
+            onward = index + 1 < number and self._sampler.bernoulli(self._connections)
             offset = self._furnish(Frame(box=box, side=row.side), joined, onward)
             opening = frame.placed(Box(u + offset, -WALL, u + offset + self._door, 0))
             along_x = row.side in (Side.NORTH, Side.SOUTH)
@@ -349,7 +349,7 @@ class RoomRows:
                 if opened or self._alike
             ]
             pieces = self._clutter * frame.width * frame.depth / _FLOOR_PER_PIECE
-            wanted = int(pieces + self._sampler.whole(0, 99) / 100)
+            wanted = int(pieces + self._sampler.integer(0, 99) / 100)
             furniture = furnish(self._sampler, (frame.width, frame.depth), keep, wanted, OFFICE)
             self._layouts[key] = (offset, furniture)
         offset, furniture = self._layouts[key]

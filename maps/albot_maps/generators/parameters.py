@@ -18,9 +18,9 @@ class ParameterRange:
 
     type: type[bool] | type[int] | type[float]
     """Type of the value."""
-    least: Number = 0
+    minimum: Number = 0
     """The smallest value."""
-    most: Number = 1
+    maximum: Number = 1
     """The largest value."""
     unit: str = ""
     """Unit of a length; empty for a value without a unit."""
@@ -31,34 +31,34 @@ class ParameterRange:
             return self.type is bool and isinstance(value, bool)
         if not isinstance(value, int if self.type is int else Number):
             return False
-        return self.least <= value <= self.most
+        return self.minimum <= value <= self.maximum
 
     def __str__(self) -> str:
         if self.type is bool:
             return "true or false"
         what = "a whole number" if self.type is int else "a number"
         unit = f" ({self.unit})" if self.unit else ""
-        return f"{what} from {self.least:g} to {self.most:g}{unit}"
+        return f"{what} from {self.minimum:g} to {self.maximum:g}{unit}"
 
 
-def metres(default: float | None, least: Number, most: Number) -> Any:
+def metres(default: float | None, minimum: Number, maximum: Number) -> Any:
     """Return a field for a length (m). If `default` is None, the generator chooses the value."""
-    return _field(default, ParameterRange(type=float, least=least, most=most, unit="m"))
+    return _field(default, ParameterRange(type=float, minimum=minimum, maximum=maximum, unit="m"))
 
 
-def share(default: float) -> Any:
+def fraction(default: float) -> Any:
     """Return a field for a number from 0 to 1."""
     return _field(default, ParameterRange(type=float))
 
 
-def number(default: float, least: Number, most: Number) -> Any:
+def number(default: float, minimum: Number, maximum: Number) -> Any:
     """Return a field for a number without a unit."""
-    return _field(default, ParameterRange(type=float, least=least, most=most))
+    return _field(default, ParameterRange(type=float, minimum=minimum, maximum=maximum))
 
 
-def count(default: int | None, least: int, most: int) -> Any:
+def count(default: int | None, minimum: int, maximum: int) -> Any:
     """Return a field for an integer. If `default` is None, the generator chooses the value."""
-    return _field(default, ParameterRange(type=int, least=least, most=most))
+    return _field(default, ParameterRange(type=int, minimum=minimum, maximum=maximum))
 
 
 def switch(default: bool) -> Any:

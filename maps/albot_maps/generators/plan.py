@@ -232,34 +232,34 @@ class Sampler:
     def __init__(self, rng: np.random.Generator) -> None:
         self._uniform = rng.random
 
-    def whole(self, least: int, most: int) -> int:
+    def integer(self, least: int, most: int) -> int:
         """Draw an integer from `least` to `most`, both included."""
         return least + int(self._uniform() * (most - least + 1))
 
     def length(self, least: int, most: int) -> int:
         """Draw a length (cm) from `least` to about `most`, in steps of 5 cm from `least`."""
-        return least + STEP * self.whole(0, max(0, most - least) // STEP)
+        return least + STEP * self.integer(0, max(0, most - least) // STEP)
 
-    def chance(self, probability: float) -> bool:
+    def bernoulli(self, probability: float) -> bool:
         """Return True with a probability."""
         return self._uniform() < probability
 
     def pick(self, items: Sequence[Item]) -> Item:
         """Draw one of the items."""
-        return items[self.whole(0, len(items) - 1)]
+        return items[self.integer(0, len(items) - 1)]
 
     def shuffled(self, items: Sequence[Item]) -> list[Item]:
         """Return the items in random order."""
         rest = list(items)
-        return [rest.pop(self.whole(0, len(rest) - 1)) for _ in items]
+        return [rest.pop(self.integer(0, len(rest) - 1)) for _ in items]
 
-    def parts(self, total: int, number: int, least: int, *, even: bool = False) -> list[int]:
+    def partition(self, total: int, number: int, least: int, *, even: bool = False) -> list[int]:
         """Return `total` (cm) divided into `number` parts of at least `least`, equal if `even`.
 
         The last part takes what rounding leaves over.
         """
         spare = total - number * least
-        weights = [1 if even else self.whole(4, 12) for _ in range(number)]
+        weights = [1 if even else self.integer(4, 12) for _ in range(number)]
         whole = sum(weights)
         parts = [least + spare * weight // whole for weight in weights]
         parts[-1] += total - sum(parts)

@@ -44,15 +44,13 @@ def scatter_starts(world: World, parameters: Parameters, sampler: Sampler) -> Wo
     starts = [world.starts[0]]
     for _ in range(_START_TRIES * (wanted - 1)):
         x, y = sampler.length(x1, x2) / 100, sampler.length(y1, y2) / 100
-        heading = float(np.deg2rad(360 / _HEADINGS * sampler.whole(0, _HEADINGS - 1)))
+        heading = float(np.deg2rad(360 / _HEADINGS * sampler.integer(0, _HEADINGS - 1)))
         if world.room_at(x, y) is not None and free.contains(shapely.Point(x, y)):
             starts.append(np.array([x, y, heading]))
             if len(starts) == wanted:
                 return replace(world, starts=np.array(starts))
     found = str(wanted)
-    raise InputError(
-        world.source, f"no more than find room, which {len(starts)} did", found, place="starts"
-    )
+    raise InputError(world.source, f"at most {len(starts)} (all that fit)", found, place="starts")
 
 
 Thing = TypeVar("Thing", Box, Door, Walker)
@@ -88,7 +86,7 @@ def populate(world: World, parameters: Parameters, sampler: Sampler) -> World:
 def _take(things: Iterator[Thing], number: int, world: World, name: str) -> tuple[Thing, ...]:
     found = tuple(islice(things, number))
     if len(found) < number:
-        expected = f"no more than find room, which {len(found)} did"
+        expected = f"at most {len(found)} (all that fit)"
         raise InputError(world.source, expected, str(number), place=name)
     return found
 
@@ -138,21 +136,21 @@ class _Placer:
     def _draw_walker(self) -> Walker | None:
         room = self._sampler.pick(self._world.rooms).name
         route = [self._draw_point(room)]
-        for _ in range(self._sampler.whole(2, 12)):
+        for _ in range(self._sampler.integer(2, 12)):
             beyond, points = self._draw_step(room)
             if self._is_clear([route[-1], *points]):
                 room = beyond
                 route += points
         if max(math.dist(route[0], point) for point in route) < _LEAST_ROUTE:
             return None
-        closed = len(route) > 2 and self._sampler.chance(0.5)
+        closed = len(route) > 2 and self._sampler.bernoulli(0.5)
         closed = closed and self._is_clear([route[-1], route[0]])
         return Walker(route=tuple(route), closed=closed)
 
     def _draw_step(self, room: str) -> tuple[str, list[Point]]:
         """Draw a step of a route: through an exit, or to a point in the same room."""
         exits = self._exits_of[room]
-        if not exits or self._sampler.chance(0.4):
+        if not exits or self._sampler.bernoulli(0.4):
             return room, [self._draw_point(room)]
         opening = self._sampler.pick(exits)
         (beyond,) = set(opening.rooms) - {room}
@@ -199,10 +197,10 @@ class _Placer:
         at = self._draw_point(self._sampler.pick(self._world.rooms).name)
         return Box(
             at=at,
-            heading=float(np.deg2rad(15.0 * self._sampler.whole(0, 11))),
+            heading=float(np.deg2rad(15.0 * self._sampler.integer(0, 11))),
             length=self._sampler.length(40, 70) / 100,
             width=self._sampler.length(30, 50) / 100,
-            mass=float(self._sampler.whole(2, 10)),
+            mass=float(self._sampler.integer(2, 10)),
         )
 
 

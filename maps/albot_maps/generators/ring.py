@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from albot_core.errors import InputError
 from albot_maps.generators.furniture import GAP, PASSAGE, furnish
-from albot_maps.generators.parameters import Parameters, count, metres, number, share
+from albot_maps.generators.parameters import Parameters, count, fraction, metres, number
 from albot_maps.generators.plan import Box, Corner, Frame, Plan, Sampler, Side
 
 _LEAST_BLOCK = 100
@@ -33,7 +33,7 @@ class RingParameters(Parameters):
     """Factor by which each loop is longer than the one before."""
     corridor_width: float = metres(2.0, 1, 5)
     """Width of the corridors (m)."""
-    clutter: float = share(0.2)
+    clutter: float = fraction(0.2)
     """Cupboards along the walls: 0 none, 1 one per 2 m of corridor, where they fit."""
 
 
@@ -50,7 +50,7 @@ def draw_ring(parameters: RingParameters, sampler: Sampler, source: str) -> tupl
         expected = f"at least {4 * least / 100:g} with corridors of {corridor / 100:g} m"
         raise InputError(source, expected, str(parameters.length), place="length")
     # All loops have the same depth: a third to a half of half the first loop's length.
-    depth = max(least, min(halves[0] * sampler.whole(33, 55) // 100, halves[0] - least))
+    depth = max(least, min(halves[0] * sampler.integer(33, 55) // 100, halves[0] - least))
     rungs = [0]
     for half in halves:
         rungs.append(rungs[-1] + half - depth)

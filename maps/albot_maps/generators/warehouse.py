@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from albot_maps.generators.furniture import GAP, PALLETS, furnish
-from albot_maps.generators.parameters import Parameters, count, metres, share
+from albot_maps.generators.parameters import Parameters, count, fraction, metres
 from albot_maps.generators.plan import Box, Corner, Frame, Plan, Sampler, Side
 
 _BAY, _POST = 270, 10
@@ -33,9 +33,9 @@ class WarehouseParameters(Parameters):
     """Width of the cross aisles, of the front and of the back (m)."""
     rack_depth: float = metres(1.1, 0.5, 2)
     """Depth of the racks (m), which stand back to back between two aisles."""
-    empty: float = share(0.1)
+    empty: float = fraction(0.1)
     """Share of empty bays; without empty bays and pallets all aisles are alike."""
-    clutter: float = share(0.1)
+    clutter: float = fraction(0.1)
     """Pallets in the aisles: 0 none, 1 one per 3 m of aisle, where they fit."""
 
 
@@ -80,7 +80,7 @@ def _carve_empty(
 ) -> None:
     """Open a rack's empty bays toward its aisle."""
     for bay in range(parameters.bays):
-        if sampler.chance(parameters.empty):
+        if sampler.bernoulli(parameters.empty):
             left, right = bay * _BAY + _POST, (bay + 1) * _BAY - _POST
             plan.carve(rack.placed(Box(left, 0, right, rack.depth - _POST)))
 

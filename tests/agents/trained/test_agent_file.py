@@ -120,11 +120,15 @@ def test_what_differs_is_said(path: Path) -> None:
 
 def test_what_it_never_learnt_to_act_with_is_said(path: Path) -> None:
     entry = find_agent(str(path))
-    assert entry.untrained({}) == entry.untrained({"mapper": "odometry", "odometer": "poor"}) == ()
-    assert entry.untrained({"mapper": "none"}) == ("mapper none (trained with odometry)",)
-    other = ("mapper_config x.yaml (trained with its default thresholds)",)
-    assert entry.untrained({"mapper_config": Path("x.yaml")}) == other
-    assert find_agent("oracle").untrained({"mapper": "albot1"}) == ()
+    assert (
+        entry.untrained_settings({})
+        == entry.untrained_settings({"mapper": "odometry", "odometer": "poor"})
+        == ()
+    )
+    assert entry.untrained_settings({"mapper": "none"}) == ("mapper none (trained with odometry)",)
+    other = ("mapper_config x.yaml (trained with its default parameters)",)
+    assert entry.untrained_settings({"mapper_config": Path("x.yaml")}) == other
+    assert find_agent("oracle").untrained_settings({"mapper": "albot1"}) == ()
 
 
 def test_its_mapper_s_thresholds_are_kept_but_not_for_another_mapper() -> None:
@@ -199,18 +203,22 @@ def test_other_arrays_are_refused(
         (("discrete",), "yes", "discrete: expected true or false"),
         (("network", "layers"), [4, 4], r"layer1.*: expected the array"),
         (("network", "inputs"), 10**12, "network.inputs: expected a whole number"),
-        (("network", "candidates"), 3, "network.candidates: expected 0, or as many as share"),
+        (
+            ("network", "candidates"),
+            3,
+            "network.inputs: expected at least 2 numbers for each of 3 candidates",
+        ),
         (("network", "activation"), "os.system", "network.activation: expected one of"),
         (("settings", "world"), "/etc/passwd", "settings: expected only"),
         (("settings", "mapper"), 3, "settings.mapper: expected text"),
         (("settings", "config", "outing"), {}, "settings.config: expected a mapping with"),
         (("settings", "config", "observations", "home_rng"), 3, "did you mean home_range"),
         (("settings", "config", "observations", "home_range"), -3, "expected a positive number"),
-        (("settings", "config", "observations", "laser_sectors"), 6, "what makes 8 numbers"),
+        (("settings", "config", "observations", "laser_sectors"), 6, "observations of 8 numbers"),
         (
             ("settings", "config", "observations"),
             {"coverage": {"patch_cells": 10**9}},
-            "what makes 8 numbers",
+            "observations of 8 numbers",
         ),
         (("training", "curve"), {"samples": "x"}, "training.curve.samples: expected a list"),
         (("training", "plan", "n_envs"), -1, "training.plan.n_envs: expected a whole number"),

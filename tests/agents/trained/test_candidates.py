@@ -169,18 +169,19 @@ def test_it_learns_which_one_it_is() -> None:
 
 
 @pytest.mark.parametrize(
-    "changes",
+    ("changes", "field"),
     [
-        {"candidates": 7},
-        {"candidates": 5},
-        {"candidates": 30},
-        {"candidates": -1},
-        {"lstm_layers": 1, "lstm_size": 3},
-        {"outputs": 6},
+        ({"candidates": 7}, "inputs"),
+        ({"candidates": 5}, "outputs"),
+        ({"candidates": 30}, "inputs"),
+        ({"candidates": -1}, "candidates"),
+        ({"lstm_layers": 1, "lstm_size": 3}, "lstm_layers"),
+        ({"sampled": True}, "sampled"),
+        ({"outputs": 6}, "outputs"),
     ],
 )
-def test_candidates_that_do_not_fit_are_refused(changes: dict[str, int]) -> None:
+def test_candidates_that_do_not_fit_are_refused(changes: dict[str, int], field: str) -> None:
     fields: dict[str, Any] = {"inputs": 30, "layers": (4,), "activation": "tanh", "outputs": 7}
     NetworkConfig(**fields, candidates=6)
-    with pytest.raises(InputError, match=r"NetworkConfig\.candidates"):
+    with pytest.raises(InputError, match=rf"NetworkConfig\.{field}: "):
         NetworkConfig(**{**fields, "candidates": 6, **changes})

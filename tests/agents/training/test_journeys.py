@@ -99,5 +99,5 @@ def test_what_turns_out_too_heavy_is_not_laid_in(
     assert len(batch.missing_journeys()) == 4
     told: list[str] = []
     prepare_journeys(TASK, batch, given, told.append)
-    assert told[-1] == "1 of 4 journeys made, the others when they are drawn"
+    assert told[-1] == "1 of 4 journeys made; the others are made when needed"
     assert batch.missing_journeys() == []

@@ -14,12 +14,12 @@ from albot_agents.trained.agent_file import read_agent
 from albot_agents.trained.card import write_card
 from albot_agents.training.run import TrainingRun
 from albot_core.errors import InputError
-from albot_core.plain_data import merged
+from albot_core.plain_data import deep_merge
 from albot_env.tasks.core.observation import ObservationConfig
 from tests.agents.training.tiny import SMALL, begun
 
 TASK = "Albot/PlaceRecognition-v0"
-PLAN = merged(
+PLAN = deep_merge(
     SMALL,
     {
         "task": TASK,

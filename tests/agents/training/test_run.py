@@ -70,7 +70,7 @@ def test_a_resumed_run_goes_on_from_what_was_saved(trained: Trained, tmp_path: P
     run = TrainingRun(folder, folder.resume(TASK, n_timesteps=96))
     restored = take_checkpoint(run.learner, saved.run)
     assert (restored.samples, restored.updates) == (saved.samples, saved.updates) == (64, 4)
-    assert restored.random == saved.random
+    assert restored.numpy_state == saved.numpy_state
     assert restored.arrays.keys() == saved.arrays.keys()
     assert any(name.startswith("adam.exp_avg_sq.") for name in saved.arrays)
     for name, array in saved.arrays.items():
@@ -111,7 +111,7 @@ def test_a_torn_checkpoint_gives_way_to_the_one_before(trained: Trained, tmp_pat
     assert len(told) == 1
     assert str(newest) in told[0]
     older.write_bytes(b"")
-    with pytest.raises(InputError, match="a whole checkpoint"):
+    with pytest.raises(InputError, match="an intact checkpoint"):
         TrainingRun(folder, folder.resume(None), told.append)
 
 
@@ -150,7 +150,7 @@ def test_a_full_disk_is_told_with_the_last_good_checkpoint(
 
     monkeypatch.setattr(ArchiveFormat, "write", full)
     good = "000000000032.checkpoint"
-    with pytest.raises(InputError, match=rf"No space left on device; .*{good} is whole"):
+    with pytest.raises(InputError, match=rf"No space left on device; .*{good} is intact"):
         TrainingRun(folder, plan).run()
     assert [path.name for path in folder.checkpoints.iterdir()] == [good]
 
@@ -214,7 +214,7 @@ def test_a_run_is_not_begun_twice_in_a_folder(trained: Trained, tmp_path: Path) 
     folder, plan, *_ = trained
     with pytest.raises(InputError, match="without a run"):
         folder.begin(plan, "")
-    with pytest.raises(InputError, match="a training's folder"):
+    with pytest.raises(InputError, match="the folder of a training run"):
         RunFolder(tmp_path).resume(None)
     with pytest.raises(InputError, match="task: expected Albot/Explore-v0"):
         folder.resume("Albot/Explore-v0")

@@ -53,8 +53,8 @@ def test_a_checkpoint_of_another_learner_is_refused(
 def test_a_checkpoint_is_what_it_says(saved: Checkpoint, trained: Trained, tmp_path: Path) -> None:
     restore(trained[2].learner, saved, tmp_path)
     for random in ((9999.0, 0.0, 0.0), (3.0, 1e300, 0.0)):
-        with pytest.raises(InputError, match="random: expected a place up to 624"):
-            restore(trained[2].learner, replace(saved, random=random), tmp_path)
+        with pytest.raises(InputError, match="random: expected a position up to 624"):
+            restore(trained[2].learner, replace(saved, numpy_state=random), tmp_path)
     scrambled = {**saved.arrays, "random.torch": saved.arrays["random.torch"] * 0 + 255}
     with pytest.raises(InputError, match=r"random\.torch\.npy: expected a generator's state"):
         restore(trained[2].learner, replace(saved, arrays=scrambled), tmp_path)
@@ -117,7 +117,7 @@ def test_a_damaged_log_of_episodes_is_refused(line: bytes, message: str, tmp_pat
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b'{"command": "albot tr', "versions.json, line 1: expected whole JSON"),
+        (b'{"command": "albot tr', "versions.json, line 1: expected valid JSON"),
         (b'"\xff"', "versions.json: expected JSON text"),
         (b"[]", "versions.json: expected a mapping with command"),
         (b"{}", "versions.json, command: expected a value, found none"),
@@ -150,7 +150,7 @@ def _saved(**changed: np.ndarray | None) -> bytes:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"PK\x03\x04", "evaluations.npz: expected a whole file of evaluations"),
+        (b"PK\x03\x04", "evaluations.npz: expected an intact file of evaluations"),
         (_saved(spl=None), "expected the arrays timesteps, results"),
         (_saved(more=np.zeros(2)), "expected the arrays timesteps, results"),
         (_saved(spl=np.zeros((2, 3))), r"spl\.npy: expected \(2, 1\) of float64"),

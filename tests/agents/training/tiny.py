@@ -9,7 +9,7 @@ from albot_agents.training.plan import TrainingPlan
 from albot_agents.training.plan_file import read_plan
 from albot_agents.training.run_files import RunFolder
 from albot_core.files import write_text
-from albot_core.plain_data import merged
+from albot_core.plain_data import deep_merge
 
 TASK = "Albot/Homing-v0"
 SMALL: dict[str, Any] = {
@@ -21,7 +21,7 @@ SMALL: dict[str, Any] = {
     "evaluation": None,
 }
 """What trainings of all tasks have in common."""
-TINY = merged(
+TINY = deep_merge(
     SMALL,
     {
         "task": TASK,
@@ -44,7 +44,7 @@ def plan_file(path: Path, plan: dict[str, Any] = TINY, **changes: Any) -> Path:
     """The tiny plan, or another one, as a YAML file, with changes."""
     import yaml
 
-    write_text(path, yaml.safe_dump(merged(plan, changes)))
+    write_text(path, yaml.safe_dump(deep_merge(plan, changes)))
     return path
 
 

@@ -186,7 +186,7 @@ def test_a_robotlaser_of_another_make_is_named(write, log_text):
 
 def test_a_laser_that_strays_on_the_robot_is_refused(write, log_text):
     text = log_text("wean")
-    with pytest.raises(InputError, match="keeps its place on the robot"):
+    with pytest.raises(InputError, match="a laser with a constant mount"):
         read_log(write(_edit(text, _number_of(text, "L", 2), 4, "5000.0")))
 
 
@@ -197,10 +197,10 @@ def test_keep_going_reads_the_good_beginning(line_kind, write, log_text):
     log = read_log(write(_edit(text, line, FIRST_RANGE[line_kind], "nan")), keep_going=True)
     np.testing.assert_array_equal(log.ranges, whole.ranges[:3])
     np.testing.assert_array_equal(log.odometry, whole.odometry[:3])
-    assert log.left_out is not None
-    assert log.left_out.scans == len(whole.stamps) - 3
-    assert log.left_out.lines == len(text.rstrip("\n").split("\n")) - line + 1
-    assert f"line {line}" in log.left_out.reason
+    assert log.unread is not None
+    assert log.unread.scans == len(whole.stamps) - 3
+    assert log.unread.lines == len(text.rstrip("\n").split("\n")) - line + 1
+    assert f"line {line}" in log.unread.reason
 
 
 def test_keep_going_reads_the_good_beginning_of_json(write, log_text):
@@ -211,12 +211,12 @@ def test_keep_going_reads_the_good_beginning_of_json(write, log_text):
     log = read_log(write(text[:cut]), keep_going=True)
     np.testing.assert_array_equal(log.ranges, whole.ranges[: len(log.stamps)])
     assert 0 < len(log.stamps) < len(whole.stamps)
-    assert log.left_out is not None
-    assert log.left_out.scans == 1
+    assert log.unread is not None
+    assert log.unread.scans == 1
     tail = read_log(write(text[:-2]), keep_going=True)
     assert len(tail.stamps) == len(whole.stamps)
-    assert tail.left_out is not None
-    assert tail.left_out.scans == 0
+    assert tail.unread is not None
+    assert tail.unread.scans == 0
 
 
 def test_keep_going_needs_one_good_scan(line_kind, write, log_text):
@@ -229,7 +229,7 @@ def test_keep_going_needs_one_good_scan(line_kind, write, log_text):
 def test_keep_going_changes_nothing_of_a_whole_log(kind, write, log_text):
     path = write(log_text(kind))
     one, other = read_log(path), read_log(path, keep_going=True)
-    assert other.left_out is None
+    assert other.unread is None
     np.testing.assert_array_equal(one.ranges, other.ranges)
 
 
@@ -248,14 +248,14 @@ def test_a_torn_archive(kind, suffix, tmp_path, write, log_text, drive):
     packed = pack(text.encode())
     path = tmp_path / f"torn.log{suffix}"
     path.write_bytes(packed[: len(packed) * 2 // 3])
-    with pytest.raises(InputError, match=f"whole {suffix[1:]} data"):
+    with pytest.raises(InputError, match=f"intact {suffix[1:]} data"):
         read_log(path)
     log = read_log(path, keep_going=True)
     whole = read_log(write(text))
     assert 0 < len(log.stamps) < len(whole.stamps)
     np.testing.assert_array_equal(log.ranges, whole.ranges[: len(log.stamps)])
-    assert log.left_out is not None
-    assert f"whole {suffix[1:]} data" in log.left_out.reason
+    assert log.unread is not None
+    assert f"intact {suffix[1:]} data" in log.unread.reason
 
 
 def _assert_sound_or_refused(path: Path, content: bytes, keep_going: bool) -> Log | None:

@@ -15,7 +15,7 @@ def test_every_format_gives_what_was_written(kind, drive, write, log_text):
     truth = drive(kind)
     log = read_log(write(log_text(kind)))
     assert log.name == "run.log"
-    assert log.left_out is None
+    assert log.unread is None
     np.testing.assert_allclose(log.ranges, truth.ranges, atol=1e-9)
     # A corrected log holds the odometer's steps to the rounding of its own poses.
     np.testing.assert_allclose(log.odometry, truth.odometry, atol=1e-5)

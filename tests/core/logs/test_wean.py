@@ -30,8 +30,8 @@ def test_only_the_face_that_free_cells_touch_is_there(tmp_path: Path) -> None:
     [
         ("hello", "lines robot_specifications->resolution"),
         (HEADER + "\n".join(ROWS[:3]), "4 rows of 5 cells"),
-        (HEADER + "\n".join([*ROWS[:3], "1 x 1 1 1"]), "numbers, as many in every row"),
-        (HEADER + "\n".join([*ROWS[:3], "1 1"]), "numbers, as many in every row"),
+        (HEADER + "\n".join([*ROWS[:3], "1 x 1 1 1"]), "numbers, the same count in every row"),
+        (HEADER + "\n".join([*ROWS[:3], "1 1"]), "numbers, the same count in every row"),
         (HEADER.replace("10", "0") + "\n".join(ROWS), "cells"),
     ],
 )

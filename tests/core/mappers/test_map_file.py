@@ -133,9 +133,9 @@ def npy(array: np.ndarray, *, pickled: bool = False) -> bytes:
     ("members", "message"),
     [
         ({"header": None}, "header.json: expected a header of format 'albot-map'"),
-        ({"header": b"{"}, "header.json: expected whole JSON"),
+        ({"header": b"{"}, "header.json: expected valid JSON"),
         ({"header": b"[]"}, "header.json: expected a header"),
-        ({"header": b"\xff\xfe"}, "header.json: expected whole JSON"),
+        ({"header": b"\xff\xfe"}, "header.json: expected valid JSON"),
         ({"header": header(format="other")}, "header.json: expected a header"),
         ({"header": header(version=1)}, "expected version 5 of the format, found 1"),
         ({"header": header(mapper="gone")}, "expected a mapper, one of .*found 'gone'"),

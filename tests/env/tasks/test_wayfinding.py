@@ -188,8 +188,8 @@ def test_ground_not_covered_is_looked_for_farther_and_farther(last, is_found) ->
 def test_settings_that_are_none_are_refused(wrong) -> None:
     with pytest.raises(InputError, match=rf"WayfindingConfig\.{next(iter(wrong))}"):
         WayfindingConfig(**wrong)
-    with pytest.raises(InputError, match=r"OccupancyGridConfig\.wide"):
-        OccupancyGridConfig(wide=0.1)
+    with pytest.raises(InputError, match=r"OccupancyGridConfig\.comfort_clearance"):
+        OccupancyGridConfig(comfort_clearance=0.1)
 
 
 def test_a_batch_shows_what_a_single_one_shows() -> None:

@@ -66,7 +66,7 @@ def test_a_house_without_labels_is_one_room(read):
 @pytest.mark.parametrize(
     ("house", "words"),
     [
-        ("{", "line 1: expected whole JSON"),
+        ("{", "line 1: expected valid JSON"),
         ("[1, 2]", "expected a HouseExpo house with verts"),
         ({"id": "x"}, "expected a HouseExpo house with verts"),
         (HOUSE | {"verts": [[0, 0], [1, 1]]}, "verts: expected an outline of 3 corners or more"),
@@ -79,7 +79,7 @@ def test_a_house_without_labels_is_one_room(read):
         (HOUSE | {"verts": 3}, "verts: expected a list, found int"),
         (HOUSE | {"room_category": [1]}, "room_category: expected boxes by label, found list"),
         (HOUSE | {"room_category": {"a": [[1]]}}, "room_category.a[0]: expected 4 numbers"),
-        (HOUSE | {"verts": [[0, 0], [0.2, 0], [0, 0.2]]}, "a room for a robot"),
+        (HOUSE | {"verts": [[0, 0], [0.2, 0], [0, 0.2]]}, "a room with space for a robot"),
     ],
 )
 def test_what_is_wrong_is_named(read, house, words):

@@ -77,7 +77,7 @@ def test_equal_labels_are_numbered_and_unreachable_rooms_named(tmp_path):
     spaces = (space("a", "ROOM", LEFT, DOOR), space("b", "ROOM", RIGHT), space("c", "STORE", far))
     world = load(tmp_path, plan(*spaces))
     assert [room.name for room in world.rooms] == ["ROOM 1", "ROOM 2"]
-    assert world.notes == ("walls only, no way in for a robot: STORE",)
+    assert world.notes == ("walls only, because no robot fits in: STORE",)
     assert world.bounds == (0, 0, 12, 2)
 
 
@@ -106,7 +106,7 @@ def test_an_outline_that_encloses_nothing_is_left_out(tmp_path, outline):
     world = load(tmp_path, plan(space("a", "A", LEFT, DOOR), space("b", "B", RIGHT), nook))
     assert [room.name for room in world.rooms] == ["A", "B"]
     assert [door.name for door in world.exits] == ["D1"]
-    assert world.notes == ("left out: NOOK, whose outline encloses nothing",)
+    assert world.notes == ("skipped: NOOK, whose outline encloses no area",)
 
 
 @pytest.mark.parametrize(
@@ -134,21 +134,24 @@ def test_a_narrow_shared_wall_is_opened_whole():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (plan(space("a", "A", LEFT))[:-30], "line 1: expected whole XML"),
-        ("<building>\n<scale>\n", "line 3: expected whole XML"),
-        ("", "expected whole XML"),
+        (plan(space("a", "A", LEFT))[:-30], "line 1: expected well-formed XML"),
+        ("<building>\n<scale>\n", "line 3: expected well-formed XML"),
+        ("", "expected well-formed XML"),
         ("<plan/>", "a floor plan <building>, found <plan>"),
         ("<building/>", "one floor, found 0"),
         (plan(), "at least one space, found none"),
         (plan(space("a", "A", LEFT), real="much"), "scale/real_distance: expected a number"),
         (plan(space("a", "A", LEFT), real="0"), "a positive length"),
         (plan(space("a", "A", LEFT), unit="inch"), "the unit cm, found inch"),
-        (plan(space("a", "A", LEFT[:2])), "a space with an outline that encloses something"),
-        (plan(space("a", "A", LEFT), space("a", "B", RIGHT)), "space B: expected an id of its own"),
+        (plan(space("a", "A", LEFT[:2])), "a space with an outline that encloses an area"),
+        (plan(space("a", "A", LEFT), space("a", "B", RIGHT)), "space B: expected a unique id"),
         (plan(space("a", "A", LEFT, DOOR)), "portal p: expected the id of a space, found 'b'"),
         (plan(space("a", "A", LEFT)).replace('"300"', '"nan"'), "within ±1e+12, found 'nan'"),
         (plan(space("a", "A", LEFT)).replace('"300"', '"3oo"'), "a number, found '3oo'"),
-        (plan(space("a", "A", [(x // 10, y // 10) for x, y in LEFT])), "a room for a robot"),
+        (
+            plan(space("a", "A", [(x // 10, y // 10) for x, y in LEFT])),
+            "a room with space for a robot",
+        ),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path, text, words):
@@ -186,7 +189,7 @@ def test_real_plans_load_with_all_rooms_that_have_a_portal(data, name):
     assert len(world.rooms) == rooms - len(SHUT.get(name, ()))
     assert portals - 1 <= len(world.exits) <= portals
     for shut in SHUT.get(name, ()):
-        assert any(note.endswith(f"robot: {shut}") for note in world.notes)
+        assert any(note.endswith(f"fits in: {shut}") for note in world.notes)
     assert world.closed
     walls = wall_lines(world.walls)
     middles = shapely.points([door.segment.reshape(2, 2).mean(axis=0) for door in world.exits])

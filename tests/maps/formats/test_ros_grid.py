@@ -198,12 +198,12 @@ def test_a_missing_key_is_named(tmp_path):
 
 def test_a_picture_without_description_says_what_it_lacks(tmp_path):
     write_map(tmp_path, room()).unlink()
-    with pytest.raises(InputError, match=r"its map_server description map.yaml beside it"):
+    with pytest.raises(InputError, match=r"its map_server description map.yaml in the same folder"):
         load_world(str(tmp_path / "map.pgm"))
 
 
 def test_willow_has_no_description(data):
-    with pytest.raises(InputError, match=r"willow-full.yaml beside it"):
+    with pytest.raises(InputError, match=r"willow-full.yaml in the same folder"):
         load_world(str(data / "grids" / "willow-full.pgm"))
 
 
@@ -223,7 +223,7 @@ def test_a_map_must_hold_walls_and_room(tmp_path, picture, words):
 def test_a_torn_picture_is_an_error(tmp_path, content):
     path = write_map(tmp_path, room())
     (tmp_path / "map.pgm").write_bytes(content)
-    with pytest.raises(InputError, match="a whole PGM or PNG picture"):
+    with pytest.raises(InputError, match="an intact PGM or PNG image"):
         load_world(str(path))
 
 

@@ -68,8 +68,8 @@ def test_a_box_is_turned_and_what_is_unknown_is_noted(folder):
     corners = {tuple(point) for point in world.walls[-4:, :2].round(6).tolist()}
     assert corners == {(0.75, 1.5), (1.25, 1.5), (1.25, 2.5), (0.75, 2.5)}
     assert world.notes == (
-        "not there: gone.inc",
-        "left out, for they are not known or not solid: 1 window, 1 robot, 1 chair",
+        "missing include: gone.inc",
+        "skipped (unknown or not an obstacle): 1 window, 1 robot, 1 chair",
     )
     x, y, heading = world.starts[0]
     assert -3 < x < 5
@@ -90,18 +90,18 @@ def test_blocks_and_old_poses(folder):
 def test_the_bitmap_may_lie_beside_the_file(folder):
     (folder / "bitmaps" / "room.png").rename(folder / "room.png")
     world = read(folder)
-    assert any("room.png beside the file was taken" in note for note in world.notes)
+    assert any("is missing; used room.png" in note for note in world.notes)
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "a.world: expected a floorplan or a model that is solid, found none"),
-        ("window ( )", "a floorplan or a model that is solid"),
-        ("model ( obstacle_return 0 )", "a floorplan or a model that is solid"),
-        ("floorplan (", "its end: expected a ) for the ( of line 1"),
-        ("size [1 2", "its end: expected ]"),
-        ("size", "its end: expected a value"),
+        ("", "a.world: expected a floorplan or a model that is an obstacle, found none"),
+        ("window ( )", "a floorplan or a model that is an obstacle"),
+        ("model ( obstacle_return 0 )", "a floorplan or a model that is an obstacle"),
+        ("floorplan (", "end of the file: expected a ) for the ( of line 1"),
+        ("size [1 2", "end of the file: expected ]"),
+        ("size", "end of the file: expected a value"),
         ("size )", "line 1: expected a value, found ')'"),
         ("\n; 3", "line 2: expected Stage's syntax, found ';'"),
         ("3", "line 1: expected a model or a property, found '3'"),
@@ -111,9 +111,9 @@ def test_the_bitmap_may_lie_beside_the_file(folder):
         ("model ( size [-1 1] )", "line 1: expected a size larger than 0"),
         ("model ( pose [1 2] )", "line 1: expected pose with 3 or 4 numbers"),
         ('floorplan ( bitmap "no.png" )', "no.png: file not found"),
-        ('floorplan ( bitmap "a.world" )', "a.world: expected a whole PGM or PNG picture"),
+        ('floorplan ( bitmap "a.world" )', "a.world: expected an intact PGM or PNG image"),
         ("model ( block ( points 1 point[0] [0 0] ) )", "line 1: expected 3 points or more"),
-        ("model ( size [0.3 0.3] )", "expected walls round a robot"),
+        ("model ( size [0.3 0.3] )", "expected walls that enclose a robot"),
         ("model (" * 60, "expected models nested 50 deep at most"),
         ('include "a.world"', "expected files included 50 deep at most"),
     ],
@@ -126,7 +126,7 @@ def test_what_is_wrong_is_named(folder, text, words):
 
 
 def test_definitions_that_build_on_each_other_come_to_an_end(folder):
-    with pytest.raises(InputError, match="solid"):
+    with pytest.raises(InputError, match="a model that is an obstacle"):
         read(folder, "define a b ( )\ndefine b a ( )\na ( )")
 
 

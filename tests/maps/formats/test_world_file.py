@@ -257,7 +257,7 @@ def replaced(old: str, new: str) -> str:
         (SMALL + MOVING.replace("[2, 2]", "[2]"), "line 17, movables.boxes[0].at", "a point [x"),
         (SMALL + MOVING.replace(", 2.5]]", ", 3.5]]"), "line 19, movables.walkers[0]", "clear of"),
         (SMALL + MOVING.replace("walkers", "people"), "line 18, movables.people", "walkers"),
-        ("[" * 5000, "", "nested a few levels"),
+        ("[" * 5000, "", "without deep nesting"),
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(text, place, words):
