@@ -153,7 +153,7 @@ def bad_files(folder: Path) -> None:
         ("random:office", "random:office: expected the form random:KIND:SEED"),
         ("random:office:4?room=9", "random:office: expected one of rooms, loops, width, depth, co"),
         ("random:office:4?rooms=0", "random:office, rooms: expected a whole number from 2 to 200"),
-        ("", "expected a file, random:KIND:SEED or one of office-double"),
+        ("", "expected a file, random:KIND:SEED or one of corridor-loop"),
     ],
 )
 @pytest.mark.parametrize("flags", [(), ("--json",)])
