@@ -45,7 +45,7 @@ class ParticleSlamConfig:
     matching: MatchingConfig = field(default_factory=MatchingConfig)
     """How scans are matched with the latest ones, from which the motion follows."""
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
-    """How the way home is found."""
+    """Parameters of the search for the way home."""
     particles: int = 30
     """How many particles."""
     step: float = 1.0
@@ -63,7 +63,7 @@ class ParticleSlamConfig:
     resample_below: float = 0.5
     """Particles are drawn anew when the effective number falls below this share of them."""
     longest_step: float = 10.0
-    """No robot goes farther between two readings (m): a longer motion is not believed."""
+    """Largest distance between two readings (m); a longer odometer motion is rejected."""
 
     def __post_init__(self) -> None:
         check_fields(self, FROM_ONE, "particles")
@@ -90,8 +90,8 @@ class ParticleSlam(ABC):
     """SLAM by particles with a grid each; it knows a way home and corrects earlier poses.
 
     Args:
-        config: All thresholds.
-        name: The name under which the mapper is known.
+        config: All parameters.
+        name: The mapper's name in the registry.
     """
 
     def __init__(self, config: ParticleSlamConfig, name: str) -> None:
@@ -104,7 +104,7 @@ class ParticleSlam(ABC):
 
     @property
     def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
+        """The mapper's entry in the registry."""
         return mapper_spec(self._name)
 
     @property
@@ -234,7 +234,7 @@ class ParticleSlam(ABC):
         return MapSnapshot(layers=(particles.grid(particles.best).layer(), way, spread))
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
+        """Return the mapper's state as arrays by name."""
         return {
             **self._particles.state(),
             **self._local.state(),
@@ -248,10 +248,10 @@ class ParticleSlam(ABC):
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`.
+        """Restore the state that `state` returned.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         check_shapes(state, _SHAPES)
         check_finite(state, "pose", "motion", "way", "offsets")

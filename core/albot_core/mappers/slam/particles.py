@@ -180,7 +180,7 @@ class Particles:
         """Become the particles that returned `state`, whose maps share the same tiles.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         self._check(state)
         self.clear()

@@ -194,7 +194,7 @@ class PoseGraph:
         """Become, when empty, the graph that returned `state`.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         _check_state(state)
         self.poses = state["keyframes.pose"]

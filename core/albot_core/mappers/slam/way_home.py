@@ -54,7 +54,7 @@ class RouteKeeper:
     What it gives follows from the map and the robot's pose alone: nothing of it is to be stored.
 
     Args:
-        config: All thresholds.
+        config: All parameters.
     """
 
     def __init__(self, config: WayHomeConfig) -> None:
