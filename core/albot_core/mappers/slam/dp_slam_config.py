@@ -116,7 +116,7 @@ class DpSlamConfig:
     beams: int = 181
     """Largest number of beams used per scan; of a scan with more, every n-th beam is used."""
     cell: float = 0.05
-    """Side of a grid square (m). The program uses 1 / 35 (MAP_SCALE); it advises 1 / 20 to 1 / 35."""
+    """Side of a grid square (m). The program: 1 / 35 (MAP_SCALE); it advises 1 / 20 to 1 / 35."""
     reach: float = 7.95
     """Largest range that is used (m; MAX_SENSE_RANGE)."""
     variance: float = 0.002
