@@ -48,7 +48,7 @@ class PoseGraph:
         """Number of edges that are loop closures."""
         self._variances = np.empty((64, 2))
         self._ends = np.empty((64, 2), np.int32)
-        # Linked lists of the edge ends (2 edge + side) at each pose: first end, and next of each
+        # Linked lists of the edge ends (2 edge + side) at each pose: first end, and next of each.
         self._first = np.full(64, -1, np.int32)
         self._next = np.empty((64, 2), np.int32)
         self._factors: list[Any] = []
