@@ -21,7 +21,7 @@ class ClosureConfig:
     field: FieldConfig = field(default_factory=lambda: FieldConfig(half=12.0))
     """The likelihood field of the earlier keyframes."""
     near: float = 4.0
-    """Largest possible distance of a keyframe that is compared (m)."""
+    """Keyframes are compared if they may be nearer than this, given their uncertainty (m)."""
     behind: int = 40
     """Number of latest keyframes that are not compared, since the local map holds them."""
     chain: int = 3
@@ -80,10 +80,10 @@ class GraphSlamConfig:
     surprise: float = 3.0
     """Error of a new closure at which the graph is optimised at once (standard deviations)."""
     most_waiting: int = 40
-    """Number of closures after which the graph is optimised in any case…"""
+    """Number of waiting closures at which the graph is optimised in any case."""
     waiting_share: float = 0.1
-    """…or this share of all closures if that is more, so that a closure costs no more in a large
-    graph than in a small one."""
+    """Share of all closures that replaces `most_waiting` if it is more, so that a closure costs no
+    more in a large graph than in a small one."""
     longest_step: float = 10.0
     """Largest distance between two readings (m); a longer odometer motion is rejected."""
 

@@ -89,7 +89,7 @@ class Particles:
         return normalised
 
     def grid(self, particle: int) -> LogOddsGrid:
-        """Return the map of a particle; it is valid until the next scan is entered."""
+        """Return the map of a particle; it is valid until the next scan or resampling."""
         grid = LogOddsGrid(self._config, self.pool)
         grid.index, grid.corner = self.index[particle], self.corner
         return grid
