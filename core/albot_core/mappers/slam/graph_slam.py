@@ -92,8 +92,8 @@ class GraphSlam:
         self.graph = PoseGraph(self.config.cauchy, self.config.dcs)
         self._keyframes: list[Keyframe] = []
         self._pose = np.zeros(3)
-        self._offsets: list[Pose] = []  # Of each reading: its pose relative to its keyframe…
-        self._followed: list[int] = []  # …whose index this is.
+        self._offsets: list[Pose] = []  # Of each reading: its pose in its keyframe's frame.
+        self._followed: list[int] = []  # Of each reading: the index of its keyframe.
         self._matched, self._version, self._waiting = -1, 0, 0
         self._is_localised, self._is_surprised = True, False
         self._drawn: tuple[int, int, LogOddsGrid] | None = None

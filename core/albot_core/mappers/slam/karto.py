@@ -112,8 +112,8 @@ class Karto:
         self._route.forget()
         self._scans: list[LaserScan] = []
         self._odometry: list[Pose] = []  # Of each scan.
-        self._offsets: list[Pose] = []  # Of each reading: the odometry since its scan…
-        self._followed: list[int] = []  # …whose index this is.
+        self._offsets: list[Pose] = []  # Of each reading: the odometry since its scan.
+        self._followed: list[int] = []  # Of each reading: the index of its scan.
         self._karto = self._fresh()
         self._drawn: tuple[Poses, LogOddsGrid] | None = None
 
