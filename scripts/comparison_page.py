@@ -1,9 +1,9 @@
-"""Writes docs/comparison.md: all mappers side by side on real logs and in random worlds.
+"""Writes docs/comparison.md: all mappers side by side, on real logs and in random worlds.
 
     ALBOT_DATA=FOLDER python scripts/comparison_page.py [--source NAME]... [--mapper NAME]...
 
-It measures as `albot compare` does. Each source has a folder in docs/comparison, with the figures
-and a picture of each mapper's map. What is not measured anew stays.
+It measures as `albot compare` does. Each source has a folder in docs/comparison, with its figures
+and a picture of each mapper's map. Results that are not measured again are kept.
 """
 
 from __future__ import annotations
@@ -41,31 +41,31 @@ MAPPERS = (
     "dp-slam",
     "karto",
 )
-"""The mappers that see by a laser."""
+"""The mappers that use a laser."""
 STEPS = 3000
-"""How long worlds are explored (steps of 0.1 s)."""
+"""Length of the exploration of a world (steps of 0.1 s)."""
 _AGENT, _ODOMETER = "gap-explorer", "poor"
 _WIDTH, _COLOURS = 420, 160
-"""Pixels across a picture of a map, and its colours."""
+"""Width of a map's picture (pixels), and number of its colours."""
 _ACROSS = 4
-"""Pictures side by side."""
+"""Number of pictures side by side."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RealLog:
-    """A log that mappers are compared on; names of files are those in the data's folder of logs."""
+    """A log for the comparison; file names are relative to the data folder's folder of logs."""
 
     title: str
-    """What stands above its table."""
+    """Title above its table."""
     file: str
     """The log."""
     reference: str | None = None
-    """Where the robot was."""
+    """File of the robot's true poses."""
     relations: str | None = None
-    """True relations between its poses."""
+    """File of true relations between its poses."""
 
     def read(self, logs: Path) -> list[Source]:
-        """The log."""
+        """Read the log."""
         truth = None if self.reference is None else logs / self.reference
         relations = None if self.relations is None else logs / self.relations
         return recorded_sources(str(logs / self.file), range(1), truth, relations, False)
@@ -73,18 +73,18 @@ class RealLog:
 
 @dataclass(frozen=True, kw_only=True)
 class RandomOffice:
-    """A random world that is explored once, for all mappers."""
+    """A random world that is explored once; all mappers use the same readings."""
 
     seed: int
     """Seed of the world, of the episode and of the mappers."""
 
     @property
     def title(self) -> str:
-        """What stands above its table."""
+        """Title above its table."""
         return f"Random office {self.seed}, explored for {STEPS // 10} s, odometer `{_ODOMETER}`"
 
     def read(self, logs: Path) -> list[Source]:
-        """What the explorer sensed."""
+        """Explore the world, and return the readings."""
         sensors = {"odometer": _ODOMETER}
         seeds = range(self.seed, self.seed + 1)
         return explored_sources("random:office", seeds, _AGENT, STEPS, sensors, 1)
@@ -106,7 +106,7 @@ SOURCES: Mapping[str, RealLog | RandomOffice] = {
     "office-9002": RandomOffice(seed=9002),
     "office-9003": RandomOffice(seed=9003),
 }
-"""The sources by the names of their folders, in the order of the page."""
+"""The sources by their folders' names, in the order of the page."""
 _HEAD = """\
 # Mappers side by side
 
@@ -158,7 +158,7 @@ def command(sources: tuple[str, ...], mappers: tuple[str, ...], jobs: int, page_
 
 
 def _measure(folder: Path, sources: list[Source], mappers: Sequence[str], jobs: int) -> None:
-    """Lead mappers through a source; put their rows and pictures in the place of earlier ones."""
+    """Run mappers on a source; replace their rows and pictures."""
     choices = [MapperChoice(label=name, name=name) for name in mappers]
     with closing(compare_mappers(choices, sources, jobs)) as runs:
         results = list(runs)
@@ -177,7 +177,7 @@ def _measure(folder: Path, sources: list[Source], mappers: Sequence[str], jobs: 
 
 
 def _rows(folder: Path) -> list[dict[str, Any]]:
-    """The rows that have been measured."""
+    """Return the rows measured so far."""
     path = folder / FIGURES
     rows: list[dict[str, Any]] = json.loads(path.read_text())["rows"] if path.is_file() else []
     return rows
@@ -188,7 +188,7 @@ def _picture(folder: Path, mapper: str) -> Path:
 
 
 def _shrink(path: Path) -> None:
-    """Make a picture as small as it is shown."""
+    """Scale a picture down to the size at which it is shown."""
     with Image.open(path) as drawn:
         size = _WIDTH, round(drawn.height * _WIDTH / drawn.width)
         small = drawn.convert("RGB").resize(size, Image.Resampling.LANCZOS).quantize(_COLOURS)
@@ -197,7 +197,7 @@ def _shrink(path: Path) -> None:
 
 
 def _page(folder: Path) -> str:
-    """The page, of all figures that are there."""
+    """Return the page, with all figures measured so far."""
     parts = [_HEAD]
     for name, source in SOURCES.items():
         rows = _rows(folder / name)
@@ -214,7 +214,7 @@ def _page(folder: Path) -> str:
 
 
 def _side_by_side(pictures: Sequence[str]) -> str:
-    """A table of pictures."""
+    """Return a table of pictures."""
     lines = ["| " * _ACROSS + "|", "| --- " * _ACROSS + "|"]
     for first in range(0, len(pictures), _ACROSS):
         cells = [*pictures[first : first + _ACROSS], *[""] * _ACROSS][:_ACROSS]

@@ -1,9 +1,9 @@
-"""What false loop closures do to graph SLAM's map of a real log.
+"""Effect of false loop closures on graph SLAM's map of a real log.
 
     python scripts/false_closures.py LOG --reference FILE [--share S] [--runs N]
 
-The log is mapped once. Then closures between any two keyframes are added to the graph, which say
-anything and say it surely, and the optimum is found anew: again and again, with others.
+The log is mapped once. Then random closures with high confidence are added between random
+keyframes, and the graph is optimised again. This is repeated with other random closures.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from albot_core.logs.reader import read_log, read_reference
 from albot_core.mappers.slam.graph_slam import GraphSlam
 
 FARTHEST = 5.0
-"""How far apart (m, in x and in y) a false closure says that two keyframes are, at most."""
+"""Largest relative position of two keyframes in a false closure, in x and in y (m)."""
 SURE = np.diag((2500.0, 2500.0, 10000.0))
-"""How surely it says so: 2 cm and 0.01 rad."""
+"""Information matrix of a false closure: standard deviations of 2 cm and 0.01 rad."""
 
 
 @click.command()
@@ -59,7 +59,7 @@ def main(log: Path, reference: Path, share: float, runs: int) -> None:
 
 
 def add_false_closures(mapper: GraphSlam, count: int, rng: np.random.Generator) -> None:
-    """Add closures that say anything, and move the keyframes to the new optimum."""
+    """Add random closures, and move the keyframes to the new optimum."""
     graph = mapper.graph
     for _ in range(count):
         source, target = sorted(rng.choice(len(graph.poses), 2, replace=False).tolist())

@@ -1,11 +1,11 @@
-"""What more scans cost metric SLAM in time and memory: draws docs/images/slam_growth.png.
+"""Time and memory of metric SLAM over many scans: draws docs/images/slam_growth.png.
 
     python scripts/slam_growth.py [--laps N] [--out FILE]
 
-A robot goes round `office-ring` again and again: after the first lap there is no ground that it has
-not seen. On the left what a scan costs in each lap, by processor time. On the right how much
-`dp-slam` remembers with few particles and with many (observations of squares), beside the squares
-that were seen, and beside what as many maps of them would hold as there are particles.
+A robot drives round `office-ring` several times, so that all ground is known after the first lap.
+Left: processor time per scan in each lap. Right: memory of `dp-slam` with few and with many
+particles (observations of squares), the number of squares seen, and what a separate map for each
+particle would hold.
 """
 
 from __future__ import annotations
@@ -42,23 +42,23 @@ TIMED: tuple[tuple[str, dict[str, object]], ...] = (
     ("dp-slam", {}),
     ("karto", {}),
 )
-"""The lines on the left: a mapper's name and what follows it, and its thresholds."""
+"""The lines on the left: the mapper's name with a remark, and its parameters."""
 PARTICLES = (10, 50, 100)
-"""How many particles of `dp-slam` are drawn on the right."""
+"""Numbers of particles of `dp-slam` that are drawn on the right."""
 STEPS = StartStop(move=0.25, turn=np.radians(15.0))
-"""How far the robot goes from scan to scan."""
+"""Motion of the robot between two scans."""
 _FIGURE = Path(__file__).parents[1] / "docs" / "images" / "slam_growth.png"
 
 
 class Memory(NamedTuple):
-    """What `dp-slam` remembers at the end of each lap."""
+    """Memory of `dp-slam` at the end of each lap."""
 
     particles: int
-    """How many particles at most."""
+    """Largest number of particles."""
     observations: list[int]
-    """Of the one map of all."""
+    """Number of observations in the shared map."""
     ground: list[int]
-    """The squares that were seen."""
+    """Number of squares seen."""
 
 
 @click.command()
@@ -91,7 +91,7 @@ def command(laps: int, out: Path) -> None:
 
 
 def drive_laps(laps: int) -> list[list[Reading]]:
-    """What a robot senses in each lap."""
+    """Return the robot's readings, lap by lap."""
     world = load_world("office-ring")
     tour = world.tours["single-loop"]
     way = np.concatenate([tour, *[tour[1:]] * (laps - 1)])
@@ -105,7 +105,7 @@ def drive_laps(laps: int) -> list[list[Reading]]:
 def cost_by_lap(
     name: str, config: dict[str, object], rounds: Sequence[list[Reading]]
 ) -> list[float]:
-    """Processor time a scan (s) in each lap; all code is compiled before."""
+    """Return the processor time per scan (s) in each lap, without compilation."""
     warm = make_mapper(name, config=config)
     for reading in rounds[0][:50]:
         warm.update(reading)
@@ -119,7 +119,7 @@ def cost_by_lap(
 
 
 def memory_by_lap(particles: int, rounds: Sequence[list[Reading]]) -> Memory:
-    """What `dp-slam` remembers at the end of each lap."""
+    """Return the memory of `dp-slam` at the end of each lap."""
     mapper = DpSlam(DpSlamConfig(particles=particles))
     told = Memory(particles, [], [])
     for lap in rounds:
@@ -134,7 +134,7 @@ def memory_by_lap(particles: int, rounds: Sequence[list[Reading]]) -> Memory:
 def draw(
     scans: list[int], costs: dict[str, list[float]], memories: list[Memory], out: Path
 ) -> None:
-    """Draw both curves side by side."""
+    """Draw both diagrams side by side."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _FILE = click.Path(path_type=Path)
 _WORLDS = {".yaml", ".yml", ".xml", ".world", ".pgm", ".png"}
-"""Files that end so are worlds'. A JSON file is a log's."""
+"""File endings of worlds. A JSON file is a log."""
 
 
 @click.command()
@@ -119,7 +119,7 @@ def command(
 def _check_options(
     source: str, is_world: bool, sensors: dict[str, str], **truth: Path | None
 ) -> None:
-    """Raise InputError where an option is for a source of another kind."""
+    """Raise InputError if an option is for the other kind of source."""
     for name, file in truth.items():
         if is_world and file is not None:
             raise InputError(f"--{name}", "a log, which does not know the truth itself", source)
@@ -131,24 +131,24 @@ def _check_options(
 def _run(
     choices: list[MapperChoice], sources: list[Source], jobs: int
 ) -> tuple[list[RunResult], bool]:
-    """What the runs measured, and whether Ctrl-C ended them before the last."""
+    """Return the results of the runs, and whether Ctrl-C stopped them early."""
     from albot_cli.mapper_runs import compare_mappers
 
     results: list[RunResult] = []
     try:
         with closing(compare_mappers(choices, sources, jobs)) as runs:
             for result in runs:
-                results.append(result)  # noqa: PERF402 - kept where the next is interrupted
+                results.append(result)  # noqa: PERF402 - results are kept if the next is stopped
     except KeyboardInterrupt:
         return results, True
     return results, False
 
 
 def _choices(text: str) -> list[MapperChoice]:
-    """The mappers that `--mappers` names.
+    """Return the mappers that `--mappers` names.
 
     Raises:
-        InputError: There is no such mapper, one is named twice, or a file of thresholds is wrong.
+        InputError: A mapper is unknown or named twice, or a file of parameters is invalid.
     """
     from albot_cli.mapper_runs import MapperChoice
     from albot_core.mappers.registry import mapper_spec
@@ -165,10 +165,10 @@ def _choices(text: str) -> list[MapperChoice]:
 
 
 def _fitting(asked: list[MapperChoice] | None, sources: Sequence[Source]) -> list[MapperChoice]:
-    """The mappers asked for, or all that can do with the sensors that there are.
+    """Return the requested mappers, or all whose sensors the log has.
 
     Raises:
-        InputError: One asked for needs another sensor, or none can do.
+        InputError: A requested mapper needs another sensor, or no mapper fits.
     """
     from albot_cli.mapper_runs import MapperChoice
     from albot_core.mappers.registry import check_sensors, installed_mappers, mapper_spec
@@ -196,22 +196,22 @@ def _is_world(source: str) -> bool:
         return True
     path = Path(source)
     kind = Path(path.stem).suffix if path.suffix in {".gz", ".xz"} else path.suffix
-    # A word without an ending that is no file is a misspelt world's name.
+    # A word without an ending that is not a file is a misspelt world name.
     return kind in _WORLDS or not (path.suffix or path.exists())
 
 
 def explored_sources(
     world: str, seeds: range, agent: str, steps: int, sensors: dict[str, str], jobs: int
 ) -> list[Source]:
-    """What robots sense that explore the world, or the worlds of random:KIND.
+    """Explore a world, or the worlds of random:KIND, and return the readings as sources.
 
     Args:
         world: The world's spec.
-        seeds: A source is made for each.
-        agent: Who explores.
-        steps: For how many steps of 0.1 s.
-        sensors: Presets by the environments' settings.
-        jobs: Processes.
+        seeds: One source is made per seed.
+        agent: Name of the exploring agent.
+        steps: Length of the exploration (steps of 0.1 s).
+        sensors: Presets, by the names of the environments' settings.
+        jobs: Number of processes.
     """
     from albot_cli.explored_logs import Exploration, explore_all
     from albot_cli.mapper_runs import Source
@@ -230,14 +230,14 @@ def explored_sources(
 def recorded_sources(
     source: str, seeds: range, reference: Path | None, relations: Path | None, keep_going: bool
 ) -> list[Source]:
-    """A log, or an episode, once for each seed.
+    """Read a log or an episode, and return it as one source per seed.
 
     Args:
         source: The file.
         seeds: Seeds of the mappers' random numbers.
-        reference: Where the robot was, if the log does not know.
-        relations: True relations between its poses.
-        keep_going: Whether the good beginning of a damaged log is taken.
+        reference: File of the robot's true poses, if the log has none.
+        relations: File of true relations between its poses.
+        keep_going: Whether to use the undamaged beginning of a damaged log.
     """
     from albot_cli.mapper_runs import Source
     from albot_core.evaluation.trajectory import read_relations

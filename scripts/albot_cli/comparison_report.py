@@ -1,4 +1,4 @@
-"""What `albot compare` tells: rows of medians, a table of them, and the maps side by side."""
+"""The output of `albot compare`: rows of medians, their table, and the maps side by side."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from albot_core.geometry.poses import compose
 
 FIGURES, TABLE, PICTURE = "comparison.json", "comparison.md", "comparison.png"
 FILES = (FIGURES, TABLE, PICTURE)
-"""The names of the files that `--out` leaves."""
+"""The names of the files that `--out` writes."""
 
 _Cell = Callable[[dict[str, Any]], str | None]
 
 
 def rows_of(choices: Sequence[MapperChoice], results: Sequence[RunResult]) -> list[dict[str, Any]]:
-    """A row for each mapper: the medians over its runs, its worst error, and the runs."""
+    """Return a row for each mapper: the medians over its runs, its worst error, and its runs."""
     rows = []
     for choice in choices:
         runs = [result.figures for result in results if result.run.choice.label == choice.label]
@@ -42,7 +42,7 @@ def _keys(runs: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _median(values: list[Any]) -> Any:
-    """The median of what is known; of groups of figures that of each."""
+    """Return the median of the known values; for groups of figures, of each figure."""
     known = [value for value in values if value is not None]
     if not known:
         return None
@@ -62,7 +62,7 @@ def _number(key: str, digits: int, scale: float = 1.0) -> _Cell:
 
 
 def _error(row: dict[str, Any]) -> str | None:
-    """The error, and where there are several runs the worst."""
+    """Return the error; with several runs, also the worst one."""
     error = _number("ate_rmse_m", 3)(row)
     if error is None or len(row["runs"]) < 2:
         return error
@@ -85,11 +85,11 @@ _COLUMNS: tuple[tuple[str, _Cell], ...] = (
     ("slowest, ms", _number("slowest_reading_ms", 1)),
     ("peak, MiB", _number("peak_mib", 0)),
 )
-"""What stands above each column, and what in it. Those of which nothing is known are left out."""
+"""Title and content of each column. Columns without any known value are left out."""
 
 
 def _cells(rows: Sequence[dict[str, Any]]) -> list[list[str]]:
-    """The table: its head, then its rows."""
+    """Return the table: its head, then its rows."""
     columns = [("mapper", [row["mapper"] for row in rows])]
     for head, cell in _COLUMNS:
         cells = [cell(row) for row in rows]
@@ -101,14 +101,14 @@ def _cells(rows: Sequence[dict[str, Any]]) -> list[list[str]]:
 
 
 def as_markdown(rows: Sequence[dict[str, Any]]) -> str:
-    """The rows as a table in Markdown."""
+    """Return the rows as a Markdown table."""
     head, *body = _cells(rows)
     lines = [head, ["---"] + ["---:"] * (len(head) - 1), *body]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def as_text(facts: dict[str, Any]) -> str:
-    """The comparison for people."""
+    """Return the comparison as text for the terminal."""
     table = _cells(facts["rows"])
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = [
@@ -128,9 +128,9 @@ def as_text(facts: dict[str, Any]) -> str:
 def write_files(
     folder: Path, facts: dict[str, Any], results: Sequence[RunResult], sources: Sequence[Source]
 ) -> None:
-    """Write figures, table and picture; note in `facts` where they are.
+    """Write figures, table and picture; enter their paths into `facts`.
 
-    The picture is of the first seed. The folder's files are replaced when all are made.
+    The picture is of the first seed. The folder's files are replaced once all are written.
     """
     panels = panels_of(facts["rows"], results, sources[0])
     names = {"figures": FIGURES, "table": TABLE} | ({"picture": PICTURE} if panels else {})
@@ -145,7 +145,7 @@ def write_files(
 def panels_of(
     rows: Sequence[dict[str, Any]], results: Sequence[RunResult], source: Source
 ) -> list[Panel]:
-    """The maps of the first seed, in the order of the rows."""
+    """Return the maps of the first seed, in the order of the rows."""
     drawn = {
         result.run.choice.label: result
         for result in results

@@ -1,4 +1,4 @@
-"""Mappers led through logs, each run in a process of its own, and what each run measured."""
+"""Runs of mappers on logs, each in its own process, and their results."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from albot_core.logs.log import Log
 from albot_core.maps.layers import MapSnapshot
 
 _LOADING = 5.0
-"""Seconds for which a run is warmed up, so that all compiled code has been loaded."""
+"""Duration of a run's warm-up (s), in which all compiled code is loaded."""
 KEPT = (
     "ate_rmse_m",
     "corrected_ate_rmse_m",
@@ -36,50 +36,50 @@ KEPT = (
     "surfaces",
     "places",
 )
-"""The figures of `albot map` that stand in a row."""
+"""The figures of `albot map` that are part of a row."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Source:
-    """A robot's log that mappers are led through, and what is known of the truth."""
+    """A robot's log that mappers run on, and its ground truth if known."""
 
     log: Log
-    """What the robot sensed."""
+    """The robot's readings."""
     seed: int
-    """Seed of the mappers' random numbers, and of the episode, where it is one of a world."""
+    """Seed of the mappers' random numbers, and of the episode if the source is a world."""
     reference: Trajectory | None = None
-    """Where the robot was."""
+    """True poses of the robot."""
     relations: Relations | None = None
-    """How its poses lay to each other."""
+    """True relations between the robot's poses."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapperChoice:
-    """A mapper with its thresholds."""
+    """A mapper with its parameters."""
 
     label: str
-    """What it is called in tables."""
+    """Its label in tables."""
     name: str
     """The mapper's name."""
     config: Any = None
-    """Its thresholds; None for the default ones."""
+    """Its parameters; None for the defaults."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MapperRun:
-    """A mapper to be led through a log."""
+    """One run of a mapper on a log."""
 
     choice: MapperChoice
     """The mapper."""
     source: Source
     """The log."""
     compiles: bool = False
-    """Whether it is only led through the log's beginning, so that its code is compiled."""
+    """Whether it only processes the log's beginning, to compile the mapper's code."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RunResult:
-    """What a run measured."""
+    """The result of a run."""
 
     run: MapperRun
     """The run."""
@@ -88,14 +88,14 @@ class RunResult:
     snapshot: MapSnapshot | None = None
     """The map at the end."""
     path: Trajectory | None = None
-    """Where the mapper believes at the end that the robot was, in the map's frame."""
+    """The mapper's final estimate of the robot's poses, in the map's frame."""
 
 
 class MapperRunner(TaskRunner[MapperRun, "RunResult | InputError"]):
-    """Leads mappers through logs; what is wrong with one comes back as the error that it is."""
+    """Runs mappers on logs; an InputError of a run is returned as its result."""
 
     def run(self, task: MapperRun, on_step: Callable[[int], None]) -> RunResult | InputError:
-        """Lead a mapper through a log."""
+        """Run a mapper on a log."""
         try:
             if task.compiles:
                 warm_up(task.choice.name, task.choice.config, task.source.log)
@@ -105,13 +105,13 @@ class MapperRunner(TaskRunner[MapperRun, "RunResult | InputError"]):
             return error
 
     def on_crash(self, task: MapperRun, step: int, cause: str) -> RunResult:
-        """A row that says of what, and at which reading, the process died."""
+        """Return a row with the cause of the crash and the reading at which it happened."""
         figures = {**no_figures(task), "error": f"{cause}, at reading {step} or soon after"}
         return RunResult(run=task, figures=figures)
 
 
 def no_figures(run: MapperRun) -> dict[str, Any]:
-    """The row of a run that was not finished."""
+    """Return the row of a run that was not finished."""
     unknown = ("unaligned_rmse_m", *KEPT, "corrected_map_entropy", "map_bytes")
     speed = ("readings_per_second", "slowest_reading_ms", "peak_mib")
     begin = {"mapper": run.choice.label, "seed": run.source.seed}
@@ -119,14 +119,14 @@ def no_figures(run: MapperRun) -> dict[str, Any]:
 
 
 def measure_run(run: MapperRun, on_step: Callable[[int], None] = lambda _: None) -> RunResult:
-    """Lead a mapper through a log and measure what it comes to, in this process.
+    """Run a mapper on a log in this process, and measure the result.
 
-    The peak of the memory is that of the process, Python and its libraries included: it is the
-    mapper's only in a process that has done nothing else.
+    Peak memory is that of the process, including Python and its libraries, so it is only meaningful
+    in a process that has done nothing else.
 
     Args:
         run: The mapper and the log.
-        on_step: Is called now and then with the number of readings done.
+        on_step: Called from time to time with the number of readings done.
 
     Raises:
         InputError: The mapper needs a sensor that the log lacks.
@@ -156,7 +156,7 @@ def measure_run(run: MapperRun, on_step: Callable[[int], None] = lambda _: None)
 
 
 def _unaligned(believed: Trajectory, reference: Trajectory | None) -> float | None:
-    """The error of positions in the map's own frame, which begins where the robot did (m)."""
+    """Return the position error in the map's frame, aligned only at the start (m)."""
     if reference is None:
         return None
     error = trajectory_error(believed, reference, align=alignment_at_start)
@@ -171,7 +171,7 @@ def _entropy(log: Log, path: Trajectory) -> float | None:
 
 
 def _peak_mib() -> float | None:
-    """The most memory that this process has taken so far (MiB); None where no system tells."""
+    """Return the peak memory of this process so far (MiB); None if the system does not tell."""
     if sys.platform == "win32":
         return None
     import resource
@@ -183,14 +183,14 @@ def _peak_mib() -> float | None:
 def compare_mappers(
     choices: Iterable[MapperChoice], sources: list[Source], jobs: int
 ) -> Generator[RunResult, None, None]:
-    """Lead each mapper through each log, in parallel; the results as they are done.
+    """Run each mapper on each log, in parallel; yield each result when it is done.
 
-    First each is led through the beginning of the first log, so that its code is compiled.
+    First each mapper runs on the beginning of the first log, to compile its code.
 
     Args:
         choices: The mappers.
         sources: The logs.
-        jobs: How many run at once. Figures of speed are best with one.
+        jobs: Number of parallel runs. Figures of speed are most accurate with one.
 
     Raises:
         InputError: A mapper needs a sensor that a log lacks.

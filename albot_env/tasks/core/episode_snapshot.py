@@ -1,4 +1,4 @@
-"""Episode snapshots: what a robot hands on with which another one can go on in its place."""
+"""Episode snapshots: the state from which another robot can continue an episode."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from albot_env.tasks.core.observation_builder import ProgressSnapshot
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EpisodeSnapshot:
-    """The state of a robot at rest and all that it knows: what its future depends on."""
+    """The state of a robot at rest and its knowledge: all that its future depends on."""
 
     start: Pose
-    """Where it set out (world frame)."""
+    """Pose at the start of the episode (world frame)."""
     path_length: float
-    """How far it has driven since (m)."""
+    """Distance driven since the start (m)."""
     body: RobotSnapshot
-    """Its body, sensors and obstacles."""
+    """State of its body, sensors and obstacles."""
     progress: ProgressSnapshot
-    """What it has covered and entered."""
+    """The ground covered and the rooms entered so far."""
     belief: Pose
-    """Where it believes to be, in its map's frame."""
+    """Estimated pose, in its map's frame."""
     way_home: WayHome
-    """The way home that it believes in."""
+    """The way home by its mapper."""
     memory: dict[str, np.ndarray]
     """Its mapper's state."""

@@ -1,8 +1,8 @@
-"""Where nothing is compiled yet, two processes compile at the same time.
+"""Compilation by two processes at once, if nothing is compiled yet.
 
-numba compiles one function at a time in a process. So the mapper, which is about half of it, gets a
-process of its own: `python -m albot_core.mappers.precompile`. Meanwhile robots that have no mapper
-let all else be compiled here. What one process has compiled the other finds on disk.
+numba compiles one function at a time per process. The mapper is about half of all code, so it is
+compiled in its own process: `python -m albot_core.mappers.precompile`. Meanwhile this process
+compiles the rest by running robots without a mapper. Both share their results on disk.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ WORLD = "square-loop"
 
 
 def precompile(equipment: Equipment) -> None:
-    """Compile what a mapper and its robots need, each in a process, if nothing is compiled yet.
+    """Compile the kernels of the mapper and of the robots in two processes, if necessary.
 
-    Does nothing where there is one processor or no mapper, in worker processes, and where no
-    process can be started: then each function is compiled when it is first called.
+    Does nothing if kernels are compiled, with one processor or no mapper, in worker processes, and
+    if no process can be started. Each function is then compiled at its first call.
     """
     if is_compiled() or equipment.mapper == NO_MAPPER or processors() < 2 or parent_process():
         return
@@ -49,17 +49,17 @@ def precompile(equipment: Equipment) -> None:
             _run_robots(replace(equipment, mapper=NO_MAPPER, mapper_config=None, threads=1))
             process.wait()
         finally:
-            process.kill()  # Where this was interrupted; one that has ended stays as it is.
+            process.kill()  # Stops it after an interrupt; has no effect if it has ended.
 
 
 def is_compiled() -> bool:
-    """Whether an environment has run since the kernels last changed."""
+    """Return whether an environment has run since the kernels last changed."""
     compiled = sense.compiled
     return not isinstance(compiled, Kernel) or compiled.is_compiled
 
 
 def _run_robots(equipment: Equipment) -> None:
-    """Let a robot take a step."""
+    """Run one robot for a step."""
     world = load_world(WORLD)
     robots = BatchedRobots(1, equipment, actions=ActionConfig(), observations=ObservationConfig())
     robots.begin(0, world, world.starts[0], np.random.default_rng(0))

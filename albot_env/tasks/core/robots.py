@@ -1,7 +1,7 @@
-"""Batched robots: they drive and map, each on its own, all in the same compiled loops.
+"""Batched robots: independent robots that drive and map in the same compiled loops.
 
-A single environment has one robot, a vector environment many: what each gives is the same to the
-last bit. A task is a subclass: it says what a step is worth and when an episode ends.
+A single environment has one robot, a vector environment many; both give bitwise equal results.
+Each task is a subclass, which defines the reward and the end of an episode.
 """
 
 from __future__ import annotations
@@ -37,31 +37,31 @@ from albot_env.tasks.core.state import (
 from albot_maps import World
 
 _MAPPER_STREAM = 1
-"""Which of a robot's random streams its mapper draws from."""
+"""Number of the random stream of a robot's mapper."""
 
 
 class BatchedRobots:
     """Robots that drive, sense, map and observe, without a task.
 
     Args:
-        robots: How many.
-        equipment: What they set out with.
-        actions: What actions ask for.
-        observations: How they observe.
+        robots: Number of robots.
+        equipment: Their sensors, mapper and other equipment.
+        actions: The action config.
+        observations: The observation config.
 
     Raises:
-        InputError: There is no such mapper; or `time_left` is to be observed in a task without a
-            budget, or no part at all.
+        InputError: The mapper is unknown; `time_left` is to be observed in a task without a time
+            budget; or the observations have no part.
     """
 
     environment: ClassVar[str] = "BatchedRobots"
     """Id of the environment."""
     has_budget: ClassVar[bool] = False
-    """Whether robots are given a time, of which what is left can be observed."""
+    """Whether robots have a time budget, whose remainder can be observed."""
     terms_of_reward: ClassVar[tuple[str, ...]] = ()
     """The names of the reward's terms."""
     journeys: Journeys[Any] | None = None
-    """What robots have behind them when an episode begins; None where they set out anew."""
+    """The journeys before each episode; None if robots start without one."""
 
     def __init__(
         self,
@@ -76,17 +76,17 @@ class BatchedRobots:
             raise InputError("ObservationConfig.parts", expected, "time_left")
         sensors = equipment.sensors
         self.actions = actions
-        """What actions ask for."""
+        """The action config."""
         self._nothing: Int64[np.ndarray, "robots"] = np.zeros(robots, np.int64)
         self._never = np.zeros(robots, np.bool_)
         self._mappers = equipment.mappers(robots)
         self._threads = ThreadPool(equipment.threads)
         self.ground_laser = sensors.ground_laser.geometry
-        """Where the beams point by which ground is found covered (see `Sensors.ground_laser`)."""
+        """The beams that decide which ground is covered (see `Sensors.ground_laser`)."""
         laser = None if sensors.laser is None else sensors.laser.geometry
         sonar = None if sensors.sonar is None else sensors.sonar.geometry
         self.observing = observations = observations.fitted(laser, sonar)
-        """How they observe with these sensors."""
+        """The observation config, fitted to the sensors."""
         if not observations.shapes:
             expected = "a part that robots with these sensors have"
             raise InputError("ObservationConfig.parts", expected, ", ".join(observations.parts))
@@ -121,31 +121,31 @@ class BatchedRobots:
         self.observations: Float32[np.ndarray, "robots length"] = np.zeros(
             (robots, length), np.float32
         )
-        """What each observes, in one row; after each `drive` another array."""
+        """The observations, one row per robot; a new array after each `drive`."""
 
     def check_start(self, world: World, start: Pose) -> None:
-        """Raise InputError unless a robot can start there.
+        """Check that a robot can start at a pose.
 
         Raises:
-            InputError: It is not finite, too near to something, or nowhere that a robot can
-                come to from the world's starts.
+            InputError: The pose is not finite, too near to an obstacle, or not reachable from the
+                world's starts.
         """
         self._simulator.check_start(world, start)
 
     def begin(self, row: int, world: World, start: Pose, rng: np.random.Generator) -> None:
-        """Let a robot set out anew with an empty map; call `observe` before all else.
+        """Start a robot with an empty map; call `observe` before anything else.
 
-        The start must be one (see `check_start`).
+        The start must pass `check_start`.
         """
         self._set_out(row, world, start, draw_key(rng))
 
     def _set_out(self, row: int, world: World, start: Pose, key: int) -> None:
-        """Let a robot set out with an empty map; `key` decides all its noise."""
+        """Start a robot with an empty map; `key` is the seed of all its noise."""
         self._simulator.place(row, world, start, key)
         stats = self._stats
         stats.reachable[row] = self._builder.begin(row, world)
         if self._mappers is not None:
-            # A stream of its own: how often a mapper draws changes no other noise.
+            # A separate stream, so that the mapper's draws do not change any other noise.
             self._mappers.reset(row, np.random.default_rng((key, _MAPPER_STREAM)))
         else:
             self._state.beliefs[row] = 0
@@ -155,7 +155,7 @@ class BatchedRobots:
         stats.before[row], stats.path_lengths[row] = start[:2], 0.0
 
     def episode_snapshot(self, row: int) -> EpisodeSnapshot:
-        """The state of a robot at rest, and all that it knows."""
+        """Return the state of a robot at rest, and all that it knows."""
         return EpisodeSnapshot(
             start=self.starts[row].copy(),
             path_length=float(self.path_lengths[row]),
@@ -169,10 +169,10 @@ class BatchedRobots:
     def restore(
         self, row: int, world: World, snapshot: EpisodeSnapshot, key: int | None = None
     ) -> None:
-        """Give a robot the state and knowledge that another one had in this world, at step 0.
+        """Give a robot another one's state and knowledge in the same world, at step 0.
 
-        `key` decides the noise from now on; by default it is the one it had, and what comes next
-        is what would have come, but that it begins an empty occupancy grid.
+        `key` seeds the noise from now on. By default it is the snapshot's key; the robot then
+        continues as the other one would have, except that its occupancy grid is empty.
         """
         body = snapshot.body if key is None else snapshot.body._replace(key=key)
         self._set_out(row, world, snapshot.start, body.key)
@@ -188,21 +188,21 @@ class BatchedRobots:
         stats.path_lengths[row] = snapshot.path_length
 
     def begin_return(self, row: int) -> None:
-        """Let a robot know that from now on it is to go home."""
+        """Tell a robot's mapper that the robot is to return home from now on."""
         if self._mappers is not None:
             self._mappers.begin_return(row)
 
     @property
     def at_rest(self) -> bool:
-        """Whether no wheel turns."""
+        """Whether no wheel of any robot turns."""
         return not self._simulator.wheels.any()
 
     def act(self, numbers: Numbers) -> None:
-        """One control step of all robots with these actions."""
+        """Make one control step of all robots with these actions."""
         self.drive(self.actions.commands(numbers))
 
     def drive(self, commands: Float64[np.ndarray, "robots 2"]) -> None:
-        """One control step of all robots with speeds (m/s) and turn rates (rad/s)."""
+        """Make one control step of all robots with speeds (m/s) and turn rates (rad/s)."""
         simulator = self._simulator
         simulator.clear_contacts()
         simulator.drive(simulator.robot.targets_for(commands), SUBSTEPS)
@@ -211,11 +211,11 @@ class BatchedRobots:
         self.observations = np.empty_like(self.observations)
 
     def detach_observations(self) -> None:
-        """Write observations elsewhere from now on: those handed out stay as they are."""
+        """Use a new array from now on, so that observations handed out do not change."""
         self.observations = self.observations.copy()
 
     def observe(self, rows: Int64[np.ndarray, "some"] | None = None) -> None:
-        """Let all robots, or some, sense, map and observe, and compute their rewards."""
+        """Let all robots, or those in `rows`, sense, map and observe; compute their rewards."""
         chosen = self._everyone if rows is None else rows
         self._simulator.locate(chosen)
         self._threads.share(chosen, self._observe, MIN_ROWS_PER_THREAD)
@@ -233,17 +233,17 @@ class BatchedRobots:
         self._compute_rewards(rows)
 
     def _compute_rewards(self, rows: Int64[np.ndarray, "some"]) -> None:
-        """Bring the statistics of some robots up to date, and compute what their step was worth."""
+        """Update the statistics of some robots, and compute their rewards."""
         update_all_stats(rows, self._cell_area, self._state, self._builder.progress, self._stats)
 
     @property
     def ended(self) -> Bool[np.ndarray, "robots"]:
-        """Whose episode has ended by itself."""
+        """Which robots' episodes have ended by themselves."""
         return self._never
 
     @property
     def facts(self) -> dict[str, np.ndarray]:
-        """The truth in numbers, for `info`: a row for each robot."""
+        """True values for `info`, one row per robot."""
         return {
             "pose": self.poses,
             "start": self.starts,
@@ -260,7 +260,7 @@ class BatchedRobots:
 
     @property
     def readings(self) -> Readings:
-        """What the robots sensed last. It is written over at the next `observe`."""
+        """The latest readings of the robots; overwritten by the next `observe`."""
         return self._simulator.readings(self.times)
 
     def close(self) -> None:
@@ -269,22 +269,22 @@ class BatchedRobots:
 
     @property
     def poses(self) -> Float64[np.ndarray, "robots 3"]:
-        """Where the robots truly are, in the world frame."""
+        """True poses of the robots (world frame)."""
         return self._state.poses
 
     @property
     def beliefs(self) -> Float64[np.ndarray, "robots 3"]:
-        """Where they believe to be, in their maps' frames."""
+        """Estimated poses of the robots, in their maps' frames."""
         return self._state.beliefs
 
     @property
     def homes(self) -> Float64[np.ndarray, "robots 3"]:
-        """Where they believe home to be, in their own frames."""
+        """Estimated poses of home, in the robots' own frames."""
         return self._state.homes
 
     @property
     def times(self) -> Float64[np.ndarray, "robots"]:
-        """Simulated time since each set out (s)."""
+        """Simulated time since the start of each robot's episode (s)."""
         return self.steps * CONTROL_STEP
 
     @property
@@ -294,95 +294,95 @@ class BatchedRobots:
 
     @property
     def steps(self) -> Int64[np.ndarray, "robots"]:
-        """How many control steps each has taken."""
+        """Number of control steps of each robot."""
         return self._stats.steps
 
     @property
     def starts(self) -> Float64[np.ndarray, "robots 3"]:
-        """Where each set out (world frame): the origin of its map's frame."""
+        """Start poses (world frame): the origins of the maps' frames."""
         return self._stats.starts
 
     @property
     def path_lengths(self) -> Float64[np.ndarray, "robots"]:
-        """How far each has truly driven (m)."""
+        """True distances driven (m)."""
         return self._stats.path_lengths
 
     @property
     def rewards(self) -> Float64[np.ndarray, "robots"]:
-        """What the last step was worth to each: the sum of the terms."""
+        """Rewards of the last step: the sums of the terms."""
         return self._stats.rewards
 
     @property
     def terms(self) -> dict[str, Float64[np.ndarray, "robots"]]:
-        """What the last step was worth, by the reward's terms."""
+        """Terms of the last step's reward, by name."""
         return dict(zip(self.terms_of_reward, self._stats.terms.T, strict=True))
 
     def terms_of(self, row: int) -> dict[str, float]:
-        """What the last step was worth to a robot, by the reward's terms."""
+        """Return the terms of one robot's last reward, by name."""
         return dict(zip(self.terms_of_reward, self._stats.terms[row].tolist(), strict=True))
 
     @property
     def position_errors(self) -> Float64[np.ndarray, "robots"]:
-        """Distance from each true position to the believed one (m)."""
+        """Distance from each true position to the estimated one (m)."""
         return self._stats.position_errors
 
     @property
     def coverages(self) -> Float64[np.ndarray, "robots"]:
-        """Share of the ground that can be reached which each has covered."""
+        """Share of the reachable ground that each robot has covered."""
         return self._stats.coverages
 
     @property
     def ranges(self) -> Float64[np.ndarray, "robots beams"]:
-        """What the beams of `ground_laser` met last (m); infinite where nothing came back."""
+        """Latest ranges of the beams of `ground_laser` (m); infinite for no return."""
         return self._state.ranges
 
     @property
     def rooms_entered(self) -> Int64[np.ndarray, "robots"]:
-        """How many rooms each has been in."""
+        """Number of rooms that each robot has entered."""
         return self._builder.progress.rooms_entered
 
     @property
     def updates(self) -> Int64[np.ndarray, "robots"]:
-        """How often each mapper has added a view to its map."""
+        """Number of views that each mapper has added to its map."""
         return self._nothing if self._mappers is None else self._mappers.updates
 
     @property
     def surface_counts(self) -> Int64[np.ndarray, "robots"]:
-        """How many surfaces each remembers."""
+        """Number of surfaces in each robot's map."""
         return self._nothing if self._mappers is None else self._mappers.segment_counts
 
     @property
     def map_versions(self) -> Int64[np.ndarray, "robots"]:
-        """How often each map has changed."""
+        """Number of changes of each map."""
         return self._nothing if self._mappers is None else self._mappers.map_versions
 
     def matched_reading(self, row: int) -> int:
-        """The earlier reading that a robot believes was taken where it is now; -1 for none."""
+        """Return the earlier reading that a robot's mapper matches to its place; -1 for none."""
         if self._mappers is None:
             return -1
         self._mappers.match_readings(np.array([row]))
         return int(self._mappers.matched_readings[row])
 
     def snapshot(self, row: int) -> MapSnapshot:
-        """A robot's map."""
+        """Return a robot's map."""
         return EMPTY_MAP if self._mappers is None else self._mappers.snapshot(row)
 
     def activity(self, row: int) -> Activity | None:
-        """The activity of a robot's attractor network; None where its mapper has none."""
+        """Return the activity of a robot's attractor network; None if its mapper has none."""
         return None if self._mappers is None else self._mappers.activity(row)
 
     def things(self, row: int) -> Segments:
-        """The outlines of what moves around a robot, where it is now (world frame)."""
+        """Return the outlines of the moving obstacles around a robot now (world frame)."""
         return self._simulator.obstacles(row)
 
     def world(self, row: int) -> World:
-        """The world that a robot is in."""
+        """Return the world of a robot."""
         world = self._worlds[row]
         assert world is not None, "a robot is nowhere before it begins"
         return world
 
     def room(self, row: int) -> str:
-        """Name of the room that a robot is truly in; empty between rooms."""
+        """Return the name of the room that a robot is truly in; empty between rooms."""
         room: int = self._builder.progress.room.item(row)
         return self.world(row).rooms[room].name if room >= 0 else ""
 

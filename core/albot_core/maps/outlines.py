@@ -1,4 +1,4 @@
-"""The surfaces in an occupancy grid as line segments, for those who ask for lines."""
+"""The surfaces in an occupancy grid as line segments, for uses that need lines."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from albot_core.geometry.types import Segments
 from albot_core.maps.layers import MapSnapshot, OccupancyGridLayer
 
 _LEVEL = 0.5
-"""The border lies where a cell is as likely occupied as free."""
+"""Occupancy at the contours: a cell there is equally likely occupied and free."""
 
 
 def surfaces_of(snapshot: MapSnapshot) -> Segments:
-    """The surfaces of a map: its line segments, or else the outlines in its occupancy grid (m)."""
+    """Return a map's line segments, or if it has none the outlines in its occupancy grid (m)."""
     grid = snapshot.layer(OccupancyGridLayer)
     if len(snapshot.segments) or grid is None:
         return snapshot.segments
@@ -23,24 +23,23 @@ def surfaces_of(snapshot: MapSnapshot) -> Segments:
 
 
 def outlines(grid: OccupancyGridLayer, tolerance: float = 0.05, shortest: float = 0.2) -> Segments:
-    """Where free ground ends at something, as line segments.
+    """Return the borders between free and occupied cells, as line segments.
 
-    They are the contours between cells that are believed to be free and those that are believed to
-    be occupied (marching squares), straightened (D. Douglas and T. Peucker, Cartographica 10,
-    1973). No line is drawn where the ground beyond is unknown.
+    They are the contours between free and occupied cells (marching squares), simplified (D. Douglas
+    and T. Peucker, Cartographica 10, 1973). Borders of unknown cells have no lines.
 
     Args:
         grid: The grid.
-        tolerance: No point of a contour is farther from its line than this (m).
-        shortest: Contours that are shorter in all are left out (m).
+        tolerance: Largest distance of a contour's point from its line (m).
+        shortest: Smallest total length of a contour (m); shorter ones are left out.
 
     Returns:
-        The segments (segments, 4), in the frame that the grid's origin is given in (m).
+        The segments (segments, 4), in the frame of the grid's origin (m).
     """
     if min(grid.occupancy.shape) < 2:
         return np.empty((0, 4))
     known = np.ma.masked_invalid(grid.occupancy.astype(np.float64))
-    # Without corners: a square of cells with an unknown one among them has no contour.
+    # No corner masks: four neighbouring cells with an unknown one among them have no contour.
     contours = contourpy.contour_generator(z=known, corner_mask=False).lines(_LEVEL)
     found = [np.empty((0, 4))]
     for contour in contours:

@@ -1,1 +1,1 @@
-"""Metric SLAM: what its systems share, and the systems themselves, each as its source has it."""
+"""Metric SLAM: several published systems, and the parts that they share."""

@@ -1,4 +1,4 @@
-"""Where particles and their ancestors have been: paths that are one as far as they are shared."""
+"""The paths of particles and their ancestors; common beginnings of paths are stored once."""
 
 from __future__ import annotations
 
@@ -15,12 +15,11 @@ from albot_core.mappers.slam.tiles import NONE
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 
 _SLACK = 4096
-"""Poses of particles that have died out are dropped when there are so many more than twice those
-that are left."""
+"""Poses of dead particles are dropped once there are this many more poses than twice those kept."""
 
 
 class AncestralPaths:
-    """The poses of all particles at all updates, and the odometer's motions between."""
+    """The poses of all particles at all updates, and the odometry between updates."""
 
     def __init__(self) -> None:
         self._poses = np.zeros((0, 3))
@@ -31,16 +30,17 @@ class AncestralPaths:
         self._reading_updates = np.zeros(0, np.int64)
         self._reading_motions = np.zeros((0, 3))
         self.updates = 0
-        """How often poses were added."""
+        """Number of times that poses were added."""
         self.readings = 0
-        """How often a reading was."""
+        """Number of readings that were added."""
 
     def add_poses(
         self, poses: Float64[np.ndarray, "particles 3"], parents: Int64[np.ndarray, "particles"]
     ) -> None:
-        """Add the particles' poses at an update; `parents` says which of those before led to each.
+        """Add the particles' poses at an update.
 
-        There need be no parents at the first update.
+        `parents` holds the index of each one's parent at the update before; it is not used at the
+        first update.
         """
         begin, end = self._count, self._count + len(poses)
         self._poses, self._before = _with_room(self._poses, end), _with_room(self._before, end)
@@ -52,7 +52,7 @@ class AncestralPaths:
             self._drop_dead()
 
     def add_reading(self, motion: Pose) -> None:
-        """Add a reading, at a motion from where the latest update was."""
+        """Add a reading, at a pose relative to the latest update's pose."""
         end = self.readings + 1
         self._reading_updates = _with_room(self._reading_updates, end)
         self._reading_motions = _with_room(self._reading_motions, end)
@@ -61,19 +61,19 @@ class AncestralPaths:
         self.readings = end
 
     def poses_of(self, particle: int) -> Poses:
-        """The poses of a particle and its ancestors at all updates, (updates, 3)."""
+        """Return the poses of a particle and its ancestors at all updates, (updates, 3)."""
         places = np.empty(self.updates, np.int64)
         if self.updates:
             climb(self._before, self._last[particle], places)
         return self._poses[places]
 
     def poses_at_readings(self, particle: int) -> Poses:
-        """The same at all readings, (readings, 3)."""
+        """Return the poses of a particle and its ancestors at all readings, (readings, 3)."""
         at = self._reading_updates[: self.readings]
         return compose(self.poses_of(particle)[at], self._reading_motions[: self.readings])
 
     def state(self) -> dict[str, np.ndarray]:
-        """All of it, as arrays by name."""
+        """Return the paths as arrays by name."""
         self._drop_dead()
         return {
             "path.poses": self._poses[: self._count].copy(),
@@ -85,10 +85,10 @@ class AncestralPaths:
         }
 
     def restore(self, state: Mapping[str, np.ndarray], particles: int) -> None:
-        """Become the paths, of so many particles, that returned `state`.
+        """Restore the paths that `state` returned, for this number of particles.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         check_shapes(
             state,
@@ -104,7 +104,7 @@ class AncestralPaths:
         check_finite(state, "path.poses", "path.reading_motions")
         poses, before, last = state["path.poses"], state["path.before"], state["path.last"]
         updates, readings = int(state["path.updates"]), state["path.reading_updates"]
-        # Each pose's number in its path, from 0: the one before it stands before it.
+        # The position of each pose in its path, from 0; a predecessor has a lower index.
         numbers = np.zeros(len(poses), np.int64)
         if (before < NONE).any() or (before >= np.arange(len(poses))).any():
             raise InputError("path.before", "poses that stand before", "others")
@@ -127,10 +127,10 @@ class AncestralPaths:
         self.updates, self.readings = updates, len(readings)
 
     def _drop_dead(self) -> None:
-        """Drop the poses that are on no particle's path; the others keep their order."""
+        """Drop the poses that are on no particle's path. The others keep their order."""
         is_kept = np.zeros(self._count, np.bool_)
         mark_paths(self._before, self._last, is_kept)
-        # Where each comes to stand.
+        # The new index of each pose.
         places = np.cumsum(is_kept) - 1
         before = self._before[: self._count][is_kept]
         self._before = np.where(before == NONE, NONE, places[before])
@@ -140,7 +140,7 @@ class AncestralPaths:
 
 
 def _with_room(array: np.ndarray, length: int) -> np.ndarray:
-    """The array, or a longer copy where it is shorter than needed."""
+    """Return the array, or a longer copy if it is shorter than `length`."""
     if len(array) >= length:
         return array
     longer = np.zeros((max(length, 2 * len(array)), *array.shape[1:]), array.dtype)
@@ -150,7 +150,7 @@ def _with_room(array: np.ndarray, length: int) -> np.ndarray:
 
 @kernel()
 def climb(before: np.ndarray, last: int, places: np.ndarray) -> None:
-    """Fill in the poses on the way to the last one, in the order of time."""
+    """Fill in the indices of the poses on the path to `last`, oldest first."""
     for k in range(len(places) - 1, -1, -1):
         places[k] = last
         last = before[last]
@@ -158,14 +158,14 @@ def climb(before: np.ndarray, last: int, places: np.ndarray) -> None:
 
 @kernel()
 def count_steps(before: np.ndarray, numbers: np.ndarray) -> None:
-    """Fill in how many poses lie before each on its path."""
+    """Fill in the number of poses before each pose on its path."""
     for k in range(len(before)):
         numbers[k] = 0 if before[k] == NONE else numbers[before[k]] + 1
 
 
 @kernel()
 def mark_paths(before: np.ndarray, last: np.ndarray, is_kept: np.ndarray) -> None:
-    """Mark all poses that lead to the last ones."""
+    """Mark all poses on the paths to the poses `last`."""
     for k in last:
         while k != NONE and not is_kept[k]:
             is_kept[k] = True

@@ -1,7 +1,7 @@
-"""DP-SLAM's ancestry tree, and what a particle knows by its ancestors: kernels on arrays.
+"""DP-SLAM's ancestry tree, and what a particle knows through its ancestors: kernels on arrays.
 
 A. Eliazar and R. Parr, DP-SLAM, IJCAI 2003, section 4; DP-SLAM 2.0, ICRA 2004, section III. See
-`distributed_map` for what they are.
+`distributed_map` for an introduction.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ def prune(
     descendants: np.ndarray,
     is_removed: np.ndarray,
 ) -> None:
-    """Make the tree minimal again, once it is known which particles have descendants.
+    """Make the tree minimal again after resampling.
 
-    IJCAI 2003, section 4.2. The descendants themselves come into it by `add_node`.
+    IJCAI 2003, section 4.2. `add_node` then adds the descendants themselves.
 
     Args:
         arrays: The map.
         tree: The tree.
-        nodes: The node of each particle (particles,); `NONE` afterwards of those without
+        nodes: The node of each particle (particles,); set to `NONE` for particles without
             descendants.
-        descendants: How many each has (particles,).
-        is_removed: Room for a mark for each node (nodes,).
+        descendants: Number of descendants of each particle (particles,).
+        is_removed: Scratch buffer, one mark per node (nodes,).
     """
     for k in range(len(nodes)):
         tree.children[nodes[k]] = descendants[k]
@@ -54,7 +54,7 @@ def prune(
 def _remove_dead(
     arrays: MapArrays, tree: TreeArrays, nodes: np.ndarray, is_removed: np.ndarray
 ) -> None:
-    """Take out the particles that have no descendants, and of their ancestors those without any."""
+    """Remove the nodes of particles without descendants, and of ancestors that become childless."""
     is_removed[:] = 0
     for k in range(len(nodes)):
         node = nodes[k]
@@ -75,11 +75,10 @@ def _remove_dead(
 def _merge_only_children(
     arrays: MapArrays, tree: TreeArrays, nodes: np.ndarray, is_removed: np.ndarray
 ) -> None:
-    """Make each node that is its parent's only child one with it.
+    """Merge each only child with its parent.
 
-    It is the parent that stays, as the parent has observed more squares. Whether a node is an only
-    child does not change when its parent becomes one with the grandparent, so that each node is
-    looked at once.
+    The parent stays, since it has observed more squares. Merging a parent with the grandparent does
+    not change whether a node is an only child, so one pass over the nodes is enough.
     """
     for node in range(len(tree.parent)):
         parent = tree.parent[node]
@@ -93,9 +92,9 @@ def _merge_only_children(
 
 @kernel()
 def add_node(tree: TreeArrays, parent: int) -> int:
-    """A descendant of a particle comes into the tree; returns its node.
+    """Add a descendant of a particle to the tree; return its node.
 
-    A particle's only descendant takes over its node, as the two would become one at once.
+    A particle's only descendant takes over its node, since the two would be merged at once.
     """
     if tree.children[parent] == 1:
         tree.children[parent] = 0
@@ -110,7 +109,7 @@ def add_node(tree: TreeArrays, parent: int) -> int:
 
 @kernel()
 def order_nodes(tree: TreeArrays) -> int:
-    """Fill in `order`; return how many nodes there are."""
+    """Fill in `order`; return the number of nodes."""
     count = 0
     for node in range(len(tree.parent)):
         if tree.children[node] != NONE and tree.parent[node] == NONE:
@@ -128,12 +127,12 @@ def order_nodes(tree: TreeArrays) -> int:
 
 @kernel()
 def _remove_node(arrays: MapArrays, tree: TreeArrays, node: int, is_removed: np.ndarray) -> None:
-    """Take a node out, and the observations of all that are removed from the squares it saw."""
+    """Remove a node, and all removed nodes' observations from the squares that it observed."""
     chunk = tree.chunk[node]
     while chunk != NONE:
         for k in range(tree.chunks[chunk, 1]):
             square = tree.chunks[chunk, 2 + k]
-            # Others that are removed may have seen the square as well, and done it already.
+            # The square may already be empty: another removed node may have observed it too.
             if arrays.first[square] != NONE:
                 remove_observations(arrays, square, is_removed)
         chunk = release_chunk(arrays, tree, chunk)
@@ -146,7 +145,7 @@ def _remove_node(arrays: MapArrays, tree: TreeArrays, node: int, is_removed: np.
 def _merge_into_parent(
     arrays: MapArrays, tree: TreeArrays, node: int, is_removed: np.ndarray
 ) -> None:
-    """A node becomes one with its parent: what it observed replaces what the parent had."""
+    """Merge a node into its parent; the node's observations replace the parent's."""
     parent = tree.parent[node]
     is_removed[:] = 0
     is_removed[node] = 1
@@ -176,27 +175,27 @@ def _merge_into_parent(
 class LocalMap(NamedTuple):
     """What every particle knows of the squares around it: DP-SLAM 2.0's local maps.
 
-    A row of it is made when a square is first asked for at an update, and all are forgotten at its
-    end. Row 0 is none.
+    A row is filled when a square is first needed in an update. All rows are cleared at the end of
+    the update. Row 0 is unused.
     """
 
     beams: Float32[np.ndarray, "slots particles 2"]
-    """Beams stopped and distance (m) in a square, as each particle knows it; 0 and 0 where it knows
-    nothing."""
+    """Number of beams stopped and distance travelled (m) in each square, per particle; 0 and 0 if
+    the particle knows nothing."""
     squares: Int32[np.ndarray, "slots"]
-    """Which square has each row."""
+    """The square of each row."""
     rows: Int64[np.ndarray, "1"]
-    """How many rows are in use, with row 0."""
+    """Number of rows in use, including row 0."""
     nodes: Int16[np.ndarray, "particles"]
-    """The node of each particle; `NONE` of those that have no descendants."""
+    """The node of each particle; `NONE` for particles without descendants."""
     found: Int32[np.ndarray, "nodes"]
-    """Room for the observation of each node."""
+    """Scratch buffer: the observation of each node."""
 
 
 def make_local_map(slots: int, particles: int) -> LocalMap:
-    """An empty local map of so many rows."""
+    """Return an empty local map with this number of rows."""
     return LocalMap(
-        # Not filled: memory is taken as rows are made.
+        # Left uninitialised, so that memory is only used once rows are filled.
         beams=np.empty((slots, particles, 2), np.float32),
         squares=np.empty(slots, np.int32),
         rows=np.ones(1, np.int64),
@@ -209,17 +208,16 @@ def make_local_map(slots: int, particles: int) -> LocalMap:
 def fill_local_map(
     arrays: MapArrays, tree: TreeArrays, local: LocalMap, nodes: int, square: int
 ) -> int:
-    """Make the row of a square in the local map; return its slot (see `MapArrays.slot`).
+    """Fill a row of the local map for a square; return its slot (see `MapArrays.slot`).
 
-    ICRA 2004, section III: what a node knows of a square is its own observation, or else what its
-    parent knows, so that all particles' knowledge is found at once, in as many steps as there are
-    nodes.
+    ICRA 2004, section III: a node knows a square by its own observation, or else by its parent's.
+    One pass over the nodes therefore gives the knowledge of all particles.
 
     Args:
         arrays: The map.
-        tree: The tree, its nodes in order.
-        local: The local map, with a row to spare.
-        nodes: How many nodes there are.
+        tree: The tree, with its nodes in order.
+        local: The local map, with at least one free row.
+        nodes: Number of nodes.
         square: The square.
     """
     slot, found, first = local.rows[0], local.found, arrays.first[square]
@@ -249,7 +247,7 @@ def fill_local_map(
 
 @kernel()
 def clear_local_map(arrays: MapArrays, local: LocalMap) -> None:
-    """Forget all rows of the local map."""
+    """Clear all rows of the local map."""
     for slot in range(1, local.rows[0]):
         arrays.slot[local.squares[slot]] = 0
     local.rows[0] = 1
@@ -259,14 +257,14 @@ def clear_local_map(arrays: MapArrays, local: LocalMap) -> None:
 def known_beams(
     arrays: MapArrays, is_ancestor: np.ndarray, beams: np.ndarray, low: np.ndarray
 ) -> None:
-    """Lay out all that one particle knows, by walking up its ancestry at each square.
+    """Fill in all that one particle knows, by a search for its nearest ancestor at each square.
 
     Args:
         arrays: The map.
-        is_ancestor: Which nodes are the particle's own or above it (nodes,).
-        beams: Beams stopped and distance (m) of each square (rows, columns, 2), filled in; 0 and 0
-            where the particle knows nothing.
-        low: Row and column, in tiles, of the first square's tile in the index (2,).
+        is_ancestor: Whether each node is the particle's own or an ancestor (nodes,).
+        beams: Number of beams stopped and distance (m) of each square (rows, columns, 2), filled
+            in; 0 and 0 where the particle knows nothing.
+        low: Row and column of the first square's tile in the index (2,).
     """
     for row in range(beams.shape[0]):
         for column in range(beams.shape[1]):
@@ -276,7 +274,7 @@ def known_beams(
                 continue
             square = tile * TILE_SQUARES + (row & 31) * TILE + (column & 31)
             first = arrays.first[square]
-            # The newest observation first: that of the nearest ancestor.
+            # Newest observation first: it belongs to the nearest ancestor.
             for at in range(first + arrays.counts[square] - 1, first - 1, -1):
                 if is_ancestor[arrays.owner[at]]:
                     beams[row, column, 0] = arrays.beams[at, 0]
@@ -286,18 +284,18 @@ def known_beams(
 
 @kernel()
 def count_known(arrays: MapArrays, particles_below: np.ndarray, is_above: np.ndarray) -> int:
-    """How many squares all particles know, in sum.
+    """Return the number of squares that each particle knows, summed over the particles.
 
     Args:
         arrays: The map.
-        particles_below: How many particles each node is, or is above of (nodes,).
-        is_above: Whether one node is above another (nodes, nodes).
+        particles_below: Number of particles at each node and below it (nodes,).
+        is_above: Whether the first node is an ancestor of the second (nodes, nodes).
     """
     known = 0
     for square in range(len(arrays.first)):
         first = arrays.first[square]
         for at in range(first, first + arrays.counts[square]):
-            # Who comes from this node has been counted where one above it saw the square as well.
+            # Particles below an ancestor that observed the square are already counted.
             is_counted = False
             for other in range(first, at):
                 if is_above[arrays.owner[other], arrays.owner[at]]:

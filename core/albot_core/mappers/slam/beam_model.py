@@ -1,9 +1,9 @@
-"""How a scan is compared with a grid map: the beams' model of GMapping's program.
+"""Comparison of a scan with a grid map: the beam model of the authors' GMapping program.
 
 G. Grisetti, C. Stachniss and W. Burgard, openslam.org/gmapping.html (`scanmatcher.h`, functions
-`score` and `likelihoodAndScore`). A beam is taken to have ended in the nearest occupied cell of
-that in which it should end and the eight around it. Here these nine are looked up once for all
-poses of a scan, as the bits of a number; a table then says what a beam is worth.
+`score` and `likelihoodAndScore`). A beam is assumed to end in the nearest occupied cell among its
+expected end cell and that cell's eight neighbours. Here these nine cells are looked up once for all
+poses of a scan and stored as the bits of a number; a table gives the score of a beam.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from albot_core.mappers.slam.tiles import NONE, TILE, PoolArrays, log_odds_at
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
 
 _MARGIN = 1.0
-"""Beams are compared with the map this far around where they should end (m)."""
+"""Width of the margin around the beams' expected ends that is cut out of the map (m)."""
 _PARTS = 4
-"""The end of a beam is placed within its cell to one of so many by so many parts."""
+"""The end of a beam within its cell is rounded to one of this many parts, in each of x and y."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class BeamConfig:
-    """How beams are compared with a map: the defaults are the program's, unless said."""
+    """Comparison of beams with a map. Defaults are GMapping's own, except where noted."""
 
     spacing: float = 0.1
-    """Of beams that end nearer to each other (m) one is compared with the map; ours. The program
-    compares all, or every n-th."""
+    """Smallest distance between the ends of two beams that are used (m); not in GMapping, whose
+    program uses all beams, or every n-th."""
     sigma: float = 0.05
-    """Scale of a beam's squared distance (m²), where scans are matched."""
+    """Scale of a beam's squared distance in scan matching (m²)."""
     likelihood_sigma: float = 0.075
-    """Scale of the squared distance (m²), where likelihoods are compared (lsigma)."""
+    """Scale of a beam's squared distance in likelihoods (m²) (lsigma)."""
     null: float = -0.5
-    """Logarithm of the likelihood of a beam that ends where nothing is known to be."""
+    """Log-likelihood of a beam that ends far from every occupied cell."""
     gain: float = 3.0
-    """So many beams tell no more than one that is independent of all others (ogain)."""
+    """Number of beams that carry as much information as one independent beam (ogain)."""
 
     def __post_init__(self) -> None:
         check_fields(self, NOT_NEGATIVE, "spacing")
@@ -51,11 +51,12 @@ class BeamConfig:
 def beam_tables(
     config: BeamConfig, cell: float
 ) -> tuple[Float64[np.ndarray, "masks parts"], Float64[np.ndarray, "masks parts"]]:
-    """Score, and logarithm of the likelihood, of one beam.
+    """Return the score and the log-likelihood of one beam.
 
-    By what is occupied of its cell and the eight around it, as bits, row by row, and by the part of
-    the cell in which it ends. The nearest cell counts (the program's `kernelSize` 1), by the
-    distance to its middle, where the program keeps the mean of all that ended in it.
+    The rows are the occupancy of the beam's end cell and its eight neighbours, as bits, row by row;
+    the columns are the part of the cell in which the beam ends. The nearest occupied cell counts
+    (the program's `kernelSize` 1). The distance is to the centre of that cell; the program uses the
+    mean of all beam ends in it.
     """
     masks = np.arange(1 << 9)[:, None, None]
     rows, columns = np.divmod(np.arange(9), 3)
@@ -78,7 +79,7 @@ def weigh_points(
     heading: float,
     table: np.ndarray,
 ) -> float:
-    """How well a scan fits a map from a pose: what a table says of each beam, added up."""
+    """Return the fit of a scan to a map from a pose: the sum of the table's value for each beam."""
     rows, columns = patch.shape
     masks, values = patch.reshape(rows * columns), table.reshape(table.size)
     cos, sin = math.cos(heading) / cell, math.sin(heading) / cell
@@ -105,13 +106,13 @@ def cut_patch(
     points: np.ndarray,
     pose: np.ndarray,
 ) -> tuple[np.ndarray, tuple[int, int]]:
-    """What is occupied of each cell and the eight around it, as bits, around where beams end.
+    """Cut out the map around the beams' ends: the occupancy of each cell and its eight neighbours.
 
-    A cell counts only if the one before it, towards the robot, is not occupied: the program's test
-    that a beam came through there. (The program tests it beam by beam.)
+    A cell counts only if the next cell towards the robot is not occupied. The program makes this
+    test for every beam, to check that the beam passed through free space.
 
     Returns:
-        The bits (rows, columns), and row and column of the first cell from the map's origin.
+        The occupancy bits (rows, columns), and row and column of the first cell in the map.
     """
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     low_x, low_y, high_x, high_y = pose[0], pose[1], pose[0], pose[1]

@@ -1,13 +1,13 @@
-"""Correlative scan matching: the best of all poses of a window, found without trying each.
+"""Correlative scan matching: the best pose of a window, found without a test of every pose.
 
-E. Olson, Real-time correlative scan matching, ICRA 2009: the likelihood of a scan is that of all
-its points in a likelihood field, times the prior of the odometer; the pose is the likeliest of a
-grid of poses; its covariance is that of the likelihoods around it. Coarse fields bound what the
-finer ones can hold, so most of the grid is never tried and the result is the same as if all of it
-were. As in W. Hess et al. (ICRA 2016, algorithm 3), the bounds are searched depth first.
+E. Olson, Real-time correlative scan matching, ICRA 2009: the likelihood of a scan is the
+likelihood of all its points in a likelihood field, times the odometry prior. The estimate is the
+likeliest pose of a grid of poses; its covariance comes from the likelihoods around it. Coarse
+levels of the field give upper bounds, so most poses are never tested; the result is exact. The
+bounds are searched depth first, as by W. Hess et al. (ICRA 2016, algorithm 3).
 
-Here the score of a pose is the sum of its points' likelihoods, each from 0 to 1, not of their
-logarithms: one point that hits nothing costs no more than one point.
+Here the score of a pose is the sum of its points' likelihoods (each from 0 to 1), not of their
+logarithms, so that one outlier costs no more than one point.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from albot_core.kernels.compiled import kernel
 from albot_core.mappers.slam.likelihood_field import CERTAIN, LikelihoodField
 
 TRIED_WHOLE = 2 * BYTES_SUMMED - 1
-"""In a window of no more cells across every pose is tried: that costs less than coarse levels."""
+"""Largest width of a window (cells) in which every pose is tested; that is then faster."""
 
 
 class Window(NamedTuple):
-    """The poses that are tried: a grid around a guess."""
+    """The poses that are tested: a grid around a guess."""
 
     reach: float
-    """How far to each side in x and in y (m); rounded up to whole cells of the field."""
+    """Half-width in x and in y (m); rounded up to whole cells of the field."""
     turn: float
-    """How far to each side in heading (rad); rounded up to whole steps."""
+    """Half-width in heading (rad); rounded up to whole steps."""
     step: float
-    """Between two headings (rad)."""
+    """Spacing of the headings (rad)."""
 
 
 class Correlation(NamedTuple):
@@ -44,11 +44,11 @@ class Correlation(NamedTuple):
     pose: Pose
     """The pose, on the window's grid."""
     score: float
-    """The sum of its points' likelihoods, less what the prior takes off."""
+    """Sum of the points' likelihoods, minus the penalty of the prior."""
     response: float
-    """The mean likelihood of its points, within [0, 1]."""
+    """Mean likelihood of the points, within [0, 1]."""
     at_border: bool
-    """Whether it lies at the border of the window: what is beyond may be better."""
+    """Whether the pose is at the window's border, so that poses outside may be better."""
 
 
 def correlate(
@@ -58,18 +58,19 @@ def correlate(
     window: Window,
     prior: Float64[np.ndarray, "3"],
 ) -> Correlation:
-    """The best pose of a window around a guess, exactly.
+    """Find the best pose of a window around a guess. The search is exact.
 
     Args:
-        field: Where points are likely.
+        field: The likelihood field.
         points: The scan's points in the robot's frame (m).
-        guess: The window's middle, in the field's frame.
-        window: Which poses are tried.
+        guess: The window's centre, in the field's frame.
+        window: The poses that are tested.
         prior: Half the inverse variances of the guess in x, y (1/m²) and heading (1/rad²), in
-            likelihoods of points: so much times the squared distance from the guess is taken off.
+            units of point likelihoods. The penalty of a pose is the sum of these weights times
+            its squared offsets from the guess.
 
     Returns:
-        The pose of the greatest score; of equals, one.
+        The pose with the highest score; of several equal ones, any.
     """
     cell = field.config.cell
     reach = math.ceil(window.reach / cell - 1e-9)
@@ -97,14 +98,14 @@ def search_window(
     step: float,
     prior: np.ndarray,
 ) -> tuple[int, int, int, float, float]:
-    """The same as `correlate` on arrays, the window in whole cells and steps.
+    """Find the best pose like `correlate`, on arrays, with the window in whole cells and steps.
 
     Returns:
-        Steps of the best pose from the guess in x, y and heading; its score; its response.
+        Steps from the guess to the best pose in x, y and heading; its score; its response.
     """
     coarsest = len(levels) - 1
     block = 1 << coarsest
-    # A window smaller than the coarsest blocks needs none of them.
+    # A window smaller than the coarsest blocks does not use them.
     while coarsest > 0 and block > 2 * reach + 1:
         coarsest, block = coarsest - 1, block >> 1
     across = (2 * reach + block) // block
@@ -177,7 +178,7 @@ def _push_quarters(
     bounds: np.ndarray,
     size: int,
 ) -> int:
-    """Put the four quarters of the block at `stack[size]` in its place, the best last."""
+    """Replace the block at `stack[size]` by its four quarters, the best one last."""
     prior, cell, step, turn = taken_off
     level, h, left, low = stack[size, 0] - 1, stack[size, 1], stack[size, 2], stack[size, 3]
     half = 1 << level
@@ -214,14 +215,14 @@ def try_window(
     step: float,
     prior: np.ndarray,
 ) -> tuple[int, int, int, float, float]:
-    """The same as `search_window` by trying every pose, some neighbours in x at once."""
+    """Find the same pose as `search_window` by testing every pose, several x cells at once."""
     side = len(finest)
     flat = finest.reshape(side * side)
     cells, sums = np.empty(len(points), np.int32), np.empty(BYTES_SUMMED, np.int32)
     best, bx, by, bt, raw = -np.inf, 0, 0, 0, 0.0
     for turn in range(-turns, turns + 1):
         heading = guess[2] + turn * step
-        # Those that are summed to no purpose, beyond the window, must be in the field, too.
+        # Poses beyond the window are summed too, so their cells must be in the field.
         border = reach + BYTES_SUMMED
         count = _cells_of(points, guess[0], guess[1], heading, corner, cell, side, border, cells)
         for iy in range(-reach, reach + 1):
@@ -247,9 +248,9 @@ def _cells_of(
     border: int,
     cells: np.ndarray,
 ) -> int:
-    """Fill in the flat cells of the points seen from a pose; return how many are in the field.
+    """Fill in the flat cell indices of the points at a pose; return how many are in the field.
 
-    Those nearer to the field's edge than `border` are left out: they count nothing.
+    Points within `border` cells of the field's edge are left out and do not count.
     """
     cos, sin = math.cos(heading), math.sin(heading)
     count = 0
@@ -264,7 +265,7 @@ def _cells_of(
 
 @kernel()
 def _sum(flat: np.ndarray, cells: np.ndarray, count: int, shift: int) -> float:
-    """The likelihoods of the cells, shifted, added up: from 0 to their count."""
+    """Return the sum of the shifted cells' likelihoods, each from 0 to 1."""
     total = 0
     for k in range(count):
         total += flat[cells[k] + shift]
@@ -275,7 +276,7 @@ def _sum(flat: np.ndarray, cells: np.ndarray, count: int, shift: int) -> float:
 def _least_prior(
     prior: np.ndarray, cell: float, step: float, ix: int, iy: int, turn: int, block: int
 ) -> float:
-    """The least that the prior takes off anywhere in a block of poses."""
+    """Return the smallest penalty of the prior in a block of poses."""
     x = max(ix, min(0, ix + block - 1)) * cell
     y = max(iy, min(0, iy + block - 1)) * cell
     angle = turn * step
@@ -289,16 +290,17 @@ def covariance_around(
     window: Window,
     correlated: float = 1.0,
 ) -> Float64[np.ndarray, "3 3"]:
-    """The covariance of a matched pose by the likelihoods of all poses around it (Olson, eq. 4–6).
+    """Return the covariance of a matched pose from the likelihoods around it (Olson, eq. 4–6).
 
-    A uniform distribution over one cell and step is added, which the grid cannot tell apart.
+    The variance of a uniform distribution over one cell and one heading step is added, because the
+    grid cannot resolve smaller differences.
 
     Args:
-        field: Where points are likely.
+        field: The likelihood field.
         points: The scan's points in the robot's frame (m).
-        pose: The middle of the window.
-        window: Which poses are looked at.
-        correlated: So many points tell no more than one would that is independent of all others.
+        pose: The window's centre.
+        window: The poses that are weighed.
+        correlated: Number of points that carry as much information as one independent point.
     """
     cell = field.config.cell
     reach, turns = (
@@ -322,7 +324,7 @@ def weigh_window(
     step: float,
     correlated: float,
 ) -> np.ndarray:
-    """The same as `covariance_around` on arrays, the window in whole cells and steps."""
+    """Compute `covariance_around` on arrays, with the window in whole cells and steps."""
     side = len(finest)
     flat = finest.reshape(side * side)
     across, headings = 2 * reach + 1, 2 * turns + 1

@@ -1,21 +1,21 @@
-"""The map of DP-SLAM: one grid for all particles, and the ancestry tree that says who sees what.
+"""The map of DP-SLAM: one grid for all particles, and the tree of their ancestry.
 
 A. Eliazar and R. Parr, DP-SLAM: fast, robust simultaneous localization and mapping without
 predetermined landmarks, IJCAI 2003, section 4; DP-SLAM 2.0, ICRA 2004, section III.
 
-A square of the grid holds observations. Each belongs to the node of the ancestry tree that made it,
-and says how many beams have stopped in the square and how far beams have gone through it, as far
-as this node's line knows. What a particle knows of a square is the observation of its nearest
-ancestor that has any. So no particle's map is ever copied: a particle that is resampled twice
-becomes a node with two children, which add what each of them sees.
+A square of the grid holds observations. Each belongs to the node of the ancestry tree that made it.
+It holds the number of beams that stopped in the square and the distance that beams went through it,
+summed over the node and its ancestors. What a particle knows of a square is the observation of its
+nearest ancestor that has one. So no map is ever copied: a particle that is resampled twice becomes
+a node with two children, which add their own observations.
 
-The tree is kept minimal. A node without descendants among the particles is taken out with its
-observations. A node with a single child becomes one with it. So a tree of P leaves has at most
-2P - 1 nodes, and a square has no more observations than that, however long the robot drives.
+The tree is kept minimal. A node without descendants among the particles is removed with its
+observations. A node with a single child is merged with it. So a tree of P leaves has at most
+2P - 1 nodes, and a square has at most that many observations, however long the robot drives.
 
-All of it is arrays. Squares lie in tiles, which are made as the ground is seen. The observations of
-a square lie side by side, in a block that has room for 2, 4, 8… of them, oldest first: those of a
-node come after those of its ancestors. A node lists the squares that it observed in chunks.
+All data are arrays. Squares are stored in tiles, which are made as the ground is seen. The
+observations of a square are stored in one block, with room for 2, 4, 8… of them, oldest first:
+those of a node come after those of its ancestors. A node lists its observed squares in chunks.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ from albot_core.mappers.slam.tiles import NONE, TILE, extend_index
 from albot_core.mappers.stored_arrays import check_finite, check_shapes
 
 _FAR = 1e12
-"""No coordinate counts as farther (m), so that tiles can be counted."""
+"""Largest coordinate (m); farther ones are clipped, so that tiles can be counted."""
 _SPARE_CHUNKS = 2
-"""While two lists of squares become one, so many more chunks are needed at most."""
+"""Largest number of extra chunks that are needed while two lists of squares are merged."""
 
 
 class DistributedMap:
-    """The one map of all particles, with their ancestry.
+    """The one map of all particles, with their ancestry tree.
 
     Args:
-        particles: How many there are at most.
+        particles: Largest number of particles.
         cell: Side of a grid square (m).
     """
 
@@ -83,26 +83,26 @@ class DistributedMap:
             chunks=np.zeros((0, CHUNK + 2), np.int32),
             free_chunk=np.full(1, NONE, np.int64),
         )
-        # The root, from which all particles come.
+        # The root, the ancestor of all particles.
         self.tree.children[0] = 0
 
     @property
     def observations(self) -> int:
-        """How many observations the map holds."""
+        """Number of observations in the map."""
         return int(self.arrays.used[1])
 
     @property
     def squares(self) -> int:
-        """How many squares have observations: the ground seen."""
+        """Number of squares with observations."""
         return int(self.arrays.tile_uses.sum())
 
     @property
     def bytes(self) -> int:
-        """Size of the map's arrays, tree and tiles and all."""
+        """Size of all arrays of the map and the tree (bytes)."""
         return sum(array.nbytes for arrays in (self.arrays, self.tree) for array in arrays)
 
     def check_ground(self, poses: Poses, radius: float) -> None:
-        """Check that the map can reach so far (m) around all poses.
+        """Check that the map can be extended to this distance (m) around all poses.
 
         Raises:
             InputError: The index would have more than `MOST_TILES` entries.
@@ -111,7 +111,7 @@ class DistributedMap:
         extend_index(self.arrays.tiles, self.arrays.corner, low, high, TILE * self.cell)
 
     def reserve_ground(self, poses: Poses, radius: float) -> None:
-        """Have tiles for all ground so near (m) to poses.
+        """Reserve tiles within this distance (m) of the poses.
 
         Raises:
             InputError: The index would have more than `MOST_TILES` entries.
@@ -121,7 +121,7 @@ class DistributedMap:
     def _tiles_around(
         self, poses: Poses, radius: float
     ) -> tuple[Int64[np.ndarray, "2"], Int64[np.ndarray, "2"]]:
-        """Row and column of the first tile within a distance (m) of poses, and after the last."""
+        """Return row and column of the first tile near the poses, and after the last one."""
         places = poses[:, 1::-1]
         low, high = places.min(axis=0) - radius, places.max(axis=0) + radius
         ends = np.clip((low, high), -_FAR, _FAR) / (TILE * self.cell)
@@ -129,7 +129,7 @@ class DistributedMap:
         return first, last + 1
 
     def reserve_tiles(self, low: Int64[np.ndarray, "2"], high: Int64[np.ndarray, "2"]) -> None:
-        """Have room for all tiles from one (row, column) to before another.
+        """Reserve all tiles from `low` (row, column) to before `high`.
 
         Raises:
             InputError: The index would have more than `MOST_TILES` entries.
@@ -143,7 +143,7 @@ class DistributedMap:
         if missing > 0:
             before, more = len(arrays.tile_uses), max(missing, len(arrays.tile_uses) // 2)
             free_tiles = _grown(arrays.free_tiles, more)
-            # The lowest numbers are taken first.
+            # The lowest indices are used first.
             free_tiles[free : free + more] = np.arange(before + more - 1, before - 1, -1)
             arrays.free_counts[SIZES] += more
             squares = more * TILE_SQUARES
@@ -158,7 +158,7 @@ class DistributedMap:
         self.arrays = arrays._replace(tiles=index, corner=corner)
 
     def reserve_observations(self, places: int, chunks: int) -> None:
-        """Have room for more: so many places after all blocks, and so many free chunks."""
+        """Reserve places for observations after all blocks, and free chunks."""
         arrays, tree = self.arrays, self.tree
         missing = int(arrays.used[0]) + places - len(arrays.owner)
         if missing > 0:
@@ -181,10 +181,10 @@ class DistributedMap:
     def known_by(
         self, node: int
     ) -> tuple[Float64[np.ndarray, "rows columns 2"], Int64[np.ndarray, "2"]]:
-        """All that the particle of a node knows, as one array as large as the ground seen.
+        """Return all that the particle of a node knows, as one array that covers all tiles.
 
         Returns:
-            See `known_beams`; and row and column of the first square, from the map's origin.
+            The array of `known_beams`; and row and column of its first square in the map.
         """
         index = self.arrays.tiles
         rows, columns = np.nonzero(index != NONE)
@@ -201,7 +201,7 @@ class DistributedMap:
         return beams, (self.arrays.corner + low) * TILE
 
     def count_known(self, nodes: Int16[np.ndarray, "particles"]) -> int:
-        """How many squares the particles of some nodes know, in sum."""
+        """Return the number of known squares, summed over the particles at these nodes."""
         count = len(self.tree.parent)
         is_above, below = np.zeros((count, count), np.bool_), np.zeros(count, np.int64)
         for node in np.flatnonzero(self.tree.children != NONE).tolist():
@@ -215,7 +215,7 @@ class DistributedMap:
         return int(count_known(self.arrays, below, is_above))
 
     def state(self) -> dict[str, np.ndarray]:
-        """The tree, and all observations by the tile, as arrays by name."""
+        """Return the tree, and all observations tile by tile, as arrays by name."""
         arrays, tree = self.arrays, self.tree
         known = np.argwhere(arrays.tiles != NONE)
         tiles = arrays.tiles[known[:, 0], known[:, 1]]
@@ -223,7 +223,7 @@ class DistributedMap:
         owners = np.empty(self.observations, np.int16)
         beams = np.empty((self.observations, 2), np.float32)
         gather(arrays, tiles, owners, beams)
-        # A root, and what is no node, both have no parent.
+        # Neither the root nor an unused node has a parent, so unused nodes are marked NONE - 1.
         parents = np.where(tree.children == NONE, NONE - 1, tree.parent).astype(np.int16)
         return {
             "tree.parents": parents,
@@ -236,14 +236,14 @@ class DistributedMap:
     def restore(
         self, state: Mapping[str, np.ndarray], nodes: Int16[np.ndarray, "particles"]
     ) -> None:
-        """Become, when fresh, the map that returned `state`.
+        """Restore the map that `state` returned. This map must be fresh.
 
         Args:
             state: The arrays.
             nodes: The nodes of the particles.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         check_shapes(
             state,
@@ -278,7 +278,7 @@ class DistributedMap:
         low, high = places.min(axis=0), places.max(axis=0) + 1
         self.reserve_tiles(low, high)
         needed = np.ceil(np.log2(np.maximum(counts, 2))).astype(np.int64)
-        # A block is doubled until it is large enough, and those before it are left free.
+        # A block is doubled until it is large enough; its smaller predecessors remain free.
         chunks = len(owners) // CHUNK + len(self.tree.parent)
         self.reserve_observations(int((2 << needed).sum()), chunks)
         scatter(self.arrays, self.tree, places - low, state["map.counts"], owners, beams)
@@ -286,7 +286,7 @@ class DistributedMap:
     def _restore_tree(
         self, parents: Int16[np.ndarray, "nodes"], nodes: Int16[np.ndarray, "particles"]
     ) -> None:
-        """Take in a tree, which must be one that `prune` and `add_node` make."""
+        """Restore the tree, which must be one that `prune` and `add_node` can make."""
         tree, count = self.tree, len(parents)
         is_node = parents >= NONE
         expected = "a tree, of whose nodes each has two children or is a particle's"
@@ -308,14 +308,14 @@ class DistributedMap:
 
 
 def _grown(array: np.ndarray, more: int, value: int = 0) -> np.ndarray:
-    """A copy of an array that is longer, filled with a value."""
+    """Return a longer copy of an array; the new entries have this value."""
     tail = np.full((more, *array.shape[1:]), value, array.dtype)
     return np.concatenate((array, tail))
 
 
 @kernel()
 def gather(arrays: MapArrays, tiles: np.ndarray, owners: np.ndarray, beams: np.ndarray) -> None:
-    """Lay out the observations of some tiles, square by square (observations,)."""
+    """Copy the observations of some tiles, square by square (observations,)."""
     n = 0
     for tile in tiles:
         for square in range(tile * TILE_SQUARES, (tile + 1) * TILE_SQUARES):
@@ -335,7 +335,7 @@ def scatter(
     owners: np.ndarray,
     beams: np.ndarray,
 ) -> None:
-    """Enter what `gather` has laid out into an empty map that has room for it."""
+    """Enter the observations that `gather` copied into an empty map with enough room."""
     n = 0
     for tile in range(len(places)):
         row, column = places[tile, 0] + arrays.corner[0], places[tile, 1] + arrays.corner[1]

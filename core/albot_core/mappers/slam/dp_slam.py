@@ -1,8 +1,8 @@
-"""DP-SLAM: a particle filter over maps, of which it keeps one.
+"""DP-SLAM: a particle filter over maps that stores only one map.
 
-A. Eliazar and R. Parr, DP-SLAM, IJCAI 2003, and DP-SLAM 2.0, ICRA 2004. The hierarchy of two maps
-that the program of its authors has since (Hierarchical linear/constant time SLAM, NIPS 2005) is
-another system, and is left out.
+A. Eliazar and R. Parr, DP-SLAM, IJCAI 2003, and DP-SLAM 2.0, ICRA 2004. The authors' program later
+added a hierarchy of two maps (Hierarchical linear/constant time SLAM, NIPS 2005); it is not part of
+this mapper.
 """
 
 from __future__ import annotations
@@ -47,20 +47,20 @@ from albot_core.maps.layers import (
 from albot_core.sensing.reading import Reading
 
 _LEAST_WAY = 1e-6
-"""No beam is drawn to have gone less far through a square (m)."""
+"""Smallest distance through a square in the drawn map (m)."""
 _SCANS = 4
-"""The local map has room for the squares of so many scans."""
+"""Number of scans whose squares the local map can hold."""
 
 
 class DpSlam:
     """DP-SLAM's particles, and the one map that they share.
 
-    It knows a way home (`RouteHome`) and corrects its earlier poses (`CorrectedTrajectory`): they
-    are those of the best particle's ancestors.
+    It knows a way home (`RouteHome`) and corrects earlier poses (`CorrectedTrajectory`): both use
+    the path of the best particle's ancestors.
 
     Args:
-        config: All thresholds.
-        name: The name under which the mapper is known.
+        config: All parameters.
+        name: The mapper's name in the registry.
     """
 
     def __init__(self, config: DpSlamConfig | None = None, name: str = "dp-slam") -> None:
@@ -73,11 +73,11 @@ class DpSlam:
 
     @property
     def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
+        """The mapper's entry in the registry."""
         return mapper_spec(self._name)
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything; the next reading is the first. It draws no random number."""
+        """Forget everything; the next reading is the first. Draws no random number."""
         self._rng = rng
         self._map = DistributedMap(self.config.particles, self.config.cell)
         self._paths = AncestralPaths()
@@ -90,11 +90,11 @@ class DpSlam:
         self._route.forget()
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading; true where its scan was used.
+        """Process a reading; return whether its scan was used.
 
         Raises:
             InputError: The reading lacks a laser scan, or the map would become larger than any
-                building; nothing is changed then.
+                building; the mapper is then unchanged.
         """
         scan = reading.required_laser(self._name)
         is_first = self._paths.readings == 0
@@ -108,7 +108,7 @@ class DpSlam:
         self._check_ground(moved, beams)
         parents = np.zeros(1, np.int64)
         if not is_first:
-            # Draw samples of where the robot may have gone, weigh them by the scan, and keep some.
+            # Sample motions, weigh the samples by the scan, and resample.
             samples, origins = self._move_particles(moved)
             weights = self._weigh(samples, origins, beams)
             chosen, self._draws = self._resample(weights)
@@ -123,14 +123,14 @@ class DpSlam:
         return True
 
     def _has_moved_on(self, moved: Pose) -> bool:
-        """Whether the robot has gone or turned far enough to look again."""
+        """Return whether the robot moved or turned far enough for the next update."""
         far = math.hypot(moved[0], moved[1]) >= self.config.step
         return far or abs(moved[2]) >= self.config.turn
 
     def _move_particles(
         self, moved: Pose
     ) -> tuple[Float64[np.ndarray, "samples 3"], Int64[np.ndarray, "samples"]]:
-        """Draw samples of the poses after a motion; and the particle that each comes from."""
+        """Sample poses after a motion; return them, and the particle that each comes from."""
         origins = np.repeat(np.arange(len(self._poses)), self._draws)
         along, across, turn = self.config.motion.draw(moved, len(origins), self._rng).T
         samples = self._poses[origins]
@@ -146,13 +146,13 @@ class DpSlam:
         origins: Int64[np.ndarray, "samples"],
         beams: Beams,
     ) -> Float64[np.ndarray, "samples"]:
-        """The samples' weights by a scan; they sum to 1."""
+        """Return the samples' weights for a scan; they sum to 1."""
         logs = np.zeros(len(samples))
         arrays, tree, local = self._map.arrays, self._map.tree, self._room(beams)
         local.nodes[:] = NONE
         local.nodes[: len(self._nodes)] = self._nodes
         count = order_nodes(tree)
-        if beams.stopped.any():  # Else the scan says nothing of where the robot is.
+        if beams.stopped.any():  # Without a hit the scan holds no information on the pose.
             weigh_samples(arrays, tree, local, count, samples, origins, beams, self._model, logs)
         weights = np.exp(logs - logs.max())
         return np.asarray(weights / weights.sum())
@@ -160,7 +160,7 @@ class DpSlam:
     def _resample(
         self, weights: Float64[np.ndarray, "samples"]
     ) -> tuple[Int64[np.ndarray, "chosen"], Int64[np.ndarray, "chosen"]]:
-        """The samples that become particles, and how many samples each draws the next time."""
+        """Return the samples that become particles, and each one's number of draws."""
         draws = np.zeros(len(weights), np.int64)
         uniforms, sums = self._rng.random(self.config.sample_count), np.empty(len(weights))
         resample(weights, uniforms, self.config.particles, sums, draws)
@@ -168,12 +168,12 @@ class DpSlam:
         return chosen, draws[chosen]
 
     def _update_ancestry(self, parents: Int64[np.ndarray, "chosen"]) -> Int16[np.ndarray, "chosen"]:
-        """Prune the tree; the nodes of the particles whose parents are given."""
+        """Prune the tree; return the nodes of the particles with these parents."""
         tree = self._map.tree
         if self._paths.readings == 0:
             return self._nodes
         local = self._local
-        assert local is not None  # It was made to weigh the samples.
+        assert local is not None  # `_weigh` has made it.
         nodes, count = local.nodes, len(self._nodes)
         descendants = np.bincount(parents, minlength=count)
         is_removed = np.empty(len(tree.parent), np.uint8)
@@ -181,7 +181,7 @@ class DpSlam:
         return np.array([add_node(tree, nodes[parent]) for parent in parents], np.int16)
 
     def _enter(self, parents: Int64[np.ndarray, "chosen"], beams: Beams) -> None:
-        """Enter what each particle saw by its own pose."""
+        """Enter what each particle saw from its own pose."""
         local, lacking = self._room(beams), np.zeros(2, np.int64)
         if self._paths.readings == 0:
             local.nodes[:] = NONE
@@ -207,7 +207,7 @@ class DpSlam:
         release_empty_tiles(self._map.arrays)
 
     def _room(self, beams: Beams) -> LocalMap:
-        """The local map, with room for scans of so many beams."""
+        """Return the local map, with room for scans of this many beams."""
         slots = _SCANS * int(slots_needed(len(beams.lengths), self._model))
         if self._local is None or len(self._local.squares) < slots:
             self._local = make_local_map(slots, self.config.particles)
@@ -216,21 +216,21 @@ class DpSlam:
         return self._local
 
     def _check_ground(self, moved: Pose, beams: Beams) -> None:
-        """Raise InputError where a motion leads farther than a map can reach."""
+        """Raise InputError if a motion leads farther than the map can extend."""
         distance = math.hypot(moved[0], moved[1])
         deviations = self.config.motion.deviations(distance, moved[2])
         radius = distance + MOST_DEVIATIONS * float(deviations[:2].sum())
         self._map.check_ground(self._poses, radius + self._sight(beams))
 
     def _sight(self, beams: Beams) -> float:
-        """How far from the robot a beam may end (m)."""
+        """Return the largest distance from the robot to the end of a beam (m)."""
         return self.config.reach + math.hypot(*beams.eye)
 
     @property
     def estimate(self) -> Estimate:
-        """The best particle's pose, and what the odometer said since.
+        """The best particle's pose, moved by the odometry since the last update.
 
-        The robot is lost while nothing stops a beam.
+        The robot counts as lost if no beam of the latest scan hit anything.
         """
         return Estimate(
             pose=compose(self._poses[self._best], self._moved),
@@ -242,11 +242,11 @@ class DpSlam:
 
     @property
     def memory(self) -> dict[str, int]:
-        """What the one map takes, and what a map for each particle would.
+        """Memory of the one map, and what a map for each particle would hold.
 
-        `observations` of squares in the map of all; `squares` that have any; `copied`, how many
-        squares all particles know in sum, each of which would be in a map of its own; `bytes` of
-        the arrays of the one map.
+        `observations`: number of observations in the shared map; `squares`: number of squares with
+        observations; `copied`: number of known squares summed over all particles, each with its
+        own map; `bytes`: size of the shared map's arrays.
         """
         return {
             "observations": self._map.observations,
@@ -257,11 +257,11 @@ class DpSlam:
 
     @property
     def way_home(self) -> WayHome:
-        """The shortest way home over squares that the best particle believes to be free."""
+        """The shortest way home over squares that are free in the best particle's map."""
 
         def ground() -> Ground:
             crossed, corner = self._crossed()
-            # Above 0 where a beam that crosses a square is likelier to stop in it than not.
+            # Above 0 if a beam that crosses the square is more likely to stop in it than not.
             belief = np.nan_to_num(crossed - np.float32(0.5))
             path = self._paths.poses_of(self._best)
             return Ground(belief, corner, self.config.cell, path[:, :2])
@@ -269,7 +269,7 @@ class DpSlam:
         return self._route.way_home(self._paths.updates, self.estimate.pose, ground)
 
     def snapshot(self) -> MapSnapshot:
-        """The best particle's map and path, and all particles."""
+        """Return the best particle's map and path, and all particles."""
         crossed, corner = self._crossed()
         grid = OccupancyGridLayer(
             origin=np.array((*corner, 0.0)), resolution=self.config.cell, occupancy=crossed
@@ -284,11 +284,11 @@ class DpSlam:
         )
 
     def _crossed(self) -> tuple[Float32[np.ndarray, "rows columns"], Float64[np.ndarray, "2"]]:
-        """How likely each square, as the best particle knows it, is taken to be occupied.
+        """Return the occupancy of each square in the best particle's map.
 
-        That is the probability that it stops a beam that crosses it from corner to corner, by the
-        beams that came there alone: the prior, by which the filter doubts what few have seen, would
-        hide walls. NaN where nothing is known.
+        This is the probability that the square stops a beam that crosses it along its diagonal.
+        Only the beams that reached the square count: the prior, which lowers the effect of few
+        beams, would hide walls. NaN where nothing is known.
 
         Returns:
             The probabilities, and x, y of the outer corner of the first square (m).
@@ -301,11 +301,11 @@ class DpSlam:
         return known, corner[::-1] * self.config.cell
 
     def corrected_poses(self) -> Poses:
-        """The poses at all readings, as the best particle's ancestors had them."""
+        """Return the poses at all readings, along the best particle's ancestors."""
         return self._paths.poses_at_readings(self._best)
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
+        """Return the mapper's state as arrays by name."""
         return {
             "rng": generator_state(self._rng),
             "moved": self._moved.copy(),
@@ -319,10 +319,10 @@ class DpSlam:
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`.
+        """Restore the state that `state` returned.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         shapes = {"particles.poses": ("particles", 3), "moved": (3,), "rng": (6,)}
         shapes |= {"best": (), "localised": ()}
@@ -357,23 +357,23 @@ class DpSlam:
 def resample(
     weights: np.ndarray, uniforms: np.ndarray, most: int, sums: np.ndarray, draws: np.ndarray
 ) -> None:
-    """Draw as many samples as there are, with replacement, of so many different ones at most.
+    """Draw one sample per uniform number, with replacement; at most `most` are different.
 
-    Once there are as many different ones, the rest is drawn among them.
+    Once that many different samples have been drawn, the rest is drawn among them.
 
     Args:
         weights: The samples' weights (samples,).
         uniforms: Numbers within [0, 1), one for each draw.
-        most: How many different samples may be drawn.
-        sums: Room for as many numbers as there are weights.
-        draws: How often each is drawn (samples,); zeros at first.
+        most: Largest number of different samples.
+        sums: Scratch buffer, one number per weight.
+        draws: Number of times that each sample is drawn (samples,); zeros at first.
     """
     kinds, total = 0, 0.0
     for i in range(len(weights)):
         total += weights[i]
         sums[i] = total
     for uniform in uniforms:
-        # The first sample of all whose sum of weights is beyond the number drawn.
+        # The first sample whose cumulative weight exceeds the number drawn.
         i = np.searchsorted(sums, uniform * total, side="right")
         if draws[i] == 0:
             kinds += 1

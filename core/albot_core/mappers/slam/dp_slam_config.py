@@ -1,8 +1,8 @@
-"""Every threshold of DP-SLAM.
+"""The parameters of DP-SLAM.
 
-The values are those of the program that its authors published (version 0.1.1, 2005), in metres: it
-counts in squares, of which 35 are a metre. Its name for each is in brackets. Where a value is
-another, the program's is told beside it.
+The defaults are those of the authors' published program (version 0.1.1, 2005), converted to metres:
+the program counts in squares, 35 to a metre. The program's name of each is in brackets. Where a
+default differs, the program's value is stated.
 """
 
 from __future__ import annotations
@@ -23,47 +23,48 @@ _PARTICLES = Range("a whole number from 2 to 1000", 2.0, 1000.0, whole=True)
 _FROM_ONE = Range("a whole number from 1 to 1000", 1.0, 1000.0, whole=True)
 _SHARE = Range("a number within (0, 1)", 0.0, math.nextafter(1.0, 0.0), beyond=True)
 UNIFORMS = 6
-"""The program's normal numbers are sums of so many uniform ones, and so never beyond…"""
+"""Number of uniform numbers whose sum makes a normal one, as in the program."""
 MOST_DEVIATIONS = 0.5 * UNIFORMS / math.sqrt(UNIFORMS / 12)
-"""…so many standard deviations: what a sample can be off is known before it is drawn."""
+"""Largest deviation of such a normal number from its mean (standard deviations). It bounds every
+sample before it is drawn."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotionModel:
-    """How a robot moves by what its odometer says (A. Eliazar and R. Parr, ICML 2004).
+    """Motion model given the odometry (A. Eliazar and R. Parr, ICML 2004).
 
-    The odometer says that the robot went so far (m) and turned so much (rad). It went along, and
-    to the left of, the direction midway between its headings before and after, and turned, each
-    normally distributed: the standard deviation is the sum of what the distance and the turn add,
-    and at least some number.
+    The odometer measures a distance (m) and a turn (rad). The robot's true motion along the mean of
+    its headings before and after, its motion to the left of that, and its turn are normally
+    distributed. Each standard deviation is the sum of a share of the distance and a share of the
+    turn, but not below a minimum.
     """
 
     along_per_distance: float = 0.156
-    """Deviation of the distance along (varD_D)."""
+    """Standard deviation of the forward motion per distance (m/m; varD_D)."""
     along_per_turn: float = 1.9924 / 35
-    """The same (m/rad; varD_T)."""
+    """Standard deviation of the forward motion per turn (m/rad; varD_T)."""
     across_per_distance: float = 0.063
-    """Deviation of the distance to the left (varC_D)."""
+    """Standard deviation of the motion to the left per distance (m/m; varC_D)."""
     across_per_turn: float = 2.2992 / 35
-    """The same (m/rad; varC_T)."""
+    """Standard deviation of the motion to the left per turn (m/rad; varC_T)."""
     turn_per_distance: float = 0.0008 * 35
-    """Deviation of the turn (rad/m; varT_D)."""
+    """Standard deviation of the turn per distance (rad/m; varT_D)."""
     turn_per_turn: float = 0.1405
-    """The same (varT_T)."""
+    """Standard deviation of the turn per turn (rad/rad; varT_T)."""
     least: float = 0.8 / 35
-    """Least deviation of both distances (m)."""
+    """Smallest standard deviation of the forward and the left motion (m)."""
     least_turn: float = 0.1
-    """Least deviation of the turn (rad)."""
+    """Smallest standard deviation of the turn (rad)."""
 
-    # The means are the odometer's own. The program's (0.9577 of the distance, 0.9437 of the turn,
-    # and so on) are those of one robot in one state of repair, and are to be taken as nothing
-    # that other robots do, it says.
+    # The means are the odometer's own values. The program's means (0.9577 of the distance, 0.9437
+    # of the turn, and so on) were fitted to one robot at one time; the program itself says that
+    # they do not apply to other robots.
 
     def __post_init__(self) -> None:
         check_fields(self, NOT_NEGATIVE, *(name for name in vars(self)))
 
     def deviations(self, distance: float, turn: float) -> Float64[np.ndarray, "3"]:
-        """Standard deviations along, across (m) and of the turn (rad)."""
+        """Return the standard deviations of forward and left motion (m) and turn (rad)."""
         went, turned = abs(distance), abs(turn)
         return np.array(
             (
@@ -76,12 +77,12 @@ class MotionModel:
     def draw(
         self, moved: Pose, samples: int, rng: np.random.Generator
     ) -> Float64[np.ndarray, "samples 3"]:
-        """Draw where the robot may have gone: along, to the left (m), and the turn (rad).
+        """Sample motions: forward, to the left (m), and turn (rad).
 
         Args:
-            moved: What the odometer says.
-            samples: How many are drawn.
-            rng: Where random numbers come from.
+            moved: The odometer's motion.
+            samples: Number of samples.
+            rng: The random generator.
         """
         x, y, turn = moved.tolist()
         cos, sin = math.cos(0.5 * turn), math.sin(0.5 * turn)
@@ -95,49 +96,50 @@ class MotionModel:
 
 @dataclass(frozen=True, kw_only=True)
 class DpSlamConfig:
-    """All thresholds of DP-SLAM."""
+    """All parameters of DP-SLAM."""
 
     particles: int = 50
-    """Particles that are kept at most (PARTICLE_NUMBER)."""
+    """Largest number of particles (PARTICLE_NUMBER)."""
     samples: int = 10
-    """Samples that are drawn and weighed for each of them (SAMPLE_NUMBER)."""
+    """Number of samples per particle (SAMPLE_NUMBER)."""
     motion: MotionModel = field(default_factory=MotionModel)
-    """How the robot moves."""
+    """The motion model."""
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
-    """How the way home is found; ours."""
+    """Parameters of the search for the way home; not in the program."""
     longest_step: float = 10.0
-    """No robot goes farther between two readings (m): a longer motion is not believed; ours."""
+    """Largest distance between two readings (m); a longer odometer motion is rejected. Not in the
+    program."""
     step: float = 0.05
-    """A scan is used once the robot has gone this far since the last (m)…"""
+    """Distance since the last used scan after which a scan is used (m)."""
     turn: float = 0.03
-    """…or has turned this far (rad)."""
+    """Turn since the last used scan after which a scan is used (rad)."""
     beams: int = 181
-    """Beams of a scan that are used at most; of more, every second or third is."""
+    """Largest number of beams used per scan; of a scan with more, every n-th beam is used."""
     cell: float = 0.05
-    """Side of a grid square (m). The program's is 1 / 35 (MAP_SCALE); it says 1 / 20 to 1 / 35."""
+    """Side of a grid square (m). The program: 1 / 35 (MAP_SCALE); it advises 1 / 20 to 1 / 35."""
     reach: float = 7.95
-    """Ranges count no farther than this (m; MAX_SENSE_RANGE)."""
+    """Largest range that is used (m; MAX_SENSE_RANGE)."""
     variance: float = 0.002
-    """Variance of a range, with all that makes it seem wrong (m²). The program's is 0.017
-    (LOW_VARIANCE): with it the trajectory of Intel, on which this was chosen, is several times as
-    wrong, since each step then adds more error than the map takes away."""
+    """Variance of a range, including all model errors (m²). The program's is 0.017 (LOW_VARIANCE);
+    it makes the trajectory on Intel, on which this was tuned, several times less accurate, since
+    each step then adds more error than the map removes."""
     prior: float = 8.0
-    """Opacity of squares never seen: beams go so far in them (m; L_PRIOR)."""
+    """Opacity of unobserved squares: mean distance of a beam in them (m; L_PRIOR)."""
     prior_squares: float = 4.0
-    """The prior counts as much as beams through so many sides of a square (L_PRIOR_DIST)."""
+    """Weight of the prior: beams through this many sides of a square (L_PRIOR_DIST)."""
     beyond: float = 20 / 35
-    """A beam is followed so far beyond the measured range (m)."""
+    """Distance by which a beam is followed beyond the measured range (m)."""
     before_end: float = 3.5 / 35
-    """Where beams are judged by their ends alone, from so far before them (m)…"""
+    """Start of the section that is weighed first, before the beam's end (m)."""
     after_end: float = 3.0 / 35
-    """…to so far after (m)."""
+    """End of the section that is weighed first, after the beam's end (m)."""
     floor: float = 0.05
-    """No beam is less likely than this (MAX_TRACE_ERROR; by the program's formula 0.32 with its
-    variance, and next to nothing with ours)."""
+    """Smallest likelihood of a beam (MAX_TRACE_ERROR; the program's formula gives 0.32 with its
+    variance, and almost 0 with this one)."""
     cull: float = 13.0
-    """A sample is given up that is less likely than the best by e to the power of this (THRESH)."""
+    """A sample is dropped if its log-likelihood is this far below the best one's (THRESH)."""
     passes: int = 9
-    """Beams are looked at in so many passes, after each of which samples are given up (PASSES)."""
+    """Number of passes over the beams; samples are dropped after each (PASSES)."""
 
     def __post_init__(self) -> None:
         check_fields(self, _PARTICLES, "particles")
@@ -153,12 +155,12 @@ class DpSlamConfig:
 
     @property
     def sample_count(self) -> int:
-        """Samples that are drawn and weighed at each update."""
+        """Number of samples drawn and weighed at each update."""
         return self.particles * self.samples
 
     @property
     def laser_model(self) -> LaserModel:
-        """The numbers of the laser's model."""
+        """The parameters of the laser model."""
         return LaserModel(
             cell=self.cell,
             variance=self.variance,

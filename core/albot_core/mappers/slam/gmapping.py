@@ -1,9 +1,9 @@
-"""GMapping: grid maps by particles that are drawn where the scan says, not the odometer alone.
+"""GMapping: grid maps by particles, drawn from a proposal that uses the scan and the odometry.
 
 G. Grisetti, C. Stachniss and W. Burgard, Improved techniques for grid mapping with
-Rao-Blackwellized particle filters, IEEE Transactions on Robotics 23 (2007): its algorithm 1, in
-`GMapping.update`.
-The parameters and the beams' model are those of the authors' program (openslam.org/gmapping.html).
+Rao-Blackwellized particle filters, IEEE Transactions on Robotics 23 (2007): algorithm 1, in
+`GMapping.update`. Parameters and beam model are those of the authors' program
+(openslam.org/gmapping.html).
 """
 
 from __future__ import annotations
@@ -30,25 +30,25 @@ _MOST_SAMPLES = 15
 
 @dataclass(frozen=True, kw_only=True)
 class GMappingConfig(ParticleSlamConfig):
-    """Thresholds of GMapping: the defaults are the authors' program's, unless said."""
+    """Parameters of GMapping. Defaults are those of the authors' program, except where noted."""
 
     beams: BeamConfig = field(default_factory=BeamConfig)
-    """How scans are compared with maps."""
+    """Comparison of scans with maps."""
     length_step: float = 0.05
-    """First step of the search for the best pose (m) (lstep)…"""
+    """First step in position of the search for the best pose (m; lstep)."""
     angle_step: float = 0.05
-    """…and in heading (rad) (astep)."""
+    """First step in heading of the search for the best pose (rad; astep)."""
     iterations: int = 5
-    """How often the steps are halved."""
+    """Number of times that the steps are halved."""
     least_score: float = 0.0
-    """A match with a mean score of the beams up to this is none."""
+    """Mean score of the beams that a match must exceed."""
     samples: int = 3
-    """The proposal is measured at so many poses along each axis around the best one. The paper's K
-    is the cube of it. The program draws from no proposal, but takes the best pose: 1 does so."""
+    """Number of poses along each axis around the best one at which the proposal is evaluated. The
+    paper's K is its cube. The program has no proposal and takes the best pose, as 1 does here."""
     sample_step: float = 0.02
-    """Between two such poses (m), ours…"""
+    """Spacing of these poses in position (m); not in the program."""
     sample_turn: float = math.radians(0.5)
-    """…and between their headings (rad), ours."""
+    """Spacing of these poses in heading (rad); not in the program."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -63,7 +63,7 @@ class GMappingConfig(ParticleSlamConfig):
 
 
 class Search(NamedTuple):
-    """How the best pose is looked for, for compiled code."""
+    """Parameters of the search for the best pose, for compiled code."""
 
     length_step: float
     angle_step: float
@@ -75,11 +75,11 @@ class Search(NamedTuple):
 
 
 class GMapping(ParticleSlam):
-    """GMapping.
+    """The mapper GMapping.
 
     Args:
-        config: All thresholds.
-        name: The name under which the mapper is known.
+        config: All parameters.
+        name: The mapper's name in the registry.
     """
 
     config: GMappingConfig
@@ -91,13 +91,13 @@ class GMapping(ParticleSlam):
 
     @property
     def _weight_gain(self) -> float:
-        """As the program: the more particles, the more equal."""
+        """Factor of the log-weights, as in the program: weights are flatter with more particles."""
         return 1.0 / self.config.particles
 
     def _move_and_weigh(
         self, scan: LaserScan, motion: Pose, deviations: Float64[np.ndarray, "3"]
     ) -> None:
-        """Draw a pose of each particle by motion and scan, and weigh them (lines 3 to 21)."""
+        """Draw each particle's pose from motion and scan, and weigh it (lines 3 to 21)."""
         config, particles = self.config, self._particles
         points, _ = matched_points(scan, config.grid.reach, config.beams.spacing)
         search = Search(
@@ -142,22 +142,22 @@ def draw_poses(
     poses: np.ndarray,
     log_weights: np.ndarray,
 ) -> None:
-    """Draw a pose of each particle, and add the logarithm of how likely the scan is to its weight.
+    """Draw a pose of each particle, and add the log-likelihood of the scan to its log-weight.
 
     Args:
         pool: The tiles of the maps.
         index: The tiles of each map (particles, rows, columns).
-        corner: Where they begin (see `Particles`).
+        corner: Row and column of the first tile (see `Particles`).
         cell: Side of a cell (m).
-        points: Where beams ended (robot's frame, m).
-        motion: The odometer's motion since the last update.
-        deviations: Its standard deviations along its own axes (m, m, rad).
-        noise: Normal random numbers (particles, 3).
-        scores: See `beam_tables`.
-        log_likelihoods: The same.
-        search: Where the best pose is looked for.
+        points: The ends of the beams (robot's frame, m).
+        motion: The motion since the last update.
+        deviations: Its standard deviations along the robot's axes (m, m, rad).
+        noise: Standard normal random numbers (particles, 3).
+        scores: The scores of `beam_tables`.
+        log_likelihoods: The log-likelihoods of `beam_tables`.
+        search: Parameters of the search for the best pose.
         poses: The poses, changed in place.
-        log_weights: The weights, changed in place.
+        log_weights: The log-weights, changed in place.
     """
     guess, best, trial, mean = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     covariance = np.empty((3, 3))
@@ -174,7 +174,7 @@ def draw_poses(
                 patch, low, cell, points, guess, best, deviations, log_likelihoods, search,
                 samples, mean, covariance,
             )  # fmt: skip
-            # Drawn by the root of the covariance (Cholesky): lines 20 and 21.
+            # Sampled with the Cholesky factor of the covariance: lines 20 and 21.
             a = math.sqrt(covariance[0, 0])
             b, d = covariance[1, 0] / a, covariance[2, 0] / a
             c = math.sqrt(covariance[1, 1] - b * b)
@@ -185,7 +185,7 @@ def draw_poses(
             poses[k, 1] = mean[1] + b * u + c * v
             poses[k, 2] = mean[2] + d * u + e * v + f * w
         else:
-            # By the motion alone (lines 7 to 9).
+            # From the motion alone (lines 7 to 9).
             cos, sin = math.cos(guess[2]), math.sin(guess[2])
             along, across = deviations[0] * noise[k, 0], deviations[1] * noise[k, 1]
             poses[k, 0] = guess[0] + cos * along - sin * across
@@ -209,7 +209,7 @@ def _climb(
     best: np.ndarray,
     trial: np.ndarray,
 ) -> float:
-    """Find the pose at which the scan fits best, uphill from the guess (line 6); its score."""
+    """Find the pose of the best fit by hill climbing from the guess (line 6); return its score."""
     for axis in range(3):
         best[axis] = guess[axis]
     score = weigh_points(patch, low, cell, points, best[0], best[1], best[2], scores)
@@ -236,7 +236,7 @@ def _climb(
 def _step(
     origin: np.ndarray, move: int, cos: float, sin: float, angle: float, trial: np.ndarray
 ) -> None:
-    """One step from a pose: ahead, back, left, right, or a turn to either side."""
+    """Make one step from a pose: forward, back, left, right, or a turn to either side."""
     sign = 1.0 - 2.0 * (move % 2)
     for axis in range(3):
         trial[axis] = origin[axis]
@@ -265,9 +265,9 @@ def _propose(
     mean: np.ndarray,
     covariance: np.ndarray,
 ) -> float:
-    """Mean and covariance of motion and scan together, by samples around the best pose.
+    """Fit mean and covariance of motion and scan together, by samples around the best pose.
 
-    Lines 11 to 19; returns the logarithm of the likelihood of the scan, line 21.
+    Lines 11 to 19. Returns the log-likelihood of the scan (line 21).
     """
     count = search.samples
     cos, sin = math.cos(guess[2]), math.sin(guess[2])

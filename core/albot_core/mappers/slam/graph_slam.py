@@ -1,10 +1,10 @@
-"""Graph SLAM: keyframes, what was measured between them, loops that are closed, and the optimum.
+"""Graph SLAM: keyframes, the relative poses measured between them, loop closures, optimisation.
 
 G. Grisetti, R. Kümmerle, C. Stachniss and W. Burgard, A tutorial on graph-based SLAM, IEEE
 Intelligent Transportation Systems Magazine 2(4), 2010; the thesis reviews it in section 2.2.3, in
-the four steps that `update` follows. The search for loop closures in a window around an earlier
-part of the way is that of W. Hess et al., Real-time loop closure in 2D LIDAR SLAM, ICRA 2016; how
-wide the window is follows from how unsure the graph is (E. Olson, RAS 57, 2009).
+the four steps of `update`. The search for loop closures in a window around an earlier part of the
+path follows W. Hess et al., Real-time loop closure in 2D LIDAR SLAM, ICRA 2016; the width of the
+window follows from the graph's uncertainty (E. Olson, RAS 57, 2009).
 """
 
 from __future__ import annotations
@@ -42,22 +42,22 @@ from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
 
 
 class Keyframe(NamedTuple):
-    """A scan that the graph has a node for."""
+    """A scan that has a node in the graph."""
 
     scan: LaserScan
     """The scan."""
     points: ScanPoints
-    """What is matched of it."""
+    """The points of the scan that are matched."""
     reading: int
-    """The number of its reading."""
+    """Index of its reading."""
 
 
 class GraphSlam:
-    """Graph SLAM, which corrects its earlier poses and knows a way home.
+    """The mapper graph SLAM; it corrects earlier poses and knows a way home.
 
     Args:
-        config: All thresholds.
-        name: The name under which the mapper is known.
+        config: All parameters.
+        name: The mapper's name in the registry.
     """
 
     def __init__(self, config: GraphSlamConfig | None = None, name: str = "graph-slam") -> None:
@@ -70,12 +70,12 @@ class GraphSlam:
 
     @property
     def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
+        """The mapper's entry in the registry."""
         return mapper_spec(self._name)
 
     @property
     def estimate(self) -> Estimate:
-        """Where the robot is; it matches the reading at whose place it has just closed a loop."""
+        """The robot's pose; also the reading that it matches, if a loop was just closed there."""
         return Estimate(
             pose=self._pose.copy(),
             home=np.zeros(3),
@@ -86,23 +86,23 @@ class GraphSlam:
         )
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything; the next reading is the first. It draws no random number."""
+        """Forget everything; the next reading is the first. Draws no random number."""
         self._local.reset()
         self._route.forget()
         self.graph = PoseGraph(self.config.cauchy, self.config.dcs)
         self._keyframes: list[Keyframe] = []
         self._pose = np.zeros(3)
-        self._offsets: list[Pose] = []  # Of each reading, from the keyframe that it follows…
-        self._followed: list[int] = []  # …which is this.
+        self._offsets: list[Pose] = []  # Of each reading: its pose in its keyframe's frame.
+        self._followed: list[int] = []  # Of each reading: the index of its keyframe.
         self._matched, self._version, self._waiting = -1, 0, 0
         self._is_localised, self._is_surprised = True, False
         self._drawn: tuple[int, int, LogOddsGrid] | None = None
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading; true where its scan became a keyframe.
+        """Process a reading; return whether its scan became a keyframe.
 
         Raises:
-            InputError: The reading lacks a laser scan, or its laser is another one than before.
+            InputError: The reading lacks a laser scan, or its laser differs from earlier ones.
         """
         laser = reading.required_laser(self._name)
         if self._keyframes and laser.geometry != self._keyframes[0].scan.geometry:
@@ -127,7 +127,7 @@ class GraphSlam:
         return is_kept
 
     def _add_node(self, keyframe: Keyframe, match: Match | None) -> None:
-        """Add a keyframe, and the edge from the one before: the match, or else the odometer."""
+        """Add a keyframe, and the edge from the previous one: the match, or else the odometry."""
         graph, number = self.graph, len(self._keyframes)
         self._keyframes.append(keyframe)
         graph.add_pose(self._pose)
@@ -144,7 +144,7 @@ class GraphSlam:
     def _edge_information(
         self, information: Float64[np.ndarray, "3 3"], pose: Pose
     ) -> Float64[np.ndarray, "3 3"]:
-        """Information along the map's axes, along the robot's own; no surer than the floors."""
+        """Rotate information from the map's axes to the robot's, and limit it by the floors."""
         cos, sin = math.cos(pose[2]), math.sin(pose[2])
         turned = np.array(((cos, -sin, 0.0), (sin, cos, 0.0), (0.0, 0.0, 1.0)))
         config = self.config
@@ -153,7 +153,7 @@ class GraphSlam:
         return invert_symmetric(invert_symmetric(own) + floors)
 
     def _close_loops(self) -> int:
-        """Compare the latest keyframe with earlier ones nearby, and add edges where they match.
+        """Compare the latest keyframe with earlier ones nearby; add an edge for each match.
 
         Returns:
             The reading of the earlier keyframe if a loop was closed with it and the robot is at its
@@ -174,7 +174,7 @@ class GraphSlam:
         for _ in range(config.tries):
             if not open_ones.any():
                 break
-            # Of those that may be near the one that is nearest by what is believed.
+            # Of the keyframes that may be near, the one that is nearest by the current estimate.
             other = int(np.argmin(np.where(open_ones, away, np.inf)))
             low, high = max(0, other - config.chain), min(last, other + config.chain)
             open_ones[max(0, low - config.chain) : high + config.chain + 1] = False
@@ -186,7 +186,7 @@ class GraphSlam:
         return matched
 
     def _latest_together(self) -> ScanPoints:
-        """The points of the latest keyframes as one scan, in the frame of the last."""
+        """Return the points of the latest keyframes as one scan, in the frame of the last."""
         together = range(
             max(0, len(self._keyframes) - self.config.closures.together), len(self._keyframes)
         )
@@ -206,7 +206,7 @@ class GraphSlam:
         scan: ScanPoints,
         last_edges: Int32[np.ndarray, "keyframes"],
     ) -> bool:
-        """Match the latest keyframes with an earlier part of the way; whether an edge was added."""
+        """Match the latest keyframes with earlier ones; return whether an edge was added."""
         config, graph = self.config.closures, self.graph
         guess = graph.poses[latest].copy()
         self._chain.clear(guess[:2])
@@ -238,12 +238,12 @@ class GraphSlam:
 
     @property
     def _most_waiting(self) -> int:
-        """How many closures may wait for the next optimisation."""
+        """Number of closures that may wait for the next optimisation."""
         share = self.config.waiting_share * self.graph.closures
         return max(self.config.most_waiting, int(share))
 
     def _optimise(self) -> None:
-        """Move all keyframes to where the edges fit best, and the robot with the last of them."""
+        """Optimise the poses of all keyframes, and move the robot with the last of them."""
         self.graph.poses = self.graph.optimum()
         self._pose = self.graph.poses[-1].copy()
         self._waiting, self._is_surprised = 0, False
@@ -252,13 +252,13 @@ class GraphSlam:
         self._local.move(self.graph.poses[-kept:])
 
     def _settled(self) -> Poses:
-        """The keyframes' poses with all closures, also those that wait."""
+        """Return the keyframes' poses after all closures, including those that wait."""
         if self._waiting:
             return self.graph.optimum()
         return self.graph.poses
 
     def corrected_poses(self) -> Poses:
-        """The robot's pose at every reading since the reset, as believed now."""
+        """Return the robot's pose at every reading since the reset, as estimated now."""
         if not self._followed:
             return np.empty((0, 3))
         followed: Poses = self._settled()[self._followed]
@@ -266,7 +266,7 @@ class GraphSlam:
 
     @property
     def way_home(self) -> WayHome:
-        """The shortest way home over cells that are believed to be free."""
+        """The shortest way home over cells that are free in the map."""
 
         def ground() -> Ground:
             return self._grid().ground(self.graph.poses[:, :2])
@@ -275,7 +275,7 @@ class GraphSlam:
         return self._route.way_home(version, self._pose, ground)
 
     def snapshot(self) -> MapSnapshot:
-        """The grid of all keyframes, the graph with a node for each, and the corrected way."""
+        """Return the grid of all keyframes, the pose graph, and the corrected trajectory."""
         poses = self._settled()
         nodes = tuple(
             PlaceNode(id=k, label=f"K{k + 1}", pose=pose, middle=pose[:2])
@@ -291,7 +291,7 @@ class GraphSlam:
         return MapSnapshot(layers=(self._grid().layer(), graph, way))
 
     def _grid(self) -> LogOddsGrid:
-        """The grid, drawn of all keyframes; only what is new, where no earlier pose has moved."""
+        """Return the grid of all keyframes; only new ones are added if no pose was corrected."""
         closures, done, grid = self._drawn or (-1, 0, LogOddsGrid(self.config.grid))
         if closures != self.graph.closures:
             done, grid = 0, LogOddsGrid(self.config.grid)
@@ -303,7 +303,7 @@ class GraphSlam:
         return grid
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
+        """Return the mapper's state as arrays by name."""
         keyframes = self._keyframes
         laser = keyframes[0].scan.geometry if keyframes else LaserGeometry(beams=2)
         numbers = (laser.first_bearing, laser.spacing, laser.max_range, *laser.mount)
@@ -322,10 +322,10 @@ class GraphSlam:
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`.
+        """Restore the state that `state` returned.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         laser = _check_state(state)
         graph = PoseGraph(self.config.cauchy, self.config.dcs)
@@ -347,10 +347,10 @@ class GraphSlam:
 
 
 def _check_state(state: Mapping[str, np.ndarray]) -> LaserGeometry:
-    """The laser whose scans a state holds.
+    """Check a state; return the laser of its scans.
 
     Raises:
-        InputError: The arrays are none that a state holds.
+        InputError: The arrays are not a valid state.
     """
     shapes: dict[str, tuple[str | int, ...]] = {
         "pose": (3,),

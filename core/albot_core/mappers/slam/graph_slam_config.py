@@ -1,4 +1,4 @@
-"""The thresholds of graph SLAM. Where no source is named, the values are ours: see docs/slam.md."""
+"""The parameters of graph SLAM. Values without a named source are ours: see docs/slam.md."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ _FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 @dataclass(frozen=True, kw_only=True)
 class ClosureConfig:
-    """When and how loops are closed. The values are ours, tuned on Intel and Wean alone."""
+    """When and how loops are closed. The values are ours, tuned on Intel and Wean only."""
 
     field: FieldConfig = field(default_factory=lambda: FieldConfig(half=12.0))
-    """The likelihood field of the earlier part of the way."""
+    """The likelihood field of the earlier keyframes."""
     near: float = 4.0
-    """Keyframes are compared that may be as near as this (m)."""
+    """Keyframes are compared if they may be nearer than this, given their uncertainty (m)."""
     behind: int = 40
-    """The latest keyframes, which the local map holds, are not compared."""
+    """Number of latest keyframes that are not compared, since the local map holds them."""
     chain: int = 3
-    """So many keyframes before and after an earlier one are matched with as one."""
+    """Number of keyframes before and after an earlier one that are matched together with it."""
     together: int = 3
-    """So many of the latest keyframes are matched as one."""
+    """Number of latest keyframes that are matched together."""
     tries: int = 1
-    """How many earlier parts of the way are tried at each keyframe."""
+    """Number of earlier parts of the path that are tried at each keyframe."""
     deviations: float = 3.0
-    """The window reaches so many standard deviations of the relative pose to each side…"""
+    """Half-width of the search window, in standard deviations of the relative pose."""
     least_reach: float = 0.2
-    """…at least so far (m)…"""
+    """Smallest half-width of the window in position (m)."""
     most_reach: float = 6.0
-    """…and at most so far (m)."""
+    """Largest half-width of the window in position (m)."""
     least_turn: float = math.radians(4.0)
-    """The same of the heading (rad)."""
+    """Smallest half-width of the window in heading (rad)."""
     most_turn: float = math.radians(40.0)
-    """The same (rad)."""
+    """Largest half-width of the window in heading (rad)."""
     response: float = 0.6
-    """A closure is believed whose points have at least this mean likelihood…"""
+    """Smallest mean likelihood of the points at which a closure is accepted, in a narrow window."""
     wide_response: float = 0.7
-    """…or this, where the window is as wide as it may be."""
+    """The same threshold in the widest window; it is interpolated in between."""
     same_place: float = 0.5
-    """Largest distance (m) of a keyframe from the earlier one with which it closed a loop at which
-    both count as taken at one place. A robot cannot be so near to a point behind a wall."""
+    """Largest distance between a keyframe and the earlier one with which it closed a loop (m) at
+    which both count as the same place. A robot cannot be this close to a point behind a wall."""
 
     def __post_init__(self) -> None:
         check_fields(
@@ -59,33 +59,33 @@ class ClosureConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class GraphSlamConfig:
-    """Thresholds of graph SLAM."""
+    """Parameters of graph SLAM."""
 
     matching: MatchingConfig = field(default_factory=MatchingConfig)
-    """How scans are matched with the latest ones, and which become keyframes."""
+    """Matching with the latest scans, and the choice of keyframes."""
     closures: ClosureConfig = field(default_factory=ClosureConfig)
-    """How loops are closed."""
+    """Loop closure."""
     grid: GridConfig = field(default_factory=GridConfig)
     """The occupancy grid."""
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
-    """How the way home is found."""
+    """Parameters of the search for the way home."""
     cauchy: float = 1.0
-    """Width of the robust function by which closures count at first, in standard deviations…"""
+    """Width of the Cauchy kernel of closures in the first optimisation (standard deviations)."""
     dcs: float = 5.0
-    """…and of that by which they count at last, in squared standard deviations."""
+    """Width of the DCS kernel of closures in the second (squared standard deviations)."""
     floor: float = 0.005
-    """Standard deviation of what no match tells (m): the roughness of surfaces…"""
+    """Smallest standard deviation of an edge's position (m), such as the roughness of surfaces."""
     turn_floor: float = math.radians(0.15)
-    """…and of the heading (rad)."""
+    """Smallest standard deviation of an edge's heading (rad)."""
     surprise: float = 3.0
-    """The graph is optimised at once where a closure is so many standard deviations off…"""
+    """Error of a new closure at which the graph is optimised at once (standard deviations)."""
     most_waiting: int = 40
-    """…and else after so many closures…"""
+    """Number of waiting closures at which the graph is optimised in any case."""
     waiting_share: float = 0.1
-    """…or after this share of all, where that is more: so a closure costs no more in a large graph
-    than in a small one."""
+    """Share of all closures that replaces `most_waiting` if it is more, so that a closure costs no
+    more in a large graph than in a small one."""
     longest_step: float = 10.0
-    """No robot goes farther between two readings (m): a longer motion is not believed."""
+    """Largest distance between two readings (m); a longer odometer motion is rejected."""
 
     def __post_init__(self) -> None:
         check_fields(

@@ -1,10 +1,10 @@
-"""The log-odds occupancy grid: tiles of cells, made as the ground is seen.
+"""The log-odds occupancy grid, in tiles of cells that are made as the ground is seen.
 
-H. Moravec and A. Elfes, High resolution maps from wide angle sonar, ICRA 1985; the values of the
-sensor's model and the bounds are those of A. Hornung et al., OctoMap, Autonomous Robots 2013. A
-cell holds the logarithm of the odds that it is occupied; exactly 0 is unknown.
+H. Moravec and A. Elfes, High resolution maps from wide angle sonar, ICRA 1985; the parameters of
+the sensor model and the bounds are those of A. Hornung et al., OctoMap, Autonomous Robots 2013. A
+cell holds the logarithm of the odds that it is occupied; exactly 0 means unknown.
 
-Its cells lie in tiles that grids may share (`tiles`).
+Several grids may share tiles (see `tiles`).
 """
 
 from __future__ import annotations
@@ -43,20 +43,20 @@ _SHARE = Range("a number within (0, 1)", 0.0, 1.0, beyond=True)
 
 @dataclass(frozen=True, kw_only=True)
 class GridConfig:
-    """How fine a grid is, and what a beam says of its cells."""
+    """Resolution of a grid, and the sensor model of a beam."""
 
     cell: float = 0.05
     """Side of a cell (m)."""
     reach: float = 12.0
-    """Beams count no farther than this (m)."""
+    """Largest length of a beam that is used (m)."""
     hit: float = 0.7
-    """Probability that a cell is occupied in which one beam ended (Hornung et al. 2013)."""
+    """Probability that a cell is occupied after one beam ended in it (Hornung et al. 2013)."""
     miss: float = 0.4
-    """Probability that a cell is occupied through which one beam went (the same)."""
+    """Probability that a cell is occupied after one beam crossed it (Hornung et al. 2013)."""
     least: float = 0.12
-    """No cell is less probably occupied (the same)…"""
+    """Lower bound of a cell's probability (Hornung et al. 2013)."""
     most: float = 0.97
-    """…or more probably (the same)."""
+    """Upper bound of a cell's probability (Hornung et al. 2013)."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "cell", "reach")
@@ -71,7 +71,7 @@ class GridConfig:
 
     @property
     def log_odds(self) -> Float32[np.ndarray, "4"]:
-        """What a beam adds where it ends and where it goes through; least and most of a cell."""
+        """Log odds of a hit and of a miss, and the lower and the upper bound of a cell."""
         shares = np.array((self.hit, self.miss, self.least, self.most))
         return np.log(shares / (1.0 - shares)).astype(np.float32)
 
@@ -80,27 +80,27 @@ class LogOddsGrid:
     """An occupancy grid in the map's frame.
 
     Args:
-        config: How fine it is.
-        pool: Where its tiles are; one of its own where none is given.
+        config: The grid's parameters.
+        pool: The pool of its tiles; None for a new pool.
     """
 
     def __init__(self, config: GridConfig, pool: TilePool | None = None) -> None:
         self.config = config
         self.pool = TilePool() if pool is None else pool
         self.index: Int32[np.ndarray, "rows columns"] = np.full((0, 0), NONE, np.int32)
-        """The tile of each square of `TILE` cells; `NONE` where nothing is known."""
+        """The tile of each square of `TILE` by `TILE` cells; `NONE` where nothing is known."""
         self.corner: Int64[np.ndarray, "2"] = np.zeros(2, np.int64)
         """Row and column of `index[0, 0]`, counted in tiles from the map's origin."""
 
     def integrate(self, pose: Pose, scan: LaserScan) -> None:
-        """Enter what a scan saw: free ground along its beams, and where they ended.
+        """Enter a scan: free space along its beams, and occupied cells at their ends.
 
-        A beam that came back from beyond the config's reach frees the ground up to there. Where
-        nothing came back, nothing is entered: the surface may be black or a mirror.
+        A beam longer than the config's reach frees the cells up to the reach. A beam without a
+        return is ignored, since the surface may be black or a mirror.
 
         Args:
             pose: The robot's pose in the map's frame.
-            scan: Its scan.
+            scan: The scan.
 
         Raises:
             InputError: The grid would become larger than `MOST_TILES` tiles.
@@ -124,7 +124,7 @@ class LogOddsGrid:
         )
 
     def reserve(self, x: float, y: float, reach: float) -> None:
-        """Have room for the ground around a point (m), in the index and in the pool.
+        """Reserve room for all ground within `reach` of a point (m), in the index and the pool.
 
         Raises:
             InputError: The index would have more than `MOST_TILES` entries.
@@ -135,21 +135,21 @@ class LogOddsGrid:
         self.pool.reserve(int(np.prod(high - low)))
 
     def fork(self) -> LogOddsGrid:
-        """A grid of the same ground, which shares all tiles until either writes to them."""
+        """Return a copy of the grid; both share each tile until one of them writes to it."""
         twin = LogOddsGrid(self.config, self.pool)
         twin.index, twin.corner = self.index.copy(), self.corner.copy()
         self.pool.arrays.uses[self.index[self.index != NONE]] += 1
         return twin
 
     def clear(self) -> None:
-        """Forget all ground, and give the tiles that no other grid has back to the pool."""
+        """Forget all ground, and release the tiles that no other grid uses."""
         release_tiles(self.pool.arrays, self.index)
         self.index, self.corner = np.full((0, 0), NONE, np.int32), np.zeros(2, np.int64)
 
     def log_odds(self) -> tuple[Float32[np.ndarray, "rows columns"], Float64[np.ndarray, "2"]]:
-        """All cells as one array, and x, y of the outer corner of its first cell (m).
+        """Return all cells as one array, and x, y of the outer corner of its first cell (m).
 
-        It is as large as the ground that is known, to whole tiles.
+        The array covers all known tiles.
         """
         rows, columns = np.nonzero(self.index != NONE)
         if not len(rows):
@@ -165,15 +165,15 @@ class LogOddsGrid:
         return np.ascontiguousarray(cells), corner
 
     def ground(self, stood: Points) -> Ground:
-        """The ground for the search of a way home.
+        """Return the input of the search for a way home.
 
         Args:
-            stood: Where the robot has been, in order (m), (n, 2).
+            stood: The robot's positions so far, in order (m), (n, 2).
         """
         return Ground(*self.log_odds(), self.config.cell, stood)
 
     def layer(self) -> OccupancyGridLayer:
-        """The grid as a layer of a map: probabilities, NaN where nothing is known."""
+        """Return the grid as a layer of a map: probabilities, NaN where nothing is known."""
         cells, corner = self.log_odds()
         shares = 1.0 - 1.0 / (1.0 + np.exp(cells))
         return OccupancyGridLayer(
@@ -183,7 +183,7 @@ class LogOddsGrid:
         )
 
     def state(self) -> dict[str, np.ndarray]:
-        """The ground that is known, as arrays by name."""
+        """Return the known tiles as arrays by name."""
         known = np.argwhere(self.index != NONE)
         tiles = self.index[known[:, 0], known[:, 1]]
         return {
@@ -192,10 +192,10 @@ class LogOddsGrid:
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the grid that returned `state`, with tiles of its own.
+        """Restore the grid that `state` returned, with tiles of its own.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         check_shapes(state, {"grid.places": ("tiles", 2), "grid.cells": ("tiles", TILE, TILE)})
         check_finite(state, "grid.cells")
@@ -209,7 +209,7 @@ class LogOddsGrid:
         if not len(places):
             return
         low, high = places.min(axis=0), places.max(axis=0) + 1
-        # As Python's own numbers, which do not overflow.
+        # Python's own integers do not overflow.
         rows, columns = (int(b) - int(a) for a, b in zip(low, high, strict=True))
         if rows * columns > MOST_TILES:
             raise InputError("grid.places", f"{MOST_TILES} tiles at most", f"{rows} by {columns}")
@@ -222,7 +222,7 @@ class LogOddsGrid:
 
     @property
     def _half(self) -> int:
-        """How many cells from the laser a beam can reach."""
+        """Number of cells from the laser that a beam can reach."""
         return math.ceil(self.config.reach / self.config.cell) + 1
 
 
@@ -244,28 +244,29 @@ def integrate_scan(
     marks: np.ndarray,
     touched: np.ndarray,
 ) -> None:
-    """Enter a scan into a grid. Each cell is entered once: where any beam ended, as occupied.
+    """Enter a scan into a grid. Each cell is updated once; a hit takes precedence over a miss.
 
     Args:
-        pool: The tiles, with one free for every square around the laser.
+        pool: The tiles, with one free tile for every tile around the laser.
         index: The grid's tiles, with room for all ground within reach (rows, columns).
         corner: Row and column of its first entry, in tiles.
         cell: Side of a cell (m).
-        log_odds: What is added where a beam ends and goes through; least and most of a cell (4,).
+        log_odds: Log odds of a hit and of a miss; lower and upper bound of a cell (4,).
         eye: x, y of the laser in the map (m), and the robot's heading (rad).
-        ranges: Distance along every beam (m), (beams,).
+        ranges: Range of every beam (m), (beams,).
         directions: Unit vectors of the beams in the robot's frame (beams, 2).
-        reaches: How far beams count (m); where the laser says that nothing came back (m).
-        marks: Zeros; for all cells within reach, a square around the laser's. Zeros again at the
-            end.
-        touched: Room for as many numbers and one: row << 16 | column of the cells in the square.
+        reaches: Largest length of a beam that is used (m); range that means no return (m).
+        marks: Zeros, one for each cell of the square around the laser that covers all within
+            reach; zeros again at the end.
+        touched: Scratch buffer, one longer than `marks`: row << 16 | column of each touched cell,
+            from the square's corner.
     """
     reach, nothing = reaches
     half = (round(math.sqrt(len(marks))) - 1) // 2
     width = 2 * half + 1
     cos, sin = math.cos(eye[2]), math.sin(eye[2])
     first_row, first_column = math.floor(eye[1] / cell) - half, math.floor(eye[0] / cell) - half
-    # The laser's place, in cells from the square's corner.
+    # The laser's position, in cells from the square's corner.
     x0, y0 = eye[0] / cell - first_column, eye[1] / cell - first_row
     count = 0
     for k in range(len(ranges)):
@@ -284,7 +285,7 @@ def integrate_scan(
         next_y = (row + (uy > 0.0) - y0) / uy if uy != 0.0 else math.inf
         for _ in range(abs(end_column - column) + abs(end_row - row)):
             mark = row * width + column
-            # Without a branch, which would be taken at random.
+            # Without a branch, which the processor could not predict.
             touched[count] = row << 16 | column
             count += marks[mark] == 0
             marks[mark] |= _FREE

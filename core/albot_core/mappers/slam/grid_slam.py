@@ -1,8 +1,8 @@
-"""Grid-based FastSLAM: particles that move by matched scans, each with a grid map of its own.
+"""Grid-based FastSLAM: particles that move by scan matching, each with its own grid map.
 
 D. Hähnel, W. Burgard, D. Fox and S. Thrun, An efficient FastSLAM algorithm for generating maps of
-large-scale cyclic environments from raw laser range measurements, IROS 2003. Matching scans with
-the latest ones leaves so little error that few particles hold the truth when a loop is closed.
+large-scale cyclic environments from raw laser range measurements, IROS 2003. Scan matching leaves
+so little drift that few particles are enough to contain the true path when a loop is closed.
 """
 
 from __future__ import annotations
@@ -24,32 +24,32 @@ from albot_core.sensing.reading import LaserScan
 
 @dataclass(frozen=True, kw_only=True)
 class GridSlamConfig(ParticleSlamConfig):
-    """Thresholds of grid-based FastSLAM.
+    """Parameters of grid-based FastSLAM.
 
-    The paper learns the errors of matched scans from data: ours were chosen on the Intel log.
+    The paper learns the error of scan matching from data. These values were tuned on the Intel log.
     """
 
     particles: int = 100
-    """How many particles, as the paper's."""
+    """Number of particles, as in the paper."""
     drift: float = 0.015
-    """Standard deviation of the matched position for each metre gone…"""
+    """Standard deviation of the matched position per distance (m/m)."""
     drift_by_turn: float = 0.01
-    """…and for each radian turned (m/rad)."""
+    """Standard deviation of the matched position per turn (m/rad)."""
     twist: float = 0.01
-    """Standard deviation of the matched heading for each radian turned…"""
+    """Standard deviation of the matched heading per turn (rad/rad)."""
     twist_by_way: float = 0.005
-    """…and for each metre gone (rad/m)."""
+    """Standard deviation of the matched heading per distance (rad/m)."""
     beams: BeamConfig = field(default_factory=lambda: BeamConfig(gain=5.0))
-    """How scans are compared with maps. The paper's model of beams is not given; this is GMapping's
-    of the same authors, in which beams depend more on each other."""
+    """Comparison of scans with maps. The paper does not state its beam model; this is the model of
+    GMapping, by the same authors, with beams that are more dependent on each other."""
 
 
 class GridSlam(ParticleSlam):
-    """Grid-based FastSLAM.
+    """The mapper grid-based FastSLAM.
 
     Args:
-        config: All thresholds.
-        name: The name under which the mapper is known.
+        config: All parameters.
+        name: The mapper's name in the registry.
     """
 
     config: GridSlamConfig
@@ -61,13 +61,13 @@ class GridSlam(ParticleSlam):
 
     @property
     def _weight_gain(self) -> float:
-        """Weights are what they are."""
+        """Factor of the log-weights."""
         return 1.0
 
     def _move_and_weigh(
         self, scan: LaserScan, motion: Pose, deviations: Float64[np.ndarray, "3"]
     ) -> None:
-        """Draw the motion of each particle, and weigh it by the scan in its own map."""
+        """Sample the motion of each particle, and weigh it by the scan in its own map."""
         config, particles = self.config, self._particles
         points, _ = matched_points(scan, config.grid.reach, config.beams.spacing)
         move_and_weigh(
@@ -97,19 +97,19 @@ def move_and_weigh(
     poses: np.ndarray,
     log_weights: np.ndarray,
 ) -> None:
-    """Move each particle, and add the logarithm of how likely the scan is to its weight.
+    """Move each particle, and add the log-likelihood of the scan to its log-weight.
 
     Args:
         pool: The tiles of the maps.
         index: The tiles of each map (particles, rows, columns).
-        corner: Where they begin (see `Particles`).
+        corner: Row and column of the first tile (see `Particles`).
         cell: Side of a cell (m).
-        points: Where beams ended (robot's frame, m).
-        motion: The motion since the last update, as the scans were matched.
-        errors: Those drawn for each particle, along the robot's axes (particles, 3).
+        points: The ends of the beams (robot's frame, m).
+        motion: The motion since the last update, by scan matching.
+        errors: The sampled error of each particle, along the robot's axes (particles, 3).
         log_likelihoods: See `beam_tables`.
         poses: The poses, changed in place.
-        log_weights: The weights, changed in place.
+        log_weights: The log-weights, changed in place.
     """
     for k in range(len(poses)):
         cos, sin = math.cos(poses[k, 2]), math.sin(poses[k, 2])

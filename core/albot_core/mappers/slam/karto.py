@@ -1,10 +1,10 @@
-"""An adapter for OpenKarto, a SLAM system that none of us wrote: the yardstick.
+"""An adapter for OpenKarto, an independent SLAM system, as a baseline for comparison.
 
 K. Konolige, G. Grisetti, R. Kümmerle, W. Burgard, B. Limketkai and R. Vincent, Efficient sparse
 pose adjustment for 2D mapping, IROS 2010. OpenKarto is packaged for Python as `yag-slam` and
-`karto-scanmatcher` (LGPL), which the extra `peers` brings. Its thresholds are the package's own
-defaults. What is ours is only how readings go in and poses come out, and the grid, which is drawn
-of the scans at its poses.
+`karto-scanmatcher` (LGPL), which the extra `peers` installs. Its parameters are the package's
+defaults. Only the input of readings, the output of poses, and the grid, which is drawn from the
+scans at its poses, are ours.
 """
 
 from __future__ import annotations
@@ -39,31 +39,32 @@ _FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 @dataclass(frozen=True, kw_only=True)
 class KartoConfig:
-    """Thresholds of OpenKarto: the defaults of yag-slam 0.3.0 (`GraphSlam`, `default_config`)."""
+    """Parameters of OpenKarto: the defaults of yag-slam 0.3.0 (`GraphSlam`, `default_config`)."""
 
     scan_buffer_len: int = 10
-    """So many of the latest scans are matched with."""
+    """Number of latest scans that a scan is matched with."""
     loop_search_dist: float = 3.0
-    """Earlier scans so near are tried for a loop (m)."""
+    """Largest distance of an earlier scan that is tried for a loop closure (m)."""
     loop_search_min_chain_size: int = 10
-    """So many in a row make a chain to match with."""
+    """Smallest number of successive scans in a chain that is matched."""
     min_response_coarse: float = 0.35
-    """Least response of the coarse match that closes a loop…"""
+    """Smallest response of the coarse match that closes a loop."""
     min_response_fine: float = 0.45
-    """…and of the fine one."""
+    """Smallest response of the fine match that closes a loop."""
     range_threshold: float = 20.0
-    """Beams that are longer are not matched (m)."""
+    """Largest length of a beam that is matched (m)."""
     minimum_travel_distance: float = 0.0
-    """A scan is handed over once the odometer has gone so far since the last (m)…"""
+    """Distance of the odometer since the last used scan after which a scan is used (m)."""
     minimum_travel_heading: float = 0.0
-    """…or has turned so far (rad). OpenKarto's own are 0.2 m and 10°; the package takes every
-    scan."""
+    """Turn of the odometer since the last used scan after which a scan is used (rad). OpenKarto's
+    own defaults are 0.2 m and 10°; the package uses every scan."""
     grid: GridConfig = field(default_factory=GridConfig)
-    """The occupancy grid that is drawn: ours."""
+    """The occupancy grid that is drawn; not in OpenKarto."""
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
-    """How the way home is found over it: ours."""
+    """Parameters of the search for the way home; not in OpenKarto."""
     longest_step: float = 10.0
-    """A longer motion between two readings is not believed (m): ours."""
+    """Largest distance between two readings (m); a longer odometer motion is rejected. Not in
+    OpenKarto."""
 
     def __post_init__(self) -> None:
         check_fields(
@@ -75,14 +76,14 @@ class KartoConfig:
 
 
 class Karto:
-    """OpenKarto as a mapper: a reading whose robot has moved enough is a scan of its graph.
+    """OpenKarto as a mapper. A reading's scan is used once the robot has moved far enough.
 
-    Its memory cannot be written down as arrays and taken back. So the state is the scans, and
-    restoring is running it again over them, which comes to the same since it is deterministic.
+    OpenKarto's memory cannot be saved as arrays. So the state holds the scans, and a restore runs
+    OpenKarto on them again; the result is the same, since it is deterministic.
 
     Args:
-        config: All thresholds.
-        name: The name under which the mapper is known.
+        config: All parameters.
+        name: The mapper's name in the registry.
     """
 
     def __init__(self, config: KartoConfig | None = None, name: str = "karto") -> None:
@@ -93,12 +94,12 @@ class Karto:
 
     @property
     def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
+        """The mapper's entry in the registry."""
         return mapper_spec(self._name)
 
     @property
     def estimate(self) -> Estimate:
-        """Where OpenKarto believes that the latest scan was taken, and the odometer's way since."""
+        """OpenKarto's pose of the latest scan, moved by the odometry since then."""
         return Estimate(
             pose=compose(self._pose_of(-1), self._offsets[-1]) if self._scans else np.zeros(3),
             home=np.zeros(3),
@@ -107,20 +108,20 @@ class Karto:
         )
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything; the next reading is the first. It draws no random number."""
+        """Forget everything; the next reading is the first. Draws no random number."""
         self._route.forget()
         self._scans: list[LaserScan] = []
         self._odometry: list[Pose] = []  # Of each scan.
-        self._offsets: list[Pose] = []  # Of each reading, by the odometer from the scan…
-        self._followed: list[int] = []  # …which is this.
+        self._offsets: list[Pose] = []  # Of each reading: the odometry since its scan.
+        self._followed: list[int] = []  # Of each reading: the index of its scan.
         self._karto = self._fresh()
         self._drawn: tuple[Poses, LogOddsGrid] | None = None
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading; true where its scan was handed over.
+        """Process a reading; return whether its scan was passed to OpenKarto.
 
         Raises:
-            InputError: The reading lacks a laser scan, or its laser is another one than before.
+            InputError: The reading lacks a laser scan, or its laser differs from earlier ones.
         """
         laser = reading.required_laser(self._name)
         if self._scans and laser.geometry != self._scans[0].geometry:
@@ -139,7 +140,7 @@ class Karto:
         return is_due
 
     def _has_moved_enough(self, offset: Pose) -> bool:
-        """Whether the robot has gone or turned so far since the last scan, by the odometer."""
+        """Return whether the odometer moved or turned far enough since the last scan."""
         x, y, turn = offset.tolist()
         far = math.hypot(x, y) >= self.config.minimum_travel_distance
         return far or abs(turn) >= self.config.minimum_travel_heading
@@ -160,11 +161,11 @@ class Karto:
         )
 
     def _process(self, laser: LaserScan, pose: Pose) -> None:
-        """Let OpenKarto take in a scan, by the odometer's pose of the laser."""
+        """Pass a scan to OpenKarto, at the odometer's pose of the robot."""
         models = importlib.import_module("yag_slam.models")
         geometry = laser.geometry
         at = compose(pose, np.array(geometry.mount))
-        # It passes over ranges of 0. As infinity or as the laser's greatest, its loops close worse.
+        # OpenKarto ignores ranges of 0. With infinity or the maximum range, loops close worse.
         ranges = np.where(laser.ranges < geometry.max_range, laser.ranges, 0.0)
         last = geometry.first_bearing + geometry.spacing * (geometry.beams - 1)
         scan = models.LocalizedRangeScan(
@@ -177,7 +178,7 @@ class Karto:
             self.config.range_threshold,
             *at.tolist(),
         )
-        # It tells its doubts by `print`, among what is meant for standard output.
+        # OpenKarto prints its warnings to standard output, which would mix with our own output.
         with redirect_stdout(StringIO()) as told:
             self._karto.process_scan(scan)
         for line in told.getvalue().splitlines():
@@ -186,25 +187,25 @@ class Karto:
         self._odometry.append(pose)
 
     def _pose_of(self, number: int) -> Pose:
-        """Where OpenKarto believes that the robot was at a scan, the first being the origin."""
+        """Return OpenKarto's pose of the robot at a scan; the first pose is the origin."""
         at = self._karto.graph.vertices[number].obj.corrected_pose
         mount = np.array(self._scans[number].geometry.mount)
         laser = np.array((at.x, at.y, at.euler[-1]))
         return compose(laser, relative(mount, np.zeros(3)))
 
     def corrected_poses(self) -> Poses:
-        """The robot's pose at every reading since the reset, as believed now."""
+        """Return the robot's pose at every reading since the reset, as estimated now."""
         if not self._followed:
             return np.empty((0, 3))
         return compose(self._scan_poses()[self._followed], np.array(self._offsets))
 
     def _scan_poses(self) -> Poses:
-        """The robot's pose at every scan, as believed now."""
+        """Return the robot's pose at every scan, as estimated now."""
         return np.array([self._pose_of(k) for k in range(len(self._scans))]).reshape(-1, 3)
 
     @property
     def way_home(self) -> WayHome:
-        """The shortest way home over cells that are believed to be free."""
+        """The shortest way home over cells that are free in the map."""
 
         def ground() -> Ground:
             return self._grid().ground(self._scan_poses()[:, :2])
@@ -212,12 +213,12 @@ class Karto:
         return self._route.way_home(len(self._scans), self.estimate.pose, ground)
 
     def snapshot(self) -> MapSnapshot:
-        """The grid of all scans, and the corrected way."""
+        """Return the grid of all scans, and the corrected trajectory."""
         way = TrajectoryLayer(poses=self.corrected_poses())
         return MapSnapshot(layers=(self._grid().layer(), way))
 
     def _grid(self) -> LogOddsGrid:
-        """The grid, drawn of all scans; only what is new, where no earlier pose has moved."""
+        """Return the grid of all scans; only new ones are added if no pose was corrected."""
         poses = self._scan_poses()
         drawn, grid = self._drawn or (poses[:0], LogOddsGrid(self.config.grid))
         done = len(drawn)
@@ -229,7 +230,7 @@ class Karto:
         return grid
 
     def state(self) -> dict[str, np.ndarray]:
-        """The scans that were handed over, and the readings' ways from them, as arrays by name."""
+        """Return the scans passed to OpenKarto and the readings' offsets, as arrays by name."""
         laser = self._scans[0].geometry if self._scans else LaserGeometry(beams=2)
         numbers = (laser.first_bearing, laser.spacing, laser.max_range, *laser.mount)
         ranges = [scan.ranges for scan in self._scans]
@@ -242,10 +243,10 @@ class Karto:
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`, by taking in its scans again.
+        """Restore the mapper whose `state` this is, by a new run over its scans.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         shapes: dict[str, tuple[str | int, ...]] = {
             "laser": (6,),
@@ -257,7 +258,7 @@ class Karto:
         check_shapes(state, shapes)
         check_finite(state, "laser", "odometry", "readings.offset")
         followed, scans = state["readings.followed"], len(state["ranges"])
-        # From the first scan to the last, each followed by its own reading at least.
+        # Every scan must be followed by at least one reading: its own.
         if (
             not np.array_equal(np.unique(followed), np.arange(scans))
             or (np.diff(followed) < 0).any()
@@ -283,7 +284,7 @@ class Karto:
         self._offsets = list(state["readings.offset"].copy())
 
     def __getstate__(self) -> dict[str, Any]:
-        """The readings; OpenKarto's own memory cannot be copied."""
+        """Return config, name and state; OpenKarto's own memory cannot be copied."""
         return {"config": self.config, "name": self._name, "state": self.state()}
 
     def __setstate__(self, kept: dict[str, Any]) -> None:

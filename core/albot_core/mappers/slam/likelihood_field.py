@@ -1,13 +1,13 @@
 """The likelihood field: how likely a beam is to end at each place, over several resolutions.
 
-It is a square of cells around the robot. The likelihood of a cell is that of its distance from the
-nearest point of the scans that were added, by a Gaussian (S. Thrun, W. Burgard and D. Fox,
-Probabilistic Robotics, 2005, section 6.4; E. Olson, Real-time correlative scan matching, ICRA 2009,
-section III). Level h holds at each cell the greatest likelihood of the 2^h by 2^h cells from it on:
-a bound for all of them at once (W. Hess et al., Real-time loop closure in 2D LIDAR SLAM, ICRA 2016,
-eq. 15), here kept up to date point by point.
+It is a square of cells around the robot. The likelihood of a cell is a Gaussian of its distance
+from the nearest point of the scans that were added (S. Thrun, W. Burgard and D. Fox, Probabilistic
+Robotics, 2005, section 6.4; E. Olson, Real-time correlative scan matching, ICRA 2009, section III).
+A cell of level h holds the maximum of the 2^h by 2^h finest cells that begin at it: an upper bound
+for all of them (W. Hess et al., Real-time loop closure in 2D LIDAR SLAM, ICRA 2016, eq. 15). Here
+the coarse levels are built again, when needed, after points were added.
 
-All of it is arrays, which the kernels of `correlation` and `refinement` take as they are.
+All data are arrays, which the kernels of `correlation` and `refinement` use directly.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from albot_core.kernels.compiled import kernel
 from albot_core.ranges import POSITIVE, Range, check_fields
 
 CERTAIN = 255
-"""The likelihood of a cell with a point at its middle."""
+"""The likelihood of a cell with a point at its centre."""
 _PARTS = 4
-"""A point is placed within its cell to one of so many by so many parts."""
+"""The position of a point in its cell is rounded to one of this many parts, in each of x and y."""
 _LEVELS = Range("a whole number from 1 to 8", 1.0, 8.0, whole=True)
 
 
 @dataclass(frozen=True, kw_only=True)
 class FieldConfig:
-    """How fine a likelihood field is."""
+    """Resolution and size of a likelihood field."""
 
     cell: float = 0.05
     """Side of a cell (m)."""
@@ -57,10 +57,10 @@ class FieldConfig:
 
 
 class LikelihoodField:
-    """A square likelihood field, which scans are added to and which can be laid out anew.
+    """A square likelihood field, to which scans are added; it can be cleared and moved.
 
     Args:
-        config: How fine it is.
+        config: The field's parameters.
     """
 
     def __init__(self, config: FieldConfig) -> None:
@@ -71,7 +71,7 @@ class LikelihoodField:
         self._seen: UInt16[np.ndarray, "side side"] = np.zeros(self._levels.shape[1:], np.uint16)
         self._beside = np.empty_like(self._levels[0])
         self._stamps = _make_stamps(config)
-        # Rows and columns from the first to before the last that may hold anything: low, high.
+        # First and last (excluded) row, then column, that may be non-zero.
         self._used = np.array((config.side, 0, config.side, 0))
         self._built = 0
 
@@ -79,12 +79,12 @@ class LikelihoodField:
     def levels(self) -> UInt8[np.ndarray, "levels side side"]:
         """Likelihoods by level, row (y) and column (x), of at most `CERTAIN`.
 
-        Level 0 is the finest. One and the same array, brought up to date when it is asked for.
+        Level 0 is the finest. Always the same array; coarse levels are built when it is read.
         """
         return self.levels_for(self.config.side)
 
     def levels_for(self, across: int) -> UInt8[np.ndarray, "few side side"]:
-        """The levels whose cells are no wider than half a window, of so many cells across."""
+        """Return the levels with cells at most half as wide as a window of `across` cells."""
         wanted = 1
         while wanted < self.config.levels and 1 << (wanted + 1) <= across:
             wanted += 1
@@ -95,12 +95,12 @@ class LikelihoodField:
 
     @property
     def finest(self) -> UInt8[np.ndarray, "side side"]:
-        """Level 0, without the cost of the others."""
+        """Level 0, without building the coarse levels."""
         finest: UInt8[np.ndarray, "side side"] = self._levels[0]
         return finest
 
     def clear(self, centre: Points) -> None:
-        """Forget all points, and lay the field out around a point (m)."""
+        """Remove all points, and centre the field at a point (m)."""
         cell = self.config.cell
         top, bottom, left, right = self._used.tolist()
         self._levels[:, top:bottom, left:right] = 0
@@ -110,7 +110,7 @@ class LikelihoodField:
         self._built = 0
 
     def add(self, pose: Pose, points: Float64[np.ndarray, "points 2"]) -> None:
-        """Add the points of a scan, given in the frame of a pose; those outside are left out."""
+        """Add the points of a scan, given in the frame of `pose`; points outside are dropped."""
         cell = self.config.cell
         ahead = (1 << (self.config.levels - 1)) - 1
         add_points(
@@ -128,9 +128,9 @@ class LikelihoodField:
 
 
 def _make_stamps(config: FieldConfig) -> UInt8[np.ndarray, "parts rows columns"]:
-    """What one point adds to the cells around it, by the part of the cell that it lies in.
+    """Return the likelihoods around one point, for each part of the cell that it may lie in.
 
-    Rows are filled up with zeros, to a number of bytes that `raise_bytes` can take.
+    Rows are padded with zeros to a multiple of the bytes that `raise_bytes` processes.
     """
     reach = int(np.ceil(3.0 * config.sigma / config.cell))
     along = (np.arange(2 * reach + 1) - reach) * config.cell
@@ -160,15 +160,16 @@ def add_points(
 
     Args:
         finest: Level 0 of a field (side, side), changed in place.
-        seen: Which parts of each cell have a point, as bits (side, side), changed in place.
-        stamps: What a point adds, by its part of the cell (parts, rows, columns): see
-            `_make_stamps`.
+        seen: Bits of the parts of each cell that have a point (side, side), changed in place.
+        stamps: The likelihoods around a point, by its part of the cell (parts, rows, columns):
+            see `_make_stamps`.
         corner: x, y of the outer corner of the first cell (m).
         cell: Side of a cell (m).
-        pose: x, y, heading of the frame that the points are given in.
+        pose: x, y, heading of the points' frame.
         points: x, y of the points (points, 2).
-        used: First and last row and column (excluded) that hold anything, (4,), changed in place…
-        ahead: …with so many more before them.
+        used: First and last (excluded) row, then column, that may be non-zero (4,), changed in
+            place.
+        ahead: Number of rows and columns before the first ones that coarse levels change.
     """
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     side, rows, columns = len(finest), stamps.shape[1], stamps.shape[2]
@@ -177,14 +178,14 @@ def add_points(
     for k in range(len(points)):
         x = (pose[0] + cos * points[k, 0] - sin * points[k, 1] - corner[0]) / cell
         y = (pose[1] + sin * points[k, 0] + cos * points[k, 1] - corner[1]) / cell
-        # What is filled up with zeros must have room, too.
+        # The padding of the stamps must be in the field, too.
         if not (border <= x < side - columns + reach and border <= y < side - reach):
             continue
         column, row = int(x), int(y)
         part = int((y - row) * _PARTS) * _PARTS + int((x - column) * _PARTS)
         bit = np.uint16(1 << part)
         if seen[row, column] & bit:
-            continue  # The same has been added before.
+            continue  # An equal point has been added before.
         seen[row, column] |= bit
         used[0], used[1] = min(used[0], row - reach - ahead), max(used[1], row + reach + 1)
         used[2], used[3] = min(used[2], column - reach - ahead), max(used[3], column + reach + 1)
@@ -200,16 +201,16 @@ def _build_coarse(
     used: list[int],
     built: int,
 ) -> None:
-    """Fill in all levels from the finest: of each cell the greatest of four of the level below.
+    """Build the coarse levels: each cell is the maximum of four cells of the level below.
 
-    Along the last rows and columns, where there are not four, it is the greatest of those there
-    are. By numpy, whose loops over bytes are vectors.
+    Cells at the last rows and columns use those of the four that exist. Written with numpy, whose
+    loops over bytes are vectorised.
 
     Args:
-        levels: The levels.
-        beside: Written over.
-        used: First and last row and column (excluded) that any level may differ in from 0.
-        built: So many of the levels are there already.
+        levels: The levels, changed in place.
+        beside: Scratch buffer.
+        used: First and last (excluded) row, then column, that may be non-zero in any level.
+        built: Number of levels that are up to date.
     """
     top, bottom, left, right = used
     if top >= bottom:

@@ -1,9 +1,9 @@
-"""Matching a scan with the latest ones: where the robot is, and how sure that is.
+"""Matching of a scan with the latest ones: the robot's pose and its uncertainty.
 
-The local map is the likelihood field of the latest scans that were kept. A new scan is matched with
-it in a window around what the odometer says. How wide the window is follows from how far off the
-odometer has been so far; where the best pose lies at its border, or is a poor one, a wide window is
-searched. So an odometer that is good costs little, and one that is bad is found out.
+The local map is the likelihood field of the latest kept scans. A new scan is matched with it in a
+window around the odometer's pose. The width of the window follows from the odometry errors measured
+so far. A wide window is searched if the best pose is at the border or fits poorly. So a good
+odometer costs little time, and a bad one is detected.
 """
 
 from __future__ import annotations
@@ -33,51 +33,51 @@ _AT_LEAST_ONE = Range("a number from 1", 1.0)
 
 @dataclass(frozen=True, kw_only=True)
 class MatchingConfig:
-    """How scans are matched with the latest ones. Where no source is named, the values are ours."""
+    """Matching of a scan with the latest ones. Values without a named source are ours."""
 
     field: FieldConfig = field(default_factory=lambda: FieldConfig(half=20.0))
-    """The likelihood field. Cells of 5 cm as Hess et al. (2016)."""
+    """The likelihood field. Cells of 5 cm as by Hess et al. (2016)."""
     reach: float = 15.0
-    """Points farther away than this (m) are not matched."""
+    """Largest distance of a point that is matched (m)."""
     spacing: float = 0.05
-    """Least distance between two successive points that are matched (m)."""
+    """Smallest distance between two successive points that are matched (m)."""
     scans: int = 20
-    """The local map is laid out anew with so many of the latest scans…"""
+    """Number of latest scans from which the local map is rebuilt."""
     more: int = 10
-    """…and grows by so many before it is laid out again."""
+    """Number of scans that are added before the local map is rebuilt."""
     step: float = 0.2
-    """A scan is kept once the robot has gone so far since the last one that was (m), as OpenKarto's
-    minimum travel distance…"""
+    """Distance since the last kept scan after which a scan is kept (m): OpenKarto's minimum travel
+    distance."""
     turn: float = math.radians(10.0)
-    """…or has turned so far (rad), as its minimum travel heading."""
+    """Turn since the last kept scan after which a scan is kept (rad): OpenKarto's minimum travel
+    heading."""
     heading_step: float = math.radians(1.0)
-    """Between two headings that are tried (rad): half of OpenKarto's coarse angle resolution."""
+    """Spacing of the headings that are tried (rad): half of OpenKarto's coarse angle resolution."""
     slip: float = 0.05
-    """Standard deviation of the odometer's position at first (m); later it is measured…"""
+    """Initial standard deviation of the odometer's position (m); it is then measured."""
     turn_error: float = math.radians(5.0)
-    """…and of its heading (rad)."""
+    """Initial standard deviation of the odometer's heading (rad); it is then measured."""
     least_slip: float = 0.02
-    """However good the odometer was, its errors are not taken for smaller (m)…"""
+    """Smallest standard deviation of the odometer's position (m)."""
     least_turn_error: float = math.radians(1.0)
-    """…than this (rad)."""
+    """Smallest standard deviation of the odometer's heading (rad)."""
     memory: float = 0.05
-    """How fast a measured error is forgotten: the share of a new one in the mean."""
+    """Weight of a new error in the running mean of the measured errors."""
     deviations: float = 3.0
-    """The window reaches so many standard deviations to each side…"""
+    """Half-width of the window, in standard deviations of the odometer's error."""
     wide_reach: float = 1.0
-    """…and, where nothing good is found within, so far (m)…"""
+    """Half-width in position of the wide window (m), searched if no good match is found."""
     wide_turn: float = math.radians(50.0)
-    """…and so far in heading (rad)."""
+    """Half-width in heading of the wide window (rad)."""
     sure: float = 0.5
-    """A mean likelihood of the points from this on is a good match…"""
+    """Smallest mean likelihood of the points in a good match; below, the wide window is tried."""
     poor: float = 0.25
-    """…and below this it is none: then the odometer alone is followed."""
+    """Smallest mean likelihood of the points in any match; below, only the odometry is used."""
     gain: float = 0.05
-    """A pose of the wide window is taken if its mean likelihood is so much better."""
+    """Increase in mean likelihood at which a pose of the wide window is preferred."""
     correlated: float = 10.0
-    """So many neighbouring points tell no more of the pose's covariance than one that is
-    independent of all others. Against the odometer, whose errors are no more independent, each
-    counts as one."""
+    """Number of neighbouring points that carry as much information on the pose as one independent
+    point. Against the odometer, whose errors are equally correlated, each point counts as one."""
 
     def __post_init__(self) -> None:
         check_fields(
@@ -93,47 +93,47 @@ class MatchingConfig:
 
 
 class ScanPoints(NamedTuple):
-    """What is kept of a scan, in the robot's frame."""
+    """The points of a scan, in the robot's frame."""
 
     points: Float64[np.ndarray, "points 2"]
-    """The points by which it is matched (m)."""
+    """The points that are matched (m)."""
     normals: Float64[np.ndarray, "points 2"]
-    """The unit normals there; (0, 0) where not known."""
+    """The unit normals at these points; (0, 0) where unknown."""
     surface: Float64[np.ndarray, "filled 2"]
-    """The points with which later ones are matched (m)."""
+    """The points that later scans are matched with (m)."""
 
 
 class Match(NamedTuple):
-    """Where a scan was taken."""
+    """The result of matching a scan."""
 
     pose: Pose
     """The robot's pose in the map's frame."""
     information: Float64[np.ndarray, "3 3"]
-    """The inverse of the pose's covariance, by the scan alone, along the map's axes."""
+    """The inverse of the pose's covariance from the scan alone, along the map's axes."""
     response: float
     """The mean likelihood of the scan's points, within [0, 1]."""
     is_good: bool
-    """Whether it is to be believed; else the pose is the odometer's."""
+    """Whether the match is accepted; otherwise the pose is the odometer's."""
 
 
 def scan_points(scan: LaserScan, config: MatchingConfig) -> ScanPoints:
-    """What is kept of a scan."""
+    """Return the points of a scan, for matching and for the local map."""
     points, normals = matched_points(scan, config.reach, config.spacing)
     return ScanPoints(points, normals, surface_points(scan, config.reach, config.field.cell))
 
 
 class OdometerErrors:
-    """How far the odometer is off from reading to reading, as measured by the scans."""
+    """The odometer's error between two readings, as measured by scan matching."""
 
     def __init__(self, config: MatchingConfig) -> None:
         self._config = config
         self.reset()
 
     def reset(self) -> None:
-        """Know nothing yet."""
+        """Reset the variances to their initial values."""
         config = self._config
         self.variances: Float64[np.ndarray, "2"] = np.array((config.slip, config.turn_error)) ** 2
-        """Of the position along each axis (m²) and of the heading (rad²)."""
+        """Variances of the position along each axis (m²) and of the heading (rad²)."""
 
     @property
     def deviations(self) -> tuple[float, float]:
@@ -142,23 +142,23 @@ class OdometerErrors:
         return max(slip, self._config.least_slip), max(turn, self._config.least_turn_error)
 
     def measure(self, guess: Pose, matched: Pose) -> None:
-        """Take in where a reading was taken after all.
+        """Update the variances by the error of a guess, measured by its matched pose.
 
-        A great error is believed at once, so that the next is searched for widely enough; small
-        ones make it less by and by.
+        A large error raises the variances at once, so that the next window is wide enough; small
+        errors lower them gradually.
         """
         x, y, turn = (matched - guess).tolist()
         found = np.array((0.5 * (x * x + y * y), float(wrap_angle(turn)) ** 2))
         self.variances += self._config.memory * (found - self.variances)
-        # One standard deviation, were the error found twice that.
+        # A large error counts as two standard deviations.
         np.maximum(self.variances, 0.25 * found, out=self.variances)
 
 
 class LocalMap:
-    """The latest scans that were kept, and the matching with them.
+    """The latest kept scans, and the matching with them.
 
     Args:
-        config: All thresholds.
+        config: All parameters.
     """
 
     def __init__(self, config: MatchingConfig) -> None:
@@ -174,11 +174,11 @@ class LocalMap:
         self._field.clear(np.zeros(2))
 
     def match(self, scan: ScanPoints, guess: Pose) -> Match:
-        """Where a scan was taken.
+        """Match a scan.
 
         Args:
             scan: The scan.
-            guess: Where it was taken by the odometer (map frame).
+            guess: The odometer's pose of the scan (map frame).
         """
         config = self.config
         slip, turn = self.errors.deviations
@@ -204,14 +204,14 @@ class LocalMap:
         return Match(pose, found.information / config.correlated, found.response, True)
 
     def is_due(self, pose: Pose) -> bool:
-        """Whether the robot has gone or turned so far that its scan should be kept."""
+        """Return whether the robot moved or turned far enough for its scan to be kept."""
         if not self._kept:
             return True
         x, y, turn = relative(self._kept[-1][0], pose).tolist()
         return math.hypot(x, y) >= self.config.step or abs(turn) >= self.config.turn
 
     def keep(self, pose: Pose, surface: Points) -> None:
-        """Add the points of a scan that was taken at a pose."""
+        """Add the points of a scan at a pose."""
         config = self.config
         self._kept.append((pose.copy(), surface))
         away = pose[:2] - self._field.corner - config.field.half
@@ -222,14 +222,14 @@ class LocalMap:
             self._field.add(pose, surface)
 
     def _lay_out(self) -> None:
-        """Make the local map anew, of the latest scans, around the last of them."""
+        """Rebuild the local map from the latest scans, centred at the last of them."""
         self._kept = self._kept[-self.config.scans :]
         self._field.clear(self._kept[-1][0][:2])
         for pose, surface in self._kept:
             self._field.add(pose, surface)
 
     def move(self, poses: Poses) -> None:
-        """Take in that the latest scans were taken elsewhere, and forget all before them."""
+        """Set the poses of the latest scans, and forget all earlier scans."""
         self._kept = [
             (pose.copy(), surface)
             for pose, (_, surface) in zip(poses, self._kept[-len(poses) :], strict=True)
@@ -237,7 +237,7 @@ class LocalMap:
         self._lay_out()
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything that is remembered, as arrays by name."""
+        """Return the local map and the odometer's errors as arrays by name."""
         return {
             "local.errors": self.errors.variances.copy(),
             "local.corner": self._field.corner.copy(),
@@ -249,10 +249,10 @@ class LocalMap:
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the local map that returned `state`.
+        """Restore the local map that `state` returned.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         shapes = {
             "local.errors": (2,),

@@ -1,8 +1,8 @@
-"""DP-SLAM's observations, as arrays: of each square those of many particles, and who made them.
+"""DP-SLAM's observations of grid squares, with the nodes that made them, as arrays.
 
 A. Eliazar and R. Parr, DP-SLAM, IJCAI 2003, section 4; DP-SLAM 2.0, ICRA 2004, section III. See
-`distributed_map` for what they are. A square's observations lie in a block of their own; a node of
-the ancestry tree (`ancestry`) lists the squares that it observed.
+`distributed_map` for an introduction. The observations of a square are stored in one block; a node
+of the ancestry tree (`ancestry`) lists the squares that it observed.
 """
 
 from __future__ import annotations
@@ -17,65 +17,65 @@ from albot_core.mappers.slam.tiles import NONE, TILE
 
 TILE_SQUARES = TILE * TILE
 CHUNK = 62
-"""Squares in a chunk of a node's list."""
+"""Number of squares in a chunk of a node's list."""
 SIZES = 14
-"""A block has room for 2 observations, 4, … and so on, in so many sizes."""
+"""Number of block sizes; blocks have room for 2, 4, 8, … observations."""
 
 
 class MapArrays(NamedTuple):
-    """The one map: kernels write to these."""
+    """The shared map, in arrays that kernels write to."""
 
     tiles: Int32[np.ndarray, "rows columns"]
-    """The tile of each square of `TILE` by `TILE` grid squares; `NONE` where none was seen."""
+    """The tile of each square of `TILE` by `TILE` grid squares; `NONE` where there is none."""
     corner: Int64[np.ndarray, "2"]
     """Row and column of `tiles[0, 0]`, counted in tiles from the map's origin."""
     tile_uses: Int32[np.ndarray, "tiles"]
-    """How many squares of each tile have observations."""
+    """Number of squares with observations, per tile."""
     free_tiles: Int32[np.ndarray, "tiles"]
-    """The free tiles: the first so many of this stack as `free_counts[SIZES]` says."""
+    """Stack of the free tiles; its length is `free_counts[SIZES]`."""
     first: Int32[np.ndarray, "squares"]
-    """Where the block of a square begins; `NONE` where it has no observations."""
+    """Index of the first observation of each square; `NONE` if it has none."""
     counts: Int16[np.ndarray, "squares"]
-    """How many observations a square has…"""
+    """Number of observations of each square."""
     size: Int8[np.ndarray, "squares"]
-    """…and for how many its block has room: 2 to the power of this and one."""
+    """Size of each square's block: room for 2 to the power of (size + 1) observations."""
     slot: Int32[np.ndarray, "squares"]
-    """Row of the square in the local map (see `LocalMap`); 0 for none, negative where the square is
+    """Row of each square in the local map (see `LocalMap`); 0 for none, negative if the square is
     empty for every particle."""
     owner: Int16[np.ndarray, "observations"]
     """The node of the ancestry tree that made each observation."""
     beams: Float32[np.ndarray, "observations 2"]
-    """How many beams have stopped in the square, and how far beams have gone through it (m)."""
+    """Number of beams that stopped in the square, and distance that beams went through it (m)."""
     chain: Int32[np.ndarray, "blocks"]
-    """The next free block of the same size, by half the place where a block begins."""
+    """The next free block of the same size, indexed by half the index of a block's first place."""
     free_blocks: Int32[np.ndarray, "sizes"]
     """The first free block of each size; `NONE` for none."""
     free_counts: Int64[np.ndarray, "counts"]
-    """How many blocks of each size are free; then how many tiles are; then how many chunks."""
+    """Number of free blocks of each size; then of free tiles; then of free chunks."""
     used: Int64[np.ndarray, "2"]
-    """All blocks lie before this place; how many observations there are."""
+    """End of the last block; number of observations."""
 
 
 class TreeArrays(NamedTuple):
-    """The ancestry tree: kernels write to these."""
+    """The ancestry tree, in arrays that kernels write to."""
 
     parent: Int16[np.ndarray, "nodes"]
-    """The parent of each node; `NONE` of the root, and of what is no node."""
+    """The parent of each node; `NONE` for the root and for unused nodes."""
     children: Int16[np.ndarray, "nodes"]
-    """How many children each node has; `NONE` where it is no node."""
+    """Number of children of each node; `NONE` for unused nodes."""
     order: Int16[np.ndarray, "nodes"]
-    """The nodes, parents before their children, as `order_nodes` left them."""
+    """The nodes, parents before their children, as filled in by `order_nodes`."""
     chunk: Int32[np.ndarray, "nodes"]
-    """The first chunk of the list of squares that each node observed; `NONE` for none."""
+    """The first chunk of each node's list of observed squares; `NONE` for none."""
     chunks: Int32[np.ndarray, "chunks 64"]
-    """Chunks: the next one's number, how many squares this has, and they."""
+    """Each chunk: index of the next chunk, number of squares in this one, then the squares."""
     free_chunk: Int64[np.ndarray, "1"]
-    """The first free chunk, which the others follow."""
+    """The first free chunk, which leads to the other free ones."""
 
 
 @kernel()
 def tile_at(arrays: MapArrays, tile_row: int, tile_column: int) -> int:
-    """The tile at a place counted in tiles from the map's origin; `NONE` where none is made."""
+    """Return the tile at a row and column of tiles in the map; `NONE` if there is none."""
     row, column = tile_row - arrays.corner[0], tile_column - arrays.corner[1]
     if 0 <= row < arrays.tiles.shape[0] and 0 <= column < arrays.tiles.shape[1]:
         return int(arrays.tiles[row, column])
@@ -84,7 +84,7 @@ def tile_at(arrays: MapArrays, tile_row: int, tile_column: int) -> int:
 
 @kernel()
 def made_square_at(arrays: MapArrays, row: int, column: int) -> int:
-    """The number of a square, whose tile is made if need be; there must be a free one."""
+    """Return the index of a square; make its tile if necessary, from the free ones."""
     tile_row, tile_column = (row >> 5) - arrays.corner[0], (column >> 5) - arrays.corner[1]
     tile = arrays.tiles[tile_row, tile_column]
     if tile == NONE:
@@ -96,7 +96,7 @@ def made_square_at(arrays: MapArrays, row: int, column: int) -> int:
 
 @kernel()
 def release_empty_tiles(arrays: MapArrays) -> None:
-    """Give back the tiles in which no square has an observation."""
+    """Release the tiles in which no square has an observation."""
     for row in range(arrays.tiles.shape[0]):
         for column in range(arrays.tiles.shape[1]):
             tile = arrays.tiles[row, column]
@@ -115,7 +115,7 @@ def add_observation(
 ) -> None:
     """Add a node's first observation of a square, after those of all its ancestors.
 
-    There must be room for a block of twice the size, and for a chunk.
+    There must be room for a block of twice the size, and a free chunk.
     """
     first, count = arrays.first[square], arrays.counts[square]
     if first == NONE:
@@ -134,7 +134,7 @@ def add_observation(
 
 @kernel()
 def own_observation(arrays: MapArrays, square: int, node: int) -> int:
-    """Where the observation is that a node itself made of a square; `NONE` if it made none."""
+    """Return the index of a node's own observation of a square; `NONE` if it made none."""
     first = arrays.first[square]
     for at in range(first, first + arrays.counts[square]):
         if arrays.owner[at] == node:
@@ -144,12 +144,12 @@ def own_observation(arrays: MapArrays, square: int, node: int) -> int:
 
 @kernel()
 def remove_observations(arrays: MapArrays, square: int, is_removed: np.ndarray) -> None:
-    """Take the observations of some nodes out of a square; the others keep their order.
+    """Remove the observations of some nodes from a square. The others keep their order.
 
     Args:
         arrays: The map.
         square: The square.
-        is_removed: Which nodes (nodes,).
+        is_removed: Whether each node's observations are removed (nodes,).
     """
     first, count = arrays.first[square], arrays.counts[square]
     kept = 0
@@ -169,7 +169,7 @@ def remove_observations(arrays: MapArrays, square: int, is_removed: np.ndarray) 
         arrays.first[square] = NONE
         arrays.tile_uses[square // TILE_SQUARES] -= 1
         return
-    # A block of which three quarters are empty is left for a smaller one, if there is room.
+    # A block that is three quarters empty is replaced by a smaller one, if there is room.
     size = arrays.size[square]
     if 4 * kept <= 2 << size:
         while size > 0 and kept <= 1 << size:
@@ -181,7 +181,7 @@ def remove_observations(arrays: MapArrays, square: int, is_removed: np.ndarray) 
 
 @kernel()
 def _move_block(arrays: MapArrays, square: int, size: int) -> int:
-    """Give a square a block of another size; return where it begins."""
+    """Move a square's observations to a block of another size; return the block's index."""
     before, block = arrays.first[square], _take_block(arrays, size)
     for k in range(arrays.counts[square]):
         arrays.owner[block + k] = arrays.owner[before + k]
@@ -216,7 +216,7 @@ def _release_block(arrays: MapArrays, block: int, size: int) -> None:
 
 @kernel()
 def list_square(arrays: MapArrays, tree: TreeArrays, node: int, square: int) -> None:
-    """Add a square to the list of those that a node observed; there must be a free chunk."""
+    """Add a square to a node's list of observed squares. There must be a free chunk."""
     chunk = tree.chunk[node]
     if chunk == NONE or tree.chunks[chunk, 1] == CHUNK:
         free = tree.free_chunk[0]
@@ -231,7 +231,7 @@ def list_square(arrays: MapArrays, tree: TreeArrays, node: int, square: int) -> 
 
 @kernel()
 def release_chunk(arrays: MapArrays, tree: TreeArrays, chunk: int) -> int:
-    """Give a chunk back; return the one after it in its list."""
+    """Release a chunk; return the next one in its list."""
     after = tree.chunks[chunk, 0]
     tree.chunks[chunk, 0] = tree.free_chunk[0]
     tree.free_chunk[0] = chunk

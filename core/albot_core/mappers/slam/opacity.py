@@ -1,11 +1,11 @@
-"""DP-SLAM 2.0's model of the laser: squares that stop a beam with a probability.
+"""DP-SLAM 2.0's laser model: squares that stop a beam with a probability.
 
-A. Eliazar and R. Parr, DP-SLAM 2.0, ICRA 2004, section II. The opacity ρ of a square is how far
-beams go in it, on average, until one stops: the distance that beams went through it divided by how
-many stopped there. A beam that goes x through the square stops with probability 1 - exp(-x / ρ).
-So a square that is half full, seen along its edge, or gone from where it was, is neither occupied
-nor free. A measured range is likely where the beam is likely to stop near it: the probability of
-stopping in each square along the beam, times that of the laser's error for a stop there.
+A. Eliazar and R. Parr, DP-SLAM 2.0, ICRA 2004, section II. The opacity ρ of a square is the mean
+distance that beams go in it until one stops: the total distance of beams through the square divided
+by the number that stopped there. A beam that goes x through the square stops with probability
+1 - exp(-x / ρ). So a square may be partly occupied: half filled, seen along an edge, or changed.
+The likelihood of a measured range is a sum over the squares along the beam: the probability of
+stopping in the square, times the likelihood of the laser's error for a stop there.
 """
 
 from __future__ import annotations
@@ -23,58 +23,58 @@ from albot_core.mappers.slam.tiles import NONE, TILE
 from albot_core.sensing.reading import LaserScan
 
 SLIVER = 1e-9
-"""A beam that goes no farther through a square (m) has only touched its corner."""
+"""Largest distance through a square at which a beam only touches its corner (m)."""
 
 
 class LaserModel(NamedTuple):
-    """The model's numbers, as kernels take them (see `DpSlamConfig`)."""
+    """The parameters of the laser model for kernels (see `DpSlamConfig`)."""
 
     cell: float
     """Side of a square (m)."""
     variance: float
     """Variance of a range (m²)."""
     prior: float
-    """Opacity of a square that was never seen (m)."""
+    """Opacity of an unobserved square (m)."""
     prior_distance: float
-    """How far beams have gone through such a square, as it were (m)."""
+    """Distance of beams through a square that the prior is worth (m)."""
     beyond: float
-    """A beam is followed so far beyond the range that was measured (m)…"""
+    """Distance by which a beam is followed beyond the measured range (m)."""
     reach: float
-    """…but no farther than this (m)."""
+    """Largest distance to which a beam is followed (m)."""
     before_end: float
-    """Where it is judged by its end alone, from so far before it (m)…"""
+    """Start of the section that is weighed first, before the beam's end (m)."""
     after_end: float
-    """…to so far after (m)."""
+    """End of the section that is weighed first, after the beam's end (m)."""
     floor: float
-    """No beam is less likely than this."""
+    """Smallest likelihood of a beam."""
     cull: float
-    """A sample is given up whose logarithm of the likelihood is so much below the best one's."""
+    """A sample is dropped if its log-likelihood is this far below the best one's."""
     passes: int
-    """In so many passes beams are looked at, every so many-th at once."""
+    """Number of passes over the beams; a pass uses every n-th beam, n being this number."""
 
 
 class Beams(NamedTuple):
-    """The beams of a scan that are used."""
+    """The beams of a scan that are used by the filter."""
 
     directions: Float64[np.ndarray, "beams 2"]
     """Unit vectors in the robot's frame."""
     lengths: Float64[np.ndarray, "beams"]
-    """How far they went (m), no farther than the reach."""
+    """Measured ranges (m), limited to the reach."""
     stopped: Bool[np.ndarray, "beams"]
-    """Whether something stopped them there."""
+    """Whether each beam hit something at its length."""
     eye: Float64[np.ndarray, "2"]
-    """Where the laser is in the robot's frame (m)."""
+    """The laser's position in the robot's frame (m)."""
 
 
 def used_beams(scan: LaserScan, most: int, reach: float) -> Beams:
-    """The beams of a scan that are used: each, or as far apart as need be.
+    """Return the beams of a scan that are used: all, or every n-th if there are too many.
 
-    A laser that says 0 has seen nothing, and says nothing of what it did not see.
+    Beams with a range of 0 are dropped: they carry no information.
 
     Args:
         scan: The scan.
-        most: No more of its beams are used.
-        reach: Ranges count no farther than this (m).
+        most: Largest number of beams.
+        reach: Largest range that is used (m).
     """
     geometry = scan.geometry
     every = -(-geometry.beams // most)
@@ -93,16 +93,16 @@ def used_beams(scan: LaserScan, most: int, reach: float) -> Beams:
 def start_walk(
     ray: tuple[float, float, float, float], at: float, cell: float
 ) -> tuple[int, int, int, int, float, float, float, float]:
-    """Begin to walk along a beam from square to square (J. Amanatides, A. Woo, Eurographics 1987).
+    """Start a walk along a beam from square to square (J. Amanatides, A. Woo, Eurographics 1987).
 
     Args:
         ray: x, y of the laser in the map (m); x, y of the beam's unit vector.
-        at: How far from the laser the walk begins (m).
+        at: Distance from the laser at which the walk begins (m).
         cell: Side of a square (m).
 
     Returns:
-        Column and row of the first square; by how much they change; how far it is between lines
-        of the grid, across and up (m); how far from the laser the next ones are (m).
+        Column and row of the first square; their increments; distance between two grid lines
+        along the beam, across and up (m); distance from the laser to the next of each (m).
     """
     x0, y0, ux, uy = ray
     x, y = x0 + at * ux, y0 + at * uy
@@ -127,9 +127,9 @@ def _density(
     column: int,
     prior: float,
 ) -> float:
-    """1 / ρ: how many beams stop in a square, for each metre that they go through it.
+    """Return 1 / ρ: the number of beams that stop in a square, per metre that they go through it.
 
-    So that an empty square needs no infinity.
+    The inverse is used because the opacity of an empty square is infinite.
     """
     if tile == NONE:
         return 1.0 / prior
@@ -156,25 +156,25 @@ def beam_likelihood(
     is_stopped: bool,
     model: LaserModel,
 ) -> float:
-    """How likely a beam is by what a particle knows.
+    """Return the likelihood of a beam in a particle's map.
 
     Args:
         arrays: The map.
         tree: The tree, in order.
         local: The local map.
-        nodes: How many nodes there are.
-        particle: Whose map counts.
+        nodes: Number of nodes.
+        particle: The particle whose map is used.
         ray: x, y of the laser in the map (m); x, y of the beam's unit vector.
-        section: From where to where the beam is followed, from the laser (m).
+        section: Start and end of the section that is followed, as distances from the laser (m).
         measured: The measured range (m).
-        is_stopped: Whether something stopped it there.
-        model: The model's numbers.
+        is_stopped: Whether the beam hit something at this range.
+        model: The laser model.
     """
     at, end = section
     column, row, across, up, delta_x, delta_y, next_x, next_y = start_walk(ray, at, model.cell)
     scale = -0.5 / model.variance
-    # The probability that the beam comes so far is exp(-depth). It is worked out from where on a
-    # stop may be taken for the measured range: those that are farther before it count for nothing.
+    # The beam gets this far with probability exp(-depth). Stops far before the measured range
+    # count for nothing, so exp is only computed near it.
     depth, passed, likelihood = 0.0, -1.0, 0.0
     tile_row, tile_column, tile = row >> 5, column >> 5, tile_at(arrays, row >> 5, column >> 5)
     while at < end:
@@ -187,10 +187,10 @@ def beam_likelihood(
         else:
             leave, next_y, row = next_y, next_y + delta_y, row + up
         leave = min(leave, end)
-        # Most squares are empty for everyone.
+        # Most squares are empty for every particle.
         if density > 0.0 and leave - at > SLIVER:
-            # The source takes the far side of the square for the place of the stop; it is as
-            # likely to be anywhere in it.
+            # The source uses the far side of the square as the place of the stop; the middle is
+            # used here, since the stop may be anywhere in the square.
             off = 0.5 * (at + leave) - measured
             if off > -model.beyond:
                 before = math.exp(-depth) if passed < 0.0 else passed
@@ -202,7 +202,7 @@ def beam_likelihood(
         passed = math.exp(-depth)
     if not is_stopped:
         return likelihood + passed
-    # Something has stopped it: the probability of all stops is 1.
+    # The beam did stop, so the probabilities of all stops are normalised to a sum of 1.
     return likelihood / (1.0 - passed) if passed < 1.0 else 0.0
 
 
@@ -218,22 +218,22 @@ def weigh_samples(
     model: LaserModel,
     logs: np.ndarray,
 ) -> None:
-    """How likely a scan is from each sample's pose, by the map of its parent.
+    """Fill in the log-likelihood of a scan for each sample's pose, in its parent's map.
 
-    First all are judged by where the beams end. Those that have a chance are then judged by the
-    whole of them. Either is done in passes over some of the beams, after each of which samples
-    are given up that are much less likely than the best.
+    In the first phase all samples are weighed by the beams' ends; in the second, those that remain
+    are weighed by the whole beams. Each phase makes several passes over parts of the beams. After
+    each pass, samples that are far less likely than the best one are dropped.
 
     Args:
         arrays: The map.
         tree: The tree, in order.
         local: The local map.
-        nodes: How many nodes there are.
+        nodes: Number of nodes.
         samples: The samples' poses (samples, 3).
-        parents: The particle that each comes from (samples,).
+        parents: The particle that each sample comes from (samples,).
         beams: The scan.
-        model: The model's numbers.
-        logs: The logarithms of the likelihoods (samples,), filled in; -inf where given up.
+        model: The laser model.
+        logs: The log-likelihoods (samples,), filled in; -inf for dropped samples.
     """
     reserve = slots_needed(len(beams.lengths), model)
     logs[:] = 0.0
@@ -270,7 +270,7 @@ def _log_likelihood(
     first: int,
     phase: int,
 ) -> float:
-    """Logarithm of the likelihood of one pass's beams; in phase 0, of their ends alone."""
+    """Return the log-likelihood of one pass's beams; in phase 0, of their ends only."""
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     x = pose[0] + cos * beams.eye[0] - sin * beams.eye[1]
     y = pose[1] + sin * beams.eye[0] + cos * beams.eye[1]
@@ -294,6 +294,6 @@ def _log_likelihood(
 
 @kernel()
 def slots_needed(beams: int, model: LaserModel) -> int:
-    """How many squares a scan can reach."""
+    """Return an upper bound on the number of squares that a scan can touch."""
     length = max(model.reach, model.after_end) + model.beyond + model.after_end
     return int(beams * (1.5 * length / model.cell + 4.0)) + 1

@@ -1,10 +1,10 @@
-"""SLAM by particles, each with a grid map: what `grid-slam` and `gmapping` have in common.
+"""SLAM by particles with a grid map each: the common part of `grid-slam` and `gmapping`.
 
 The filter of D. Hähnel, W. Burgard, D. Fox and S. Thrun, An efficient FastSLAM algorithm for
-generating maps of large-scale cyclic environments from raw laser range measurements, IROS 2003:
-from scan to scan the robot's motion is found by matching each scan with the latest ones; now and
-then the particles move by what came together, each is weighed by how its own map explains the
-scan, and from time to time they are drawn anew. How they move and are weighed is each system's own.
+generating maps of large-scale cyclic environments from raw laser range measurements, IROS 2003.
+Between scans, the robot's motion is found by matching each scan with the latest ones. At an update,
+the particles move by the motion since the last update, each is weighed by how well its own map
+explains the scan, and if necessary they are resampled. Subclasses define the motion and weighing.
 """
 
 from __future__ import annotations
@@ -38,32 +38,32 @@ FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
 
 @dataclass(frozen=True, kw_only=True)
 class ParticleSlamConfig:
-    """Thresholds of SLAM by particles."""
+    """Parameters of SLAM by particles."""
 
     grid: GridConfig = field(default_factory=lambda: GridConfig(reach=15.0))
-    """The maps: log odds in cells of 5 cm, as GMapping's program has them."""
+    """The maps: log odds in cells of 5 cm, as in GMapping's program."""
     matching: MatchingConfig = field(default_factory=MatchingConfig)
-    """How scans are matched with the latest ones, from which the motion follows."""
+    """Matching of a scan with the latest ones, which gives the motion."""
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
-    """How the way home is found."""
+    """Parameters of the search for the way home."""
     particles: int = 30
-    """How many particles."""
+    """Number of particles."""
     step: float = 1.0
-    """A scan is taken in once the robot has gone so far since the last (m)…"""
+    """Distance since the last update after which a scan is used (m)."""
     turn: float = 0.5
-    """…or has turned so far (rad)."""
+    """Turn since the last update after which a scan is used (rad)."""
     drift: float = 0.1
-    """Standard deviation of the position for each metre gone…"""
+    """Standard deviation of the position per distance (m/m)."""
     drift_by_turn: float = 0.1
-    """…and for each radian turned (m/rad)."""
+    """Standard deviation of the position per turn (m/rad)."""
     twist: float = 0.2
-    """Standard deviation of the heading for each radian turned…"""
+    """Standard deviation of the heading per turn (rad/rad)."""
     twist_by_way: float = 0.2
-    """…and for each metre gone (rad/m)."""
+    """Standard deviation of the heading per distance (rad/m)."""
     resample_below: float = 0.5
-    """Particles are drawn anew when the effective number falls below this share of them."""
+    """Particles are resampled if their effective number is below this share of all."""
     longest_step: float = 10.0
-    """No robot goes farther between two readings (m): a longer motion is not believed."""
+    """Largest distance between two readings (m); a longer odometer motion is rejected."""
 
     def __post_init__(self) -> None:
         check_fields(self, FROM_ONE, "particles")
@@ -83,15 +83,15 @@ _SHAPES: dict[str, Shape] = {
     "localised": (),
     "random": (6,),
 }
-"""The arrays of a state, besides those of its parts."""
+"""Shapes of a state's arrays, without those of its parts."""
 
 
 class ParticleSlam(ABC):
-    """SLAM by particles with a grid each; it knows a way home and corrects earlier poses.
+    """SLAM by particles with a grid map each; it knows a way home and corrects earlier poses.
 
     Args:
-        config: All thresholds.
-        name: The name under which the mapper is known.
+        config: All parameters.
+        name: The mapper's name in the registry.
     """
 
     def __init__(self, config: ParticleSlamConfig, name: str) -> None:
@@ -104,12 +104,12 @@ class ParticleSlam(ABC):
 
     @property
     def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
+        """The mapper's entry in the registry."""
         return mapper_spec(self._name)
 
     @property
     def estimate(self) -> Estimate:
-        """Where the likeliest particle is, moved on since the last update."""
+        """The pose of the particle with the largest weight, moved since the last update."""
         particles = self._particles
         return Estimate(
             pose=compose(particles.poses[particles.best], self._motion),
@@ -125,7 +125,7 @@ class ParticleSlam(ABC):
         self._particles.clear()
         self._local.reset()
         self._route.forget()
-        self._pose = np.zeros(3)  # By the latest scans alone, in a frame of its own.
+        self._pose = np.zeros(3)  # From matching with the latest scans alone, in its own frame.
         self._motion = np.zeros(3)
         self._way = np.zeros(2)
         self._is_localised = True
@@ -133,7 +133,7 @@ class ParticleSlam(ABC):
         self._offsets: list[Pose] = []
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading; true where its scan went into the maps.
+        """Process a reading; return whether its scan was entered into the maps.
 
         Raises:
             InputError: The reading lacks a laser scan, or the map would become larger than any
@@ -159,22 +159,22 @@ class ParticleSlam(ABC):
     @property
     @abstractmethod
     def _weight_gain(self) -> float:
-        """By this the logarithms of the weights are multiplied before particles are drawn."""
+        """Factor of the log-weights when weights are computed."""
 
     @abstractmethod
     def _move_and_weigh(
         self, scan: LaserScan, motion: Pose, deviations: Float64[np.ndarray, "3"]
     ) -> None:
-        """Move each particle, and add the logarithm of how likely the scan is to its weight.
+        """Move each particle, and add the log-likelihood of the scan to its log-weight.
 
         Args:
-            scan: What the robot sees now.
-            motion: How it has moved since the last update, in its frame at that time.
-            deviations: The standard deviations of that, along the robot's axes now (m, m, rad).
+            scan: The scan.
+            motion: The motion since the last update, in the robot's frame at that update.
+            deviations: Its standard deviations, along the robot's axes now (m, m, rad).
         """
 
     def _match(self, reading: Reading, scan: LaserScan) -> None:
-        """Find how the robot has moved: by the scan where that can be matched, or the odometer."""
+        """Find the robot's motion: by scan matching if it succeeds, otherwise by the odometer."""
         points = scan_points(scan, self.config.matching)
         if not self._particles.updates:
             self._local.keep(self._pose, points.surface)
@@ -189,13 +189,14 @@ class ParticleSlam(ABC):
             self._local.keep(match.pose, points.surface)
 
     def _has_moved_on(self) -> bool:
-        """Whether the robot has gone or turned far enough since the last update."""
+        """Return whether the robot moved or turned far enough since the last update."""
         return bool(self._way[0] >= self.config.step or self._way[1] >= self.config.turn)
 
     def _deviations(self) -> Float64[np.ndarray, "3"]:
-        """Standard deviations of the motion since the last update, as GMapping's program has them.
+        """Return the standard deviations of the motion since the last update.
 
-        Across the way the robot slips no less than along it; the program says a third.
+        As in GMapping's program, except that the program's sideways deviation is a third of the
+        forward one; here both are equal.
         """
         config, (way, turned) = self.config, self._way.tolist()
         slip = config.drift * way + config.drift_by_turn * turned
@@ -204,7 +205,7 @@ class ParticleSlam(ABC):
 
     @property
     def way_home(self) -> WayHome:
-        """The shortest way home over cells that the likeliest particle believes to be free."""
+        """The shortest way home over cells that are free in the best particle's map."""
         particles = self._particles
 
         def ground() -> Ground:
@@ -215,7 +216,7 @@ class ParticleSlam(ABC):
         return self._route.way_home(particles.updates, pose, ground)
 
     def corrected_poses(self) -> Poses:
-        """The way of the likeliest particle, at every reading, (readings, 3)."""
+        """Return the best particle's path, at every reading, (readings, 3)."""
         particles = self._particles
         if not self._offsets:
             return np.empty((0, 3))
@@ -224,7 +225,7 @@ class ParticleSlam(ABC):
         return poses
 
     def snapshot(self) -> MapSnapshot:
-        """The map and the way of the likeliest particle, and where all of them are."""
+        """Return the best particle's map and path, and the poses of all particles."""
         particles = self._particles
         spread = ParticlesLayer(
             poses=compose(particles.poses, self._motion[None]),
@@ -234,7 +235,7 @@ class ParticleSlam(ABC):
         return MapSnapshot(layers=(particles.grid(particles.best).layer(), way, spread))
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
+        """Return the mapper's state as arrays by name."""
         return {
             **self._particles.state(),
             **self._local.state(),
@@ -248,10 +249,10 @@ class ParticleSlam(ABC):
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`.
+        """Restore the state that `state` returned.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         check_shapes(state, _SHAPES)
         check_finite(state, "pose", "motion", "way", "offsets")

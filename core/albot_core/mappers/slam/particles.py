@@ -1,8 +1,8 @@
-"""Particles: where the robot may be, each with the map that it would then have drawn.
+"""Particles: hypotheses of the robot's path, each with the map that follows from it.
 
-A Rao-Blackwellised particle filter (A. Doucet et al., UAI 2000; K. Murphy, NIPS 1999): each
-particle holds a whole way of the robot, and the grid that follows from it. Grids share the tiles
-in which they do not differ, and ways the beginning that they have in common.
+A Rao-Blackwellised particle filter (A. Doucet et al., UAI 2000; K. Murphy, NIPS 1999). Each
+particle holds a whole path of the robot and a grid. Grids share the tiles in which they do not
+differ; paths share their common beginning.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ _SHAPES: dict[str, Shape] = {
 
 
 class Particles:
-    """Particles with a grid each, which begin at the origin of the map.
+    """Particles with a grid each, which start at the origin of the map.
 
     Args:
-        count: How many.
-        config: How fine the grids are.
+        count: Number of particles.
+        config: Parameters of the grids.
     """
 
     def __init__(self, count: int, config: GridConfig) -> None:
@@ -52,7 +52,7 @@ class Particles:
         self.clear()
 
     def clear(self) -> None:
-        """Begin anew."""
+        """Reset all particles to the origin, with empty maps."""
         self.pool = TilePool()
         """The tiles of all grids."""
         self.index: Int32[np.ndarray, "particles rows columns"]
@@ -61,41 +61,41 @@ class Particles:
         self.corner: Int64[np.ndarray, "2"] = np.zeros(2, np.int64)
         """Row and column of the first entries, counted in tiles from the map's origin."""
         self.poses: Poses = np.zeros((self.count, 3))
-        """Where the robot is by each (map frame), (particles, 3)."""
+        """The robot's pose by each particle (map frame), (particles, 3)."""
         self.log_weights: Float64[np.ndarray, "particles"] = np.zeros(self.count)
-        """Logarithm of how likely each is, to a common constant."""
+        """Log-weight of each particle, up to a common constant."""
         self._parents: Int64[np.ndarray, "particles"] = np.arange(self.count)
         self._way: list[Poses] = []
         self._lineage: list[np.ndarray] = []
 
     @property
     def best(self) -> int:
-        """The likeliest particle; of equals, the first."""
+        """Index of the particle with the largest weight; of several equal ones, the first."""
         return int(np.argmax(self.log_weights))
 
     @property
     def updates(self) -> int:
-        """How often `remember` was called."""
+        """Number of calls of `remember`."""
         return len(self._way)
 
     def weights(self, gain: float = 1.0) -> Float64[np.ndarray, "particles"]:
-        """How likely each is; they sum to 1.
+        """Return the particles' weights; they sum to 1.
 
         Args:
-            gain: By this the logarithms are multiplied first; below 1 it makes them more equal.
+            gain: Factor of the log-weights; below 1 it makes the weights more equal.
         """
         raised = np.exp(gain * (self.log_weights - self.log_weights.max()))
         normalised: Float64[np.ndarray, "particles"] = raised / raised.sum()
         return normalised
 
     def grid(self, particle: int) -> LogOddsGrid:
-        """The map of a particle, as long as nothing is entered."""
+        """Return the map of a particle; it is valid until the next scan or resampling."""
         grid = LogOddsGrid(self._config, self.pool)
         grid.index, grid.corner = self.index[particle], self.corner
         return grid
 
     def integrate(self, scan: LaserScan) -> None:
-        """Enter a scan into each map, at the pose of its particle. The first map is that of all.
+        """Enter a scan into each map, at its particle's pose. All maps share the first scan.
 
         Raises:
             InputError: The grids would become larger than `MOST_TILES` tiles.
@@ -128,13 +128,13 @@ class Particles:
             self.pool.arrays.uses[self.index[0][self.index[0] != NONE]] += self.count - 1
 
     def remember(self) -> None:
-        """Take the present poses into the ways of the particles."""
+        """Append the current poses to the particles' paths."""
         self._way.append(self.poses.copy())
         self._lineage.append(self._parents.copy())
         self._parents = np.arange(self.count)
 
     def trajectory(self, particle: int) -> Float64[np.ndarray, "updates 3"]:
-        """The way of a particle: its poses at each `remember`, in order."""
+        """Return the path of a particle: its poses at each `remember`, in order."""
         way = np.empty((self.updates, 3))
         particle = int(self._parents[particle])
         for update in range(self.updates - 1, -1, -1):
@@ -143,10 +143,10 @@ class Particles:
         return way
 
     def resample(self, weights: Float64[np.ndarray, "particles"], rng: np.random.Generator) -> None:
-        """Draw as many particles as there are, each as often as its weight says.
+        """Resample: draw the same number of particles, with probabilities equal to the weights.
 
-        One random number places a comb of even teeth (systematic resampling; J. Carpenter et al.,
-        IEE Proceedings 1999). All are equally likely afterwards.
+        Systematic resampling (J. Carpenter et al., IEE Proceedings 1999): one random number shifts
+        an even comb. All weights are equal afterwards.
         """
         teeth = (rng.random() + np.arange(self.count)) / self.count
         chosen = np.minimum(np.searchsorted(np.cumsum(weights), teeth), self.count - 1)
@@ -160,7 +160,7 @@ class Particles:
         self._parents = self._parents[chosen]
 
     def state(self) -> dict[str, np.ndarray]:
-        """All of it as arrays by name; each tile once, in the order in which the maps name them."""
+        """Return all data as arrays by name; each tile once, in the order of its first use."""
         tiles, first = np.unique(self.index[self.index != NONE], return_index=True)
         tiles = tiles[np.argsort(first)]
         number = np.full(len(self.pool.arrays.uses) + 1, NONE, np.int32)
@@ -172,15 +172,15 @@ class Particles:
             "particles.parents": np.concatenate((lineage, self._parents[None])),
             "particles.log_weights": self.log_weights.copy(),
             "particles.tiles": self.pool.arrays.cells[tiles].copy(),
-            "particles.index": number[self.index],  # The last of `number` is that of `NONE`.
+            "particles.index": number[self.index],  # The last entry of `number` maps `NONE`.
             "particles.corner": self.corner.copy(),
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the particles that returned `state`, whose maps share the same tiles.
+        """Restore the particles that `state` returned; their maps share tiles as before.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         self._check(state)
         self.clear()
@@ -192,7 +192,7 @@ class Particles:
         tiles = state["particles.tiles"]
         self.pool.reserve(len(tiles))
         cells, uses, _, free_count = self.pool.arrays
-        cells[: len(tiles)] = tiles  # The lowest numbers are the ones taken first.
+        cells[: len(tiles)] = tiles  # The pool hands out the lowest indices first.
         uses[: len(tiles)] = np.bincount(self.index[self.index != NONE], minlength=len(tiles))
         free_count[0] -= len(tiles)
 

@@ -1,9 +1,9 @@
-"""What is matched of a laser scan, and what it is matched with.
+"""The points of a laser scan that are matched, and those that later scans are matched with.
 
-Beams crowd on what is near and are far apart on what is far away. So a scan is matched by points
-that are thinned (`matched_points`), and remembered by points that are filled in along the surfaces
-(`surface_points`): between two beams on one wall there is wall. Without that, points slip into the
-places where earlier beams ended.
+Points are dense on near surfaces and sparse on far ones. So a scan is matched by thinned points
+(`matched_points`), and the local map holds points that are filled in along surfaces
+(`surface_points`), since there is wall between two beams that hit the same wall. Otherwise points
+would be drawn to the places where earlier beams ended.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from albot_core.kernels.compiled import kernel
 from albot_core.sensing.reading import LaserScan
 
 _STRAIGHT = math.cos(math.radians(30.0))
-"""Three neighbouring points lie on one surface where the lines between them turn no more."""
+"""Largest turn between the lines of three neighbouring points on one surface, as its cosine."""
 
 
 def matched_points(
     scan: LaserScan, reach: float, spacing: float
 ) -> tuple[Float64[np.ndarray, "points 2"], Float64[np.ndarray, "points 2"]]:
-    """The points of a scan that are matched, and the normals of the surfaces there.
+    """Return the points of a scan that are matched, and the surface normals there.
 
-    Beams crowd on what is near. So a point is left out that is nearer to the one kept before it
-    than `spacing`.
+    A point is left out if it is nearer than `spacing` to the last kept one, because points are
+    dense on near surfaces.
 
     Args:
         scan: The scan.
-        reach: Points farther from the laser than this (m) are left out, as are those at the
-            laser's own greatest range, where nothing came back.
-        spacing: Least distance between two successive points (m).
+        reach: Largest distance of a point from the laser (m). Ranges of the laser's maximum or
+            above are no returns, and left out.
+        spacing: Smallest distance between two successive points (m).
 
     Returns:
-        The points in the robot's frame (m), and a unit normal for each; (0, 0) where its
-        neighbours do not lie on one line with it.
+        The points in the robot's frame (m), and a unit normal for each; (0, 0) where the
+        neighbours are not on one line with the point.
     """
     most = min(reach, scan.geometry.max_range)
     return _thin(scan.ranges, scan.geometry.directions, scan.geometry.mount[:2], most, spacing)
@@ -45,15 +45,15 @@ def matched_points(
 def surface_points(
     scan: LaserScan, reach: float, spacing: float
 ) -> Float64[np.ndarray, "points 2"]:
-    """All points of a scan, and between two that lie on one surface as many as are needed.
+    """Return all points of a scan, and additional points between neighbours on one surface.
 
-    Two neighbouring beams are taken to lie on one surface where each of them is in one line with
-    its own two neighbours.
+    Two neighbouring points count as on one surface if each is on one line with its own two
+    neighbours.
 
     Args:
         scan: The scan.
         reach: As for `matched_points`.
-        spacing: Two points on a surface are no farther apart (m).
+        spacing: Largest distance between two neighbouring points on a surface (m).
 
     Returns:
         The points in the robot's frame (m).
@@ -99,7 +99,7 @@ def _fill(
     last_x, last_y = 0.0, 0.0
     for k in range(count):
         x, y = _normal(hit, beams, k, count)
-        # A product of 0 where either has no normal.
+        # The product is 0 if either point has no normal.
         if k > 0 and x * last_x + y * last_y > _STRAIGHT:
             dx, dy = hit[k, 0] - hit[k - 1, 0], hit[k, 1] - hit[k - 1, 1]
             pieces[k] = max(1, math.ceil(math.sqrt(dx * dx + dy * dy) / spacing))
@@ -125,10 +125,10 @@ def _find_hits(
     hit: np.ndarray,
     beams: np.ndarray,
 ) -> int:
-    """Fill in where beams ended, in the robot's frame, and which they are; return how many."""
+    """Fill in the beams' ends in the robot's frame, and the beams' indices; return their number."""
     count = 0
     for k in range(len(ranges)):
-        # Nothing is as near as nought: some lasers say so where nothing came back.
+        # A range of 0 is invalid: some lasers report it for no return.
         if 0.0 < ranges[k] < reach:
             hit[count, 0] = mount[0] + ranges[k] * directions[k, 0]
             hit[count, 1] = mount[1] + ranges[k] * directions[k, 1]
@@ -139,7 +139,7 @@ def _find_hits(
 
 @kernel()
 def _normal(hit: np.ndarray, beams: np.ndarray, k: int, count: int) -> tuple[float, float]:
-    """The unit normal at a point by its neighbours; (0, 0) where they are not in one line."""
+    """Return the unit normal at a point from its neighbours; (0, 0) if they are not on a line."""
     if k == 0 or k == count - 1 or beams[k + 1] - beams[k - 1] > 2:
         return 0.0, 0.0
     ax, ay = hit[k, 0] - hit[k - 1, 0], hit[k, 1] - hit[k - 1, 1]

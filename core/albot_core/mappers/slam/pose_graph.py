@@ -1,12 +1,12 @@
-"""The pose graph and its optimum, by GTSAM.
+"""The pose graph and its optimisation with GTSAM.
 
 G. Grisetti, R. Kümmerle, C. Stachniss and W. Burgard, A tutorial on graph-based SLAM, IEEE
-Intelligent Transportation Systems Magazine 2(4), 2010: nodes are poses, edges what was measured
-between two of them. Loop closures may be false. So their errors count by robust functions, and a
-closure that contradicts all others loses its weight (P. Agarwal, G. Tipaldi, L. Spinello, C.
-Stachniss and W. Burgard, Robust map optimization using dynamic covariance scaling, ICRA 2013).
+Intelligent Transportation Systems Magazine 2(4), 2010: nodes are poses, edges are measured relative
+poses. Loop closures may be false, so their errors count by robust kernels, and a closure that
+contradicts all others loses its weight (P. Agarwal, G. Tipaldi, L. Spinello, C. Stachniss and
+W. Burgard, Robust map optimization using dynamic covariance scaling, ICRA 2013).
 
-Nothing is kept of the optimiser between two calls: what it returns follows from the graph alone.
+The optimiser keeps nothing between two calls: its result follows from the graph alone.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from albot_core.mappers.stored_arrays import check_finite, check_shapes
 
 
 class PoseGraph:
-    """Poses, and what was measured between them.
+    """Poses, and the measured relative poses between them.
 
     Args:
-        cauchy: Width of the first robust function, by Cauchy, in standard deviations.
-        dcs: Width of the second, dynamic covariance scaling, in squared standard deviations.
+        cauchy: Width of the first robust kernel, Cauchy's (standard deviations).
+        dcs: Width of the second, dynamic covariance scaling (squared standard deviations).
     """
 
     def __init__(self, cauchy: float, dcs: float) -> None:
@@ -39,23 +39,23 @@ class PoseGraph:
         self.ends: list[tuple[int, int]] = []
         """Source and target of each edge."""
         self.motions: list[Pose] = []
-        """The target seen from the source, of each edge."""
+        """Pose of the target relative to the source, of each edge."""
         self.information: list[Float64[np.ndarray, "3 3"]] = []
         """The inverse covariance of each edge's motion, along the target's own axes."""
         self.closes: list[bool] = []
         """Whether each edge is a loop closure, which may be false."""
         self.closures = 0
-        """How many edges are loop closures."""
+        """Number of edges that are loop closures."""
         self._variances = np.empty((64, 2))
         self._ends = np.empty((64, 2), np.int32)
-        # The ends of edges (2 edge + side) at each pose, as chains: the first, and each one's next.
+        # Linked lists of the edge ends (2 edge + side) at each pose: first end, and next of each.
         self._first = np.full(64, -1, np.int32)
         self._next = np.empty((64, 2), np.int32)
         self._factors: list[Any] = []
 
     @property
     def poses(self) -> Poses:
-        """The poses as believed, (poses, 3); the first is the map's frame."""
+        """The estimated poses, (poses, 3); the first defines the map's frame."""
         return self._poses[: self._count]
 
     @poses.setter
@@ -63,7 +63,7 @@ class PoseGraph:
         self._poses, self._count = poses.copy(), len(poses)
 
     def add_pose(self, pose: Pose) -> None:
-        """Add a pose, which is believed to be there."""
+        """Add a pose with this estimate."""
         if self._count == len(self._poses):
             self._poses = np.concatenate((self._poses, np.empty((self._count + 1, 3))))
         self._poses[self._count] = pose
@@ -78,14 +78,14 @@ class PoseGraph:
         *,
         closes: bool,
     ) -> None:
-        """Add what was measured between two poses.
+        """Add an edge: the measured pose of the target relative to the source.
 
         Args:
-            source: Number of the pose from which it was measured.
-            target: Number of the pose that was measured, a later one.
-            motion: The target seen from the source.
-            information: The inverse of its covariance, along the target's own axes.
-            closes: Whether it is a loop closure, and may be false.
+            source: Index of the source pose.
+            target: Index of the target pose, a later one.
+            motion: Pose of the target relative to the source.
+            information: Inverse covariance of `motion`, along the target's own axes.
+            closes: Whether the edge is a loop closure, which may be false.
         """
         covariance = invert_symmetric(information)
         number = len(self.ends)
@@ -107,10 +107,10 @@ class PoseGraph:
         self.closures += closes
 
     def optimum(self) -> Poses:
-        """The likeliest poses, searched from those believed (Levenberg-Marquardt).
+        """Return the likeliest poses, searched from the estimates (Levenberg-Marquardt).
 
-        First by the first kernel, whose error still pulls from afar, then from there by the second,
-        which gives closures that contradict the others no weight at all.
+        The first search uses the first kernel, which still pulls from far away. The second starts
+        from its result and uses the second kernel, which removes contradictory closures.
         """
         import gtsam
 
@@ -125,7 +125,7 @@ class PoseGraph:
         return np.asarray(gtsam.utilities.extractPose2(values), np.float64)
 
     def _factor_graphs(self) -> list[Any]:
-        """The graph as GTSAM has it, by each kernel, with the edges added since."""
+        """Return the graph in GTSAM's form, once per kernel, with all new edges added."""
         import gtsam
 
         models = gtsam.noiseModel
@@ -148,18 +148,18 @@ class PoseGraph:
         return self._factors
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but what GTSAM holds, which is made again from the edges."""
+        """Return all but GTSAM's data, which are made again from the edges."""
         return self.__dict__ | {"_factors": []}
 
     def spreads(self, node: int) -> tuple[Float64[np.ndarray, "poses"], Int32[np.ndarray, "poses"]]:
-        """How unsure the positions of all poses are, seen from one.
+        """Return the uncertainty of the positions of all poses, relative to one.
 
-        By the surest path of edges (E. Olson, Recognizing places using spectrally clustered local
-        matches, Robotics and Autonomous Systems 57, 2009: the Dijkstra projection). A turn's error
-        counts at a lever of `LEVER` here, and as it is in `deviations`.
+        Along the path of edges with the least variance (E. Olson, Recognizing places using
+        spectrally clustered local matches, Robotics and Autonomous Systems 57, 2009: the Dijkstra
+        projection). Heading errors count at a lever of `LEVER` here; `deviations` is exact.
 
         Returns:
-            The variance along the path (m²), and the last edge of each path, -1 for none.
+            The variance along each path (m²), and the last edge of each path; -1 for none.
         """
         count, size = len(self.ends), self._count
         far, last = np.full(size, np.inf), np.full(size, -1, np.int32)
@@ -170,18 +170,18 @@ class PoseGraph:
     def deviations(
         self, node: int, other: int, last: Int32[np.ndarray, "poses"]
     ) -> tuple[float, float]:
-        """Standard deviations of a pose seen from another: position (m), heading (rad).
+        """Return the standard deviations of a relative pose: position (m), heading (rad).
 
         Args:
-            node: The pose from which `spreads` was asked.
+            node: The pose that `spreads` was called with.
             other: The other pose.
-            last: What `spreads` returned.
+            last: The last edges that `spreads` returned.
         """
         position, heading = add_errors(self._poses, self._ends, self._variances, last, node, other)
         return math.sqrt(position), math.sqrt(heading)
 
     def state(self) -> dict[str, np.ndarray]:
-        """The poses and edges, as arrays by name."""
+        """Return the poses and edges, as arrays by name."""
         return {
             "keyframes.pose": self.poses.copy(),
             "edges.ends": np.array(self.ends, np.int64).reshape(-1, 2),
@@ -191,10 +191,10 @@ class PoseGraph:
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become, when empty, the graph that returned `state`.
+        """Restore the graph that `state` returned. This graph must be empty.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         _check_state(state)
         self.poses = state["keyframes.pose"]
@@ -209,7 +209,7 @@ class PoseGraph:
 
 
 def _check_state(state: Mapping[str, np.ndarray]) -> None:
-    """Raise InputError where the arrays are none that a state holds."""
+    """Raise InputError if the arrays are not a valid state."""
     shapes: dict[str, tuple[str | int, ...]] = {
         "keyframes.pose": ("keyframes", 3),
         "edges.ends": ("edges", 2),
@@ -233,12 +233,12 @@ def _check_state(state: Mapping[str, np.ndarray]) -> None:
 
 
 LEVER = 5.0
-"""A turn's error moves what is so far away (m)."""
+"""Distance at which an error of heading counts as one of position in `spreads` (m)."""
 
 
 @kernel(arrays=True)
 def invert_symmetric(matrix: np.ndarray) -> np.ndarray:
-    """The inverse of a symmetric 3 by 3 matrix, to the last bit symmetric as well."""
+    """Return the inverse of a symmetric 3 by 3 matrix; the result is exactly symmetric."""
     a, b, c = matrix[0, 0], matrix[0, 1], matrix[0, 2]
     d, e, f = matrix[1, 1], matrix[1, 2], matrix[2, 2]
     one, two, three = d * f - e * e, c * e - b * f, b * e - c * d
@@ -266,17 +266,17 @@ def find_surest_paths(
 ) -> None:
     """Find the paths of least weight from one pose to all others.
 
-    By a queue of poses whose neighbours are to be looked at (again): the graph is a chain with some
-    shortcuts, in which few poses enter it twice.
+    Uses a queue of poses whose neighbours must be examined (again). The graph is a chain with some
+    shortcuts, so few poses enter the queue twice.
 
     Args:
         ends: Source and target of each edge (edges, 2).
-        weights: The edges' weights (edges,), none negative.
-        following: The next end of an edge at the same pose, as 2 edge + side; -1 for none.
-        first: The first end at each pose.
-        start: The pose that the paths begin at.
-        far: Infinity; filled in with the weights of the paths (poses,).
-        last: -1; filled in with the last edge of each pose's path.
+        weights: The edges' weights (edges,), not negative.
+        following: The next edge end at the same pose, as 2 edge + side; -1 for none.
+        first: The first edge end at each pose.
+        start: The start of the paths.
+        far: Infinity at first; filled in with the weights of the paths (poses,).
+        last: -1 at first; filled in with the last edge of each pose's path.
     """
     size = len(far)
     queue, is_waiting = np.empty(size + 1, np.int64), np.zeros(size, np.bool_)
@@ -309,21 +309,21 @@ def add_errors(
     node: int,
     other: int,
 ) -> tuple[float, float]:
-    """Variances of a pose seen from another, along the path that `find_surest_paths` found.
+    """Return the variances of a relative pose, along the path found by `find_surest_paths`.
 
     Args:
         poses: The poses (poses, 3).
         ends: Source and target of each edge (edges, 2).
-        variances: Of each edge: position (m²), heading (rad²), (edges, 2).
+        variances: Variances of each edge: position (m²), heading (rad²), (edges, 2).
         last: The last edge of each path from `node`.
-        node: The pose that the paths begin at.
+        node: The start of the paths.
         other: The other pose.
     """
     position = heading = 0.0
     one = other
     while one != node:
         edge = last[one]
-        # A turn's error moves the other pose by the distance that it is away.
+        # An error of heading moves the other pose in proportion to its distance.
         x, y = poses[one, 0] - poses[other, 0], poses[one, 1] - poses[other, 1]
         position += variances[edge, 0] + variances[edge, 1] * (x * x + y * y)
         heading += variances[edge, 1]

@@ -1,13 +1,12 @@
-"""The gradient refinement of a matched pose, from the grid of poses to below a cell.
+"""Gradient refinement of a matched pose, from the grid of poses to below a cell.
 
-The score is the sum of the points' likelihoods, as in `correlation`, in a field that is
-interpolated by cubics between cells, as by Hess et al. (ICRA 2016): by straight lines it would be
-flat between two cells at equal distances from a wall. The likelihood of a point at a distance d
-from its surface is exp(-d² / 2σ²), and so the score is that of a robust estimate by Welsch's
-function. Its Gauss-Newton step weighs each point by its likelihood (iteratively reweighted least
-squares), and takes it to move along the normal of its surface alone, as in A. Censi, An ICP variant
-using a point-to-line metric, ICRA 2008. Steps that make it worse are taken shorter
-(Levenberg-Marquardt).
+The score is the sum of the points' likelihoods, as in `correlation`. The field is interpolated by
+cubics between cells, as by Hess et al. (ICRA 2016); linear interpolation would be flat between two
+cells at equal distances from a wall. The likelihood of a point at a distance d from its surface is
+exp(-d² / 2σ²), so the score is a robust estimate with Welsch's function. A Gauss-Newton step weighs
+each point by its likelihood (iteratively reweighted least squares), and lets it move along the
+normal of its surface only, as in A. Censi, An ICP variant using a point-to-line metric, ICRA 2008.
+A step that lowers the score is repeated with more damping (Levenberg-Marquardt).
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from albot_core.mappers.slam.likelihood_field import CERTAIN, LikelihoodField
 
 _ITERATIONS = 12
 _LEAST_STEP = 1e-5
-"""The search ends with a step shorter than this (m, rad)."""
+"""The search ends after a step shorter than this (m, rad)."""
 _DAMPING, _MOST_DAMPING = 1e-3, 1e4
 
 _six = scratch(6)
@@ -33,14 +32,14 @@ _four = scratch(4)
 
 
 class Refinement(NamedTuple):
-    """A pose where the score has its maximum."""
+    """A pose at which the score has a maximum."""
 
     pose: Pose
     """The pose."""
     response: float
     """The mean likelihood of the points, within [0, 1]."""
     information: Float64[np.ndarray, "3 3"]
-    """How sharp the maximum is, without the prior: the inverse of the pose's covariance if the
+    """Curvature of the maximum without the prior: the inverse of the pose's covariance if the
     points were independent (1/m², 1/m, 1/rad²)."""
 
 
@@ -52,15 +51,15 @@ def refine(
     guess: Pose,
     prior: Float64[np.ndarray, "3"],
 ) -> Refinement:
-    """The maximum of the score that is uphill from a pose.
+    """Find the maximum of the score uphill from a pose.
 
     Args:
-        field: Where points are likely.
+        field: The likelihood field.
         points: The scan's points in the robot's frame (m).
-        normals: The unit normals of what they lie on; (0, 0) where they are not known.
-        start: Where the search begins.
-        guess: The pose that the odometer says.
-        prior: As for `correlate`.
+        normals: The unit surface normals at the points; (0, 0) where unknown.
+        start: The pose at which the search begins.
+        guess: The odometer's pose.
+        prior: As in `correlate`.
     """
     pose, information = np.empty(3), np.empty((3, 3))
     response = climb(
@@ -93,7 +92,7 @@ def climb(
     pose: np.ndarray,
     information: np.ndarray,
 ) -> float:
-    """The same as `refine` on arrays; fills in `pose` and `information`, returns the response."""
+    """Run `refine` on arrays; fill in `pose` and `information`, return the response."""
     gradient, matrix, tried = _three(), _six(), _three()
     next_gradient, next_matrix = _three(), _six()
     for a in range(3):
@@ -137,7 +136,7 @@ def _score_at(
     gradient: np.ndarray,
     matrix: np.ndarray,
 ) -> float:
-    """The score at a pose; fills in its gradient and the upper half of its curvature's matrix."""
+    """Return the score at a pose; fill in its gradient and its upper Gauss-Newton matrix."""
     finest, corner, cell, sigma = field
     points, normals = scan
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
@@ -180,7 +179,7 @@ def _score_at(
         nx = cos * normals[k, 0] - sin * normals[k, 1]
         ny = sin * normals[k, 0] + cos * normals[k, 1]
         if nx == 0.0 and ny == 0.0:
-            # Of an unknown normal: half as sure in every direction.
+            # Unknown normal: half the information in every direction.
             xx, xy, yy = 0.5, 0.0, 0.5
         else:
             xx, xy, yy = nx * nx, nx * ny, ny * ny
@@ -200,10 +199,10 @@ def _score_at(
 
 @kernel()
 def _weigh(t: float, weights: np.ndarray, slopes: np.ndarray) -> None:
-    """Fill in the weights of four values in a row, and their derivatives.
+    """Fill in the weights of four values in a row, and the weights' derivatives.
 
-    They are those at t of the way between the middle two, of a cubic through these with the slopes
-    of the lines between their neighbours (Catmull-Rom).
+    They interpolate at t of the way between the middle two values, by a cubic whose slopes there
+    are those of the lines between the neighbours (Catmull-Rom).
     """
     weights[0] = 0.5 * t * (t * (2.0 - t) - 1.0)
     weights[1] = 0.5 * (t * t * (3.0 * t - 5.0) + 2.0)
@@ -219,7 +218,7 @@ def _weigh(t: float, weights: np.ndarray, slopes: np.ndarray) -> None:
 def _solve(
     matrix: np.ndarray, prior: np.ndarray, gradient: np.ndarray, damping: float
 ) -> tuple[float, float, float]:
-    """The step that the damped equations give, by Cholesky's factors."""
+    """Return the step that solves the damped equations, by a Cholesky decomposition."""
     grown = 1.0 + damping
     a = (matrix[0] + 2.0 * prior[0]) * grown + 1e-9
     b, c = matrix[1], matrix[2]

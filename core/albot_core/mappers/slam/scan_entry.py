@@ -1,7 +1,7 @@
-"""How a scan enters the map of DP-SLAM: as observations of a node, by the pose of its particle.
+"""Entry of a scan into DP-SLAM's map: observations of a node, at its particle's pose.
 
-A. Eliazar and R. Parr, DP-SLAM 2.0, ICRA 2004: a beam adds to each square that it crosses the
-distance that it went there, and to the one where it stopped a stop (see `opacity`).
+A. Eliazar and R. Parr, DP-SLAM 2.0, ICRA 2004: a beam adds its distance in each square that it
+crosses, and a stop in the square where it ended (see `opacity`).
 """
 
 from __future__ import annotations
@@ -46,22 +46,22 @@ def enter_scan(
     """Enter a scan into the map, as a node's observations.
 
     Args:
-        arrays: The map, with tiles to spare.
+        arrays: The map, with enough free tiles.
         tree: The tree, in order.
         local: The local map.
-        nodes: How many nodes there are.
-        particle: The particle whose descendant the node is, for what was known before.
+        nodes: Number of nodes.
+        particle: The parent particle of the node, whose earlier knowledge is used.
         node: The node.
         pose: x, y, heading of the robot (3,).
         beams: The scan.
-        model: The model's numbers.
+        model: The laser model.
         seen: Zeros for every row of the local map: beams stopped and distance (slots, 2); zeros
             again at the end.
-        touched: Room for as many numbers.
-        lacking: How many places for observations and chunks there must be (2,), filled in.
+        touched: Scratch buffer, one number per row.
+        lacking: Number of places for observations and of free chunks needed (2,), filled in.
 
     Returns:
-        Whether it is entered. If not, there was too little room, and nothing is changed.
+        Whether the scan was entered. If not, there was too little room, and nothing has changed.
     """
     if local.rows[0] + slots_needed(len(beams.lengths), model) > len(local.squares):
         clear_local_map(arrays, local)
@@ -102,7 +102,7 @@ def enter_scan(
 def _made_slot(
     arrays: MapArrays, tree: TreeArrays, local: LocalMap, nodes: int, row: int, column: int
 ) -> int:
-    """The row in the local map of a square, whose tile is made if need be."""
+    """Return a square's row in the local map; make the square's tile if necessary."""
     square = made_square_at(arrays, row, column)
     slot = arrays.slot[square]
     if slot == 0:
@@ -121,13 +121,13 @@ def _add_seen(
     slots: np.ndarray,
     prior_distance: float,
 ) -> None:
-    """Add what was seen to what the particle knew, as the node's observations."""
-    # Of most nodes it is the first scan.
+    """Enter the node's observations: the particle's earlier knowledge plus what was seen."""
+    # For most nodes this is the first scan.
     has_observed = tree.chunk[node] != NONE
     for slot in slots:
         stopped, distance = local.beams[slot, particle, 0], local.beams[slot, particle, 1]
         if distance == 0.0:
-            # A square's prior counts for so much distance, but for no beam that stopped.
+            # The prior of an unobserved square counts as some distance, but no stopped beam.
             distance = np.float32(prior_distance)
         square = local.squares[slot]
         own = own_observation(arrays, square, node) if has_observed else NONE
@@ -142,8 +142,8 @@ def _add_seen(
 
 @kernel()
 def _has_room(arrays: MapArrays, local: LocalMap, slots: np.ndarray, lacking: np.ndarray) -> bool:
-    """Whether there is room for one more observation of each of some squares."""
-    # Blocks of each size that are needed beyond those that are free.
+    """Return whether there is room for one more observation of each of these squares."""
+    # Number of blocks of each size needed in addition to the free ones.
     blocks = _block_counts()
     for size in range(SIZES):
         blocks[size] = -arrays.free_counts[size]

@@ -1,10 +1,10 @@
-"""Incremental scan matching: each scan is laid where it fits the latest ones best.
+"""Incremental scan matching: each scan is placed where it best fits the latest ones.
 
 The method of CARMEN's `vasco` (Thrun, Burgard and Fox, A real-time algorithm for mobile robot
 mapping with applications to multi-robot and 3D mapping, ICRA 2000, section 2; Montemerlo, Roy and
-Thrun, CARMEN, IROS 2003): the likeliest pose given the odometer and the map of the latest scans. No
-loop is ever closed: an error once made stays. Where vasco climbs from the odometer's pose, the pose
-here is the best of a window (Olson, ICRA 2009).
+Thrun, CARMEN, IROS 2003): the likeliest pose given the odometry and the map of the latest scans. No
+loop is closed, so errors are never corrected. Vasco climbs from the odometer's pose; here the pose
+is the best of a window (Olson, ICRA 2009).
 """
 
 from __future__ import annotations
@@ -34,30 +34,30 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, kw_only=True)
 class ScanMatchingConfig:
-    """Thresholds of incremental scan matching."""
+    """Parameters of incremental scan matching."""
 
     matching: MatchingConfig = field(default_factory=MatchingConfig)
-    """How scans are matched."""
+    """Matching of a scan with the latest ones."""
     grid: GridConfig = field(default_factory=GridConfig)
     """The occupancy grid."""
     way_home: WayHomeConfig = field(default_factory=WayHomeConfig)
-    """How the way home is found."""
+    """Parameters of the search for the way home."""
     longest_step: float = 10.0
-    """No robot goes farther between two readings (m): a longer motion is not believed."""
+    """Largest distance between two readings (m); a longer odometer motion is rejected."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "longest_step")
 
 
 def believed_motion(reading: Reading, longest: float, by: str) -> tuple[Pose, bool]:
-    """The odometer's motion, and whether it is believed; no motion where it is not.
+    """Return the odometer's motion, and whether it is plausible; no motion if it is not.
 
-    An odometer that jumps by kilometres would lead the map there. The robot is taken to be where it
-    was, and a warning is logged.
+    An implausible motion is a jump, which would make the map grow by kilometres. The robot is then
+    assumed not to have moved, and a warning is logged.
 
     Args:
         reading: The reading.
-        longest: No robot goes farther between two readings (m).
+        longest: Largest plausible distance between two readings (m).
         by: The mapper's name, for the warning.
     """
     gone = math.hypot(reading.motion[0], reading.motion[1])
@@ -74,11 +74,11 @@ def believed_motion(reading: Reading, longest: float, by: str) -> tuple[Pose, bo
 
 
 class ScanMatching:
-    """Incremental scan matching, which knows a way home (`RouteHome`).
+    """The mapper incremental scan matching, which knows a way home (`RouteHome`).
 
     Args:
-        config: All thresholds.
-        name: The name under which the mapper is known.
+        config: All parameters.
+        name: The mapper's name in the registry.
     """
 
     def __init__(
@@ -92,12 +92,12 @@ class ScanMatching:
 
     @property
     def spec(self) -> MapperSpec:
-        """What is known of it by its name."""
+        """The mapper's entry in the registry."""
         return mapper_spec(self._name)
 
     @property
     def estimate(self) -> Estimate:
-        """Where the latest match says that the robot is; it is lost where there was none."""
+        """The robot's pose by the latest match; the robot counts as lost if there was none."""
         return Estimate(
             pose=self._pose.copy(),
             home=np.zeros(3),
@@ -107,7 +107,7 @@ class ScanMatching:
         )
 
     def reset(self, rng: np.random.Generator) -> None:
-        """Forget everything; the next reading is the first. It draws no random number."""
+        """Forget everything; the next reading is the first. Draws no random number."""
         self._local.reset()
         self._grid = LogOddsGrid(self.config.grid)
         self._pose = np.zeros(3)
@@ -118,7 +118,7 @@ class ScanMatching:
         self._route.forget()
 
     def update(self, reading: Reading) -> bool:
-        """Take in a reading; true where its scan was added to the map.
+        """Process a reading; return whether its scan was added to the map.
 
         Raises:
             InputError: The reading lacks a laser scan, or the map would become larger than any
@@ -143,7 +143,7 @@ class ScanMatching:
 
     @property
     def way_home(self) -> WayHome:
-        """The shortest way home over cells that are believed to be free."""
+        """The shortest way home over cells that are free in the map."""
 
         def ground() -> Ground:
             return self._grid.ground(self._trajectory()[: self._kept_at + 1, :2])
@@ -151,11 +151,11 @@ class ScanMatching:
         return self._route.way_home(self._updates, self._pose, ground)
 
     def snapshot(self) -> MapSnapshot:
-        """The grid, and where the robot went."""
+        """Return the grid and the trajectory."""
         return MapSnapshot(layers=(self._grid.layer(), TrajectoryLayer(poses=self._trajectory())))
 
     def state(self) -> dict[str, np.ndarray]:
-        """Everything the mapper remembers, as arrays by name."""
+        """Return the mapper's state as arrays by name."""
         return {
             "pose": self._pose.copy(),
             "poses": self._trajectory(),
@@ -165,10 +165,10 @@ class ScanMatching:
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Become the mapper that returned `state`.
+        """Restore the state that `state` returned.
 
         Raises:
-            InputError: The arrays are none that a state holds.
+            InputError: The arrays are not a valid state.
         """
         check_shapes(state, {"pose": (3,), "poses": ("readings", 3), "counts": (3,)})
         check_finite(state, "pose", "poses")

@@ -1,9 +1,8 @@
-"""Tiles of cells, which grids may share until one of them writes (copy on write).
+"""Tiles of cells that grids share until one of them writes (copy on write).
 
-The tiles of all grids that share a pool lie in one array. A grid is an index of them. A grid that
-is forked shares its tiles with the fork until one of the two writes to them, so that particles pay
-only for the ground in which their maps differ. Pool and index are plain arrays, which the kernels
-take as they are.
+The tiles of all grids of a pool lie in one array; a grid is an index of them. A forked grid shares
+its tiles with the original until one of the two writes to them, so particles only use memory for
+the tiles in which their maps differ. Pool and index are plain arrays, which kernels use directly.
 """
 
 from __future__ import annotations
@@ -20,27 +19,27 @@ TILE_BITS = 5
 TILE = 1 << TILE_BITS
 """Cells along each side of a tile."""
 NONE = -1
-"""In an index: no tile, the ground is unknown."""
+"""Entry of an index without a tile: the ground is unknown."""
 MOST_TILES = 1 << 17
-"""An index has no more entries, which is ground of 580 m by 580 m in cells of 5 cm. More than that
-is no building, but a robot that does not know where it is."""
+"""Largest number of entries of an index: ground of 580 m by 580 m in cells of 5 cm. A larger map
+is not a building, but the result of a lost robot."""
 
 
 class PoolArrays(NamedTuple):
-    """The tiles of all grids that share them: kernels write to these."""
+    """The tiles of all grids of a pool, in arrays that kernels write to."""
 
     cells: Float32[np.ndarray, "tiles 32 32"]
     """Log odds of the cells, by row (y) and column (x)."""
     uses: Int32[np.ndarray, "tiles"]
-    """How many grids have each tile; 0 where it is free."""
+    """Number of grids that use each tile; 0 for a free tile."""
     free: Int32[np.ndarray, "tiles"]
-    """The free tiles: the first so many of this stack…"""
+    """Stack of the free tiles."""
     free_count: Int64[np.ndarray, "1"]
-    """…as stand here."""
+    """Number of free tiles: the length of the stack."""
 
 
 class TilePool:
-    """The tiles of grids that may share them."""
+    """A pool of tiles, which several grids may share."""
 
     def __init__(self) -> None:
         self.arrays = PoolArrays(
@@ -53,9 +52,9 @@ class TilePool:
         self._touched = np.empty(0, np.int32)
 
     def marks(self, half: int) -> tuple[UInt8[np.ndarray, "cells"], Int32[np.ndarray, "cells+1"]]:
-        """What `integrate_scan` needs to work in, for cells within `half` of the laser's.
+        """Return the scratch buffers of `integrate_scan`, for cells within `half` of the laser.
 
-        The grids use it in turn: a map of every particle's own would cost more than the map.
+        All grids use them in turn: buffers for each particle would be larger than the maps.
         """
         cells = (2 * half + 1) ** 2
         if len(self._marks) != cells:
@@ -64,18 +63,18 @@ class TilePool:
 
     @property
     def used(self) -> int:
-        """How many tiles are in use, each counted once: what the maps take in memory."""
+        """Number of tiles in use, each counted once."""
         return len(self.arrays.uses) - int(self.arrays.free_count[0])
 
     def reserve(self, tiles: int) -> None:
-        """Have so many free tiles at hand."""
+        """Make sure that there are at least this many free tiles."""
         cells, uses, free, count = self.arrays
         missing = tiles - int(count[0])
         if missing <= 0:
             return
         before, more = len(uses), max(missing, len(uses) // 2)
         free = np.concatenate((free, np.zeros(more, np.int32)))
-        # The lowest numbers are taken first.
+        # The lowest indices are used first.
         free[count[0] : count[0] + more] = np.arange(before + more - 1, before - 1, -1)
         self.arrays = PoolArrays(
             np.concatenate((cells, np.zeros((more, TILE, TILE), np.float32))),
@@ -88,7 +87,7 @@ class TilePool:
 def tiles_around(
     x: float, y: float, reach: float, cell: float
 ) -> tuple[Int64[np.ndarray, "2"], Int64[np.ndarray, "2"]]:
-    """Row and column of the first tile of the ground around a point (m), and beyond the last."""
+    """Return row and column of the first tile around a point (m), and after the last one."""
     side = TILE * cell
     low = np.floor(np.array((y - reach, x - reach)) / side).astype(np.int64)
     high = np.floor(np.array((y + reach, x + reach)) / side).astype(np.int64) + 1
@@ -102,25 +101,25 @@ def extend_index(
     high: Int64[np.ndarray, "2"],
     side: float,
 ) -> tuple[Int32[np.ndarray, "*grids more_rows more_columns"], Int64[np.ndarray, "2"]]:
-    """An index, or some of the same shape, with room for the tiles from `low` to before `high`.
+    """Return an index, or several, with room for the tiles from `low` to before `high`.
 
     Args:
-        index: The tiles; as many grids' as there are axes before the last two.
+        index: The tiles; axes before the last two count grids with equal shapes.
         corner: Row and column of the first entry, in tiles from the map's origin.
-        low: Row and column of the first tile that must have room.
-        high: Those after the last.
-        side: Side of a tile (m), for the error.
+        low: Row and column of the first tile that needs room.
+        high: Row and column after the last such tile.
+        side: Side of a tile (m), for the error message.
 
     Returns:
-        The index, the same one where it has the room, and its corner.
+        The index (unchanged if it has the room), and its corner.
 
     Raises:
-        InputError: It would have more than `MOST_TILES` entries.
+        InputError: The index would have more than `MOST_TILES` entries.
     """
     if index.size:
         low = np.minimum(low, corner)
         high = np.maximum(high, corner + index.shape[-2:])
-    # As Python's own numbers, which do not overflow.
+    # Python's own integers do not overflow.
     rows, columns = (int(end) - int(begin) for begin, end in zip(low, high, strict=True))
     if rows * columns > MOST_TILES:
         raise InputError(
@@ -139,7 +138,7 @@ def extend_index(
 
 @kernel()
 def take_tile(pool: PoolArrays) -> int:
-    """The number of a free tile, which then has one user; what its cells hold is anything."""
+    """Return a free tile, which then has one user. Its cells are uninitialised."""
     pool.free_count[0] -= 1
     tile = pool.free[pool.free_count[0]]
     pool.uses[tile] = 1
@@ -148,9 +147,9 @@ def take_tile(pool: PoolArrays) -> int:
 
 @kernel()
 def writable_tile(pool: PoolArrays, index: np.ndarray, row: int, column: int) -> int:
-    """The tile at a place of an index, made or copied if need be so that the grid has it alone.
+    """Return the tile at a place of an index; make or copy it if the grid is not its only user.
 
-    There must be a free one.
+    There must be a free tile.
     """
     tile = index[row, column]
     if tile != NONE and pool.uses[tile] == 1:
@@ -167,7 +166,7 @@ def writable_tile(pool: PoolArrays, index: np.ndarray, row: int, column: int) ->
 
 @kernel()
 def release_tiles(pool: PoolArrays, index: np.ndarray) -> None:
-    """Give up all tiles of an index, which holds none afterwards."""
+    """Release all tiles of an index, and empty it."""
     for row in range(index.shape[0]):
         for column in range(index.shape[1]):
             tile = index[row, column]
@@ -184,7 +183,7 @@ def release_tiles(pool: PoolArrays, index: np.ndarray) -> None:
 def log_odds_at(
     pool: PoolArrays, index: np.ndarray, corner: np.ndarray, row: int, column: int
 ) -> float:
-    """The log odds of a cell, counted from the map's origin; 0 where nothing is known."""
+    """Return the log odds of a cell by row and column in the map; 0 where nothing is known."""
     tile_row, tile_column = row // TILE - corner[0], column // TILE - corner[1]
     if not (0 <= tile_row < index.shape[0] and 0 <= tile_column < index.shape[1]):
         return 0.0

@@ -1,4 +1,4 @@
-"""The way home of a metric map: the shortest one over cells that are believed to be free."""
+"""The way home in a metric map: the shortest path over free cells."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from albot_core.ranges import POSITIVE, check_fields
 
 @dataclass(frozen=True, kw_only=True)
 class WayHomeConfig:
-    """How ways over a grid are found, with the lengths of `OccupancyGridConfig` in planning."""
+    """Parameters of the search for paths over a grid; cf. `OccupancyGridConfig` in planning."""
 
     coarser: int = 2
-    """So many by so many cells of the map are one of the search; blocked where any of them is. A
-    power of two."""
+    """Number of map cells along each side of a search cell, a power of two. A search cell is
+    blocked if any of its map cells is occupied."""
     radius: float = 0.28
-    """Ways keep the robot's middle so far from what is occupied (m)…"""
+    """Smallest distance of the robot's centre from occupied cells (m)."""
     wide: float = 0.45
-    """…and are twice as long to it where they come nearer than this (m)."""
+    """Distance from occupied cells below which path length counts twice (m)."""
     stood: float = 0.25
-    """Ground is free so far around where the robot was (m): a laser that looks ahead never sees the
-    place where it set out."""
+    """Radius around the robot's earlier positions in which ground counts as free (m); a laser that
+    looks ahead never sees the starting place."""
     ahead: float = 2.0
-    """How far ahead the point lies that is shown on the way (m)."""
+    """Distance along the path of the point that is reported (m)."""
 
     def __post_init__(self) -> None:
         check_fields(self, POSITIVE, "radius", "wide", "stood", "ahead")
@@ -49,12 +49,12 @@ class WayHomeConfig:
 
 
 class RouteKeeper:
-    """The route home of a map, found anew when the map has changed, and the robot's way along it.
+    """The route home of a map, searched again when the map has changed.
 
-    What it gives follows from the map and the robot's pose alone: nothing of it is to be stored.
+    The result follows from the map and the robot's pose alone, so no state must be saved.
 
     Args:
-        config: All thresholds.
+        config: All parameters.
     """
 
     def __init__(self, config: WayHomeConfig) -> None:
@@ -62,16 +62,16 @@ class RouteKeeper:
         self.forget()
 
     def forget(self) -> None:
-        """Find the route anew when it is asked for next."""
+        """Search the route again at the next call of `way_home`."""
         self._known: tuple[object, Points | None] | None = None
 
     def way_home(self, version: object, pose: Pose, ground: Callable[[], Ground]) -> WayHome:
-        """The way home from where the robot is, along the route.
+        """Return the way home from the robot's pose, along the route.
 
         Args:
-            version: Another one than before where the map has changed since.
-            pose: Where the robot is.
-            ground: Gives the map, which is asked for only where the route is to be found anew.
+            version: Changes whenever the map has changed.
+            pose: The robot's pose.
+            ground: Returns the map; only called if the route must be searched again.
         """
         if self._known is None or self._known[0] != version:
             self._known = version, find_route(ground(), self._config)
@@ -79,25 +79,25 @@ class RouteKeeper:
 
 
 class Ground(NamedTuple):
-    """Where a route is looked for."""
+    """The map in which a route is searched."""
 
     belief: Float32[np.ndarray, "rows columns"]
-    """Of each cell: above 0 where it is occupied, below 0 where it is free, 0 where unknown."""
+    """State of each cell: above 0 if occupied, below 0 if free, 0 if unknown."""
     corner: Float64[np.ndarray, "2"]
-    """x, y of the outer corner of the first cell (m), a whole number of the search's cells…"""
+    """x, y of the outer corner of the first cell (m); a multiple of the search cell's side."""
     cell: float
-    """…each of which has some of this side (m)."""
+    """Side of a cell (m)."""
     stood: Points
-    """Where the robot has been (m), (n, 2), home first. The route begins at the last."""
+    """The robot's positions so far (m), (n, 2), home first. The route starts at the last one."""
 
 
 def find_route(ground: Ground, config: WayHomeConfig) -> Points | None:
-    """The shortest way from where the robot stood last to where it stood first.
+    """Find the shortest path from the robot's last position to its first one.
 
-    It leads over free cells; where home itself is too near to an obstacle, to near by.
+    The path leads over free cells. If home is too near to an obstacle, it ends close to home.
 
     Returns:
-        Points along the way, (n, 2), home's cell last; None where there is none.
+        Points along the path, (n, 2), home's cell last; None if there is no path.
     """
     stood, cell = ground.stood, ground.cell * config.coarser
     if len(stood) < 2:
@@ -117,14 +117,14 @@ def find_route(ground: Ground, config: WayHomeConfig) -> Points | None:
 
 
 def way_along(route: Points | None, pose: Pose, ahead: float) -> WayHome:
-    """The way home from where the robot is: to the nearest point of a route, and on along it.
+    """Return the way home from a pose: to the nearest point of a route, then along the route.
 
-    Its travel is infinite where there is no route.
+    Its travel is infinite if there is no route.
 
     Args:
-        route: Points along the way, home last.
-        pose: Where the robot is.
-        ahead: How far along the route the point lies that is shown (m).
+        route: Points along the path, home last.
+        pose: The robot's pose.
+        ahead: Distance along the route of the point that is reported (m).
     """
     way = np.full(7, np.nan)
     if route is None:
@@ -143,9 +143,9 @@ def way_along(route: Points | None, pose: Pose, ahead: float) -> WayHome:
 def _search_cells(
     ground: Ground, config: WayHomeConfig
 ) -> tuple[Int8[np.ndarray, "rows columns"], Float64[np.ndarray, "2"]]:
-    """The cells of the search, and x and y of the outer corner of the first (m).
+    """Return the search cells, and x, y of the outer corner of the first one (m).
 
-    They cover all that is known, and where the robot stood.
+    They cover all known cells and the robot's earlier positions.
     """
     cell = ground.cell * config.coarser
     known = coarse_states(ground.belief, config.coarser)
@@ -163,7 +163,7 @@ def _search_cells(
 
 @kernel(arrays=True)
 def coarse_states(belief: np.ndarray, coarser: int) -> np.ndarray:
-    """What squares of cells are to a search: blocked where any is occupied, free where any is."""
+    """Return the search cells: blocked if any map cell is occupied, else free if any is free."""
     rows, columns = belief.shape
     states = np.full((-(-rows // coarser), -(-columns // coarser)), UNKNOWN, np.int8)
     for i in range(rows):
