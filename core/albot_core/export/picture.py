@@ -146,7 +146,8 @@ def _draw_panel(panel: Panel, axes: Axes) -> None:
 
 def _save(figure: Figure, path: Path) -> None:
     with atomic_write(path) as stream:
-        figure.savefig(stream, format="png")
+        # The layout makes no room for titles above maps of different shapes.
+        figure.savefig(stream, format="png", bbox_inches="tight")
 
 
 def _drawn_points(panel: Panel) -> Float64[np.ndarray, "points 2"]:
