@@ -167,7 +167,7 @@ def test_path_length():
 @pytest.mark.parametrize(
     ("stamps", "message"),
     [
-        ([0.0, 2.0, 1.0], "in the order of time"),
+        ([0.0, 2.0, 1.0], "that do not decrease"),
         ([0.0, np.nan, 1.0], "finite numbers"),
     ],
 )

@@ -217,7 +217,7 @@ def test_the_messages_that_are_damaged_below_are_whole(tmp_path: Path) -> None:
         ("/scan", {}, "ranges: expected a value, found none"),
         ("/scan", {"ranges": {}}, "ranges: expected n numbers within"),
         ("/scan", {"ranges": [1, None, 3]}, "ranges: expected n numbers within"),
-        ("/scan", {"ranges": [1, 2]}, "ranges: expected 3 ranges as the geometry says"),
+        ("/scan", {"ranges": [1, 2]}, "ranges: expected 3 ranges, one per beam"),
         ("/scan", {"ranges": [1, 2, -3]}, "ranges: expected distances"),
         ("/scan", {"ranges": [1, 2, 10**39]}, "ranges: expected n numbers within"),
         ("/albot/things", {"segments": [[1, 2, 3]]}, "segments: expected n x 4 numbers"),
