@@ -22,6 +22,9 @@ from albot_maps import load_world
 _SIZES = (1_000, 100_000)
 _BATCH = 256
 """Number of robots in a batch."""
+BATCHED_FROM = 2000.0
+"""Least readings per second of a mapper that is timed in batches: of slower ones, 256 robots would
+take minutes."""
 _BATCH_STEPS = 20
 """Readings per robot of a batch."""
 _SPREAD = 50.0
@@ -36,9 +39,9 @@ def measure_mappers(
     Returns:
         One row per mapper whose sensors the readings have: `name`, `surfaces` of the map at the
         end, `readings_per_second` of the updates alone (the best of `rounds` runs, without
-        compiling); `batch`, the number of robots in a batch, which all get the same first few
-        readings; `batch_readings_per_second`, summed over all robots; and
-        `row_readings_per_second`, when the batch is updated one robot at a time.
+        compiling). From `BATCHED_FROM` readings per second on also `batch`, the number of robots in
+        a batch, which all get the same first few readings; `batch_readings_per_second`, summed over
+        all robots; and `row_readings_per_second`, when the batch is updated one robot at a time.
     """
     rows: list[dict[str, float | int | str]] = []
     for name in names:
@@ -48,7 +51,8 @@ def measure_mappers(
         mapper = make_mapper(name)
         rate = _rate(mapper, sensed, rounds)
         alone = {"surfaces": len(mapper.snapshot().segments), "readings_per_second": rate}
-        rows.append({"name": name} | alone | _batch_rates(name, sensed, rounds))
+        batch = _batch_rates(name, sensed, rounds) if rate >= BATCHED_FROM else {}
+        rows.append({"name": name} | alone | batch)
     return rows
 
 

@@ -107,8 +107,8 @@ def _measures(log: Path | None, rounds: int) -> dict[str, Callable[[], Any]]:
     return {
         "laser": measure_laser,
         "mapper": lambda: [
-            *measure_mappers(installed_mappers(), readings),
-            *measure_looping(installed_mappers(), readings),
+            *(rows := measure_mappers(installed_mappers(), readings)),
+            *measure_looping([str(row["name"]) for row in rows if "batch" in row], readings),
             *measure_growth(),
             *measure_splitting(),
         ],
