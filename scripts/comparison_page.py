@@ -25,7 +25,7 @@ from albot_cli.main import exit_status
 from albot_cli.mapper_runs import MapperChoice, Source, compare_mappers
 from albot_core.errors import InputError
 from albot_core.export.picture import write_pictures
-from albot_core.files import replacing, write_text
+from albot_core.files import atomic_write, write_text
 from albot_core.mappers.registry import installed_mappers
 
 MAPPERS = (
@@ -192,7 +192,7 @@ def _shrink(path: Path) -> None:
     with Image.open(path) as drawn:
         size = _WIDTH, round(drawn.height * _WIDTH / drawn.width)
         small = drawn.convert("RGB").resize(size, Image.Resampling.LANCZOS).quantize(_COLOURS)
-    with replacing(path) as stream:
+    with atomic_write(path) as stream:
         small.save(stream, format="png", optimize=True)
 
 

@@ -21,7 +21,7 @@ import numpy as np
 
 from albot_cli.main import exit_status
 from albot_cli.progress import progress
-from albot_core.files import replacing
+from albot_core.files import atomic_write
 from albot_core.mappers.registry import installed_mappers, make_mapper
 from albot_core.mappers.slam.dp_slam import DpSlam
 from albot_core.mappers.slam.dp_slam_config import DpSlamConfig
@@ -152,7 +152,7 @@ def draw(
     _label(right, "observations of squares", "What dp-slam remembers")
     right.set_yscale("log")
     FigureCanvasAgg(figure)
-    with replacing(out) as stream:
+    with atomic_write(out) as stream:
         figure.savefig(stream, format="png", dpi=110)
 
 
