@@ -197,7 +197,9 @@ def as_table(figures: dict[str, Any]) -> str:
     """Return the figures as text, the mapper's beside the odometer's."""
     lines = [
         f"{figures['log']}: {figures['scans']} scans along {figures['path_m']:.1f} m",
-        f"{figures['mapper']}: {figures['surfaces']} surfaces after {figures['updates']} updates, "
+        f"{figures['mapper']}: {_many(figures['updates'], 'update')}, "
+        # A mapper without surfaces or places is not shown with none of them.
+        + (f"{_many(figures['surfaces'], 'surface')}, " if figures["surfaces"] else "")
         + (f"{_many(figures['places'], 'place')}, " if figures["places"] else "")
         + f"{figures['scans_per_second']:,.0f} scans/s",
     ]

@@ -346,7 +346,7 @@ def _as_text(summary: dict[str, Any]) -> str:
     figures = [
         f"{summary['path_m']:.1f} m driven",
         f"{summary['updates']} updates",
-        f"{summary['surfaces']} surfaces",
+        *([f"{summary['surfaces']} surfaces"] if summary["surfaces"] else []),
         f"{summary['position_error_m']:.2f} m off",
         *([] if rooms is None else [f"{rooms} rooms entered"]),
         *([] if covered is None else [f"{covered:.0%} of the ground covered"]),
