@@ -32,6 +32,7 @@ MAPPERS = (
     "odometry",
     "albot1",
     "albot1-thesis",
+    "albot1-tracked",
     "association",
     "ratslam",
     "scan-matching",
@@ -110,7 +111,7 @@ SOURCES: Mapping[str, RealLog | RandomOffice] = {
 _HEAD = """\
 # Mappers side by side
 
-All mappers that see by a laser, each with its default thresholds, on the same readings, measured as
+All mappers that see by a laser, each with its default parameters, on the same readings, measured as
 by `albot compare` ([what each figure is](logs.md#several-mappers-side-by-side)). This page is
 written by one command, of which `--source` and `--mapper` measure a part anew:
 

@@ -125,8 +125,8 @@ class Albot1Config:
     """
 
     view: ViewConfig = field(default_factory=lambda: ViewConfig(fit_lines=True, grazing_ends=True))
-    """Thresholds of view construction (section 3.1.3). `grazing_ends` is on in `albot1`: they are
-    no better without on any log (`albot1-readings`), where whole walls are matched anyway."""
+    """Parameters of view construction (section 3.1.3). `grazing_ends` is on in `albot1`: with whole
+    walls matched, the logs' errors are nearly the same without (`albot1-readings`)."""
     places: PlacesConfig = field(default_factory=PlacesConfig)
     """Thresholds of the network of places (chapter 4)."""
     remembers_places: bool = True
