@@ -22,6 +22,7 @@ import click
 import numpy as np
 from jaxtyping import Bool, Int64
 
+from albot_agents.evaluation.plan import parse_seeds
 from albot_benchmarks.long_run import patrol
 from albot_cli.main import exit_status
 from albot_core.errors import InputError
@@ -197,12 +198,9 @@ def measure(kind: str, seeds: range, path: float, mapper: str) -> dict[str, obje
 @click.option("--json", "out", type=click.Path(path_type=Path), help="File for the figures.")
 def main(kind: str, seeds: str, path: float, mapper: str, out: Path | None) -> None:
     """Count the random worlds in which a room is taken for another."""
-    first, _, last = seeds.partition("..")
-    if not (first.isdigit() and last.isdigit() and int(first) <= int(last)):
-        raise InputError("--seeds", "A..B", seeds)
     if not path > 0:
         raise InputError("--path", "above 0", str(path))
-    found = measure(kind, range(int(first), int(last) + 1), path, mapper)
+    found = measure(kind, parse_seeds(seeds), path, mapper)
     if out is not None:
         write_text(out, json.dumps(found, indent=2) + "\n")
     for made in found["mistakes"]:
@@ -210,10 +208,10 @@ def main(kind: str, seeds: str, path: float, mapper: str, out: Path | None) -> N
     low, high = wilson(found["worlds_with_a_room_taken_for_another"], found["count"])
     click.echo(
         f"{mapper}, {found['worlds']}, {path:g} m each: a room is taken for another in "
-        f"{found['worlds_with_a_room_taken_for_another']} of {found['count']} worlds (95 % interval "
-        f"{low:.1%} to {high:.1%}; {found['merged_wrongly']} of {found['merged']} recognitions), a "
-        f"wrong door in {found['worlds_with_a_wrong_door']} ({found['wrong_doors']} of "
-        f"{found['known_doors']})"
+        f"{found['worlds_with_a_room_taken_for_another']} of {found['count']} worlds "
+        f"(95 % interval {low:.1%} to {high:.1%}; {found['merged_wrongly']} of {found['merged']} "
+        f"recognitions), a wrong door in {found['worlds_with_a_wrong_door']} "
+        f"({found['wrong_doors']} of {found['known_doors']} known doors)"
     )
 
 

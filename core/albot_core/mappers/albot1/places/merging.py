@@ -27,7 +27,7 @@ def merge_here(
     network: PlaceNetwork, step: int, other: LearnedPlace, frame: Pose, robot: Pose
 ) -> None:
     """Merge the present place of a robot with another, whose frame lies at `frame` in the map."""
-    network.aligned_at = robot[:2].copy()
+    network.begin_leg(robot, is_aligned=True)
     here, mine = network.here, network.frame
     if other.id < here.id:
         network.map_to_graph = compose(frame, inverse(other.frame))

@@ -28,6 +28,7 @@ from albot_core.mappers.albot1.places.place import (
     LearnedExit,
     LearnedPlace,
     Line,
+    Lines,
     direction,
     drift_after,
     in_frame,
@@ -36,7 +37,7 @@ from albot_core.mappers.albot1.places.place import (
 )
 from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs
 
-NO_LINES: Segments = np.empty((0, 4))
+NO_LINES: Lines = np.empty((0, 4))
 START = 0
 """The id of the place that the robot set out from; a place found to be it becomes it."""
 STRAIGHT = np.radians(20.0)
@@ -71,8 +72,10 @@ class PlaceNetwork:
         self.breadcrumbs.clear()
         self.breadcrumbs.drop(START, np.zeros(3), np.empty((0, 4)))
         self.next_id = 1
-        self.aligned_at: Points = np.zeros(2)
-        """Where in the map the robot was as the map-to-graph transform was last confirmed (m)."""
+        self.leg_start: Points = np.zeros(2)
+        """Where in the map the robot crossed an exit last, or was last aligned (m)."""
+        self.way_before = 0.0
+        """How far it had come until then, in straight legs, since it was last aligned (m)."""
         self.compared_from: Pose = np.full(3, np.nan)
         """Where the robot was at the last comparison in its present visit; NaN before the first."""
         # Of each visit, counted from 1: its place, and the map-to-graph transform then.
@@ -156,8 +159,16 @@ class PlaceNetwork:
 
     def drift_at(self, pose: Pose) -> float:
         """How far off what is known may be seen from a pose: the map may have drifted (m)."""
-        way = float(np.hypot(*(pose[:2] - self.aligned_at))) if self.config.expects_drift else 0.0
-        return drift_after(way)
+        return drift_after(self._way_to(pose) if self.config.expects_drift else 0.0)
+
+    def _way_to(self, pose: Pose) -> float:
+        """How far it has come to a pose since the map was last aligned, in straight legs (m)."""
+        return self.way_before + float(np.hypot(*(pose[:2] - self.leg_start)))
+
+    def begin_leg(self, pose: Pose, is_aligned: bool) -> None:
+        """Note that the robot crosses an exit at a pose, or that the map is aligned there."""
+        self.way_before = 0.0 if is_aligned else self._way_to(pose)
+        self.leg_start = pose[:2].copy()
 
     def remember_place(
         self,
@@ -165,7 +176,7 @@ class PlaceNetwork:
         line: Line,
         seen: Segments,
         pose: Pose,
-        exits: Segments = NO_LINES,
+        exits: Lines = NO_LINES,
     ) -> None:
         """Remember the place that is left as an exit is crossed (algorithms 5 and 7).
 
@@ -199,9 +210,9 @@ class PlaceNetwork:
             door = left.exits[known]
             entered = self.places[door.leads_to]
             self._align(door, line)  # Alg. 7, line 13
-            self.aligned_at = pose[:2].copy()
             gap = float(np.hypot(*(middle(door.line) - middle(local))))
             what = EventKind.ENTERED
+        self.begin_leg(pose, is_aligned=known is not None)
         self.log.add(Event(step=step, kind=what, place=left.id, other=entered.id, gap=gap))
         self._begin_visit(entered.id)
 
@@ -239,7 +250,7 @@ class PlaceNetwork:
         if door.leads_to != self.current:
             entered = compose(self.map_to_graph, self.places[door.leads_to].frame)
             self._lay(transform_points(entered, middle(self._partner(door).line)), middle(line))
-            self.aligned_at = pose[:2].copy()
+        self.begin_leg(pose, is_aligned=door.leads_to != self.current)
         back = Event(step=step, kind=EventKind.RETURNED, place=door.leads_to, other=out_of)
         self.log.add(back)
         self._begin_visit(door.leads_to)
@@ -251,7 +262,7 @@ class PlaceNetwork:
         """
         left = self._close(seen)
         unknown = self._new_place(pose)
-        self.aligned_at = pose[:2].copy()
+        self.begin_leg(pose, is_aligned=True)
         lost = Event(step=step, kind=EventKind.LOST, place=left.id, other=unknown.id)
         self.log.add(lost)
         self.breadcrumbs.break_off()

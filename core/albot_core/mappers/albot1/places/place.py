@@ -34,6 +34,7 @@ EYE = 0.15
 """How far inside an exit the point is from which it is looked through (m)."""
 
 Line = Float64[np.ndarray, "4"]
+Lines = Float64[np.ndarray, "lines 4"]
 
 
 @dataclass(kw_only=True, eq=False)
@@ -76,7 +77,7 @@ class LearnedPlace:
                 best, which = away, k
         return which
 
-    def likeliest_exit(self, line: Line, others: Segments, drift: float) -> int | None:
+    def likeliest_exit(self, line: Line, others: Lines, drift: float) -> int | None:
         """Which of its exits a line in its frame is, though the map may have drifted since.
 
         This is ours. It is the nearest exit of about that direction within `drift`. It must be so
@@ -91,6 +92,7 @@ class LearnedPlace:
         if known is not None:
             return known
         away = [between(door.line, line) for door in self.exits]
+        drift = min(drift, MAX_DRIFT)
         ranked = sorted(range(len(away)), key=away.__getitem__)
         if not ranked or away[ranked[0]] > drift:
             return None
@@ -134,8 +136,8 @@ class LearnedPlace:
 
 
 def drift_after(way: float) -> float:
-    """How far off a known exit may be seen (m), so far (m) from where the map was aligned last."""
-    return min(DEVIATIONS * math.hypot(SEEN_ERROR, DRIFT_RATE * way), MAX_DRIFT)
+    """How far off what is known may be seen (m), so far (m) from where the map was aligned last."""
+    return DEVIATIONS * math.hypot(SEEN_ERROR, DRIFT_RATE * way)
 
 
 def between(one: Line, other: Line) -> float:

@@ -63,7 +63,7 @@ def recognize_place(
         guess = compose(map_to_graph, other.frame)
         config = network.config.match
         if by_position or network.config.expects_drift:
-            config = replace(config, max_shift=drift)
+            config = replace(config, max_shift=min(config.max_shift, drift))
         match = match_lines(seen, other.surfaces, guess, pose, config)
         if by_position and match.matches == 0:
             continue  # It stands within many: that it is in none of them is not worth an event.
