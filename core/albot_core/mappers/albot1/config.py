@@ -74,8 +74,8 @@ class PlacesConfig:
     """There the same surfaces must make up this share of the smaller description."""
     expects_drift: bool = True
     """The farther the robot is from where the map was aligned last, the farther off a known exit or
-    place may be seen, and no farther; a place is recognised only in sight of where the robot has
-    been in it; and a robot may have gone next door unnoticed. Off in the thesis."""
+    place may be seen, and no farther; a place of which little is recognised is recognised only in
+    sight of where the robot has been in it; and a robot may have gone next door unnoticed. Off in the thesis."""
     compare_spacing: float = 0.7
     """Places are compared again after the robot has gone so far (m)…"""
     compare_turn: float = np.radians(45.0)

@@ -19,6 +19,9 @@ from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import LearnedPlace, in_frame
 from albot_core.matching.lines import LineMatch, match_lines
 
+UNMISTAKABLE = 0.6
+"""A place that matches with this share of the smaller description is not its neighbour, though the
+robot be where it has not been in it: a large room has corners out of sight of each other."""
 CRUMBS_IN_SIGHT = 5
 """So many of the breadcrumbs in a place, the nearest to the robot, are to be in its sight…"""
 MIN_IN_SIGHT = 0.8
@@ -70,7 +73,7 @@ def recognize_place(
         accepted = (
             _is_confirmed(network, match, other, pose)
             and (not by_position or match.share >= network.config.min_share_here)
-            and _is_in_sight(network, match, other, seen, pose)
+            and (match.share >= UNMISTAKABLE or _is_in_sight(network, match, other, seen, pose))
         )
         kind = EventKind.RECOGNIZED if accepted else EventKind.REFUSED
         network.log.add_comparison(

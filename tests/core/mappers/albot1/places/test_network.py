@@ -113,17 +113,22 @@ def test_a_room_of_other_structure_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("wall", "config", "known"),
+    ("wall", "known_walls", "config", "known"),
     [
-        (False, PlacesConfig(), True),
-        (True, PlacesConfig(), False),
-        (True, replace(PlacesConfig(), expects_drift=False), True),
+        (False, 5, PlacesConfig(), True),
+        (True, 5, PlacesConfig(), False),
+        (True, 5, replace(PlacesConfig(), expects_drift=False), True),
+        (True, 10, PlacesConfig(), True),  # All is as it was: that is no other place.
     ],
 )
-def test_a_place_is_recognised_only_in_sight_of_where_the_robot_has_been_in_it(wall, config, known):
+def test_a_place_is_recognised_only_in_sight_of_where_the_robot_has_been_in_it(
+    wall, known_walls, config, known
+):
     walker = led(RING, config)
     place, crumbs = walker.network.places[0], walker.network.breadcrumbs
     crumbs.move(crumbs.places == 0, np.array([0.5, 0.0, 0.0]), None)
+    place.surfaces = place.surfaces.copy()
+    place.surfaces[known_walls:] += 20.0
     if wall:
         place.surfaces = np.concatenate((place.surfaces, [[0.25, -0.2, 0.25, 0.2]]))
     assert walker.recognize() == known
