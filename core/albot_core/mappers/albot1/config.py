@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -70,10 +70,13 @@ class PlacesConfig:
     candidates_by_position: bool = True
     """When the robot enters a new place, those within whose surfaces it believes to stand are
     candidates as well. Off in the thesis."""
-    max_shift_here: float = 0.7
-    """They are looked for no farther from where they are believed to be (m)…"""
     min_share_here: float = 0.7
-    """…and the same surfaces must make up this share of the smaller description."""
+    """There the same surfaces must make up this share of the smaller description."""
+    expects_drift: bool = True
+    """Whether the map may have drifted. The distance at which a known exit or place is accepted
+    grows with the way since the map was last aligned. A place of which little is recognised must
+    be in sight of where the robot has been in it. The robot may have entered the next room
+    unnoticed. Off in the thesis."""
     compare_spacing: float = 0.7
     """Places are compared again after the robot has gone so far (m)…"""
     compare_turn: float = np.radians(45.0)
@@ -92,16 +95,10 @@ class PlacesConfig:
     """Events remembered; the oldest are forgotten first."""
 
     def __post_init__(self) -> None:
-        check_fields(self, POSITIVE, "tolerance", "max_shift_here")
-        check_fields(self, POSITIVE, "compare_spacing", "compare_turn")
+        check_fields(self, POSITIVE, "tolerance", "compare_spacing", "compare_turn")
         check_fields(self, SHARE, "min_share", "reobserved_share", "min_share_here")
         counts = "min_matches", "min_reobserved", "max_reobserved", "min_relocalise_matches"
         check_fields(self, _FROM_ONE, *counts, "max_surfaces", "max_events")
-
-    @property
-    def match_here(self) -> MatchConfig:
-        """`match` for a place within which the robot believes to stand."""
-        return replace(self.match, max_shift=self.max_shift_here)
 
     @classmethod
     def thesis(cls) -> PlacesConfig:
@@ -111,6 +108,7 @@ class PlacesConfig:
             min_share=0.0,
             candidates_by_position=False,
             uses_expected_exits=False,
+            expects_drift=False,
         )
 
 

@@ -7,7 +7,9 @@ import pytest
 
 from albot_core.geometry.poses import compose, transform_segments
 from albot_core.mappers.albot1.places.events import EventKind
-from albot_core.mappers.albot1.places.place import middle
+from albot_core.mappers.albot1.places.place import (
+    middle,
+)
 from tests.core.mappers.albot1.building import check_links, door_between, happened, led
 
 
