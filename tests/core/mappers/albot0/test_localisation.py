@@ -90,6 +90,16 @@ def test_before_the_second_asr_of_the_way_home_the_orientation_cue_says_nothing(
     np.testing.assert_allclose(orientation_map(at(chain()), CONFIG), 0.25)
 
 
+@pytest.mark.parametrize("home", [chain(), chain((0.0, 0.0)), chain((5.0, 0.0), (0.0, 0.0))])
+def test_regions_of_no_length_have_confidences(home):
+    out = chain((10.0, 0.0), (0.0, 0.0), (6.0, 60.0), (0.0, 0.0))
+    stop = Stop(out=out, home=home, beside=np.ones(4))
+    for cue in CUES.values():
+        confidences = cue(stop, CONFIG)
+        assert confidences.shape == (4,)
+        assert ((confidences >= 0) & (confidences <= 1)).all()
+
+
 def test_democratic_integration_by_hand_over_two_steps():
     fusion = DemocraticIntegration.of(2)
     fused = fusion.fuse(np.array(((1.0, 0.5, 0.5), (0.2, 0.4, 0.2))))

@@ -13,7 +13,7 @@ from albot_core.mappers.albot0.localisation import LocalisationConfig
 from albot_core.mappers.albot0.mapper import Albot0
 from albot_core.mappers.albot0.paths import PathConfig
 from albot_core.mappers.mapper import EXIT, POINT, PlaceMemory, require
-from albot_core.sensing.reading import Reading
+from albot_core.sensing.reading import Reading, SonarGeometry, SonarScan
 from tests.core.mappers.albot0.sonar_scenes import driven, readings, row_of_rooms
 
 WALLS, BOUNDS = row_of_rooms()
@@ -218,3 +218,52 @@ STATE = led(OUTWARD + 100).state()
 def test_a_damaged_state_is_refused(name, value):
     with pytest.raises(InputError):
         Albot0().restore(STATE | {name: value})
+
+
+def check_confidences(mapper: Albot0) -> None:
+    """The confidences are within [0, 1], and everything that is remembered is a number."""
+    confidences = mapper.confidences
+    assert ((confidences >= 0) & (confidences <= 1 + 1e-9)).all()
+    for name, array in mapper.state().items():
+        if name != "rng":
+            assert np.isfinite(array.astype(np.float64)).all(), name
+
+
+def test_a_journey_of_a_single_path_is_one_asr():
+    mapper = Albot0()
+    taken = readings(WALLS, driven((0.5, 0.0), (2.5, 0.0), (0.5, 0.0)))
+    for reading in taken[:20]:
+        mapper.update(reading)
+    mapper.begin_return()
+    assert mapper.geometric_maps[0].steps.begins.sum() == 1
+    for reading in taken[20:]:
+        mapper.update(reading)
+    mapper.end_path()
+    np.testing.assert_array_equal(mapper.confidences.shape, (1,))
+    assert mapper.estimate.place == 0
+    assert mapper.estimate.localised
+    check_confidences(mapper)
+
+
+def test_a_journey_without_surfaces_is_one_asr():
+    mapper = Albot0()
+    for reading in readings(np.empty((0, 4)), driven((0.0, 0.0), (9.0, 0.0), (0.0, 0.0))):
+        mapper.update(reading)
+    mapper.end_path()
+    assert mapper.is_returning
+    assert len(mapper.snapshot().segments) == 0
+    np.testing.assert_array_equal(mapper.confidences.shape, (1,))
+    assert mapper.estimate.place == 0
+    check_confidences(mapper)
+
+
+def test_the_way_home_may_be_sensed_by_another_robots_sonars():
+    sides = SonarGeometry(bearings=(np.pi / 2, -np.pi / 2), places=((0.0, 0.1), (0.0, -0.1)))
+    mapper = led(OUTWARD)
+    mapper.begin_return()
+    for reading in TAKEN[OUTWARD:]:
+        scan = SonarScan(ranges=np.full(2, 0.9), geometry=sides)
+        mapper.update(Reading(stamp=reading.stamp, motion=reading.motion, sonar=scan))
+    mapper.end_path()
+    assert mapper.estimate.place == 0
+    check_confidences(mapper)

@@ -11,7 +11,13 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, relative, transform_segments
 from albot_core.mappers.association.mapper import Association, AssociationConfig
 from albot_core.mappers.registry import make_mapper
-from albot_core.sensing.reading import LaserGeometry, LaserScan, Reading
+from albot_core.sensing.reading import (
+    LaserGeometry,
+    LaserScan,
+    Reading,
+    SonarGeometry,
+    SonarScan,
+)
 from tests.core.scenes import OUTSIDE, ROOM, doorway, scan_from
 
 HOUSE = np.array([*OUTSIDE, *doorway(2.0, 1.2)], float)
@@ -159,3 +165,23 @@ def test_a_damaged_state_is_refused(name, value, expected):
     state["view.surfaces"], state["view.ids"] = state["view.surfaces"][:2], np.array((0, 1))
     with pytest.raises(InputError, match=expected):
         Association().restore(state | {name: value})
+
+
+def test_a_reading_without_a_laser_is_refused_and_changes_nothing():
+    mapper = led(readings(HOUSE, WAY[:2]))
+    before = mapper.state()
+    sonar = SonarScan(ranges=np.ones(len(SonarGeometry().bearings)), geometry=SonarGeometry())
+    with pytest.raises(InputError, match="association"):
+        mapper.update(Reading(stamp=2.0, motion=np.ones(3), sonar=sonar))
+    for name, array in mapper.state().items():
+        np.testing.assert_array_equal(array, before[name])
+
+
+def test_a_journey_without_surfaces_has_an_empty_map():
+    nothing = LaserScan(ranges=np.full(181, np.inf), geometry=LaserGeometry())
+    mapper = Association()
+    for k in range(4):
+        mapper.update(Reading(stamp=float(k), motion=np.array((1.5, 0.0, 0.1)), laser=nothing))
+    assert len(mapper.snapshot().segments) == 0
+    assert not mapper.estimate.localised
+    assert np.isfinite(mapper.estimate.pose).all()
