@@ -76,7 +76,7 @@ class PlacesConfig:
     """Whether the map may have drifted. The distance at which a known exit or place is accepted
     grows with the way since the map was last aligned. A place of which little is recognised must
     be in sight of where the robot has been in it. The robot may have entered the next room
-    unnoticed. Off in the thesis."""
+    unnoticed. Off in `albot1-thesis` and `albot1-tracked`."""
     compare_spacing: float = 0.7
     """Places are compared again after the robot has gone so far (m)…"""
     compare_turn: float = np.radians(45.0)
@@ -217,7 +217,8 @@ class Albot1Config:
     @classmethod
     def tracked(cls) -> Albot1Config:
         """Those of `albot1-tracked`: landmarks followed from view to view localise it jointly."""
-        return cls(submap_matching=False, covered_is_reobserved=True)
+        places = PlacesConfig(expects_drift=False)
+        return cls(submap_matching=False, covered_is_reobserved=True, places=places)
 
     @property
     def limits(self) -> Albot1Limits:
