@@ -39,6 +39,8 @@ class ViewConfig:
     surface_points: int = 2
     """Least number of points of a surface. Two points alone may belong to two surfaces, of which
     one occludes the other."""
+    min_incidence: float = 0.0
+    cut_ends: float = 0.0
     fit_lines: bool = False
     """Whether a surface lies on the line fitted to all its points, instead of running from its
     first point to its last."""
@@ -53,10 +55,10 @@ class ViewConfig:
         check_fields(self, _FROM_TWO, "surface_points")
 
     @property
-    def thresholds(self) -> Float64[np.ndarray, "5"]:
+    def thresholds(self) -> Float64[np.ndarray, "7"]:
         """The four lengths and the count for the compiled extraction, in its order."""
         lengths = self.cluster_gap, self.cluster_size, self.break_height, self.surface_length
-        return np.array((*lengths, float(self.surface_points)))
+        return np.array((*lengths, float(self.surface_points), self.min_incidence, self.cut_ends))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,10 +119,19 @@ def extract_surfaces(
     the least number of points of a surface. `surfaces` and `edges` are written in the robot's frame
     (m), in the order of the beams.
     """
-    gap, size, height, shortest, fewest = thresholds
-    points, stack, spans, lines, raw, kept = buffers
-    seen = scan_points(ranges, directions, mount_x, mount_y, max_range, points)
-    formed = segment_points(points, seen, gap, size, height, stack, spans)
+    gap, size, height, shortest, fewest, incidence, cut = thresholds
+    points, beams, reach, stack, spans, lines, raw, kept = buffers
+    seen = scan_points(ranges, directions, mount_x, mount_y, max_range, points, beams)
+    growth = 0.0
+    if incidence > 0.0 and directions.shape[0] > 1:
+        sine = directions[0, 0] * directions[1, 1] - directions[0, 1] * directions[1, 0]
+        spacing = np.arcsin(sine)
+        growth = sine / np.sin(max(incidence - spacing, spacing))
+    for i in range(seen):
+        reach[i] = gap
+        if i > 0 and beams[i] == beams[i - 1] + 1:
+            reach[i] = max(gap, growth * min(ranges[beams[i]], ranges[beams[i - 1]]))
+    formed = segment_points(points, seen, reach, size, height, stack, spans)
     form_surfaces(points, spans, formed, fit, height, lines, raw)
     count = ZERO
     for k in range(formed):
@@ -135,6 +146,8 @@ def extract_surfaces(
             kept[count] = k
             count += 1
     mark_edges(surfaces, spans[:formed], kept, count, mount_x, mount_y, edges)
+    if cut > 0.0:
+        unmark_cut_ends(ranges, directions, mount_x, mount_y, max_range, beams, surfaces, spans, kept, count, edges)
     if not grazing:
         unmark_grazing_ends(points, surfaces, spans[:formed], kept, count, height, edges)
     return int(count)
@@ -145,6 +158,10 @@ class ViewBuffers(NamedTuple):
 
     points: np.ndarray
     """(beams, 2) float64: the points of the scan (m)."""
+    beams: np.ndarray
+    """(beams,)"""
+    reach: np.ndarray
+    """(beams,)"""
     stack: np.ndarray
     """(beams + 1, 2) int64: first and last points of pieces still to be checked for a break."""
     spans: np.ndarray
@@ -163,6 +180,8 @@ def make_view_buffers(beams: int) -> ViewBuffers:
     spans = 2 * beams + 2
     return ViewBuffers(
         np.empty((beams, 2)),
+        np.empty(beams, np.int64),
+        np.empty(beams),
         np.empty((beams + 1, 2), np.int64),
         np.empty((spans, 3), np.int64),
         np.empty((spans, 4)),
@@ -179,6 +198,7 @@ def scan_points(
     mount_y: float,
     max_range: float,
     points: np.ndarray,
+    beams: np.ndarray,
 ) -> int:
     """Step 1: write the points closer than `max_range` (m) to `points` (n, 2); return how many.
 
@@ -190,6 +210,7 @@ def scan_points(
         if reach < max_range:
             points[count, 0] = mount_x + reach * directions[i, 0]
             points[count, 1] = mount_y + reach * directions[i, 1]
+            beams[count] = i
             count += 1
     return int(count)
 
@@ -198,7 +219,7 @@ def scan_points(
 def segment_points(
     points: np.ndarray,
     count: int,
-    cluster_gap: float,
+    gaps: np.ndarray,
     cluster_size: float,
     break_height: float,
     stack: np.ndarray,
@@ -214,7 +235,7 @@ def segment_points(
     for i in range(1, count + 1):
         if i < count:
             dx, dy = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
-            if dx * dx + dy * dy <= cluster_gap * cluster_gap:
+            if dx * dx + dy * dy <= gaps[i] * gaps[i]:
                 continue
         stack[0, 0], stack[0, 1] = start, i - 1
         depth = 1
@@ -367,6 +388,37 @@ def mark_edges(
             edges[k - 1, 1] = OCCLUDING
         else:
             edges[k, 0] = OCCLUDING
+
+
+@kernel()
+def unmark_cut_ends(
+    ranges: np.ndarray,
+    directions: np.ndarray,
+    mount_x: float,
+    mount_y: float,
+    max_range: float,
+    beams: np.ndarray,
+    surfaces: np.ndarray,
+    spans: np.ndarray,
+    kept: np.ndarray,
+    count: int,
+    edges: np.ndarray,
+) -> None:
+    """Take back the occluding points where a wall only leaves the laser's range."""
+    for k in range(count):
+        for end in range(2):
+            if edges[k, end] != OCCLUDING:
+                continue
+            beam = beams[spans[kept[k], end]] + 2 * end - 1
+            if beam < 0 or beam >= ranges.shape[0] or ranges[beam] < max_range:
+                continue
+            ux = surfaces[k, 2] - surfaces[k, 0]
+            uy = surfaces[k, 3] - surfaces[k, 1]
+            px, py = surfaces[k, 2 * end] - mount_x, surfaces[k, 2 * end + 1] - mount_y
+            across = directions[beam, 0] * uy - directions[beam, 1] * ux
+            along = (px * uy - py * ux) / across if across != 0.0 else np.inf
+            if along <= 0.0 or along >= max_range:
+                edges[k, end] = NO_EDGE
 
 
 @kernel()

@@ -45,8 +45,12 @@ class Albot1Limits(NamedTuple):
     max_exit_width: float
     compare_spacing: float
     compare_turn: float
+    turn_cost: float
+    turn_scale: float
+    unsure: float
+    wider: float
     turns: np.ndarray
-    """(turns, 3) float64: the turns tried, as cosine, sine, and votes that each must make up."""
+    """(turns, 2) float64: the turns tried, as cosine and sine."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +128,7 @@ class Albot1Config:
     that is remembered nearby localises the robot. Places are compared more strictly.
     """
 
-    view: ViewConfig = field(default_factory=lambda: ViewConfig(fit_lines=True, grazing_ends=True))
+    view: ViewConfig = field(default_factory=lambda: ViewConfig(fit_lines=True, grazing_ends=True, min_incidence=np.radians(10.0), cut_ends=1.0))
     """Thresholds of view construction (section 3.1.3). `grazing_ends` is on in `albot1`: they are
     no better without on any log (`albot1-readings`), where whole walls are matched anyway."""
     places: PlacesConfig = field(default_factory=PlacesConfig)
@@ -185,6 +189,9 @@ class Albot1Config:
     charged the square of the difference by this scale, in landmarks, but one landmark at most: an
     odometer that slips may be off by any turn. This is minus the logarithm of a normal density
     with a uniform one added."""
+    turn_scale: float = 2.5
+    unsure: float = 1.0
+    wider: float = 3.0
     match_range: float = 16.0
     """Only surfaces nearer than this are recognised and localise the robot (m)."""
     motion_error: float = 0.05
@@ -248,14 +255,8 @@ class Albot1Config:
         return self.places.compare_turn
 
     @property
-    def turns(self) -> Float64[np.ndarray, "turns 3"]:
+    def turns(self) -> Float64[np.ndarray, "turns 2"]:
         """The turns tried, as `Albot1Limits` holds them."""
         steps = int(self.turn_search / TURN_STEP + 0.5)
         turns = [TURN_STEP * step for step in range(-steps, steps + 1)]
-        costs = [min((turn / self.turn_cost) ** 2, 1.0) for turn in turns]
-        return np.array(
-            [
-                (math.cos(turn), math.sin(turn), cost)
-                for turn, cost in zip(turns, costs, strict=True)
-            ]
-        )
+        return np.array([(math.cos(turn), math.sin(turn)) for turn in turns])

@@ -60,6 +60,8 @@ class BatchArrays(NamedTuple):
     """(n, COLUMNS) int64: where the robot's arrays are (see `addresses`)."""
     progress: np.ndarray
     """(n, 5) int64: how far it has come (see `mapping`)."""
+    odometers: np.ndarray
+    """(n, 4) float64: what it has learnt of its odometer (see `odometer_error`)."""
     since: np.ndarray
     """(n, 3) float64: how it has moved since its last view (m, rad; the view's frame)."""
     poses: np.ndarray
@@ -214,7 +216,8 @@ def _step_view(
         return False
     x, y = previous.pose[0], previous.pose[1]
     robots.next_ids[row] = pm.counts[NEXT_ID]
-    map_step(pm, previous, current, since, limits, progress, buffers)
+    odometer = robots.odometers[row]
+    map_step(pm, previous, current, since, limits, progress, odometer, buffers)
     copy_view(current, previous)
     exits, pose = exits_at(robots.table[row]), current.pose
     if limits.remembers_places:

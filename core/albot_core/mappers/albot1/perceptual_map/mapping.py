@@ -39,6 +39,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     move_surface,
     remove_surface,
 )
+from albot_core.mappers.albot1.perceptual_map.odometer_error import learn_error, note_motion
 from albot_core.mappers.albot1.perceptual_map.overlay import (
     box_around,
     cut_at_boundary,
@@ -338,6 +339,7 @@ def map_step(
     motion: np.ndarray,
     limits: Albot1Limits,
     progress: np.ndarray,
+    odometer: np.ndarray,
     buffers: MatchBuffers,
 ) -> None:
     """Algorithm 4 from line 5 on: take in the view `current`, a motion away from `previous`.
@@ -347,7 +349,8 @@ def map_step(
     """
     step = progress[STEP]
     progress[STEP] += 1
-    recognized = 0
+    recognized, agreement = 0, 0.0
+    note_motion(odometer, motion)
     if step == 0:  # Alg. 4, lines 5 to 8
         for i in range(3):
             current.pose[i] = 0.0
@@ -355,7 +358,9 @@ def map_step(
         while True:
             compose_pose(previous.pose, motion, current.pose)  # Alg. 4, line 10
             if limits.submap_matching:
-                recognized = int(match_submap(pm, previous, current, motion, limits, buffers))
+                recognized, agreement = match_submap(
+                    pm, previous, current, motion, limits, odometer, buffers
+                )
             else:  # Alg. 4, lines 11, 14 and 19
                 recognized = _recognize_and_localize(pm, previous, current, motion, limits, buffers)
             is_laid = progress[UPDATED_AT] >= step - 1 or progress[INCONSISTENT] > 0
@@ -367,6 +372,8 @@ def map_step(
         if recognized == 0:
             progress[UNRECOGNIZED] += 1
         if limits.submap_matching:
+            is_sure = agreement >= limits.unsure
+            learn_error(odometer, previous.pose, motion, current.pose, is_sure)
             progress[INCONSISTENT] = inconsistent_views(
                 progress[INCONSISTENT], recognized, previous, current, limits
             )

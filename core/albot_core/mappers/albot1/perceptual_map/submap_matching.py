@@ -19,6 +19,7 @@ import numpy as np
 from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import TURN_STEP, Albot1Limits
+from albot_core.mappers.albot1.perceptual_map.frames import compose_pose
 from albot_core.mappers.albot1.perceptual_map.memory import (
     GATE,
     NEVER,
@@ -27,6 +28,12 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     LocatedView,
     PerceptualMap,
     count_reobserved,
+)
+from albot_core.mappers.albot1.perceptual_map.odometer_error import (
+    HAS_MOVED,
+    LAST_X,
+    LAST_Y,
+    turn_scale,
 )
 from albot_core.mappers.albot1.perceptual_map.submap import (
     MatchBuffers,
@@ -42,6 +49,8 @@ ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""
 LINE_GAP = 0.30
 """A wall is taken for the remembered one if it runs no farther than this beside it (m)."""
+LARGEST_COST = 1.0
+WIDER_GAIN = 0.5
 LINE_VOTE = 0.5
 """How much a wall that lies where it is remembered counts beside a landmark."""
 REVISIT_GAP, REVISIT_COSINE = 1.5, np.cos(np.radians(15.0))
@@ -52,7 +61,7 @@ POINT, SIDE, LINE = 0, 1, 2
 """Columns of `matches`, one row a surface seen: the row of `expected` matched by an end, which end,
 and the row matched by its line; -1 where none."""
 
-_correction, _no_motion = scratch(3), scratch(3)
+_correction, _no_motion, _expected_pose = scratch(3), scratch(3), scratch(3)
 
 
 @kernel()
@@ -62,27 +71,41 @@ def match_submap(
     current: LocatedView,
     motion: np.ndarray,
     limits: Albot1Limits,
+    odometer: np.ndarray,
     buffers: MatchBuffers,
-) -> int:
-    """Move `current.pose` from where the odometer says to where the remembered surfaces say.
+) -> tuple[int, float]:
+    """Move `current.pose` from where `motion` leads to where the remembered surfaces say.
 
-    Sets `current.slots` for the landmarks recognised there; returns their number.
+    Sets `current.slots` for the landmarks recognised there; returns their number, and how far what
+    is seen agrees with what is remembered. Where it hardly does, it is searched for more widely.
     """
+    expected_pose = _expected_pose()
+    for i in range(3):
+        expected_pose[i] = current.pose[i]
     kept = describe_seen(current, limits, buffers)
     which, seen_edges, seen = buffers.which[:kept], buffers.seen_edges[:kept], buffers.seen[:kept]
-    kept = describe_expected(previous, motion, limits, buffers)
-    edges, expected = buffers.edges[:kept], buffers.expected[:kept]
-    turn = likeliest_turn(seen, seen_edges, expected, edges, limits, buffers.votes)
-    current.pose[2] = wrap(current.pose[2] + turn)
-
-    kept = describe_remembered(pm, current.pose, seen, limits, buffers)
-    slots, edges, expected = buffers.slots[:kept], buffers.edges[:kept], buffers.expected[:kept]
+    scale, wide = turn_scale(odometer, limits), 1.0
+    if odometer[HAS_MOVED] == 0.0:
+        wide = GUESS_WIDTH
+        motion = _guessed_motion(previous, seen, seen_edges, limits, odometer, scale, buffers)
+        compose_pose(previous.pose, motion, expected_pose)
+        for i in range(3):
+            current.pose[i] = expected_pose[i]
     correction, matches = _correction(), buffers.matches
-    correction[0] = correction[1] = correction[2] = 0.0
-    for _ in range(ROUNDS):
-        match_surfaces(seen, seen_edges, expected, edges, correction, limits, matches)
-        _refine(seen, expected, matches, limits, correction)
-    recognized = match_surfaces(seen, seen_edges, expected, edges, correction, limits, matches)
+    args = (seen, seen_edges, limits, buffers, correction)
+    kept, recognized, agreement = _search(pm, previous, current, motion, scale, wide, *args)
+    if agreement < limits.unsure and wide < limits.wider:
+        factor = limits.wider / wide
+        for i in range(3):
+            current.pose[i] = expected_pose[i]
+        wider = _search(pm, previous, current, motion, scale * factor, limits.wider, *args)
+        if wider[2] > agreement + WIDER_GAIN:
+            kept, recognized, agreement = wider
+        else:
+            for i in range(3):
+                current.pose[i] = expected_pose[i]
+            kept, recognized, agreement = _search(pm, previous, current, motion, scale, wide, *args)
+    slots, expected = buffers.slots[:kept], buffers.expected[:kept]
 
     for k in range(current.size[0]):
         current.slots[k] = NOT_RECOGNIZED
@@ -95,7 +118,110 @@ def match_submap(
     current.pose[0] += x
     current.pose[1] += y
     current.pose[2] = wrap(current.pose[2] + correction[2])
-    return int(recognized)
+    return int(recognized), float(agreement)
+
+
+@kernel()
+def _guessed_motion(
+    previous: LocatedView,
+    seen: np.ndarray,
+    seen_edges: np.ndarray,
+    limits: Albot1Limits,
+    odometer: np.ndarray,
+    scale: float,
+    buffers: MatchBuffers,
+) -> np.ndarray:
+    """The translation under which the two views agree best, for a robot without an odometer.
+
+    It is searched on a grid; one that differs from the last costs votes, for along a corridor the
+    views cannot tell.
+    """
+    motion, trial = _guess(), _trial()
+    most = -np.inf
+    for column in range(-GUESS_CELLS, GUESS_CELLS + 1):
+        for row in range(-GUESS_CELLS, GUESS_CELLS + 1):
+            if column * column + row * row > GUESS_CELLS * GUESS_CELLS:
+                continue
+            trial[0], trial[1], trial[2] = column * GUESS_SPACING, row * GUESS_SPACING, 0.0
+            kept = describe_expected(previous, trial, limits, buffers)
+            edges, expected = buffers.edges[:kept], buffers.expected[:kept]
+            args = (limits, scale, GUESS_WIDTH, buffers.votes)
+            turn = likeliest_turn(seen, seen_edges, expected, edges, *args)
+            place = int(np.round(turn / TURN_STEP)) + limits.turns.shape[0] // 2
+            dx, dy = trial[0] - odometer[LAST_X], trial[1] - odometer[LAST_Y]
+            votes = buffers.votes[0, place] - GUESS_COST * (dx * dx + dy * dy)
+            if votes > most:
+                most = votes
+                for i in range(3):
+                    motion[i] = trial[i]
+    return motion
+
+
+_guess, _trial = scratch(3), scratch(3)
+GUESS_SPACING, GUESS_CELLS, GUESS_WIDTH, GUESS_COST = 0.4, 3, 1.5, 0.25
+
+
+@kernel()
+def _search(
+    pm: PerceptualMap,
+    previous: LocatedView,
+    current: LocatedView,
+    motion: np.ndarray,
+    scale: float,
+    wide: float,
+    seen: np.ndarray,
+    seen_edges: np.ndarray,
+    limits: Albot1Limits,
+    buffers: MatchBuffers,
+    correction: np.ndarray,
+) -> tuple[int, int, float]:
+    """Steps 1 to 3: turn `current.pose`, and find the correction of it and the matches.
+
+    Returns how many surfaces are remembered there, how many landmarks were recognised, and the
+    agreement. `wide` is how many times wider than usual surfaces are searched for.
+    """
+    kept = describe_expected(previous, motion, limits, buffers)
+    edges, expected = buffers.edges[:kept], buffers.expected[:kept]
+    args = (limits, scale, wide, buffers.votes)
+    turn = likeliest_turn(seen, seen_edges, expected, edges, *args)
+    current.pose[2] = wrap(current.pose[2] + turn)
+    kept = describe_remembered(pm, current.pose, seen, limits, buffers)
+    edges, expected, matches = buffers.edges[:kept], buffers.expected[:kept], buffers.matches
+    correction[0] = correction[1] = correction[2] = 0.0
+    narrower = wide
+    for _ in range(ROUNDS):
+        match_surfaces(seen, seen_edges, expected, edges, correction, limits, narrower, matches)
+        _refine(seen, expected, matches, limits, wide, correction)
+        narrower = np.sqrt(narrower)
+    found = match_surfaces(seen, seen_edges, expected, edges, correction, limits, 1.0, matches)
+    agreement = _agreement(seen, expected, matches, correction, limits)
+    return int(kept), int(found), float(agreement)
+
+
+@kernel()
+def _agreement(
+    seen: np.ndarray,
+    expected: np.ndarray,
+    matches: np.ndarray,
+    correction: np.ndarray,
+    limits: Albot1Limits,
+) -> float:
+    """How well what is seen lies on what is remembered: each match counts as it votes for a turn."""
+    cos, sin = np.cos(correction[2]), np.sin(correction[2])
+    total = 0.0
+    for k in range(seen.shape[0]):
+        ends = moved_ends(seen[k], correction, cos, sin)
+        own = 0.0
+        if matches[k, POINT] >= 0:
+            q, end = matches[k, POINT], matches[k, SIDE]
+            dx = ends[2 * end] - expected[q, 2 * end]
+            dy = ends[2 * end + 1] - expected[q, 2 * end + 1]
+            own = 1.0 - (dx * dx + dy * dy) / limits.landmark_gap**2
+        if matches[k, LINE] >= 0:
+            aside = beside(expected[matches[k, LINE]], ends, seen[k, 4])
+            own = max(own, LINE_VOTE * (1.0 - (aside / LINE_GAP) ** 2))
+        total += own
+    return total
 
 
 @kernel()
@@ -105,9 +231,11 @@ def likeliest_turn(
     expected: np.ndarray,
     edges: np.ndarray,
     limits: Albot1Limits,
+    scale: float,
+    wide: float,
     buffer: np.ndarray,
 ) -> float:
-    """The turn (rad) to add to the odometer's under which most surfaces agree.
+    """The turn (rad) to add to the expected one under which most surfaces agree.
 
     Every surface seen votes for the turns that bring it onto an expected one, a landmark
     by its points and a wall by its line, each the more the better it fits. `buffer` (2, turns) is
@@ -116,9 +244,10 @@ def likeliest_turn(
     bins = limits.turns.shape[0]
     votes, own = buffer[0], buffer[1]
     for b in range(bins):
-        votes[b] = -limits.turns[b, 2]
+        turned = (b - bins // 2) * TURN_STEP / scale
+        votes[b] = -min(turned * turned, LARGEST_COST)
     for k in range(seen.shape[0]):
-        _vote(seen[k], seen_edges[k], expected, edges, limits, own)
+        _vote(seen[k], seen_edges[k], expected, edges, limits, wide, own)
         for b in range(bins):
             votes[b] += own[b]
     best = 0
@@ -135,10 +264,11 @@ def _vote(
     expected: np.ndarray,
     edges: np.ndarray,
     limits: Albot1Limits,
+    wide: float,
     own: np.ndarray,
 ) -> None:
     """Let a surface seen vote for the turns that bring it onto an expected one."""
-    turns, angle, gap = limits.turns, limits.landmark_angle, limits.landmark_gap
+    turns, angle, gap = limits.turns, limits.landmark_angle, wide * limits.landmark_gap
     bins = turns.shape[0]
     for b in range(bins):
         own[b] = 0.0
@@ -152,7 +282,7 @@ def _vote(
         if low <= high:
             wall = expected[q]
             _vote_by_points(seen, seen_edges, wall, edges[q], turns, low, high, gap, own)
-            _vote_by_line(seen, wall, turns, aligned, low, high, angle, own)
+            _vote_by_line(seen, wall, turns, aligned, low, high, angle, wide * LINE_GAP, own)
 
 
 @kernel()
@@ -188,6 +318,7 @@ def _vote_by_line(
     low: int,
     high: int,
     angle: float,
+    gap: float,
     own: np.ndarray,
 ) -> None:
     """Vote for the turns low..high that lay a surface along an expected one.
@@ -198,9 +329,9 @@ def _vote_by_line(
     no_motion = _no_motion()
     no_motion[0] = no_motion[1] = no_motion[2] = 0.0
     aside = beside(wall, moved_ends(seen, no_motion, turns[middle, 0], turns[middle, 1]), seen[4])
-    if aside >= LINE_GAP:
+    if aside >= gap:
         return
-    vote = LINE_VOTE * (1.0 - (aside / LINE_GAP) ** 2)
+    vote = LINE_VOTE * (1.0 - (aside / gap) ** 2)
     for b in range(low, high + 1):
         turned = (b - aligned) * TURN_STEP / angle
         own[b] = max(own[b], vote * (1.0 - turned * turned))
@@ -214,6 +345,7 @@ def match_surfaces(
     edges: np.ndarray,
     correction: np.ndarray,
     limits: Albot1Limits,
+    wide: float,
     matches: np.ndarray,
 ) -> int:
     """Match every surface seen to the nearest remembered point and line; count the points."""
@@ -223,7 +355,7 @@ def match_surfaces(
         ux, uy = rotate(cos, sin, seen[k, 6], seen[k, 7])
         ends = moved_ends(seen[k], correction, cos, sin)
         point, side, line = -1, 0, -1
-        nearest_gap, nearest_line = limits.landmark_gap**2, LINE_GAP
+        nearest_gap, nearest_line = (wide * limits.landmark_gap) ** 2, wide * LINE_GAP
         for q in range(expected.shape[0]):
             if ux * expected[q, 6] + uy * expected[q, 7] <= limits.landmark_cosine:
                 continue
@@ -248,12 +380,14 @@ def _refine(
     expected: np.ndarray,
     matches: np.ndarray,
     limits: Albot1Limits,
+    wide: float,
     correction: np.ndarray,
 ) -> None:
     """Gauss-Newton on the correction, held by the odometer's motion and the likeliest turn."""
+    motion = 1.0 / (wide * limits.motion_error) ** 2
     for _ in range(ITERATIONS):
         cos, sin = np.cos(correction[2]), np.sin(correction[2])
-        equations = held(correction, 1.0 / limits.motion_error**2, 1.0 / limits.turn_error**2)
+        equations = held(correction, motion, 1.0 / limits.turn_error**2)
         for k in range(seen.shape[0]):
             if matches[k, POINT] >= 0:
                 wall, side = expected[matches[k, POINT]], matches[k, SIDE]

@@ -45,7 +45,7 @@ def search_turn(
     seen_edges, seen = buffers.seen_edges[:kept], buffers.seen[:kept]
     kept = describe_expected(previous, motion, limits, buffers)
     edges, expected = buffers.edges[:kept], buffers.expected[:kept]
-    return float(likeliest_turn(seen, seen_edges, expected, edges, limits, buffers.votes))
+    return float(likeliest_turn(seen, seen_edges, expected, edges, limits, np.radians(12.0), 1.0, buffers.votes))
 
 
 @kernel(arrays=True)
