@@ -353,4 +353,5 @@ class Albot1Batch:
             thresholds=view.thresholds,
             fit_lines=view.fit_lines,
             grazing_ends=view.grazing_ends,
+            cut_ends=view.cut_ends,
         )

@@ -80,9 +80,10 @@ class ViewSettings(NamedTuple):
     max_range: float
     """Points at or beyond this distance are dropped (m)."""
     thresholds: np.ndarray
-    """(5,) float64: see `ViewConfig.thresholds`."""
+    """(6,) float64: see `ViewConfig.thresholds`."""
     fit_lines: bool
     grazing_ends: bool
+    cut_ends: bool
     """See `ViewConfig`."""
 
 
@@ -104,6 +105,7 @@ def take_view(
         settings.thresholds,
         settings.fit_lines,
         settings.grazing_ends,
+        settings.cut_ends,
         view_buffers,
         current.surfaces,
         current.edges,

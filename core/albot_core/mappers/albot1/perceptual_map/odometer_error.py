@@ -22,6 +22,8 @@ ROW = 4
 """Length of a robot's row."""
 FIRST_TURN_ERROR = np.radians(5.0)
 """Error (rad) of an odometer of which nothing is known yet, root mean square."""
+STILL = 1e-9
+"""A motion up to this (m, rad) is none but for rounding."""
 MEMORY = 30.0
 """Errors are averaged over about so many views."""
 
@@ -42,7 +44,7 @@ def turn_scale(odometer: np.ndarray, limits: Albot1Limits) -> float:
 @kernel()
 def note_motion(odometer: np.ndarray, motion: np.ndarray) -> None:
     """Note whether the odometer has ever reported a motion."""
-    if motion[0] != 0.0 or motion[1] != 0.0 or motion[2] != 0.0:
+    if abs(motion[0]) > STILL or abs(motion[1]) > STILL or abs(motion[2]) > STILL:
         odometer[HAS_MOVED] = 1.0
 
 

@@ -41,18 +41,25 @@ from albot_core.mappers.albot1.perceptual_map.submap import (
     describe_remembered,
     describe_seen,
 )
+from albot_core.mappers.albot1.perceptual_map.turn_search import (
+    LINE_GAP,
+    LINE_VOTE,
+    likeliest_turn,
+)
 from albot_core.matching.least_squares import held, pulled_by_line, pulled_by_point, solved
 from albot_core.matching.lines import beside, moved_ends, wrap
 from albot_core.sensing.view import NO_EDGE
 
 ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""
-LINE_GAP = 0.30
-"""A wall is taken for the remembered one if it runs no farther than this beside it (m)."""
-LARGEST_COST = 1.0
 WIDER_GAIN = 0.5
-LINE_VOTE = 0.5
-"""How much a wall that lies where it is remembered counts beside a landmark."""
+"""A wider search is believed only if its agreement is larger by more than this."""
+GUESS_SPACING, GUESS_CELLS = 0.4, 3
+"""Without an odometer translations are tried so far apart (m), and so many cells either way…"""
+GUESS_WIDTH = 1.5
+"""…and surfaces are searched for so many times wider than usual."""
+GUESS_COST = 0.25
+"""Votes that a translation costs which differs by 1 m from the last; by the square of it."""
 REVISIT_GAP, REVISIT_COSINE = 1.5, np.cos(np.radians(15.0))
 """A wall this near to one of an earlier visit (m), and turned no more (15°, by its cosine), may be
 it: so far a map drifts on its way round. It counts for a loop-closure candidate and no more."""
@@ -61,7 +68,7 @@ POINT, SIDE, LINE = 0, 1, 2
 """Columns of `matches`, one row a surface seen: the row of `expected` matched by an end, which end,
 and the row matched by its line; -1 where none."""
 
-_correction, _no_motion, _expected_pose = scratch(3), scratch(3), scratch(3)
+_correction, _expected_pose, _guess, _trial = scratch(3), scratch(3), scratch(3), scratch(3)
 
 
 @kernel()
@@ -87,7 +94,9 @@ def match_submap(
     scale, wide = turn_scale(odometer, limits), 1.0
     if odometer[HAS_MOVED] == 0.0:
         wide = GUESS_WIDTH
-        motion = _guessed_motion(previous, seen, seen_edges, limits, odometer, scale, buffers)
+        guess = _guess()
+        _guess_motion(previous, seen, seen_edges, limits, odometer, scale, buffers, guess)
+        motion = guess
         compose_pose(previous.pose, motion, expected_pose)
         for i in range(3):
             current.pose[i] = expected_pose[i]
@@ -122,7 +131,7 @@ def match_submap(
 
 
 @kernel()
-def _guessed_motion(
+def _guess_motion(
     previous: LocatedView,
     seen: np.ndarray,
     seen_edges: np.ndarray,
@@ -130,13 +139,14 @@ def _guessed_motion(
     odometer: np.ndarray,
     scale: float,
     buffers: MatchBuffers,
-) -> np.ndarray:
-    """The translation under which the two views agree best, for a robot without an odometer.
+    motion: np.ndarray,
+) -> None:
+    """Write into `motion` the translation under which the two views agree best, for a robot without an odometer.
 
     It is searched on a grid; one that differs from the last costs votes, for along a corridor the
     views cannot tell.
     """
-    motion, trial = _guess(), _trial()
+    trial = _trial()
     most = -np.inf
     for column in range(-GUESS_CELLS, GUESS_CELLS + 1):
         for row in range(-GUESS_CELLS, GUESS_CELLS + 1):
@@ -154,11 +164,6 @@ def _guessed_motion(
                 most = votes
                 for i in range(3):
                     motion[i] = trial[i]
-    return motion
-
-
-_guess, _trial = scratch(3), scratch(3)
-GUESS_SPACING, GUESS_CELLS, GUESS_WIDTH, GUESS_COST = 0.4, 3, 1.5, 0.25
 
 
 @kernel()
@@ -222,119 +227,6 @@ def _agreement(
             own = max(own, LINE_VOTE * (1.0 - (aside / LINE_GAP) ** 2))
         total += own
     return total
-
-
-@kernel()
-def likeliest_turn(
-    seen: np.ndarray,
-    seen_edges: np.ndarray,
-    expected: np.ndarray,
-    edges: np.ndarray,
-    limits: Albot1Limits,
-    scale: float,
-    wide: float,
-    buffer: np.ndarray,
-) -> float:
-    """The turn (rad) to add to the expected one under which most surfaces agree.
-
-    Every surface seen votes for the turns that bring it onto an expected one, a landmark
-    by its points and a wall by its line, each the more the better it fits. `buffer` (2, turns) is
-    to count in.
-    """
-    bins = limits.turns.shape[0]
-    votes, own = buffer[0], buffer[1]
-    for b in range(bins):
-        turned = (b - bins // 2) * TURN_STEP / scale
-        votes[b] = -min(turned * turned, LARGEST_COST)
-    for k in range(seen.shape[0]):
-        _vote(seen[k], seen_edges[k], expected, edges, limits, wide, own)
-        for b in range(bins):
-            votes[b] += own[b]
-    best = 0
-    for b in range(bins):
-        if votes[b] > votes[best]:
-            best = b
-    return float((best - bins // 2) * TURN_STEP)
-
-
-@kernel()
-def _vote(
-    seen: np.ndarray,
-    seen_edges: np.ndarray,
-    expected: np.ndarray,
-    edges: np.ndarray,
-    limits: Albot1Limits,
-    wide: float,
-    own: np.ndarray,
-) -> None:
-    """Let a surface seen vote for the turns that bring it onto an expected one."""
-    turns, angle, gap = limits.turns, limits.landmark_angle, wide * limits.landmark_gap
-    bins = turns.shape[0]
-    for b in range(bins):
-        own[b] = 0.0
-    for q in range(expected.shape[0]):
-        if seen[6] * expected[q, 6] + seen[7] * expected[q, 7] < limits.turn_cosine:
-            continue
-        # Only turns that leave no more than `landmark_angle` between the two can be voted for.
-        aligned = wrap(expected[q, 5] - seen[5]) / TURN_STEP + bins // 2
-        low = max(int(np.ceil(aligned - angle / TURN_STEP)), 0)
-        high = min(int(np.floor(aligned + angle / TURN_STEP)), bins - 1)
-        if low <= high:
-            wall = expected[q]
-            _vote_by_points(seen, seen_edges, wall, edges[q], turns, low, high, gap, own)
-            _vote_by_line(seen, wall, turns, aligned, low, high, angle, wide * LINE_GAP, own)
-
-
-@kernel()
-def _vote_by_points(
-    seen: np.ndarray,
-    seen_edges: np.ndarray,
-    wall: np.ndarray,
-    wall_edges: np.ndarray,
-    turns: np.ndarray,
-    low: int,
-    high: int,
-    gap: float,
-    own: np.ndarray,
-) -> None:
-    """Vote for the turns low..high that bring a landmark's points onto an expected one's."""
-    for end in range(2):
-        if seen_edges[end] == NO_EDGE or wall_edges[end] == NO_EDGE:
-            continue
-        x, y = seen[2 * end], seen[2 * end + 1]
-        ex, ey = wall[2 * end], wall[2 * end + 1]
-        for b in range(low, high + 1):
-            east, north = rotate(turns[b, 0], turns[b, 1], x, y)
-            dx, dy = east - ex, north - ey
-            own[b] = max(own[b], 1.0 - (dx * dx + dy * dy) / gap**2)
-
-
-@kernel()
-def _vote_by_line(
-    seen: np.ndarray,
-    wall: np.ndarray,
-    turns: np.ndarray,
-    aligned: float,
-    low: int,
-    high: int,
-    angle: float,
-    gap: float,
-    own: np.ndarray,
-) -> None:
-    """Vote for the turns low..high that lay a surface along an expected one.
-
-    How far it runs beside is measured at the turn that aligns the two, `aligned` steps.
-    """
-    middle = min(max(int(aligned + 0.5), 0), turns.shape[0] - 1)
-    no_motion = _no_motion()
-    no_motion[0] = no_motion[1] = no_motion[2] = 0.0
-    aside = beside(wall, moved_ends(seen, no_motion, turns[middle, 0], turns[middle, 1]), seen[4])
-    if aside >= gap:
-        return
-    vote = LINE_VOTE * (1.0 - (aside / gap) ** 2)
-    for b in range(low, high + 1):
-        turned = (b - aligned) * TURN_STEP / angle
-        own[b] = max(own[b], vote * (1.0 - turned * turned))
 
 
 @kernel()
