@@ -147,15 +147,8 @@ def extract_surfaces(
             count += 1
     mark_edges(surfaces, spans[:formed], kept, count, mount_x, mount_y, edges)
     if cut_ends:
-        mount = (mount_x, mount_y)
-        for k in range(count):
-            for end in range(2):
-                beam = beams[spans[kept[k], end]] + 2 * end - 1
-                if edges[k, end] == OCCLUDING and 0 <= beam < ranges.shape[0]:
-                    if ranges[beam] >= max_range and leaves_range(
-                        surfaces[k], end, directions[beam], mount, max_range
-                    ):
-                        edges[k, end] = NO_EDGE
+        args = (ranges, directions, mount_x, mount_y, max_range)
+        unmark_cut_ends(surfaces, spans, kept, count, beams, *args, edges)
     if not grazing:
         unmark_grazing_ends(points, surfaces, spans[:formed], kept, count, height, edges)
     return int(count)
@@ -316,22 +309,36 @@ def mark_edges(
 
 
 @kernel()
-def leaves_range(
-    surface: np.ndarray,
-    end: int,
-    direction: np.ndarray,
-    mount: tuple[float, float],
+def unmark_cut_ends(
+    surfaces: np.ndarray,
+    spans: np.ndarray,
+    kept: np.ndarray,
+    count: int,
+    beams: np.ndarray,
+    ranges: np.ndarray,
+    directions: np.ndarray,
+    mount_x: float,
+    mount_y: float,
     max_range: float,
-) -> bool:
-    """Whether the wall goes on beyond an end, but where the next beam meets it is out of range.
+    edges: np.ndarray,
+) -> None:
+    """Take back the occluding points where a wall only leaves the laser's range.
 
-    This is ours. A beam without return tells of free space up to the range; the wall may go on.
+    This is ours. A beam without return beside an end tells of no surface up to the range; where it
+    would meet the same wall beyond the range, the wall may go on there.
     """
-    ux, uy = surface[2] - surface[0], surface[3] - surface[1]
-    px, py = surface[2 * end] - mount[0], surface[2 * end + 1] - mount[1]
-    across = direction[0] * uy - direction[1] * ux
-    along = (px * uy - py * ux) / across if across != 0.0 else np.inf
-    return bool(along <= 0.0 or along >= max_range)
+    for k in range(count):
+        ux, uy = surfaces[k, 2] - surfaces[k, 0], surfaces[k, 3] - surfaces[k, 1]
+        for end in range(2):
+            beam = beams[spans[kept[k], end]] + 2 * end - 1
+            is_last = beam < 0 or beam >= ranges.shape[0]
+            if edges[k, end] != OCCLUDING or is_last or ranges[beam] < max_range:
+                continue
+            px, py = surfaces[k, 2 * end] - mount_x, surfaces[k, 2 * end + 1] - mount_y
+            across = directions[beam, 0] * uy - directions[beam, 1] * ux
+            along = (px * uy - py * ux) / across if across != 0.0 else np.inf
+            if along <= 0.0 or along >= max_range:
+                edges[k, end] = NO_EDGE
 
 
 @kernel()

@@ -15,7 +15,7 @@ from albot_core.mappers.albot1.addresses import COLUMNS, RobotArrays, addresses_
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.handle_events import RobotMemory, handle_events
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose
-from albot_core.mappers.albot1.perceptual_map.mapping import UNRECOGNIZED, UPDATES, ViewSettings
+from albot_core.mappers.albot1.perceptual_map.mapping import UNRECOGNIZED, UPDATES
 from albot_core.mappers.albot1.perceptual_map.memory import (
     ALIVE,
     clear_map,
@@ -25,6 +25,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     living,
 )
 from albot_core.mappers.albot1.perceptual_map.odometer_error import unknown_odometer
+from albot_core.mappers.albot1.perceptual_map.viewing import ViewSettings
 from albot_core.mappers.albot1.places.exits import empty_exits, expect_exits
 from albot_core.mappers.albot1.places.network import START, PlaceNetwork
 from albot_core.mappers.albot1.places.wayfinding import way_lines, waypoint_home

@@ -26,9 +26,7 @@ from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, relati
 from albot_core.mappers.albot1.perceptual_map.mapping import (
     INCONSISTENT,
     STEP,
-    ViewSettings,
     map_step,
-    take_view,
 )
 from albot_core.mappers.albot1.perceptual_map.memory import (
     ALIVE,
@@ -40,6 +38,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     room_left,
 )
 from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers, make_match_buffers
+from albot_core.mappers.albot1.perceptual_map.viewing import ViewSettings, take_view
 from albot_core.mappers.albot1.places.exits import cross_exit, remember_exits
 from albot_core.mappers.albot1.places.visits import keep_or_drop_candidate
 from albot_core.mappers.albot1.trail.breadcrumbs import CRUMB_SPACING, CRUMB_TURN

@@ -38,7 +38,7 @@ def unknown_odometer() -> np.ndarray:
 @kernel()
 def turn_scale(odometer: np.ndarray, limits: Albot1Limits) -> float:
     """The scale (rad) on which a turn costs votes that departs from the odometer's."""
-    return max(limits.turn_scale * np.sqrt(odometer[TURN]), limits.turn_cost)
+    return float(max(limits.turn_scale * np.sqrt(odometer[TURN]), limits.turn_cost))
 
 
 @kernel()

@@ -9,6 +9,9 @@ real logs the turn often is not so good. Here
    points, plain walls by their lines,
 3. Gauss-Newton steps on the pose draw the matched ones together, and they are matched anew.
 
+How sure the match is decides how widely to search: where what is seen hardly agrees with what is
+remembered there, all three are done again with wider bounds, and the better match counts.
+
 Only what is remembered around the robot takes part, and nothing remembered is corrected.
 """
 
@@ -19,7 +22,7 @@ import numpy as np
 from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import TURN_STEP, Albot1Limits
-from albot_core.mappers.albot1.perceptual_map.frames import compose_pose
+from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, copy_pose
 from albot_core.mappers.albot1.perceptual_map.memory import (
     GATE,
     NEVER,
@@ -58,8 +61,10 @@ GUESS_SPACING, GUESS_CELLS = 0.4, 3
 """Without an odometer translations are tried so far apart (m), and so many cells either way…"""
 GUESS_WIDTH = 1.5
 """…and surfaces are searched for so many times wider than usual."""
+GUESS_TURN = np.radians(60.0)
+"""…around no turn and this one to either side (rad)…"""
 GUESS_COST = 0.25
-"""Votes that a translation costs which differs by 1 m from the last; by the square of it."""
+"""Votes that a translation costs which differs by 1 m from the last, and a turn to either side."""
 REVISIT_GAP, REVISIT_COSINE = 1.5, np.cos(np.radians(15.0))
 """A wall this near to one of an earlier visit (m), and turned no more (15°, by its cosine), may be
 it: so far a map drifts on its way round. It counts for a loop-closure candidate and no more."""
@@ -68,7 +73,7 @@ POINT, SIDE, LINE = 0, 1, 2
 """Columns of `matches`, one row a surface seen: the row of `expected` matched by an end, which end,
 and the row matched by its line; -1 where none."""
 
-_correction, _expected_pose, _guess, _trial = scratch(3), scratch(3), scratch(3), scratch(3)
+_correction, _expected_motion, _trial = scratch(3), scratch(3), scratch(3)
 
 
 @kernel()
@@ -86,34 +91,25 @@ def match_submap(
     Sets `current.slots` for the landmarks recognised there; returns their number, and how far what
     is seen agrees with what is remembered. Where it hardly does, it is searched for more widely.
     """
-    expected_pose = _expected_pose()
-    for i in range(3):
-        expected_pose[i] = current.pose[i]
     kept = describe_seen(current, limits, buffers)
     which, seen_edges, seen = buffers.which[:kept], buffers.seen_edges[:kept], buffers.seen[:kept]
-    scale, wide = turn_scale(odometer, limits), 1.0
+    expected_motion, wide = _expected_motion(), 1.0
+    copy_pose(motion, expected_motion)
+    scale = turn_scale(odometer, limits)
     if odometer[HAS_MOVED] == 0.0:
         wide = GUESS_WIDTH
-        guess = _guess()
-        _guess_motion(previous, seen, seen_edges, limits, odometer, scale, buffers, guess)
-        motion = guess
-        compose_pose(previous.pose, motion, expected_pose)
-        for i in range(3):
-            current.pose[i] = expected_pose[i]
+        args = (limits, odometer, scale, buffers)
+        _guess_motion(previous, seen, seen_edges, *args, expected_motion)
     correction, matches = _correction(), buffers.matches
     args = (seen, seen_edges, limits, buffers, correction)
-    kept, recognized, agreement = _search(pm, previous, current, motion, scale, wide, *args)
+    views = (pm, previous, current, expected_motion)
+    kept, recognized, agreement = _search(*views, scale, wide, *args)
     if agreement < limits.unsure and wide < limits.wider:
         factor = limits.wider / wide
-        for i in range(3):
-            current.pose[i] = expected_pose[i]
-        wider = _search(pm, previous, current, motion, scale * factor, limits.wider, *args)
-        if wider[2] > agreement + WIDER_GAIN:
-            kept, recognized, agreement = wider
-        else:
-            for i in range(3):
-                current.pose[i] = expected_pose[i]
-            kept, recognized, agreement = _search(pm, previous, current, motion, scale, wide, *args)
+        _, _, wider = _search(*views, scale * factor, limits.wider, *args)
+        if wider <= agreement + WIDER_GAIN:
+            factor = 1.0
+        kept, recognized, agreement = _search(*views, scale * factor, wide * factor, *args)
     slots, expected = buffers.slots[:kept], buffers.expected[:kept]
 
     for k in range(current.size[0]):
@@ -141,29 +137,28 @@ def _guess_motion(
     buffers: MatchBuffers,
     motion: np.ndarray,
 ) -> None:
-    """Write into `motion` the translation under which the two views agree best, for a robot without an odometer.
+    """Write the motion under which the two views agree best, for a robot without an odometer.
 
-    It is searched on a grid; one that differs from the last costs votes, for along a corridor the
-    views cannot tell.
+    It is searched on a grid. A translation that differs from the last costs votes, for along a
+    corridor the views cannot tell, and so does a turn.
     """
-    trial = _trial()
-    most = -np.inf
-    for column in range(-GUESS_CELLS, GUESS_CELLS + 1):
-        for row in range(-GUESS_CELLS, GUESS_CELLS + 1):
-            if column * column + row * row > GUESS_CELLS * GUESS_CELLS:
-                continue
-            trial[0], trial[1], trial[2] = column * GUESS_SPACING, row * GUESS_SPACING, 0.0
+    trial, most = _trial(), -np.inf
+    for cell in range((2 * GUESS_CELLS + 1) ** 2):
+        column, row = cell // (2 * GUESS_CELLS + 1), cell % (2 * GUESS_CELLS + 1)
+        trial[0] = (column - GUESS_CELLS) * GUESS_SPACING
+        trial[1] = (row - GUESS_CELLS) * GUESS_SPACING
+        dx, dy = trial[0] - odometer[LAST_X], trial[1] - odometer[LAST_Y]
+        for side in range(-1, 2):
+            trial[2] = side * GUESS_TURN
             kept = describe_expected(previous, trial, limits, buffers)
             edges, expected = buffers.edges[:kept], buffers.expected[:kept]
             args = (limits, scale, GUESS_WIDTH, buffers.votes)
             turn = likeliest_turn(seen, seen_edges, expected, edges, *args)
             place = int(np.round(turn / TURN_STEP)) + limits.turns.shape[0] // 2
-            dx, dy = trial[0] - odometer[LAST_X], trial[1] - odometer[LAST_Y]
-            votes = buffers.votes[0, place] - GUESS_COST * (dx * dx + dy * dy)
+            votes = buffers.votes[0, place] - GUESS_COST * (dx * dx + dy * dy + abs(side))
             if votes > most:
                 most = votes
-                for i in range(3):
-                    motion[i] = trial[i]
+                copy_pose(trial, motion)
 
 
 @kernel()
@@ -180,11 +175,12 @@ def _search(
     buffers: MatchBuffers,
     correction: np.ndarray,
 ) -> tuple[int, int, float]:
-    """Steps 1 to 3: turn `current.pose`, and find the correction of it and the matches.
+    """Steps 1 to 3 from where `motion` leads: set `current.pose`, and find its correction.
 
     Returns how many surfaces are remembered there, how many landmarks were recognised, and the
     agreement. `wide` is how many times wider than usual surfaces are searched for.
     """
+    compose_pose(previous.pose, motion, current.pose)
     kept = describe_expected(previous, motion, limits, buffers)
     edges, expected = buffers.edges[:kept], buffers.expected[:kept]
     args = (limits, scale, wide, buffers.votes)
@@ -211,7 +207,7 @@ def _agreement(
     correction: np.ndarray,
     limits: Albot1Limits,
 ) -> float:
-    """How well what is seen lies on what is remembered: each match counts as it votes for a turn."""
+    """How well what is seen lies on what is remembered; a match counts as it votes for a turn."""
     cos, sin = np.cos(correction[2]), np.sin(correction[2])
     total = 0.0
     for k in range(seen.shape[0]):
