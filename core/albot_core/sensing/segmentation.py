@@ -22,7 +22,8 @@ def scan_points(
 ) -> int:
     """Step 1: write the points closer than `max_range` (m) to `points` (n, 2); return how many.
 
-    `beams` (n,) takes the beam of each. `directions` (beams, 2) are the beams' unit vectors in the robot's frame.
+    `beams` (n,) takes the beam of each. `directions` (beams, 2) are the beams' unit vectors in the
+    robot's frame.
     """
     count = 0
     for i in range(ranges.shape[0]):

@@ -124,8 +124,8 @@ def extract_surfaces(
 ) -> int:
     """Run all steps of view construction (thesis, section 3.1.3); return the number of surfaces.
 
-    `thresholds` are those of `ViewConfig.thresholds` (m, count, rad). `surfaces` and `edges` are written in the robot's frame
-    (m), in the order of the beams.
+    `thresholds` are those of `ViewConfig.thresholds` (m, count, rad). `surfaces` and `edges` are
+    written in the robot's frame (m), in the order of the beams.
     """
     gap, size, height, shortest, fewest, incidence = thresholds
     points, beams, gaps, stack, spans, lines, raw, kept = buffers

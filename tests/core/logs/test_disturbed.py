@@ -104,9 +104,9 @@ def test_a_log_without_a_laser_is_refused(log: Log, disturbance: str) -> None:
 
 
 def test_a_beam_between_two_lies_on_their_wall() -> None:
-    # A wall 2 m to the right, and beyond it another, 3 m farther.
+    # A wall 2 m ahead, and to the left of it another, 3 m farther.
     geometry = LaserGeometry(beams=5, spacing=np.radians(2.0))
-    wall = 2.0 / np.abs(np.sin(geometry.bearings + np.radians(60.0)))
+    wall = 2.0 / np.cos(geometry.bearings)
     ranges = np.tile(np.where(np.arange(5) < 3, wall, wall + 3.0), (2, 1))
     log = Log(
         name="wall",
@@ -119,7 +119,7 @@ def test_a_beam_between_two_lies_on_their_wall() -> None:
     assert fine.geometry is not None and fine.ranges is not None
     assert fine.geometry.beams == 9
     assert fine.geometry.bearings[::2] == pytest.approx(geometry.bearings)
-    on_wall = 2.0 / np.abs(np.sin(fine.geometry.bearings + np.radians(60.0)))
+    on_wall = 2.0 / np.cos(fine.geometry.bearings)
     assert fine.ranges[0, :5] == pytest.approx(on_wall[:5])
     assert fine.ranges[0, 5] == fine.ranges[0, 4]  # At the break it is the beam before's.
 

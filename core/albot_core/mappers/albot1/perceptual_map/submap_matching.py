@@ -98,8 +98,8 @@ def match_submap(
     scale = turn_scale(odometer, limits)
     if odometer[HAS_MOVED] == 0.0:
         wide = GUESS_WIDTH
-        args = (limits, odometer, scale, buffers)
-        _guess_motion(previous, seen, seen_edges, *args, expected_motion)
+        known = (limits, odometer, scale, buffers)
+        _guess_motion(previous, seen, seen_edges, *known, expected_motion)
     correction, matches = _correction(), buffers.matches
     args = (seen, seen_edges, limits, buffers, correction)
     views = (pm, previous, current, expected_motion)

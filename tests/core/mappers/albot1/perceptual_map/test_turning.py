@@ -91,3 +91,34 @@ def test_a_turn_that_is_far_off_is_found(degrees: float) -> None:
     seen, expected = rows_of(surfaces, rng), rows_of(turned_lines, rng)
     found = turned(seen, expected, limits)
     assert np.degrees(found) == pytest.approx(degrees, abs=1.01)
+
+
+@pytest.mark.parametrize(("scale", "expected"), [(6.0, 0.0), (40.0, 20.0)])
+def test_one_wall_outvotes_a_wild_odometer_but_not_a_clean_one(
+    scale: float, expected: float
+) -> None:
+    limits, rng = Albot1Config().limits, np.random.default_rng(0)
+    wall = np.array([[3.0, -2.0, 3.0, 2.0]])
+    angle = np.radians(20.0)
+    there = np.array([moved_ends(wall[0], np.zeros(3), np.cos(angle), np.sin(angle))])
+    seen, remembered = rows_of(wall, rng), rows_of(there, rng)
+    for rows in (seen, remembered):
+        rows[1][:] = NO_EDGE
+    found = turned(seen, remembered, limits, np.radians(scale))
+    assert np.degrees(found) == pytest.approx(expected, abs=1.5)
+
+
+@pytest.mark.parametrize(("wide", "expected"), [(1.0, 0.0), (2.0, 20.0)])
+def test_a_wall_half_a_metre_off_is_found_only_by_a_wider_search(
+    wide: float, expected: float
+) -> None:
+    limits, rng = Albot1Config().limits, np.random.default_rng(0)
+    angle = np.radians(20.0)
+    wall = np.array([[3.0, -2.0, 3.0, 2.0]])
+    there = np.array([moved_ends(wall[0], np.zeros(3), np.cos(angle), np.sin(angle))])
+    there += 0.4 * np.array((np.cos(angle), np.sin(angle), np.cos(angle), np.sin(angle)))
+    seen, remembered = rows_of(wall, rng), rows_of(there, rng)
+    for rows in (seen, remembered):
+        rows[1][:] = NO_EDGE
+    found = turned(seen, remembered, limits, np.radians(90.0), wide)
+    assert np.degrees(found) == pytest.approx(expected, abs=2.5)
