@@ -17,6 +17,7 @@ TURN_STEP = math.radians(1.0)
 """Turns are tried this far apart (rad)."""
 
 _FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
+_FROM_ONE_ON = Range("a number from 1", 1.0)
 
 
 class Albot1Limits(NamedTuple):
@@ -45,8 +46,12 @@ class Albot1Limits(NamedTuple):
     max_exit_width: float
     compare_spacing: float
     compare_turn: float
+    turn_cost: float
+    turn_scale: float
+    unsure: float
+    wider: float
     turns: np.ndarray
-    """(turns, 3) float64: the turns tried, as cosine, sine, and votes that each must make up."""
+    """(turns, 2) float64: the turns tried, as cosine and sine."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +127,11 @@ class Albot1Config:
     that is remembered nearby localises the robot. Places are compared more strictly.
     """
 
-    view: ViewConfig = field(default_factory=lambda: ViewConfig(fit_lines=True, grazing_ends=True))
+    view: ViewConfig = field(
+        default_factory=lambda: ViewConfig(
+            fit_lines=True, grazing_ends=True, min_incidence=np.radians(10.0), cut_ends=True
+        )
+    )
     """Parameters of view construction (section 3.1.3). `grazing_ends` is on in `albot1`: with whole
     walls matched, the logs' errors are nearly the same without (`albot1-readings`)."""
     places: PlacesConfig = field(default_factory=PlacesConfig)
@@ -178,11 +187,19 @@ class Albot1Config:
     highest goodness, eq. (3.5). Matters only where one landmark localises the robot."""
     turn_search: float = np.radians(50.0)
     """Largest error of the odometer's turn that is searched (rad)."""
-    turn_cost: float = np.radians(12.0)
-    """Scale of the odometer's errors of turn (rad). A turn that differs from the odometer's is
-    charged the square of the difference by this scale, in landmarks, but one landmark at most: an
-    odometer that slips may be off by any turn. This is minus the logarithm of a normal density
-    with a uniform one added."""
+    turn_cost: float = np.radians(6.0)
+    """Least scale of the odometer's errors of turn (rad). A turn that differs from the odometer's
+    is charged the square of the difference by the scale, in landmarks, but one landmark at most: an
+    odometer that slips may be off by any turn. This is minus the logarithm of a normal density with
+    a uniform one added."""
+    turn_scale: float = 2.5
+    """With `submap_matching` the scale is so many times the errors of turn that the matches of late
+    have shown, root mean square (`odometer_error`): a bad odometer is believed less."""
+    unsure: float = 1.0
+    """With `submap_matching` a match is unsure where what is seen agrees with less of what is
+    remembered, in landmarks. Then it is searched for anew…"""
+    wider: float = 2.0
+    """…so many times more widely: in turn, in place, and from surface to surface."""
     match_range: float = 16.0
     """Only surfaces nearer than this are recognised and localise the robot (m)."""
     motion_error: float = 0.05
@@ -196,9 +213,11 @@ class Albot1Config:
 
     def __post_init__(self) -> None:
         lengths = "landmark_length", "landmark_gap", "match_range", "motion_error"
-        angles = "landmark_angle", "turn_cost", "turn_error"
+        angles = "landmark_angle", "turn_cost", "turn_error", "turn_scale"
         check_fields(self, POSITIVE, *lengths, *angles, "min_exit_width", "max_exit_width")
         check_fields(self, NOT_NEGATIVE, "view_spacing", "view_turn", "margin", "turn_search")
+        check_fields(self, _FROM_ONE_ON, "wider")
+        check_fields(self, NOT_NEGATIVE, "unsure")
         check_fields(self, _FROM_ONE, "min_landmarks")
 
     @classmethod
@@ -217,8 +236,13 @@ class Albot1Config:
     @classmethod
     def tracked(cls) -> Albot1Config:
         """Those of `albot1-tracked`: landmarks followed from view to view localise it jointly."""
-        places = PlacesConfig(expects_drift=False)
-        return cls(submap_matching=False, covered_is_reobserved=True, places=places)
+        return cls(
+            view=ViewConfig(fit_lines=True, grazing_ends=True),
+            places=PlacesConfig(expects_drift=False),
+            submap_matching=False,
+            covered_is_reobserved=True,
+            turn_cost=np.radians(12.0),
+        )
 
     @property
     def limits(self) -> Albot1Limits:
@@ -247,14 +271,8 @@ class Albot1Config:
         return self.places.compare_turn
 
     @property
-    def turns(self) -> Float64[np.ndarray, "turns 3"]:
+    def turns(self) -> Float64[np.ndarray, "turns 2"]:
         """The turns tried, as `Albot1Limits` holds them."""
         steps = int(self.turn_search / TURN_STEP + 0.5)
         turns = [TURN_STEP * step for step in range(-steps, steps + 1)]
-        costs = [min((turn / self.turn_cost) ** 2, 1.0) for turn in turns]
-        return np.array(
-            [
-                (math.cos(turn), math.sin(turn), cost)
-                for turn, cost in zip(turns, costs, strict=True)
-            ]
-        )
+        return np.array([(math.cos(turn), math.sin(turn)) for turn in turns])
