@@ -325,11 +325,12 @@ def map_step(
         if recognized == 0:
             progress[UNRECOGNIZED] += 1
         if limits.submap_matching:
-            is_sure = agreement >= limits.unsure
-            learn_error(odometer, previous.pose, motion, current.pose, is_sure)
             progress[INCONSISTENT] = inconsistent_views(
                 progress[INCONSISTENT], recognized, previous, current, limits
             )
+            # A view that contradicts the last one says nothing about the odometer.
+            is_sure = agreement >= limits.unsure and progress[INCONSISTENT] == 0
+            learn_error(odometer, previous.pose, motion, current.pose, is_sure)
     if progress[INCONSISTENT] == 1:
         return
     if recognized < limits.min_landmarks:  # Alg. 4, lines 13 to 17

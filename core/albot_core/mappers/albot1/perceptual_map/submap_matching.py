@@ -56,7 +56,8 @@ from albot_core.sensing.view import NO_EDGE
 ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""
 WIDER_GAIN = 0.5
-"""A wider search is believed only if its agreement is larger by more than this."""
+"""A wider search is believed only if its agreement is larger by more than this, and by what its
+turn costs (here without a limit)."""
 GUESS_SPACING, GUESS_CELLS = 0.4, 3
 """Without an odometer translations are tried so far apart (m), and so many cells either way…"""
 GUESS_WIDTH = 1.5
@@ -110,7 +111,9 @@ def match_submap(
         _, _, wider = _search(
             pm, previous, current, expected_motion, scale * factor, limits.wider, *args
         )
-        if wider <= agreement + WIDER_GAIN:
+        # What the odometer has been worth limits the turn: a misread view agrees somewhere too.
+        turn = wrap(current.pose[2] + correction[2] - previous.pose[2] - expected_motion[2])
+        if wider - (turn / (scale * factor)) ** 2 <= agreement + WIDER_GAIN:
             factor = 1.0
         kept, recognized, agreement = _search(
             pm, previous, current, expected_motion, scale * factor, wide * factor, *args
