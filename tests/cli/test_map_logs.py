@@ -47,7 +47,7 @@ def test_raw_logs_without_a_reference(name, scans, call, data, tmp_path):
 
 def test_a_log_without_odometry_is_mapped_by_the_scans_alone(call, data, tmp_path):
     packed = data / "logs" / "wean_robotdata1.log.xz"
-    lines = lzma.open(packed, "rt").read().splitlines()
+    lines = lzma.decompress(packed.read_bytes()).decode().splitlines()
     # O x y theta time; L x y theta, the laser's pose, 180 ranges and the time.
     still = [
         " ".join([words[0], "0", "0", "0", *words[4:]])

@@ -105,7 +105,7 @@ def test_a_log_without_a_laser_is_refused(log: Log, disturbance: str) -> None:
 
 def test_a_beam_between_two_lies_on_their_wall() -> None:
     # A wall 2 m ahead, and to the left of it another, 3 m farther.
-    geometry = LaserGeometry(beams=5, spacing=np.radians(2.0))
+    geometry = LaserGeometry(beams=5, spacing=np.radians(2.0), first_bearing=-np.radians(4.0))
     wall = 2.0 / np.cos(geometry.bearings)
     ranges = np.tile(np.where(np.arange(5) < 3, wall, wall + 3.0), (2, 1))
     log = Log(

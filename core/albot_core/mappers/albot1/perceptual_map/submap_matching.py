@@ -102,14 +102,19 @@ def match_submap(
         _guess_motion(previous, seen, seen_edges, *known, expected_motion)
     correction, matches = _correction(), buffers.matches
     args = (seen, seen_edges, limits, buffers, correction)
-    views = (pm, previous, current, expected_motion)
-    kept, recognized, agreement = _search(*views, scale, wide, *args)
+    kept, recognized, agreement = _search(
+        pm, previous, current, expected_motion, scale, wide, *args
+    )
     if agreement < limits.unsure and wide < limits.wider:
         factor = limits.wider / wide
-        _, _, wider = _search(*views, scale * factor, limits.wider, *args)
+        _, _, wider = _search(
+            pm, previous, current, expected_motion, scale * factor, limits.wider, *args
+        )
         if wider <= agreement + WIDER_GAIN:
             factor = 1.0
-        kept, recognized, agreement = _search(*views, scale * factor, wide * factor, *args)
+        kept, recognized, agreement = _search(
+            pm, previous, current, expected_motion, scale * factor, wide * factor, *args
+        )
     slots, expected = buffers.slots[:kept], buffers.expected[:kept]
 
     for k in range(current.size[0]):

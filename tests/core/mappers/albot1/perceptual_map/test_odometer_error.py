@@ -27,7 +27,7 @@ HERE = np.array((1.0, 2.0, np.pi / 2))
 @given(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0))
 def test_the_error_is_a_running_mean_square(turn: float, error: float) -> None:
     odometer, before = unknown_odometer(), unknown_odometer()[TURN]
-    there = HERE + (0.0, 1.0, turn)
+    there = HERE + np.array((0.0, 1.0, turn))
     learn_error(odometer, HERE, np.array((1.0, 0.0, turn + error)), there, True)
     expected = before + (error**2 - before) / MEMORY
     assert odometer[TURN] == pytest.approx(expected, abs=1e-12)
