@@ -22,6 +22,7 @@ import numpy as np
 from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import TURN_STEP, Albot1Limits
+from albot_core.mappers.albot1.perceptual_map.consistency import CONTRADICTED, inconsistency
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, copy_pose
 from albot_core.mappers.albot1.perceptual_map.memory import (
     GATE,
@@ -56,7 +57,8 @@ from albot_core.sensing.view import NO_EDGE
 ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""
 WIDER_GAIN = 0.5
-"""A wider search is believed only if its agreement is larger by more than this."""
+"""A wider search is believed only if its agreement is larger by more than this, and if the view
+does not contradict the one before: a misread view fits somewhere, too."""
 GUESS_SPACING, GUESS_CELLS = 0.4, 3
 """Without an odometer translations are tried so far apart (m), and so many cells either way…"""
 GUESS_WIDTH = 1.5
@@ -110,7 +112,8 @@ def match_submap(
         _, _, wider = _search(
             pm, previous, current, expected_motion, scale * factor, limits.wider, *args
         )
-        if wider <= agreement + WIDER_GAIN:
+        contradicted = inconsistency(previous, current, limits) > CONTRADICTED
+        if wider <= agreement + WIDER_GAIN or contradicted:
             factor = 1.0
         kept, recognized, agreement = _search(
             pm, previous, current, expected_motion, scale * factor, wide * factor, *args
