@@ -57,8 +57,10 @@ from albot_core.sensing.view import NO_EDGE
 ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""
 WIDER_GAIN = 0.5
-"""A wider search is believed only if its agreement is larger by more than this, and if the view
-does not contradict the one before: a misread view fits somewhere, too."""
+"""A wider search is believed only if its agreement is larger by more than this…"""
+ODD_TURN = 5.0
+"""…if the turn is off by no more than so many times the scale of the odometer's errors, and if the
+view does not contradict the one before."""
 GUESS_SPACING, GUESS_CELLS = 0.4, 3
 """Without an odometer translations are tried so far apart (m), and so many cells either way…"""
 GUESS_WIDTH = 1.5
@@ -112,8 +114,11 @@ def match_submap(
         _, _, wider = _search(
             pm, previous, current, expected_motion, scale * factor, limits.wider, *args
         )
+        turn = current.pose[2] + correction[2] - previous.pose[2] - expected_motion[2]
+        # A misread view fits somewhere, too, but seldom where the odometer may have led.
+        is_odd = abs(wrap(turn)) > ODD_TURN * scale
         contradicted = inconsistency(previous, current, limits) > CONTRADICTED
-        if wider <= agreement + WIDER_GAIN or contradicted:
+        if is_odd or contradicted or wider <= agreement + WIDER_GAIN:
             factor = 1.0
         kept, recognized, agreement = _search(
             pm, previous, current, expected_motion, scale * factor, wide * factor, *args
