@@ -157,6 +157,8 @@ def test_moving_the_whole_world_leaves_the_network_as_it_was():
     ("name", "damage"),
     [
         ("progress", lambda a: a[:4]),
+        ("odometer", lambda a: a[:2]),
+        ("odometer", lambda a: a - 1.0),
         ("progress", lambda a: -a - 1),
         ("exits.counts", lambda a: a + 1),
         ("exits.lines", lambda a: a * np.nan),
