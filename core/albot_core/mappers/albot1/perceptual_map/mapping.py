@@ -37,7 +37,11 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     move_surface,
     remove_surface,
 )
-from albot_core.mappers.albot1.perceptual_map.odometer_error import learn_error, note_motion
+from albot_core.mappers.albot1.perceptual_map.odometer_error import (
+    HAS_MOVED,
+    learn_error,
+    note_motion,
+)
 from albot_core.mappers.albot1.perceptual_map.overlay import (
     box_around,
     cut_at_boundary,
@@ -325,18 +329,33 @@ def map_step(
         if recognized == 0:
             progress[UNRECOGNIZED] += 1
         if limits.submap_matching:
-            progress[INCONSISTENT] = inconsistent_views(
-                progress[INCONSISTENT], recognized, previous, current, limits
-            )
-            # A view that contradicts the last one says nothing about the odometer.
-            is_sure = agreement >= limits.unsure and progress[INCONSISTENT] == 0
+            is_sure = agreement >= limits.unsure
             learn_error(odometer, previous.pose, motion, current.pose, is_sure)
+            _check_consistency(previous, current, motion, recognized, odometer, progress, limits)
     if progress[INCONSISTENT] == 1:
         return
     if recognized < limits.min_landmarks:  # Alg. 4, lines 13 to 17
         update_map(pm, current, limits)
         progress[UPDATED_AT] = step
         progress[UPDATES] += 1
+
+
+@kernel()
+def _check_consistency(
+    previous: LocatedView,
+    current: LocatedView,
+    motion: np.ndarray,
+    recognized: int,
+    odometer: np.ndarray,
+    progress: np.ndarray,
+    limits: Albot1Limits,
+) -> None:
+    """Count the inconsistent views; the first is where the odometer says, for it is not matched."""
+    before = progress[INCONSISTENT]
+    count = inconsistent_views(before, recognized, previous, current, limits)
+    progress[INCONSISTENT] = count
+    if count == 1 and odometer[HAS_MOVED] > 0.0:
+        compose_pose(previous.pose, motion, current.pose)
 
 
 @kernel(arrays=True)

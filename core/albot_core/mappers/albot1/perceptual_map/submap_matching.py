@@ -22,6 +22,7 @@ import numpy as np
 from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import TURN_STEP, Albot1Limits
+from albot_core.mappers.albot1.perceptual_map.consistency import CONTRADICTED, inconsistency
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, copy_pose
 from albot_core.mappers.albot1.perceptual_map.memory import (
     GATE,
@@ -56,8 +57,10 @@ from albot_core.sensing.view import NO_EDGE
 ROUNDS, ITERATIONS = 3, 2
 """How often surfaces are matched anew, and the Gauss-Newton steps after each."""
 WIDER_GAIN = 0.5
-"""A wider search is believed only if its agreement is larger by more than this, and by what its
-turn costs (here without a limit)."""
+"""A wider search is believed only if its agreement is larger by more than this…"""
+ODD_TURN = 5.0
+"""…if the turn is off by no more than so many times the scale of the odometer's errors, and if the
+view does not contradict the one before."""
 GUESS_SPACING, GUESS_CELLS = 0.4, 3
 """Without an odometer translations are tried so far apart (m), and so many cells either way…"""
 GUESS_WIDTH = 1.5
@@ -111,9 +114,11 @@ def match_submap(
         _, _, wider = _search(
             pm, previous, current, expected_motion, scale * factor, limits.wider, *args
         )
-        # What the odometer has been worth limits the turn: a misread view agrees somewhere too.
-        turn = wrap(current.pose[2] + correction[2] - previous.pose[2] - expected_motion[2])
-        if wider - (turn / (scale * factor)) ** 2 <= agreement + WIDER_GAIN:
+        turn = current.pose[2] + correction[2] - previous.pose[2] - expected_motion[2]
+        # A misread view fits somewhere, too, but seldom where the odometer may have led.
+        is_odd = abs(wrap(turn)) > ODD_TURN * scale
+        contradicted = inconsistency(previous, current, limits) > CONTRADICTED
+        if is_odd or contradicted or wider <= agreement + WIDER_GAIN:
             factor = 1.0
         kept, recognized, agreement = _search(
             pm, previous, current, expected_motion, scale * factor, wide * factor, *args
