@@ -3,8 +3,12 @@
 Yeap and others, Autonomous robot mapping by landmark association (2015). A *landmark* is a surface
 that is seen in two successive views. The *frame of reference* holds these two views, in the
 coordinates of the later one. Landmarks there and in the *global map* have the same IDs; what is
-new is carried over by its position relative to its nearest landmark. Errors are never corrected.
-The odometer says how far the robot has come from one view to the next, and nothing else.
+new is carried over by its position relative to the landmarks near it. What is in the map stays
+there: errors are never corrected. The odometer tells how far the robot has come from one view to
+the next, and nothing else.
+
+The files: `landmarks.py` is the frame of reference, `global_map.py` the map, `surfaces.py` the
+geometry of both, `odometer.py` what the odometer's turns are worth.
 """
 
 from __future__ import annotations
@@ -18,12 +22,9 @@ from jaxtyping import Float64, Int64
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, transform_segments
 from albot_core.geometry.types import Segments
-from albot_core.mappers.association.surfaces import (
-    UNKNOWN,
-    carry_over,
-    find_landmarks,
-    normalise,
-)
+from albot_core.mappers.association.global_map import UNKNOWN, carry_over, normalise
+from albot_core.mappers.association.landmarks import identify_landmarks
+from albot_core.mappers.association.odometer import OdometerModel
 from albot_core.mappers.mapper import Estimate, MapperSpec
 from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths, check_shapes
@@ -53,26 +54,52 @@ class AssociationConfig:
     """…or turned by so much from it (rad). The paper's robot stops after 3 m or 30° at the most,
     and went 1.3 m from view to view."""
     angle: float = np.radians(10.0)
-    """Two surfaces are the same only if their orientations differ by no more (rad), as in the
-    paper…"""
+    """Largest angle between two surfaces that are the same (rad), as in the paper. Half of it is
+    the least standard deviation of a turn that the odometer measures from view to view, which is
+    ours."""
     closeness: float = 0.4
-    """…and if they are no farther apart (m). The paper says "close": the value is ours."""
+    """Largest distance between two surfaces that are the same (m). The paper says "close": the
+    value is ours. Half of it is the standard deviation of the odometer's x and y from view to view,
+    which is ours."""
     corner: float = 0.2
-    """A surface that crosses another one is left out, as in the paper; but where either ends so
-    soon beyond the crossing (m) they meet at a corner, which is ours."""
+    """Two surfaces that cross meet at a corner, and both stay, if one of them ends within this
+    distance beyond the crossing (m). Ours: the paper leaves out any that intersects another."""
+    map_turn: float = np.radians(2.0)
+    """Standard deviation of a surface's direction in the map relative to those near it (rad), and
+    of the direction of the robot's expected pose. Ours."""
+    map_shift: float = 0.1
+    """Standard deviation of a surface's position in the map relative to those near it (m), and of
+    x and y of the robot's expected pose. Ours."""
+    map_slope: float = 0.05
+    """Standard deviation of a surface's position relative to one at a distance, besides
+    `map_shift`, as a share of the distance (m/m). The larger it is, the more the nearest landmark
+    counts. Ours."""
 
     def __post_init__(self) -> None:
-        check_fields(self, NOT_NEGATIVE, "spacing", "turn", "corner")
-        check_fields(self, POSITIVE, "angle", "closeness")
+        check_fields(self, NOT_NEGATIVE, "spacing", "turn", "corner", "map_slope")
+        check_fields(self, POSITIVE, "angle", "closeness", "map_turn", "map_shift")
+
+    @property
+    def thresholds(self) -> Float64[np.ndarray, "6"]:
+        """The numbers that `carry_over` takes, in its order."""
+        lengths = self.closeness, self.corner
+        return np.array((self.angle, *lengths, self.map_turn, self.map_shift, self.map_slope))
 
 
+_NO_MOTION = 1e-9
+"""The odometer reports no motion if it is less (m, rad). Ours."""
+_SURE_TURN = np.radians(1.0)
+"""The odometer is judged by turns with a smaller standard deviation (rad). Ours."""
 _SHAPES: dict[str, Shape] = {
     "pose": (3,),
     "view_pose": (3,),
     "motion": (3,),
     "counts": (2,),
+    "odometer": (4,),
     "surfaces": ("surfaces", 4),
+    "lengths": ("surfaces",),
     "view.surfaces": ("seen", 4),
+    "view.lengths": ("seen",),
     "view.ids": ("seen",),
 }
 """The arrays of a state."""
@@ -114,16 +141,19 @@ class Association:
         self._motion = np.zeros(3)
         self._views = 0
         self._is_lost = False
+        self._odometer = OdometerModel(0.5 * self.config.angle)
         self._view: Segments = np.empty((0, 4))
+        self._view_lengths: Float64[np.ndarray, "seen"] = np.empty(0)
         self._ids: Int64[np.ndarray, "seen"] = np.empty(0, np.int64)
         self._store: Segments = np.empty((64, 4))
+        self._lengths: Float64[np.ndarray, "room"] = np.empty(64)
         self._count = 0
 
     def update(self, reading: Reading) -> bool:
         """Take in a reading; true where it was a view, which the map then holds.
 
         Where two successive views share no landmark, of which the paper says nothing, the later one
-        is carried over by the odometer's motion, and the robot is lost until it sees a landmark.
+        is carried over by the motion between them, and the robot is lost until it sees a landmark.
 
         Raises:
             InputError: The reading lacks a laser scan.
@@ -131,80 +161,112 @@ class Association:
         laser = reading.required_laser(self._name)
         if self._views:
             self._motion = compose(self._motion, reading.motion)
-            self._pose = compose(self._view_pose, self._motion)
+            self._pose = compose(self._view_pose, self._odometer.expected(self._motion))
             if not self._is_view_due():
                 return False
-        # The frame of reference: the previous view, in the coordinates of the current one.
-        current = construct_view(laser, self.config.view).surfaces
-        previous = transform_segments(inverse(self._motion), self._view)
+        seen = construct_view(laser, self.config.view).surfaces
+        lengths = np.hypot(*(seen[:, 2:] - seen[:, :2]).T)
 
-        matched = self._identify_landmarks(previous, current)
-        lengths = np.hypot(*(current[:, 2:] - current[:, :2]).T)
-        normalise(previous, self._ids, current, matched, self._store)
-        ids = self._associate(current, matched, lengths)
-        self._bring_forward(current, ids, lengths)
+        matched, previous = self._identify_landmarks(seen, lengths)
+        landmarks = np.full(len(seen), UNKNOWN, np.int64)
+        if (matched >= 0).any():
+            landmarks = np.where(matched >= 0, self._ids[matched], UNKNOWN)
+        self._is_lost = self._views > 0 and not (landmarks != UNKNOWN).any()
+        view = seen.copy()
+        normalise(previous, view, matched, landmarks, self._store)
+        ids = self._associate(seen, lengths, landmarks, view)
+        self._bring_forward(view, lengths, ids)
         return True
 
     def _is_view_due(self) -> bool:
-        """Whether the robot has gone or turned far enough to look again."""
+        """Whether the robot has gone or turned far enough to look again.
+
+        No motion at all may mean that the odometer fails, so then each reading is a view. This is
+        ours.
+        """
         x, y, heading = self._motion.tolist()
+        if np.abs(self._motion).max() < _NO_MOTION:
+            return True
         return bool(np.hypot(x, y) >= self.config.spacing or abs(heading) >= self.config.turn)
 
     def _identify_landmarks(
-        self, previous: Float64[np.ndarray, "before 4"], current: Segments
-    ) -> Int64[np.ndarray, "segments"]:
-        """Which surface of the previous view each of the current one is; -1 for none."""
-        config = self.config
-        matched = np.empty(len(current), np.int64)
-        count = find_landmarks(previous, current, config.angle, config.closeness, matched)
-        self._is_lost = self._views > 0 and count == 0
-        return matched
+        self, seen: Segments, lengths: Float64[np.ndarray, "segments"]
+    ) -> tuple[Int64[np.ndarray, "segments"], Float64[np.ndarray, "before 4"]]:
+        """Which surface of the previous view each of the current one is, or -1.
+
+        Returns these numbers, and the previous view in the coordinates of the current one: the two
+        views of the frame of reference. The pose moves on by the motion between them.
+        """
+        config, count = self.config, len(seen)
+        motion, matched = np.empty(3), np.empty(count, np.int64)
+        sigma = identify_landmarks(
+            self._view,
+            self._view_lengths,
+            seen,
+            lengths,
+            self._odometer.expected(self._motion),
+            self._odometer.turn_sigma,
+            config.angle,
+            config.closeness,
+            motion,
+            matched,
+            np.empty_like(self._view),
+            np.empty(count, np.int64),
+            np.empty(count),
+        )
+        if sigma < _SURE_TURN:
+            self._odometer.learn(self._motion, motion)
+        self._pose = compose(self._view_pose, motion)
+        return matched, transform_segments(inverse(motion), self._view)
 
     def _associate(
         self,
-        current: Segments,
-        matched: Int64[np.ndarray, "segments"],
+        seen: Segments,
         lengths: Float64[np.ndarray, "segments"],
+        landmarks: Int64[np.ndarray, "segments"],
+        view: Segments,
     ) -> Int64[np.ndarray, "segments"]:
-        """Update the map by what is unknown; the IDs of all surfaces of the current view.
+        """Update the map by what is unknown; return the IDs of all surfaces of the current view.
 
-        The robot's own place, which the paper shows but does not define, is where that landmark
-        says of which most is seen: its direction is the surest.
+        The robot's own place, which the paper shows but does not define, is where the landmarks
+        say, those near it above all.
         """
-        ids = np.full(len(current), UNKNOWN, np.int64)
-        if (matched >= 0).any():
-            ids = np.where(matched >= 0, self._ids[matched], UNKNOWN)
-        self._make_room(len(current))
-        config = self.config
+        ids = landmarks.copy()
+        self._make_room(len(seen))
+        pose = np.empty(3)
         self._count = carry_over(
-            current,
-            ids,
-            matched,
+            seen,
             lengths,
+            landmarks,
             self._pose,
+            self.config.thresholds,
             self._store,
+            self._lengths,
             self._count,
-            config.angle,
-            config.closeness,
-            config.corner,
+            view,
+            ids,
+            np.empty(len(seen)),
+            pose,
         )
+        self._pose = pose
         return ids
 
     def _bring_forward(
         self,
-        current: Segments,
-        ids: Int64[np.ndarray, "segments"],
+        view: Segments,
         lengths: Float64[np.ndarray, "segments"],
+        ids: Int64[np.ndarray, "segments"],
     ) -> None:
         """Keep the current view for the next, and forget the previous one.
 
-        Of two surfaces that are one in the map, that of which more was seen is kept; what is not in
-        the map can be no landmark, and is left out.
+        Of two surfaces that are one in the map, that of which more was seen keeps the ID. What is
+        not in the map helps to tell how the robot moves, but is no landmark.
         """
         order = np.argsort(-lengths, kind="stable")
-        order = order[ids[order] != UNKNOWN]
-        self._ids, first = np.unique(ids[order], return_index=True)
-        self._view = current[order[first]]
+        _, first = np.unique(ids[order], return_index=True)
+        self._ids = np.full(len(ids), UNKNOWN, np.int64)
+        self._ids[order[first]] = ids[order[first]]
+        self._view, self._view_lengths = view, lengths
         self._view_pose = self._pose.copy()
         self._motion = np.zeros(3)
         self._views += 1
@@ -212,9 +274,11 @@ class Association:
     def _make_room(self, more: int) -> None:
         """Have room for so many more surfaces in the map."""
         if self._count + more > len(self._store):
-            larger = np.empty((2 * (self._count + more), 4))
-            larger[: self._count] = self._store[: self._count]
-            self._store = larger
+            surfaces, lengths = self._store, self._lengths
+            room = 2 * (self._count + more)
+            self._store, self._lengths = np.empty((room, 4)), np.empty(room)
+            self._store[: self._count] = surfaces[: self._count]
+            self._lengths[: self._count] = lengths[: self._count]
 
     def snapshot(self) -> MapSnapshot:
         """The surfaces of the global map, by their IDs."""
@@ -229,8 +293,11 @@ class Association:
             "view_pose": self._view_pose.copy(),
             "motion": self._motion.copy(),
             "counts": np.array((self._views, self._is_lost), np.int64),
+            "odometer": self._odometer.sums.copy(),
             "surfaces": self._store[: self._count].copy(),
+            "lengths": self._lengths[: self._count].copy(),
             "view.surfaces": self._view.copy(),
+            "view.lengths": self._view_lengths.copy(),
             "view.ids": self._ids.copy(),
         }
 
@@ -241,20 +308,33 @@ class Association:
             InputError: The arrays are none that a state holds.
         """
         check_shapes(state, _SHAPES)
-        check_finite(state, "pose", "view_pose", "motion", "surfaces", "view.surfaces")
-        for name in ("surfaces", "view.surfaces"):
+        check_finite(state, *(name for name in _SHAPES if name not in ("counts", "view.ids")))
+        for name, length in (("surfaces", "lengths"), ("view.surfaces", "view.lengths")):
             check_lengths(name, state[name])
             if (state[name][:, :2] == state[name][:, 2:]).all(axis=1).any():
                 raise InputError(name, "line segments of some length", "a point")
+            if (state[length] <= 0).any():
+                raise InputError(length, "positive lengths (m)", f"{state[length].min():g}")
         views, lost = state["counts"].tolist()
         if views < 0 or lost not in (0, 1):
             raise InputError("counts", "a count and 0 or 1", str(state["counts"].tolist()))
+        if (state["odometer"][1:] < 0).any():
+            found = str(state["odometer"].tolist())
+            raise InputError("odometer", "a sum, and three sums from 0", found)
         ids, count = state["view.ids"], len(state["surfaces"])
-        if len(ids) and (ids.min() < 0 or ids.max() >= count or (np.diff(ids) <= 0).any()):
-            raise InputError("view.ids", f"growing numbers of {count} surfaces", str(ids.tolist()))
+        known = ids[ids != UNKNOWN]
+        if len(known) and (
+            known.min() < 0 or known.max() >= count or len(np.unique(known)) < len(known)
+        ):
+            expected = f"{UNKNOWN}, or numbers of {count} surfaces, each once"
+            raise InputError("view.ids", expected, str(ids.tolist()))
         self._pose = state["pose"].copy()
         self._view_pose = state["view_pose"].copy()
         self._motion = state["motion"].copy()
+        self._odometer = OdometerModel(0.5 * self.config.angle)
+        self._odometer.sums = state["odometer"].copy()
         self._views, self._is_lost = views, bool(lost)
         self._store, self._count = state["surfaces"].copy(), count
+        self._lengths = state["lengths"].copy()
         self._view, self._ids = state["view.surfaces"].copy(), ids.copy()
+        self._view_lengths = state["view.lengths"].copy()

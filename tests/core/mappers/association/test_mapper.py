@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, relative, transform_segments
+from albot_core.mappers.association.global_map import UNKNOWN
 from albot_core.mappers.association.mapper import Association, AssociationConfig
 from albot_core.mappers.registry import make_mapper
 from albot_core.sensing.reading import (
@@ -90,6 +93,45 @@ def test_turns_that_are_measured_wrong_do_not_add_up():
     assert np.hypot(*off[0][:2]) < 1.2
 
 
+def test_turns_that_are_measured_very_wrong_are_found_out():
+    """By up to 14°, so that no landmark is left where the odometer says."""
+    taken, rng = readings(HOUSE, WAY), np.random.default_rng(2)
+    off = rng.uniform(np.radians(11), np.radians(14), len(taken)) * rng.choice((-1, 1), len(taken))
+    worse = [
+        Reading(stamp=r.stamp, motion=r.motion + np.array((0, 0, turn)), laser=r.laser)
+        for r, turn in zip(taken, off, strict=True)
+    ]
+    mapper = led(worse)
+    assert mapper.estimate.localised
+    assert unlike(mapper, HOUSE, WAY[0]) < 0.15
+    np.testing.assert_allclose(compose(WAY[0], mapper.estimate.pose), WAY[-1], atol=0.1)
+
+
+LASERS = (
+    LaserGeometry(),
+    LaserGeometry(beams=361, spacing=np.radians(0.5), mount=(0.2, 0.05, 0.1)),
+    LaserGeometry(beams=241, first_bearing=-np.radians(120.0), max_range=8.0),
+    LaserGeometry(beams=91, spacing=np.radians(2.0), mount=(-0.1, 0.0, -0.3)),
+)
+"""Lasers with other beams, fields of view, ranges and places on the robot."""
+
+
+def test_the_laser_may_change_on_the_way():
+    """The surfaces of a view are in the robot's coordinates, whichever laser saw them."""
+    motions = relative(np.concatenate((WAY[:1], WAY[:-1])), WAY)
+    mapper = Association()
+    for k, pose in enumerate(WAY):
+        laser = LASERS[k % len(LASERS)]
+        seen_from = compose(pose, np.array(laser.mount))
+        plain = replace(laser, mount=(0.0, 0.0, 0.0))
+        scan = LaserScan(ranges=scan_from(seen_from, HOUSE, plain).ranges, geometry=laser)
+        motion = motions[k] + np.array((0.03, -0.02, 0.05))
+        mapper.update(Reading(stamp=float(k), motion=motion, laser=scan))
+        assert mapper.estimate.localised
+    assert unlike(mapper, HOUSE, WAY[0]) < 0.2
+    np.testing.assert_allclose(compose(WAY[0], mapper.estimate.pose), WAY[-1], atol=0.1)
+
+
 def test_going_round_again_adds_nothing():
     once = led(readings(ROOM, ROUND))
     twice = led(readings(ROOM, np.concatenate((ROUND, ROUND))))
@@ -101,7 +143,9 @@ def test_what_is_in_view_is_as_long_as_in_the_map():
     for reading in readings(HOUSE, WAY, error=np.array((0.05, -0.03, 0.05))):
         mapper.update(reading)
         state = mapper.state()
-        seen, known = state["view.surfaces"], state["surfaces"][state["view.ids"]]
+        in_map = state["view.ids"] != UNKNOWN
+        seen = state["view.surfaces"][in_map]
+        known = state["surfaces"][state["view.ids"][in_map]]
         assert len(seen)
         lengths = [np.hypot(*(each[:, 2:] - each[:, :2]).T) for each in (seen, known)]
         np.testing.assert_allclose(*lengths, atol=1e-9)
@@ -143,7 +187,35 @@ def test_a_reading_is_a_view_once_the_robot_has_gone_or_turned_so_far():
     assert looks == [False, False, True, True]
 
 
-@pytest.mark.parametrize("name", ["spacing", "turn", "angle", "closeness", "corner"])
+def test_the_drift_of_the_odometer_is_known_where_there_are_no_landmarks():
+    """It turns 3° too far in a metre, to and fro, and then 1.2 m without any return."""
+    way, drift = np.concatenate((WAY, WAY[::-1]) * 3), np.radians(3.0)
+    mapper = Association()
+    for reading in readings(HOUSE, way):
+        length = np.hypot(*reading.motion[:2])
+        mapper.update(replace(reading, motion=reading.motion + np.array((0, 0, drift * length))))
+    before = mapper.estimate.pose[2]
+    nothing = LaserScan(ranges=np.full(181, np.inf), geometry=LaserGeometry())
+    mapper.update(Reading(stamp=99.0, motion=np.array((1.2, 0, 1.2 * drift)), laser=nothing))
+    assert not mapper.estimate.localised
+    assert abs(mapper.estimate.pose[2] - before) < 0.5 * 1.2 * drift
+
+
+def test_without_odometry_landmarks_tell_how_the_robot_moved():
+    """Small moves and turns, of which the odometer reports none."""
+    along = np.linspace(0, 1, 25)
+    way = np.column_stack((-2 + 2.4 * along, -2 + 1.5 * along, 0.2 + 1.5 * along))
+    mapper = Association()
+    for k, pose in enumerate(way):
+        mapper.update(Reading(stamp=float(k), motion=np.zeros(3), laser=scan_from(pose, ROOM)))
+    np.testing.assert_allclose(compose(way[0], mapper.estimate.pose), way[-1], atol=0.15)
+    assert unlike(mapper, ROOM, way[0]) < 0.3
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["spacing", "turn", "angle", "closeness", "corner", "map_turn", "map_shift", "map_slope"],
+)
 def test_thresholds_are_checked(name):
     with pytest.raises(InputError, match=rf"AssociationConfig\.{name}"):
         AssociationConfig(**{name: -0.1})
@@ -153,8 +225,11 @@ def test_thresholds_are_checked(name):
     ("name", "value", "expected"),
     [
         ("view.ids", np.array((0, 99)), "view.ids"),
-        ("view.ids", np.array((1, 0)), "view.ids"),
-        ("surfaces", np.array(((0.0, 0, 0, 0), (0, 0, 1, 1))), "surfaces: .*some length"),
+        ("view.ids", np.array((1, 1)), "view.ids"),
+        ("view.ids", np.array((0, -2)), "view.ids"),
+        ("view.lengths", np.array((1.0, 0.0)), "view.lengths"),
+        ("odometer", np.array((0.0, 1.0, -1.0, 1.0)), "odometer"),
+        ("view.surfaces", np.array(((0.0, 0, 0, 0), (0, 0, 1, 1))), "surfaces: .*some length"),
         ("counts", np.array((2, 5)), "counts"),
         ("pose", np.full(3, np.nan), "pose"),
     ],
@@ -162,7 +237,10 @@ def test_thresholds_are_checked(name):
 def test_a_damaged_state_is_refused(name, value, expected):
     mapper = led(readings(HOUSE, WAY[:2]))
     state = mapper.state()
-    state["view.surfaces"], state["view.ids"] = state["view.surfaces"][:2], np.array((0, 1))
+    for array in ("view.surfaces", "view.lengths"):
+        state[array] = state[array][:2]
+    state["view.ids"] = np.array((0, 1))
+    Association().restore(state)
     with pytest.raises(InputError, match=expected):
         Association().restore(state | {name: value})
 

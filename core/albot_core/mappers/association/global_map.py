@@ -1,0 +1,172 @@
+"""The global map: landmarks lengthen its surfaces, and carry new surfaces over into it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from albot_core.geometry.pose_kernels import length_of, transform_point
+from albot_core.kernels.compiled import kernel, scratch
+from albot_core.mappers.association.landmarks import fit_pose
+from albot_core.mappers.association.surfaces import (
+    crosses,
+    distance_between,
+    distance_to,
+    lengthen,
+    may_be_close,
+    missing,
+    most_similar,
+    overhang,
+)
+
+UNKNOWN = -1
+"""The ID of a surface that is not in the global map."""
+
+_carried = scratch(4)
+_seen_from = scratch(3)
+
+
+@kernel()
+def normalise(
+    previous: np.ndarray,
+    current: np.ndarray,
+    matched: np.ndarray,
+    landmarks: np.ndarray,
+    surfaces: np.ndarray,
+) -> None:
+    """Lengthen each landmark in both views, and the surface of its ID in the map, to one length.
+
+    The ends that lie farther out are taken over; directions stay as they are. `matched` (now,) is
+    the number of each landmark in the previous view, `landmarks` (now,) its ID, and `surfaces` the
+    map, whose rows are IDs. The surfaces of the previous view are as long as those of the map.
+    """
+    for k in range(current.shape[0]):
+        if landmarks[k] != UNKNOWN:
+            known = previous[matched[k]]
+            before, after = overhang(known, current[k])
+            lengthen(known, before, after)
+            lengthen(surfaces[landmarks[k]], before, after)
+    for k in range(current.shape[0]):
+        if landmarks[k] != UNKNOWN:
+            before, after = missing(current[k], previous[matched[k]])
+            lengthen(current[k], before, after)
+
+
+@kernel()
+def carry_over(
+    seen: np.ndarray,
+    lengths: np.ndarray,
+    landmarks: np.ndarray,
+    expected: np.ndarray,
+    thresholds: np.ndarray,
+    surfaces: np.ndarray,
+    known_lengths: np.ndarray,
+    count: int,
+    view: np.ndarray,
+    ids: np.ndarray,
+    slack: np.ndarray,
+    pose: np.ndarray,
+) -> int:
+    """Bring the unknown surfaces of the current view into the map; return how many it then has.
+
+    Each keeps its position relative to the landmarks, and the nearer a landmark, the more it
+    counts. The paper takes the nearest alone, of which a line tells nothing along its direction.
+    One that is close to a surface of the map is that surface; one that intersects any is left out.
+
+    Args:
+        seen: (now, 4) surfaces as they are seen (m).
+        lengths: (now,) their lengths (m).
+        landmarks: (now,) ID of each landmark; `UNKNOWN` for other surfaces.
+        expected: (3,) pose of the robot in the map, by the last one and the motion since.
+        thresholds: Those of `AssociationConfig.thresholds`.
+        surfaces: (room, 4) surfaces of the map, with room for all.
+        known_lengths: (room,) how much was seen of each as it was carried over (m).
+        count: Number of surfaces in the map.
+        view: (now, 4) the surfaces, the landmarks normalised; the others are normalised here.
+        ids: (now,) a copy of `landmarks`; receives the IDs of the others.
+        slack: (now,) buffer.
+        pose: (3,) receives the pose of the robot in the map.
+    """
+    angle, closeness, corner, turn_sigma, shift_sigma, slope = thresholds
+    parts = (seen, lengths, surfaces, known_lengths, landmarks, expected)
+    known = count
+    for k in range(seen.shape[0]):
+        if landmarks[k] != UNKNOWN:
+            continue
+        for other in range(seen.shape[0]):
+            if landmarks[other] != UNKNOWN:
+                away = slope * distance_between(seen[k], seen[other])
+                slack[other] = shift_sigma * shift_sigma + away * away
+        carried, seen_from = _carried(), _seen_from()
+        fit_pose(*parts, turn_sigma, shift_sigma, turn_sigma * turn_sigma, slack, seen_from)
+        place(seen[k], seen_from, carried)
+        same = most_similar(carried, surfaces, known, angle, closeness)
+        if same >= 0:
+            merge(carried, view, k, ids, surfaces, same)
+            ids[k] = same
+        elif not intersects_any(carried, surfaces, count, corner):
+            for i in range(4):
+                surfaces[count, i] = carried[i]
+            known_lengths[count] = lengths[k]
+            ids[k] = count
+            count += 1
+    for other in range(seen.shape[0]):
+        away = slope * distance_to(seen[other], 0.0, 0.0)
+        slack[other] = shift_sigma * shift_sigma + away * away
+    fit_pose(*parts, turn_sigma, shift_sigma, turn_sigma * turn_sigma, slack, pose)
+    return count
+
+
+@kernel()
+def merge(
+    carried: np.ndarray,
+    current: np.ndarray,
+    k: int,
+    ids: np.ndarray,
+    surfaces: np.ndarray,
+    same: int,
+) -> None:
+    """Normalise a surface that was carried over, and the one of the map that it is."""
+    before, after = overhang(surfaces[same], carried)
+    lengthen(surfaces[same], before, after)
+    for other in range(current.shape[0]):
+        if ids[other] == same:  # What has an ID is as long as its surface in the map.
+            lengthen(current[other], before, after)
+    before, after = missing(carried, surfaces[same])
+    lengthen(current[k], before, after)
+
+
+@kernel()
+def place(surface: np.ndarray, pose: np.ndarray, carried: np.ndarray) -> None:
+    """Set `carried` (4,) to where a surface of the view lies as seen from a pose."""
+    cos, sin = math.cos(pose[2]), math.sin(pose[2])
+    carried[0], carried[1] = transform_point(pose, cos, sin, surface[0], surface[1])
+    carried[2], carried[3] = transform_point(pose, cos, sin, surface[2], surface[3])
+
+
+@kernel()
+def intersects_any(surface: np.ndarray, others: np.ndarray, count: int, corner: float) -> bool:
+    """Whether a surface intersects one of the first `count` others.
+
+    Both go on beyond the crossing by more than `corner` (m); else they meet at a corner.
+    """
+    for k in range(count):
+        other = others[k]
+        if (
+            may_be_close(surface, other, 0.0)
+            and crosses(surface, other)
+            and min(end_beyond(surface, other), end_beyond(other, surface)) > corner
+        ):
+            return True
+    return False
+
+
+@kernel()
+def end_beyond(surface: np.ndarray, other: np.ndarray) -> float:
+    """How far the shorter part of a surface reaches beyond the line of one that it crosses (m)."""
+    dx, dy = other[2] - other[0], other[3] - other[1]
+    first = abs(dx * (surface[1] - other[1]) - dy * (surface[0] - other[0]))
+    last = abs(dx * (surface[3] - other[1]) - dy * (surface[2] - other[0]))
+    length = length_of(surface[2] - surface[0], surface[3] - surface[1])
+    return float(length * min(first, last) / (first + last))

@@ -1,0 +1,306 @@
+"""The frame of reference: which surfaces two successive views share, and how the robot moved.
+
+`fit_pose` finds the pose by landmarks, there and in the global map.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from albot_core.geometry.pose_kernels import rotate, rotate_back, wrap_angle
+from albot_core.kernels.compiled import kernel, scratch
+from albot_core.mappers.association.surfaces import heading_of, most_similar
+
+_LINE_TURN, _LEAST_TURN = 0.03, math.radians(0.3)
+"""Standard deviation of the direction of a line seen for 1 m (rad), which falls with the length to
+the power 1.5, as for a line fitted to evenly spaced points; and that of the longest line. Ours."""
+_LINE_SHIFT, _LEAST_SHIFT = 0.02, 0.03
+"""Standard deviation of a line's position across its direction, seen for 1 m (m), which falls with
+the root of the length; and that of the longest line. Ours."""
+_OUTLIER = 2.5
+"""Two surfaces that differ by more standard deviations are no landmark. Ours."""
+_WIDTH, _MOST_TURNS = 4.0, 12
+"""Other turns are tried up to so many standard deviations from the expected one, and so many at
+most to either side. They are half of the largest angle between two surfaces apart. Ours."""
+_ROUNDS = 4
+"""Number of times that landmarks are found with a better motion, and that a fit weighs them.
+Ours."""
+_SETTLED = 1e-3
+"""A motion that changes by less (m, rad) is final. Ours."""
+
+_candidate = scratch(3)
+
+
+@kernel()
+def identify_landmarks(
+    view: np.ndarray,
+    view_lengths: np.ndarray,
+    current: np.ndarray,
+    lengths: np.ndarray,
+    expected: np.ndarray,
+    turn_sigma: float,
+    angle: float,
+    closeness: float,
+    motion: np.ndarray,
+    matched: np.ndarray,
+    previous: np.ndarray,
+    trial: np.ndarray,
+    slack: np.ndarray,
+) -> float:
+    """Find which surface of the previous view each of the current one is, and the robot's motion.
+
+    The paper brings the previous view into the coordinates of the current one by the odometer
+    alone. Here the landmarks that are found so correct the motion, and are found anew. Where the
+    odometer is too wrong, there are no landmarks, or false ones. So other turns are tried too, and
+    the motion is that under which most surfaces agree. This is ours.
+
+    Args:
+        view: (before, 4) surfaces of the previous view in its own coordinates (m).
+        view_lengths: (before,) how much of each was seen (m).
+        current: (now, 4) surfaces of the current view (m).
+        lengths: (now,) how much of each is seen (m).
+        expected: (3,) motion by the odometer. The standard deviation of its x and of its y is half
+            of `closeness`.
+        turn_sigma: Standard deviation of its turn (rad).
+        angle: Largest angle between the two surfaces of a landmark (rad).
+        closeness: Largest distance between them (m).
+        motion: (3,) receives the motion.
+        matched: (now,) receives the number in `view` of each current surface, or -1.
+        previous: (before, 4) buffer.
+        trial: (now,) buffer.
+        slack: (now,) buffer.
+
+    Returns:
+        Standard deviation of the motion's turn (rad).
+    """
+    best = sigma = 0.0
+    for k in range(current.shape[0]):
+        slack[k] = 0.0
+    turns = min(_MOST_TURNS, math.ceil(_WIDTH * turn_sigma / (0.5 * angle)))
+    for number in range(2 * turns + 1):
+        # 0, 1, -1, 2, -2, …: of equally good turns, the one nearest to the expected one is taken.
+        steps = (number + 1) // 2 * (1 if number % 2 else -1)
+        candidate = _candidate()
+        candidate[0], candidate[1] = expected[0], expected[1]
+        candidate[2] = wrap_angle(expected[2] + 0.5 * steps * angle)
+        args = (view, view_lengths, current, lengths, expected, turn_sigma, angle, closeness)
+        score, found = align_views(*args, candidate, trial, previous, slack)
+        if number == 0 or score > best:
+            best, sigma = score, found
+            for i in range(3):
+                motion[i] = candidate[i]
+            for k in range(current.shape[0]):
+                matched[k] = trial[k]
+    return sigma
+
+
+@kernel()
+def align_views(
+    view: np.ndarray,
+    view_lengths: np.ndarray,
+    current: np.ndarray,
+    lengths: np.ndarray,
+    expected: np.ndarray,
+    turn_sigma: float,
+    angle: float,
+    closeness: float,
+    motion: np.ndarray,
+    matched: np.ndarray,
+    previous: np.ndarray,
+    slack: np.ndarray,
+) -> tuple[float, float]:
+    """Find landmarks with the given `motion`, correct it by them, and repeat until it is final.
+
+    For the arguments see `identify_landmarks`; `slack` is zero. Without landmarks the motion is the
+    expected one.
+
+    Returns:
+        The score, the log-likelihood of motion and landmarks above that of no landmarks, and the
+        standard deviation of the motion's turn (rad).
+    """
+    sigma, shift_sigma = turn_sigma, 0.5 * closeness
+    for _ in range(_ROUNDS):
+        bring_into(view, motion, previous)
+        if find_landmarks(previous, current, angle, closeness, matched) == 0:
+            for i in range(3):
+                motion[i] = expected[i]
+            return 0.0, turn_sigma
+        x, y, turn = motion[0], motion[1], motion[2]
+        seen = (current, lengths, view, view_lengths, matched)
+        sigma = fit_pose(*seen, expected, turn_sigma, shift_sigma, 0.0, slack, motion)
+        moved = max(abs(motion[0] - x), abs(motion[1] - y))
+        if max(moved, abs(wrap_angle(motion[2] - turn))) < _SETTLED:
+            break
+    # Turns have outliers: their likelihood is Student's t with 2 degrees of freedom.
+    turned = wrap_angle(motion[2] - expected[2]) / turn_sigma
+    x, y = (motion[0] - expected[0]) / shift_sigma, (motion[1] - expected[1]) / shift_sigma
+    score = -1.5 * math.log(1.0 + turned * turned / 2.0) - 0.5 * (x * x + y * y)
+    for k in range(current.shape[0]):
+        other = matched[k]
+        if other < 0:
+            continue
+        turn_variance, shift_variance = variances(lengths[k], view_lengths[other])
+        turned = turn_off(current[k], view[other], motion[2])
+        across = across_off(current[k], view[other], motion)
+        off = max(turned * turned / turn_variance, across * across / shift_variance)
+        if off > _OUTLIER * _OUTLIER:
+            matched[k] = -1
+        else:
+            score += 0.5 * (_OUTLIER * _OUTLIER - off)
+    return score, sigma
+
+
+@kernel()
+def bring_into(view: np.ndarray, motion: np.ndarray, previous: np.ndarray) -> None:
+    """Set `previous` (before, 4) to the previous view in the coordinates after the motion (3,)."""
+    cos, sin = math.cos(motion[2]), math.sin(motion[2])
+    for k in range(view.shape[0]):
+        for end in range(0, 4, 2):
+            x, y = view[k, end] - motion[0], view[k, end + 1] - motion[1]
+            previous[k, end], previous[k, end + 1] = rotate_back(cos, sin, x, y)
+
+
+@kernel()
+def find_landmarks(
+    previous: np.ndarray,
+    current: np.ndarray,
+    angle: float,
+    closeness: float,
+    matched: np.ndarray,
+) -> int:
+    """Fill `matched` (current,) with the surface of the previous view that each one is, or -1.
+
+    Of the close ones it is the most similar one; where two surfaces are most similar to the same
+    one, the more similar of them. Returns how many are matched.
+    """
+    found = 0
+    for k in range(current.shape[0]):
+        other = most_similar(current[k], previous, previous.shape[0], angle, closeness)
+        matched[k] = -1
+        # Of the previous view's surfaces each is one landmark, though two may now look like it.
+        if other >= 0 and k == most_similar(
+            previous[other], current, current.shape[0], angle, closeness
+        ):
+            matched[k] = other
+            found += 1
+    return found
+
+
+@kernel()
+def fit_pose(
+    seen: np.ndarray,
+    lengths: np.ndarray,
+    known: np.ndarray,
+    known_lengths: np.ndarray,
+    partner: np.ndarray,
+    expected: np.ndarray,
+    turn_sigma: float,
+    shift_sigma: float,
+    turn_slack: float,
+    slack: np.ndarray,
+    pose: np.ndarray,
+) -> float:
+    """Find the pose from which landmarks are seen where they are known to be.
+
+    First the direction, a weighted mean, then the position: a landmark tells it across its own
+    direction. Where landmarks tell little or nothing, as along a corridor, the expected pose does.
+    The more a landmark contradicts the rest, the less it counts (Geman and McClure's weights).
+
+    The paper says that a position relative to a landmark is kept, and not how it is measured: the
+    fit is ours.
+
+    Args:
+        seen: (now, 4) surfaces in the coordinates of the robot (m).
+        lengths: (now,) how much of each is seen (m).
+        known: (n, 4) surfaces in the coordinates of the pose (m).
+        known_lengths: (n,) how much was seen of each as it got its direction (m).
+        partner: (now,) number in `known` of each surface that is seen, or negative for none.
+        expected: (3,) expected pose.
+        turn_sigma: Its standard deviation (rad).
+        shift_sigma: Standard deviation of its x and of its y (m).
+        turn_slack: Variance of the directions besides that of lines (rad²).
+        slack: (now,) variance of the positions besides that of lines (m²).
+        pose: (3,) receives the pose.
+
+    Returns:
+        Standard deviation of the pose's direction (rad).
+    """
+    for i in range(3):
+        pose[i] = expected[i]
+    information = 0.0
+    for number in range(_ROUNDS):
+        is_robust = number > 0  # At first all count in full.
+        information = 1.0 / (turn_sigma * turn_sigma)
+        total = wrap_angle(expected[2] - pose[2]) * information
+        for k in range(seen.shape[0]):
+            if partner[k] >= 0:
+                variance, _ = variances(lengths[k], known_lengths[partner[k]])
+                off = turn_off(seen[k], known[partner[k]], pose[2])
+                weight = weight_of(off, variance + turn_slack, is_robust)
+                information, total = information + weight, total + weight * off
+        pose[2] = wrap_angle(pose[2] + total / information)
+
+        # Normal equations of x and y.
+        xx = yy = 1.0 / (shift_sigma * shift_sigma)
+        xy = 0.0
+        to_x, to_y = (expected[0] - pose[0]) * xx, (expected[1] - pose[1]) * yy
+        for k in range(seen.shape[0]):
+            if partner[k] >= 0:
+                other = known[partner[k]]
+                _, variance = variances(lengths[k], known_lengths[partner[k]])
+                off = across_off(seen[k], other, pose)
+                weight = weight_of(off, variance + slack[k], is_robust)
+                direction = heading_of(other)
+                x, y = -math.sin(direction), math.cos(direction)
+                xx, xy, yy = xx + weight * x * x, xy + weight * x * y, yy + weight * y * y
+                to_x, to_y = to_x + weight * off * x, to_y + weight * off * y
+        determinant = xx * yy - xy * xy
+        pose[0] += (yy * to_x - xy * to_y) / determinant
+        pose[1] += (xx * to_y - xy * to_x) / determinant
+    return math.sqrt(1.0 / information)
+
+
+@kernel()
+def weight_of(off: float, variance: float, is_robust: bool) -> float:
+    """Weight of a landmark in a fit from which it is off by so much."""
+    if not is_robust:
+        return 1.0 / variance
+    doubt = 1.0 + off * off / (variance * _OUTLIER * _OUTLIER)
+    return 1.0 / (variance * doubt * doubt)
+
+
+@kernel()
+def variances(length: float, known_length: float) -> tuple[float, float]:
+    """Variances of the angle between the two lines of a landmark (rad²) and of their distance (m²).
+
+    The shorter the parts that were seen (m), the larger they are.
+    """
+    turn = 1.0 / length**3 + 1.0 / known_length**3
+    shift = 1.0 / length + 1.0 / known_length
+    return (
+        2.0 * _LEAST_TURN * _LEAST_TURN + _LINE_TURN * _LINE_TURN * turn,
+        2.0 * _LEAST_SHIFT * _LEAST_SHIFT + _LINE_SHIFT * _LINE_SHIFT * shift,
+    )
+
+
+@kernel()
+def turn_off(surface: np.ndarray, known: np.ndarray, direction: float) -> float:
+    """Angle from a surface, seen from a pose of this direction, to a known one (rad)."""
+    return float(wrap_angle(heading_of(known) - heading_of(surface) - direction))
+
+
+@kernel()
+def across_off(surface: np.ndarray, known: np.ndarray, pose: np.ndarray) -> float:
+    """How far to its left a known surface lies of the middle of one seen from a pose (m)."""
+    x, y = rotate(
+        math.cos(pose[2]),
+        math.sin(pose[2]),
+        0.5 * (surface[0] + surface[2]),
+        0.5 * (surface[1] + surface[3]),
+    )
+    x = 0.5 * (known[0] + known[2]) - x - pose[0]
+    y = 0.5 * (known[1] + known[3]) - y - pose[1]
+    direction = heading_of(known)
+    return float(y * math.cos(direction) - x * math.sin(direction))
