@@ -78,7 +78,7 @@ def identify_landmarks(
     best = sigma = 0.0
     for k in range(current.shape[0]):
         slack[k] = 0.0
-    turns = min(_MOST_TURNS, math.ceil(_WIDTH * turn_sigma / (0.5 * angle)))
+    turns = math.ceil(min(_WIDTH * turn_sigma / (0.5 * angle), float(_MOST_TURNS)))
     for number in range(2 * turns + 1):
         # 0, 1, -1, 2, -2, …: of equally good turns, the one nearest to the expected one is taken.
         steps = (number + 1) // 2 * (1 if number % 2 else -1)

@@ -29,9 +29,11 @@ from albot_core.mappers.mapper import Estimate, MapperSpec
 from albot_core.mappers.registry import mapper_spec
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths, check_shapes
 from albot_core.maps.layers import MapSnapshot, SegmentsLayer
-from albot_core.ranges import NOT_NEGATIVE, POSITIVE, check_fields
+from albot_core.ranges import NOT_NEGATIVE, Range, check_fields
 from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import ViewConfig, construct_view
+
+_TOLERANCE = Range("a number from 0.001 to 100", 1e-3, 100.0)
 
 
 def _view() -> ViewConfig:
@@ -77,7 +79,7 @@ class AssociationConfig:
 
     def __post_init__(self) -> None:
         check_fields(self, NOT_NEGATIVE, "spacing", "turn", "corner", "map_slope")
-        check_fields(self, POSITIVE, "angle", "closeness", "map_turn", "map_shift")
+        check_fields(self, _TOLERANCE, "angle", "closeness", "map_turn", "map_shift")
 
     @property
     def thresholds(self) -> Float64[np.ndarray, "6"]:

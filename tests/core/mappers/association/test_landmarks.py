@@ -87,6 +87,13 @@ def test_a_turn_that_was_measured_very_wrong_is_found_where_the_odometer_is_know
     np.testing.assert_allclose(motion, true, atol=0.02)
 
 
+@pytest.mark.parametrize("sigma", [1e-3, 1e150])
+def test_the_largest_and_the_least_deviation_of_a_turn_are_allowed(sigma):
+    motion, matched, _ = identify(VIEW, VIEW, np.zeros(3), sigma=sigma)
+    assert matched == list(range(len(VIEW)))
+    np.testing.assert_allclose(motion, 0.0, atol=1e-6)
+
+
 def test_a_surface_that_moved_is_no_landmark():
     """A door, say; by the odometer alone it would be close enough and of the same orientation."""
     current = VIEW.copy()
