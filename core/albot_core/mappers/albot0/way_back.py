@@ -76,6 +76,9 @@ class WayBackConfig:
     same: float = 0.25
     """Where the way out comes by no farther away (m) than where it is nearest, the robot may be on
     either part of it."""
+    through_surface: float = 0.05
+    """Factor of the weight of a particle that moved through a surface of the way out. It is not 0:
+    that map is inexact, and small gaps in it are closed."""
     near: float = 0.5
     """Standard deviation of how much farther away than the nearest an ASR is that the robot may be
     in (m). So two are about as likely where they meet."""
@@ -85,7 +88,7 @@ class WayBackConfig:
     def __post_init__(self) -> None:
         check_fields(self, _COUNT, "particles")
         check_fields(self, NOT_NEGATIVE, "drift", "turned", "slip", "same")
-        check_fields(self, POSITIVE, "spread", "farthest", "near", "ahead")
+        check_fields(self, POSITIVE, "spread", "farthest", "through_surface", "near", "ahead")
 
 
 class WayBack:
@@ -115,6 +118,11 @@ class WayBack:
         """Points along the surfaces of the way out."""
         return KDTree(_points_along(self._out.surfaces, _SURFACE_GAP)[0])
 
+    @cached_property
+    def _walls(self) -> STRtree:
+        """The surfaces of the way out."""
+        return STRtree(shapely.linestrings(self._out.surfaces.reshape(-1, 2, 2)))
+
     def locate(self, home: Steps) -> None:
         """Follow the robot along the next steps of its way home, and lay the way out beside it.
 
@@ -139,9 +147,15 @@ class WayBack:
         errors[:, :2] *= config.slip * root
         errors[:, 2] *= np.hypot(config.drift * root, config.turned * motion[2])
         # The robot first errs in its heading, then goes.
+        before = self._poses[:, :2].copy()
         self._poses[:, 2] += errors[:, 2]
         self._poses = compose(self._poses, motion)
         self._poses[:, :2] += errors[:, :2]
+        moves = shapely.linestrings(np.stack((before, self._poses[:, :2]), axis=1))
+        crossing = self._walls.query(moves, predicate="intersects")[0]
+        self._weights[np.unique(crossing)] *= config.through_surface
+        weights = np.maximum(self._weights, _LEAST * self._weights.max())
+        self._weights = weights / weights.sum()
 
     def _weigh(self, points: Points) -> None:
         """Weigh the particles by how near to surfaces points seen from the robot come."""
@@ -217,8 +231,7 @@ class WayBack:
         points, count = self._points, len(self._points)
         pairs = KDTree(points).query_pairs(_BESIDE, output_type="ndarray")
         beside = pairs[pairs[:, 1] - pairs[:, 0] > 1]
-        walls = STRtree(shapely.linestrings(self._out.surfaces.reshape(-1, 2, 2)))
-        barred = walls.query(shapely.linestrings(points[beside]), predicate="intersects")[0]
+        barred = self._walls.query(shapely.linestrings(points[beside]), predicate="intersects")[0]
         beside = np.delete(beside, barred, axis=0)
         along = np.stack((np.arange(count - 1), np.arange(1, count)), axis=-1)
         one, other = np.concatenate((along, beside)).T

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -107,6 +109,21 @@ def test_two_asrs_are_as_likely_where_they_meet():
     fit = back.fit(regions)
     assert fit[0] == 1.0
     assert fit[1] < 0.2
+
+
+def test_particles_do_not_go_through_the_surfaces_of_the_way_out():
+    """Without surfaces beside the way home, only those of the way out hold the particles."""
+    way, home = steps_along((0, 0), (9, 0)), steps_along((9, 0), (3, 0))
+    corridor = replace(way, widths=np.ones((9, 2)), walled=np.ones((9, 2), np.bool_))
+    outside = []
+    for out in (way, corridor):
+        back = WayBack(out, WayBackConfig(slip=0.5), RNG(0))
+        back.locate(home)
+        state = back.state()
+        is_outside = np.abs(state["way_back.poses"][:, 1]) > 1.0
+        outside.append(state["way_back.weights"][is_outside].sum())
+    assert outside[0] > 0.2
+    assert outside[1] < 0.5 * outside[0]
 
 
 def test_a_way_of_one_step_leads_home():
