@@ -32,6 +32,7 @@ MAPPERS = (
     "odometry",
     "albot1",
     "albot1-thesis",
+    "albot1-tracked",
     "association",
     "ratslam",
     "scan-matching",
@@ -110,7 +111,7 @@ SOURCES: Mapping[str, RealLog | RandomOffice] = {
 _HEAD = """\
 # Mappers side by side
 
-All mappers that see by a laser, each with its default thresholds, on the same readings, measured as
+All mappers that see by a laser, each with its default parameters, on the same readings, measured as
 by `albot compare` ([what each figure is](logs.md#several-mappers-side-by-side)). This page is
 written by one command, of which `--source` and `--mapper` measure a part anew:
 
@@ -133,17 +134,19 @@ own pages. The systems of metric SLAM were tuned on Intel alone, and looked at o
     "sources",
     multiple=True,
     type=click.Choice(tuple(SOURCES)),
-    help="What is measured anew; repeatable.  [default: all]",
+    help="Sources to measure again; repeatable.  [default: all]",
 )
 @click.option(
     "--mapper",
     "mappers",
     multiple=True,
     type=click.Choice(MAPPERS),
-    help="Who is measured anew; repeatable.  [default: all]",
+    help="Mappers to measure again; repeatable.  [default: all]",
 )
-@click.option("--jobs", default=1, show_default=True, type=click.IntRange(1), help="Processes.")
-@click.option("--page-only", is_flag=True, help="Measure nothing: write the page anew.")
+@click.option(
+    "--jobs", default=1, show_default=True, type=click.IntRange(1), help="Number of processes."
+)
+@click.option("--page-only", is_flag=True, help="Measure nothing; only write the page again.")
 def command(sources: tuple[str, ...], mappers: tuple[str, ...], jobs: int, page_only: bool) -> None:
     """Compare the mappers, and write docs/comparison.md."""
     folder = Path(__file__).parents[1] / "docs" / "comparison"

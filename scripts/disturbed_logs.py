@@ -36,7 +36,7 @@ LOGS = {
 }
 """The logs of the data folder, and the files of their references."""
 DEVELOPED_ON = ("intel", "wean1", "wean2")
-"""The logs on which `albot1`'s search for turns was tuned; the others are for the test."""
+"""The logs on which `albot1`'s search was tuned; the others are for the test."""
 SAME = 1e-3
 """Errors that differ by no more than this (m) are the same."""
 
@@ -109,9 +109,10 @@ def page(measured: dict[str, Any], command: str) -> str:
         "but that. `turns`: each turn is off by Student's t of 2 degrees of freedom times 4°, cut "
         "at 30°. `lengths`: each motion's length is off by a factor of 0.85 to 1.15. `odometer`: "
         "turns are off by up to 25°, lengths by up to a tenth. `beams`: every second beam. "
-        "`views`: every third reading is left out. `range`: the laser sees 8 m. `all`: turns, "
-        "lengths, beams, views and range together.\n\n"
-        f"The search for turns was tuned on {', '.join(DEVELOPED_ON)}; the other logs are for the "
+        "`views`: every third reading is left out. `range`: the laser sees 8 m. `fine`: a beam "
+        "between any two, and turns off by up to 24°. `frozen`: the odometer reports no motion. "
+        "`all`: turns, lengths, beams, views and range together.\n\n"
+        f"The search was tuned on {', '.join(DEVELOPED_ON)}; the other logs are for the "
         "test, though earlier versions of `albot1` were developed on all of them. Wean Hall's and "
         "Duke's logs have no reference: the error is that against the path that `graph-slam` makes "
         f"of them as recorded.\n\nAs recorded: {as_recorded}. No worse than its "

@@ -56,9 +56,9 @@ class AgentEntry:
     """The file of a trained agent; None for a scripted one."""
 
     @property
-    def observing(self) -> ObservationConfig:
+    def observation_config(self) -> ObservationConfig:
         """The observation config that the agent expects."""
-        return (self.file and self.file.observing) or DEFAULT_OBSERVATIONS
+        return (self.file and self.file.observation_config) or DEFAULT_OBSERVATIONS
 
     def environment(self, task: str, settings: Mapping[str, Any]) -> dict[str, Any]:
         """Return the settings of an environment in which the agent can act.
@@ -93,13 +93,13 @@ class AgentEntry:
 
 def _driving(kind: Callable[..., Agent]) -> Callable[[ObservationConfig, str | None], Agent]:
     """Return a maker of a driving agent, which claims places in exploration, else declares home."""
-    return lambda observing, task: kind(observing, claims=task == EXPLORE)
+    return lambda observation_config, task: kind(observation_config, claims=task == EXPLORE)
 
 
 AGENTS = {
     Albot0Homing.name: AgentEntry(
         summary="Drives home by sonar alone, until Albot0 says that it is in the home ASR.",
-        make=lambda observing, _: Albot0Homing(observing),
+        make=lambda observation_config, _: Albot0Homing(observation_config),
         tasks=(HOMING,),
         mapper="albot0",
         sensors={"laser": "none"},
@@ -151,7 +151,7 @@ AGENTS = {
     ),
     PlaceJudge.name: AgentEntry(
         summary="Judges which place it has seen before, by match scores; does not drive.",
-        make=lambda observing, _: PlaceJudge(observing),
+        make=lambda observation_config, _: PlaceJudge(observation_config),
         tasks=(PLACES,),
     ),
     RandomAgent.name: AgentEntry(
@@ -168,7 +168,7 @@ AGENTS = {
     ),
     RoundTripAgent.name: AgentEntry(
         summary="Explores while there is time, and drives home before it is up.",
-        make=lambda observing, _: RoundTripAgent(observing),
+        make=lambda observation_config, _: RoundTripAgent(observation_config),
         tasks=(ROUND_TRIP,),
     ),
 }
@@ -220,7 +220,7 @@ def _trained(name: str, path: Path) -> AgentEntry:
     sees = f"; it sees {', '.join(parts)}" if parts else ""
     return AgentEntry(
         summary=f"Trained for {file.task} by {algorithm}, mapper {mapper}{sees}.",
-        make=lambda observing, _: TrainedAgent(name, file, observing),
+        make=lambda observation_config, _: TrainedAgent(name, file, observation_config),
         mapper=mapper,
         tasks=(file.task,),
         file=file,
@@ -228,14 +228,14 @@ def _trained(name: str, path: Path) -> AgentEntry:
 
 
 def make_agent(
-    name: str, observing: ObservationConfig | None = None, task: str | None = None
+    name: str, observation_config: ObservationConfig | None = None, task: str | None = None
 ) -> Agent:
     """Make an agent.
 
     Args:
         name: One of `agent_names`, or the path of a trained agent's file.
-        observing: The observation config of the agent's environment (its `observing`); by
-            default the usual one, or for a trained agent the one of its training.
+        observation_config: The agent's environment's own `observation_config`. By default, the
+            usual one, or for a trained agent the one of its training.
         task: Id of that environment. If None, the agent never claims to know a place.
 
     Raises:
@@ -243,4 +243,6 @@ def make_agent(
             trained with other observations.
     """
     entry = find_agent(name)
-    return entry.make(entry.observing if observing is None else observing, task)
+    return entry.make(
+        entry.observation_config if observation_config is None else observation_config, task
+    )

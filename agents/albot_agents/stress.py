@@ -218,12 +218,12 @@ def _checked_steps(episode: Episode, limits: Limits) -> Iterator[list[str]]:
     settings = find_agent(episode.agent).environment(ENVIRONMENT, asked)
     env = gymnasium.make(ENVIRONMENT, disable_env_checker=True, **settings)
     try:
-        observing = env.get_wrapper_attr("observing")
-        agent = make_agent(episode.agent, observing, ENVIRONMENT)
+        observation_config = env.get_wrapper_attr("observation_config")
+        agent = make_agent(episode.agent, observation_config, ENVIRONMENT)
         recorder = LastMoment()
         env.set_wrapper_attr("recorder", recorder)
         world = load_world(episode.world)
-        checker = StepChecker(world, recorder, env.observation_space, observing, limits)
+        checker = StepChecker(world, recorder, env.observation_space, observation_config, limits)
         observation, info = begin_episode(env, agent, episode.seed)
         yield checker.after_reset(observation, info)
         over = False
@@ -257,7 +257,7 @@ class StepChecker:
         world: The robot's world.
         recorder: The environment's recorder.
         space: The environment's observation space.
-        observing: The environment's observation config.
+        observation_config: The environment's observation config.
         limits: The tolerances of the checks.
     """
 
@@ -266,14 +266,14 @@ class StepChecker:
         world: World,
         recorder: LastMoment,
         space: gymnasium.Space[Any],
-        observing: ObservationConfig,
+        observation_config: ObservationConfig,
         limits: Limits,
     ) -> None:
         self._walls, self._opaque = world.walls, world.opaque
         self._recorder = recorder
         self._space = space
         self._limits = limits
-        self._observing = observing
+        self._observation_config = observation_config
 
     def after_reset(self, observation: Any, info: dict[str, Any]) -> list[str]:
         """Check a reset; return what is wrong."""
@@ -290,23 +290,25 @@ class StepChecker:
         wrong = check_observation(observation, self._space)
         wrong += check_info(info, self._keys)
         wrong += check_body(self._walls, before, self._position, self._limits)
-        wrong += check_obstacles(self._recorder.last.things, self._position, self._limits)
+        wrong += check_obstacles(
+            self._recorder.last.dynamic_obstacles, self._position, self._limits
+        )
         if wrong:
             return wrong  # A wrong observation has no ranges to check.
         return self._check_ranges(observation, info["pose"])
 
     def _check_ranges(self, observation: Any, pose: Pose) -> list[str]:
         """Return what is wrong with the ranges of laser and sonars."""
-        moment, observing = self._recorder.last, self._observing
+        moment, observation_config = self._recorder.last, self._observation_config
         wrong: list[str] = []
         if moment.reading.laser is not None:
-            seen = np.concatenate((self._opaque, moment.things))
+            seen = np.concatenate((self._opaque, moment.dynamic_obstacles))
             laser, ranges = moment.reading.laser.geometry, moment.reading.laser.ranges
-            if "laser" in observing.shapes and observing.laser_sectors is None:
-                ranges = observing.ranges(observing.split(observation)["laser"])
+            if "laser" in observation_config.shapes and observation_config.laser_sectors is None:
+                ranges = observation_config.ranges(observation_config.split(observation)["laser"])
             mount = compose(pose, np.array(laser.mount))
             wrong += check_laser(seen, mount, laser.bearings, ranges, self._limits)
         if moment.reading.sonar is not None:
-            surfaces = np.concatenate((self._walls, moment.things))
+            surfaces = np.concatenate((self._walls, moment.dynamic_obstacles))
             wrong += check_sonar(surfaces, pose, moment.reading.sonar, self._limits)
         return wrong

@@ -78,7 +78,9 @@ class Moment:
     activity: Activity | None = None
     """The activity of the mapper's attractor network; None if unchanged since the previous moment,
     or if the mapper has no network."""
-    things: Float64[np.ndarray, "things 4"] = field(default_factory=lambda: np.empty((0, 4)))
+    dynamic_obstacles: Float64[np.ndarray, "obstacles 4"] = field(
+        default_factory=lambda: np.empty((0, 4))
+    )
     """Current outlines of the dynamic obstacles around the robot, world frame."""
 
 

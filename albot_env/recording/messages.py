@@ -65,9 +65,12 @@ def moment_messages(moment: Moment, start: Pose) -> Iterator[Message]:
         "/home",
         {"timestamp": time_of(stamp), "frame_id": "robot_believed", "pose": pose_of(moment.home)},
     )
-    if len(moment.things):
-        yield "/things", scene("things", "world", stamp, lines=[lines(moment.things, THING_COLOUR)])
-        yield "/albot/things", {"segments": moment.things.tolist()}
+    if len(moment.dynamic_obstacles):
+        yield (
+            "/things",
+            scene("things", "world", stamp, lines=[lines(moment.dynamic_obstacles, THING_COLOUR)]),
+        )
+        yield "/albot/things", {"segments": moment.dynamic_obstacles.tolist()}
     if moment.snapshot is not None:
         yield from map_messages(moment.snapshot, stamp)
     if moment.activity is not None:

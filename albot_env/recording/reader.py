@@ -83,7 +83,7 @@ class EpisodeReader:
         scan: LaserScan | None = None
         snapshot: MapSnapshot | None = None
         activity: Activity | None = None
-        things: Segments = np.empty((0, 4))
+        obstacles: Segments = np.empty((0, 4))
         for topic, content, where in self._messages():
             if topic == "/scan":
                 scan = self._scan(content, where)
@@ -93,12 +93,14 @@ class EpisodeReader:
                 activity = activity_from_message(content, where)
             elif topic == "/albot/things":
                 told = read_record({"segments": Any}, content, where)
-                things = read_array((None, 4), told["segments"], where.at("segments"))
+                obstacles = read_array((None, 4), told["segments"], where.at("segments"))
             elif topic == "/albot/step":
                 step = read_record(_STEP, content, where, others=True)
                 moment = self._moment(step, scan, where)
-                yield replace(moment, snapshot=snapshot, activity=activity, things=things)
-                scan, snapshot, activity, things = None, None, None, np.empty((0, 4))
+                yield replace(
+                    moment, snapshot=snapshot, activity=activity, dynamic_obstacles=obstacles
+                )
+                scan, snapshot, activity, obstacles = None, None, None, np.empty((0, 4))
 
     def measure(self) -> tuple[int, float]:
         """Return the number of steps in the file's intact part, and the time of the last (s).

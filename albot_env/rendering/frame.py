@@ -47,7 +47,7 @@ class Frame:
     """Number of readings that the mapper has added to its map."""
     walls: Float64[np.ndarray, "walls 4"]
     """The world's walls, world frame."""
-    things: Float64[np.ndarray, "things 4"]
+    dynamic_obstacles: Float64[np.ndarray, "obstacles 4"]
     """Outlines of the dynamic obstacles around the robot, world frame."""
     start: Pose
     """True start pose, world frame."""

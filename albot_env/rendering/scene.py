@@ -65,16 +65,17 @@ def lay_out(frame: Frame) -> Scene:
     """Lay a frame out as a scene. The map is drawn with its origin at the true start."""
     start = frame.start
     believed = compose(start, frame.belief)
-    things = (
-        (Shape(kind="segments", style="thing", label="what moves", data=frame.things),)
-        if len(frame.things)
+    moving = frame.dynamic_obstacles
+    obstacles = (
+        (Shape(kind="segments", style="thing", label="dynamic obstacles", data=moving),)
+        if len(moving)
         else ()
     )
     hits = transform_points(frame.pose, frame.hits)
     truth = (
         Shape(kind="dots", style="laser", label="laser", data=hits),
         Shape(kind="segments", style="wall", label="walls", data=frame.walls),
-        *things,
+        *obstacles,
         _way("path", frame.path, frame),
         Shape(kind="home", style="home", label="home", data=start),
         Shape(kind="robot", style="robot", label="robot", data=frame.pose),

@@ -56,7 +56,7 @@ class Trace:
             path_length=moment.path_length,
             updates=moment.updates,
             walls=header.walls,
-            things=moment.things,
+            dynamic_obstacles=moment.dynamic_obstacles,
             start=header.start,
             pose=moment.pose,
             path=np.array(self._path),

@@ -14,7 +14,7 @@ from albot_core.mappers.registry import make_mapper
 from albot_core.sensing.reading import Reading
 from albot_env.sim.simulator import Simulator, StartStop, follow_leg
 from albot_env.tasks.place_recognition.tours import StoppingRooms
-from albot_maps import ROBOT_RADIUS, World, load_world
+from albot_maps import ROBOT_RADIUS, load_world
 from albot_maps.geodesic import DistanceField
 
 Row = dict[str, float | int | str]
@@ -48,10 +48,11 @@ def measure_long_run(
         `memory_bytes` of the whole state.
     """
     mapper, building = make_mapper("albot1"), load_world(world)
-    for reading in islice(patrol(building, np.random.default_rng(seed)), 4 * int(stage_m)):
+    simulator = Simulator(building, movables=False)
+    for reading in islice(patrol(simulator, np.random.default_rng(seed)), 4 * int(stage_m)):
         mapper.update(reading)  # compiles
     mapper.reset(np.random.default_rng(seed))
-    readings = patrol(building, np.random.default_rng(seed))
+    readings = patrol(simulator, np.random.default_rng(seed))
     rows: list[Row] = []
     path = 0.0
     for end in np.arange(stage_m, path_m + stage_m / 2, stage_m):
@@ -112,7 +113,7 @@ def _remembered(mapper: Mapper) -> Row:
     }
 
 
-def patrol(world: World, rng: np.random.Generator) -> Iterator[Reading]:
+def patrol(simulator: Simulator, rng: np.random.Generator) -> Iterator[Reading]:
     """Yield the readings of a robot that is guided endlessly between randomly drawn rooms.
 
     It stops anywhere in a room. The guide uses the true pose, so that the odometer's errors (preset
@@ -121,7 +122,8 @@ def patrol(world: World, rng: np.random.Generator) -> Iterator[Reading]:
     Raises:
         InputError: The world has fewer than two rooms in which a robot can stop.
     """
-    simulator, stops = Simulator(world, movables=False), StoppingRooms(world)
+    world = simulator.world
+    stops = StoppingRooms(world)
     yield simulator.reset(rng, world.starts[0])
     here = -1
     while True:

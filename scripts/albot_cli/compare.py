@@ -29,7 +29,7 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world", ".pgm", ".png"}
 @click.option(
     "--mappers",
     metavar="A,B,…",
-    help="See `albot mappers`; NAME=FILE takes the mapper's thresholds from a YAML file.  "
+    help="Mappers to run (see `albot mappers`); NAME=FILE takes parameters from a YAML file.  "
     "[default: all that are installed and whose sensors the source has]",
 )
 @click.option(
@@ -37,14 +37,17 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world", ".pgm", ".png"}
     default="0",
     show_default=True,
     metavar="A..B",
-    help="Both included: of mappers that draw random numbers, and of what happens in a world; of "
-    "random:KIND each is a world.",
+    help="Seeds, both ends included: of mappers with random numbers and of episodes in a WORLD. "
+    "With random:KIND, each seed is a world.",
 )
-@click.option("--reference", type=_FILE, help="Where the robot was (see `albot map`).")
+@click.option("--reference", type=_FILE, help="True poses of the robot (see `albot map`).")
 @click.option("--relations", type=_FILE, help="True relations between poses (Kümmerle et al.).")
-@click.option("--keep-going", is_flag=True, help="Take the good beginning of a damaged log.")
+@click.option("--keep-going", is_flag=True, help="Map a damaged log up to the damage.")
 @click.option(
-    "--agent", default="gap-explorer", show_default=True, help="Who explores a WORLD, unmapped."
+    "--agent",
+    default="gap-explorer",
+    show_default=True,
+    help="Agent that explores a WORLD without a map.",
 )
 @click.option(
     "--steps",
@@ -53,14 +56,16 @@ _WORLDS = {".yaml", ".yml", ".xml", ".world", ".pgm", ".png"}
     type=click.IntRange(1),
     help="Length of the exploration, in steps of 0.1 s.",
 )
-@click.option("--laser", help="The explorer's (see `albot play`).  [default: lms-200]")
-@click.option("--sonar", help="The explorer's.  [default: pioneer]")
-@click.option("--scenes", help="The explorer's.  [default: none]")
-@click.option("--odometer", help="The explorer's.  [default: pioneer]")
+@click.option(
+    "--laser", help="Laser of the exploring robot (see `albot play`).  [default: lms-200]"
+)
+@click.option("--sonar", help="Sonars of the exploring robot.  [default: pioneer]")
+@click.option("--scenes", help="Camera of the exploring robot.  [default: none]")
+@click.option("--odometer", help="Odometer of the exploring robot.  [default: pioneer]")
 @click.option(
     "--jobs",
     type=click.IntRange(1),
-    help="Processes; 1 for the truest figures of speed.  [default: one a core]",
+    help="Number of processes; speeds are most reliable with 1.  [default: one a core]",
 )
 @click.option("--out", type=_FILE, help="Folder for the figures, their table and a picture.")
 @FORCE

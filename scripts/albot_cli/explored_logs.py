@@ -67,7 +67,9 @@ def explore(exploration: Exploration, on_step: Callable[[int], None] = lambda _:
     assert isinstance(inside, SingleEnv)
     inside.recorder = kept
     try:
-        agent = find_agent(exploration.agent).make(env.get_wrapper_attr("observing"), EXPLORE)
+        agent = find_agent(exploration.agent).make(
+            env.get_wrapper_attr("observation_config"), EXPLORE
+        )
         observation, info = begin_episode(env, agent, exploration.seed)
         for step in range(exploration.steps):
             on_step(step)

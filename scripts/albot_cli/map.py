@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from albot_cli.map_report import (
+    NO_ODOMETRY,
     RECOGNITION,
     MappingRun,
     Score,
@@ -115,6 +116,8 @@ def command(
     odometry = score(recorded.odometry_trajectory, truth, true_relations)
     _check_stamps(recorded, odometry, reference, relations)
     check_sensors(spec, recorded.sensors, recorded.name)
+    if recorded.is_odometry_constant:
+        click.echo(f"albot: {recorded.name}: {NO_ODOMETRY}", err=True)
     warm_up(mapper, mapper_parameters, recorded)
     with progress(f"{mapper} on {recorded.name}", len(recorded.readings), "scans") as update:
         run = run_mapper(mapper, mapper_parameters, recorded, update)

@@ -31,6 +31,8 @@ from albot_core.maps.outlines import surfaces_of
 
 RECOGNITION = "recognition.png"
 """File name of the picture that `draw_recognition` writes."""
+NO_ODOMETRY = "the log's odometry is constant; the map is made by the scans alone"
+"""What is told of a log without odometry."""
 _WARM_UP = 2500
 """Scans given to a first mapper so that the timed one finds its code compiled. They are enough for
 the robot to pass some exits and return to a place."""
@@ -171,6 +173,7 @@ def report(
         "map_entropy": _entropy(log, run.believed.poses),
         "odometry_map_entropy": _entropy(log, log.odometry),
         "left_out": None if log.unread is None else vars(log.unread),
+        "note": NO_ODOMETRY if log.is_odometry_constant else None,
     }
 
 
@@ -197,7 +200,9 @@ def as_table(figures: dict[str, Any]) -> str:
     """Return the figures as text, the mapper's beside the odometer's."""
     lines = [
         f"{figures['log']}: {figures['scans']} scans along {figures['path_m']:.1f} m",
-        f"{figures['mapper']}: {figures['surfaces']} surfaces after {figures['updates']} updates, "
+        f"{figures['mapper']}: {_many(figures['updates'], 'update')}, "
+        # A mapper without surfaces or places is not shown with none of them.
+        + (f"{_many(figures['surfaces'], 'surface')}, " if figures["surfaces"] else "")
         + (f"{_many(figures['places'], 'place')}, " if figures["places"] else "")
         + f"{figures['scans_per_second']:,.0f} scans/s",
     ]
@@ -213,6 +218,8 @@ def as_table(figures: dict[str, Any]) -> str:
         lost = figures["left_out"]
         counts = f"{_many(lost['lines'], 'line')}, {_many(lost['scans'], 'scan')}"
         lines += ["", f"not read: {counts} ({lost['reason']})"]
+    if figures["note"]:
+        lines += ["", f"note: {figures['note']}"]
     return "\n".join(lines)
 
 

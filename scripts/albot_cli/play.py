@@ -219,7 +219,7 @@ def _run(
     if mapper_config is not None:
         settings["mapper_config"] = read_robots_config(mapper, mapper_config)
     env = gymnasium.make(task, max_episode_steps=steps, disable_env_checker=True, **settings)
-    driver = entry.make(env.get_wrapper_attr("observing"), task)
+    driver = entry.make(env.get_wrapper_attr("observation_config"), task)
     inside = env.unwrapped
     assert isinstance(inside, SingleEnv)
     inside.agent, inside.recorder = agent, EpisodeWriter(record, overwrite=force)
@@ -346,7 +346,7 @@ def _as_text(summary: dict[str, Any]) -> str:
     figures = [
         f"{summary['path_m']:.1f} m driven",
         f"{summary['updates']} updates",
-        f"{summary['surfaces']} surfaces",
+        *([f"{summary['surfaces']} surfaces"] if summary["surfaces"] else []),
         f"{summary['position_error_m']:.2f} m off",
         *([] if rooms is None else [f"{rooms} rooms entered"]),
         *([] if covered is None else [f"{covered:.0%} of the ground covered"]),

@@ -91,7 +91,7 @@ def _run_agent(agent: str, task: str) -> None:
     entry = find_agent(agent)
     settings = entry.environment(task, {"world": WORLD, "render_mode": "rgb_array"})
     env = gymnasium.make(task, max_episode_steps=STEPS, disable_env_checker=True, **settings)
-    driver = entry.make(env.get_wrapper_attr("observing"), task)
+    driver = entry.make(env.get_wrapper_attr("observation_config"), task)
     episode = RunningEpisode(env, driver, 0, steps=STEPS)
     while not episode.over:
         episode.advance()

@@ -203,7 +203,7 @@ def _text(seeds: range) -> str:
     return f"""
 The paper's robot drives through 80 m² of an office. Its log is not public, so these are those of
 other robots: Intel Research Lab, ACES in Austin, Freiburg building 101, and two of Wean Hall.
-`ratslam` runs with its default thresholds on all. They were chosen on Intel and on simulated
+`ratslam` runs with its default parameters on all. They were chosen on Intel and on simulated
 offices; the other logs are test, but their figures had been seen by then. On ACES itself it was
 found that robots come by known places for a few metres only, too few for views to re-localise
 them as they did; how much views inject since was chosen on other disturbed copies of Intel.

@@ -25,7 +25,7 @@ def _begun(name: str, environment: str, form: str = "flat") -> tuple[Agent, Any]
         settings["mapper"] = entry.mapper
     wanted = {**settings, **SETTINGS.get(environment, {})}
     env = gymnasium.make(environment, **entry.environment(environment, wanted))
-    return make_agent(name, env.get_wrapper_attr("observing")), env
+    return make_agent(name, env.get_wrapper_attr("observation_config")), env
 
 
 def _actions(agent: Agent, env: Any, seed: int, steps: int = 50) -> list[Any]:

@@ -25,15 +25,15 @@ def journey() -> str:
     digest = hashlib.sha256()
     for world, name in (("office-ring", "gap-explorer"), ("random:hall:7", "nearest-frontier")):
         env = gymnasium.make("Albot/Explore-v0", world=world, max_episode_steps=250)
-        observing = env.get_wrapper_attr("observing")
-        agent = make_agent(name, observing)
+        observation_config = env.get_wrapper_attr("observation_config")
+        agent = make_agent(name, observation_config)
         agent.reset(np.random.default_rng(3), env.action_space)
         observation, info = env.reset(seed=3)
         over = False
         while not over:
             action = choose_action(agent, observation, info)
             observation, _, _, over, info = env.step(action)
-            ranges = observing.ranges(observing.split(observation)["laser"])
+            ranges = observation_config.ranges(observation_config.split(observation)["laser"])
             for part in (np.asarray(action), observation, ranges):
                 digest.update(part.tobytes())
     return digest.hexdigest()

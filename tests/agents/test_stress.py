@@ -131,13 +131,13 @@ def test_nor_where_things_move(agent: str):
 
 def test_a_thing_that_sensors_miss_is_found(monkeypatch: pytest.MonkeyPatch):
     """As if the robot's senses met its things where they were before."""
-    whole, first = BatchedRobots.things, []
+    whole, first = BatchedRobots.dynamic_obstacles, []
 
-    def things(self: BatchedRobots, row: int) -> np.ndarray:
+    def obstacles(self: BatchedRobots, row: int) -> np.ndarray:
         first.append(whole(self, row))
         return first[0]
 
-    monkeypatch.setattr(BatchedRobots, "things", things)
+    monkeypatch.setattr(BatchedRobots, "dynamic_obstacles", obstacles)
     world = "random:apartment:1?people=3&boxes=4&doors=2"
     [violation, *_] = run(dataclasses.replace(SOUND, world=world, steps=200)).violations
     assert re.search(r"(beam|sonar) \d+ (sees|hears)", violation.what)

@@ -8,18 +8,19 @@ import numpy as np
 
 from albot_benchmarks.long_run import STEPS, measure_long_run, patrol
 from albot_cli.bench import _journey
+from albot_env.sim.simulator import Simulator
 from albot_maps import load_world
 
 
 def test_a_patrol_goes_from_room_to_room_a_step_at_a_time() -> None:
-    world = load_world("office-ring")
-    readings = list(islice(patrol(world, np.random.default_rng(3)), 150))
+    simulator = Simulator(load_world("office-ring"), movables=False)
+    readings = list(islice(patrol(simulator, np.random.default_rng(3)), 150))
     way = np.array([reading.motion for reading in readings])
     # The odometer's errors are some per cent.
     assert np.hypot(*way[:, :2].T).max() < 1.1 * STEPS.move
     assert np.abs(way[:, 2]).max() < 1.2 * STEPS.turn
     assert np.hypot(*way[:, :2].T).sum() > 20.0
-    again = islice(patrol(world, np.random.default_rng(3)), 150)
+    again = islice(patrol(simulator, np.random.default_rng(3)), 150)
     assert all((a.motion == b.motion).all() for a, b in zip(readings, again, strict=True))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import lzma
+
 import pytest
 
 from tests.cli.conftest import FILES, PLACES, figures
@@ -41,3 +43,22 @@ def test_raw_logs_without_a_reference(name, scans, call, data, tmp_path):
     assert told["ate_rmse_m"] is None
     assert told["map_entropy"] < told["odometry_map_entropy"] - 0.1
     assert {path.name for path in (tmp_path / "out").iterdir()} == FILES | PLACES
+
+
+def test_a_log_without_odometry_is_mapped_by_the_scans_alone(call, data, tmp_path):
+    packed = data / "logs" / "wean_robotdata1.log.xz"
+    lines = lzma.decompress(packed.read_bytes()).decode().splitlines()
+    # O x y theta time; L x y theta, the laser's pose, 180 ranges and the time.
+    still = [
+        " ".join([words[0], "0", "0", "0", *words[4:]])
+        if (words := line.split()) and words[0] == "O"
+        else " ".join([words[0], *("0",) * 6, *words[7:]])
+        if words and words[0] == "L"
+        else line
+        for line in lines[:400]
+    ]
+    log = tmp_path / "still.log"
+    log.write_text("\n".join(still) + "\n")
+    done = call("map", log, "--json")
+    assert figures(done)["note"].startswith("the log's odometry is constant")
+    assert "the log's odometry is constant" in done.stderr

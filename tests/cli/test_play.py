@@ -224,11 +224,13 @@ def test_the_robots_sensors_are_those_asked_for(play: Play) -> None:
 def test_things_move_unless_they_are_left_out(play: Play) -> None:
     world = ("--world", "random:apartment:1?people=1&boxes=1", "--mapper", "none", "--steps", "9")
     assert play(*world).returncode == 0
-    moving = [moment.things for moment in EpisodeReader(Path("episode.mcap")).moments()]
+    moving = [moment.dynamic_obstacles for moment in EpisodeReader(Path("episode.mcap")).moments()]
     assert len(moving[0]) > 4
     assert not np.array_equal(moving[0], moving[-1])
     assert play(*world, "--no-movables").returncode == 0
-    assert not any(len(moment.things) for moment in EpisodeReader(Path("episode-1.mcap")).moments())
+    assert not any(
+        len(moment.dynamic_obstacles) for moment in EpisodeReader(Path("episode-1.mcap")).moments()
+    )
 
 
 @pytest.mark.parametrize(

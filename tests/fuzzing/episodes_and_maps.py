@@ -120,7 +120,7 @@ def _write_episode(folder: Path) -> None:
             matched_reading=0 if k else None,
             snapshot=None if k == 1 else _layers(),
             activity=None if k == 1 else _activity(),
-            things=ROOM[:2],
+            dynamic_obstacles=ROOM[:2],
         )
         writer.add(moment)
     writer.close()

@@ -57,7 +57,7 @@ def run_trial(trial: Trial, on_step: Callable[[int], None] = lambda _: None) -> 
     """
     env = trial.make()
     try:
-        agent = make_agent(trial.agent, env.get_wrapper_attr("observing"), trial.task)
+        agent = make_agent(trial.agent, env.get_wrapper_attr("observation_config"), trial.task)
         on_step(0)
         observation, info = begin_episode(env, agent, trial.seed)
         path, coverages = [info["pose"][:2]], [info.get("coverage")]

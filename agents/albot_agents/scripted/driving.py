@@ -39,7 +39,7 @@ class DrivingAgent(Generic[DriverT]):
     """An agent that executes the commands of a planner.
 
     Args:
-        observing: The environment's observation config.
+        observation_config: The environment's observation config.
         driver: The planner.
         claims: Whether the third number of an action claims to know the place, which the agent
             does where the mapper recognises it. Otherwise that number declares home.
@@ -52,10 +52,10 @@ class DrivingAgent(Generic[DriverT]):
     knows_truth: ClassVar[bool] = False
 
     def __init__(
-        self, observing: ObservationConfig, driver: DriverT, *, claims: bool = False
+        self, observation_config: ObservationConfig, driver: DriverT, *, claims: bool = False
     ) -> None:
-        observing.require(SENSED_PARTS, self.name)
-        self._observing = observing
+        observation_config.require(SENSED_PARTS, self.name)
+        self._observation_config = observation_config
         self._driver = driver
         self._claims = claims
 
@@ -66,11 +66,11 @@ class DrivingAgent(Generic[DriverT]):
 
     def _decode(self, observation: Any) -> Percept:
         """Return the sensor readings in an observation."""
-        return decode_observation(observation, self._observing)
+        return decode_observation(observation, self._observation_config)
 
     def _drive(self, command: Command, observation: Any) -> Action:
         """Return the action for a command, with the claim to know the place if `claims` is set."""
-        knows = self._claims and decode_recognition(observation, self._observing)
+        knows = self._claims and decode_recognition(observation, self._observation_config)
         return fill_action(ActionConfig().shares(command), self._actions, flag=knows)
 
     def _declare(self) -> Action:

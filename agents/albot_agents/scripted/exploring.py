@@ -25,7 +25,7 @@ class GapExplorerAgent(DrivingAgent[GapExplorer]):
     """Explores from gap to gap; near gaps with much new ground come first.
 
     Args:
-        observing: The environment's observation config.
+        observation_config: The environment's observation config.
         claims: Whether it claims to know a place that its mapper recognises.
     """
 
@@ -34,9 +34,11 @@ class GapExplorerAgent(DrivingAgent[GapExplorer]):
     _GAIN: ClassVar[float] = 4.0
     """Driving distance (m) that completely new ground is worth (see `GapExplorerConfig.gain`)."""
 
-    def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
-        config = GapExplorerConfig(coverage_range=observing.coverage.radius, gain=self._GAIN)
-        super().__init__(observing, GapExplorer(config), claims=claims)
+    def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
+        config = GapExplorerConfig(
+            coverage_range=observation_config.coverage.radius, gain=self._GAIN
+        )
+        super().__init__(observation_config, GapExplorer(config), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """Return the next action."""
@@ -50,14 +52,14 @@ class AssociationExplorer(DrivingAgent[MinimalSpaceExplorer]):
     (2015). It has no memory, and covers less ground than the other explorers.
 
     Args:
-        observing: The environment's observation config.
+        observation_config: The environment's observation config.
         claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "association-explorer"
 
-    def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
-        super().__init__(observing, MinimalSpaceExplorer(), claims=claims)
+    def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
+        super().__init__(observation_config, MinimalSpaceExplorer(), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """Return the next action."""
@@ -68,14 +70,16 @@ class NearestFrontier(DrivingAgent[FrontierExplorer]):
     """Explores by driving to the nearest frontier of the covered ground.
 
     Args:
-        observing: The environment's observation config.
+        observation_config: The environment's observation config.
         claims: Whether it claims to know a place that its mapper recognises.
     """
 
     name: ClassVar[str] = "nearest-frontier"
 
-    def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
-        super().__init__(observing, FrontierExplorer(observing.coverage.radius), claims=claims)
+    def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
+        super().__init__(
+            observation_config, FrontierExplorer(observation_config.coverage.radius), claims=claims
+        )
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """Return the next action."""
@@ -88,7 +92,7 @@ class RoundTripAgent:
     It takes the length of the way home from the mapper's confidence, which falls with that length.
 
     Args:
-        observing: The environment's observation config.
+        observation_config: The environment's observation config.
     """
 
     name: ClassVar[str] = "round-trip"
@@ -99,10 +103,10 @@ class RoundTripAgent:
     SPARE = 15.0
     """Time kept in reserve (s)."""
 
-    def __init__(self, observing: ObservationConfig) -> None:
-        self._observing = observing
-        self._explorer = GapExplorerAgent(observing)
-        self._homer = Albot1Homing(observing)
+    def __init__(self, observation_config: ObservationConfig) -> None:
+        self._observation_config = observation_config
+        self._explorer = GapExplorerAgent(observation_config)
+        self._homer = Albot1Homing(observation_config)
 
     def reset(self, rng: np.random.Generator, actions: Box) -> None:
         """Begin a new episode, exploring.
@@ -110,15 +114,15 @@ class RoundTripAgent:
         Raises:
             InputError: Observations lack the part `time_left` or `confidence`.
         """
-        self._observing.require(("time_left", "confidence"), self.name)
+        self._observation_config.require(("time_left", "confidence"), self.name)
         self._explorer.reset(rng, actions)
         self._homer.reset(rng, actions)
         self._returns = False
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """Return the next action."""
-        left = decode_time_left(observation, self._observing)
-        travel = decode_travel_home(observation, self._observing)
+        left = decode_time_left(observation, self._observation_config)
+        travel = decode_travel_home(observation, self._observation_config)
         self._returns |= left < self.SPARE + travel / self.SPEED
         return (self._homer if self._returns else self._explorer).act(observation, info)
 

@@ -33,8 +33,8 @@ class MapHoming(DrivingAgent[Navigator]):
     laser.
 
     Args:
-        observing: The environment's observation config. Without the part `way`, the agent heads
-            straight for home.
+        observation_config: The environment's observation config. Without the part `way`, the
+            agent heads straight for home.
         claims: Whether it claims to know a place that its mapper recognises.
     """
 
@@ -43,8 +43,8 @@ class MapHoming(DrivingAgent[Navigator]):
     ARRIVED = 0.3
     """Distance to the estimated home at which it declares home (m)."""
 
-    def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
-        super().__init__(observing, Navigator(), claims=claims)
+    def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
+        super().__init__(observation_config, Navigator(), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """Return the action that drives on towards home, or declares home."""
@@ -52,7 +52,7 @@ class MapHoming(DrivingAgent[Navigator]):
         home = inverse(percept.pose)[:2]
         if np.hypot(*home) < self.ARRIVED:
             return self._declare()
-        known = decode_known_way(observation, self._observing)
+        known = decode_known_way(observation, self._observation_config)
         return self._drive(self._driver.command(percept, home, known), observation)
 
 
@@ -95,9 +95,9 @@ class Albot0Homing:
     home. This is our addition: home is a position, and an ASR may be long.
 
     Args:
-        observing: The environment's observation config. Without the part `exit` (is there an
-            exit before home?), only the estimated position of home counts; without the part
-            `way`, the agent heads straight for that position.
+        observation_config: The environment's observation config. Without the part `exit` (is
+            there an exit before home?), only the estimated position of home counts; without the
+            part `way`, the agent heads straight for that position.
 
     Raises:
         InputError: Observations lack one of the parts that it needs.
@@ -111,11 +111,11 @@ class Albot0Homing:
     STALL_STEPS = 600
     """Number of steps in the home ASR after which it declares home anyway."""
 
-    def __init__(self, observing: ObservationConfig) -> None:
-        observing.require(("sonar", "motion", "home"), self.name)
-        assert observing.sonar is not None, "shown by the part of that name"
-        self._observing = observing
-        self._sonar = observing.sonar
+    def __init__(self, observation_config: ObservationConfig) -> None:
+        observation_config.require(("sonar", "motion", "home"), self.name)
+        assert observation_config.sonar is not None, "shown by the part of that name"
+        self._observation_config = observation_config
+        self._sonar = observation_config.sonar
         self._driver = SonarDriver()
 
     def reset(self, rng: np.random.Generator, actions: Box) -> None:
@@ -126,19 +126,22 @@ class Albot0Homing:
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """Return the action that drives on towards home, or declares home."""
-        observing = self._observing
-        home = decode_home(observation, observing)
-        knows_asr = "exit" in observing.shapes
-        believes_home = knows_asr and not decode_has_exit(observation, observing)
+        observation_config = self._observation_config
+        home = decode_home(observation, observation_config)
+        knows_asr = "exit" in observation_config.shapes
+        believes_home = knows_asr and not decode_has_exit(observation, observation_config)
         self._steps_at_home += believes_home
         is_there = (believes_home or not knows_asr) and np.hypot(*home) < self.ARRIVED
         if is_there or self._steps_at_home > self.STALL_STEPS:
             return fill_action(np.zeros(2, np.float32), self._actions, flag=True)
-        known = decode_known_way(observation, observing)
+        known = decode_known_way(observation, observation_config)
         ahead = home if known is None else known.ahead
         # At the end of the known way, but not yet in the home ASR, it drives on without a target.
         target = ahead if np.hypot(*ahead) >= self.ARRIVED else None
-        ranges, motion = decode_sonar(observation, observing), decode_motion(observation, observing)
+        ranges, motion = (
+            decode_sonar(observation, observation_config),
+            decode_motion(observation, observation_config),
+        )
         command = self._driver.command(ranges, self._sonar, motion, target)
         return fill_action(ActionConfig().shares(command), self._actions)
 
@@ -151,7 +154,7 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
     map is involved.
 
     Args:
-        observing: The environment's observation config.
+        observation_config: The environment's observation config.
         claims: Whether it claims to know a place that its mapper recognises.
     """
 
@@ -160,8 +163,8 @@ class PathIntegration(DrivingAgent[GoalSeeker]):
     ARRIVED = 0.2
     """Length of the home vector below which it declares home (m)."""
 
-    def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
-        super().__init__(observing, GoalSeeker(), claims=claims)
+    def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
+        super().__init__(observation_config, GoalSeeker(), claims=claims)
 
     def reset(self, rng: np.random.Generator, actions: Box) -> None:
         """Begin a new episode."""
@@ -186,7 +189,7 @@ class Oracle(DrivingAgent[GoalSeeker]):
     the start.
 
     Args:
-        observing: The environment's observation config.
+        observation_config: The environment's observation config.
         claims: Whether it claims to know a place that its mapper recognises.
     """
 
@@ -196,8 +199,8 @@ class Oracle(DrivingAgent[GoalSeeker]):
     ARRIVED = 0.2
     """Distance to home at which it stops (m)."""
 
-    def __init__(self, observing: ObservationConfig, *, claims: bool = False) -> None:
-        super().__init__(observing, GoalSeeker(), claims=claims)
+    def __init__(self, observation_config: ObservationConfig, *, claims: bool = False) -> None:
+        super().__init__(observation_config, GoalSeeker(), claims=claims)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """Return the action that drives on along the shortest path, or declares home."""

@@ -24,14 +24,14 @@ class PlaceJudge:
     position, which it cannot do through a wall.
 
     Args:
-        observing: The environment's observation config.
+        observation_config: The environment's observation config.
     """
 
     name: ClassVar[str] = "place-judge"
     knows_truth: ClassVar[bool] = False
 
-    def __init__(self, observing: ObservationConfig) -> None:
-        self._observing = observing
+    def __init__(self, observation_config: ObservationConfig) -> None:
+        self._observation_config = observation_config
         self._weights = np.array([WEIGHTS.get(name, 0.0) for name in FEATURES])
 
     def reset(self, rng: np.random.Generator, actions: Any) -> None:
@@ -40,13 +40,13 @@ class PlaceJudge:
         Raises:
             InputError: Observations lack the part `arrivals` or `mask`.
         """
-        self._observing.require(("arrivals", "mask"), self.name)
+        self._observation_config.require(("arrivals", "mask"), self.name)
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> np.int64:
         """Return the number of the arrival at the current place, or 0 for none."""
         parts = observation
         if not isinstance(observation, dict):
-            parts = self._observing.split(observation)
+            parts = self._observation_config.split(observation)
         fits = np.where(parts["mask"] > 0, parts["arrivals"] @ self._weights, -np.inf)
         best = int(np.argmax(fits))
         return np.int64(best + 1 if fits[best] >= ENOUGH else NEW)

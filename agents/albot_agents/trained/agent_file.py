@@ -76,7 +76,7 @@ class AgentFile:
     """Facts of its training."""
 
     @property
-    def observing(self) -> ObservationConfig | None:
+    def observation_config(self) -> ObservationConfig | None:
         """The environment's observation config in training; None if the task has no such config."""
         data = self.settings["config"].get("observations")
         if data is None:
@@ -152,18 +152,20 @@ def read_agent(path: Path) -> AgentFile:
     return AgentFile(**fields, weights=weights)
 
 
-def kept_settings(task: str, settings: Mapping[str, Any], observing: Any) -> dict[str, Any]:
+def kept_settings(
+    task: str, settings: Mapping[str, Any], observation_config: Any
+) -> dict[str, Any]:
     """Return the settings that determine an agent's observations and actions, as plain data.
 
     Args:
         task: Id of the environment.
         settings: The settings.
-        observing: The environment's observation config, adapted to its sensors.
+        observation_config: The environment's observation config, adapted to its sensors.
     """
     kept = {name: to_plain(settings[name]) for name in KEPT_SETTINGS if name in settings}
     config = to_plain(settings.get("config") or config_kind(task)())
     if "observations" in config:
-        config["observations"] = to_plain(observing)
+        config["observations"] = to_plain(observation_config)
     return kept | {"config": {key: config[key] for key in KEPT_CONFIG if key in config}}
 
 
@@ -182,9 +184,9 @@ def _check_settings(
     if "observations" not in config:
         return
     where = where.at("observations")
-    observing = read_config(ObservationConfig, config.get("observations"), where)
+    observation_config = read_config(ObservationConfig, config.get("observations"), where)
     # Compare before anything of this size is allocated: it must match the arrays in the file.
-    length = sum(math.prod(shape) for shape in observing.shapes.values())
+    length = sum(math.prod(shape) for shape in observation_config.shapes.values())
     if length != network.inputs:
         raise where.error(f"observations of {network.inputs} numbers", f"{length}")
 

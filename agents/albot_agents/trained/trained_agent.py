@@ -27,7 +27,7 @@ class TrainedAgent:
     Args:
         name: Its name, or the path of its file.
         file: The content of its file.
-        observing: The environment's observation config.
+        observation_config: The environment's observation config.
 
     Raises:
         InputError: The observation config differs from the one in training; the message says in
@@ -36,13 +36,13 @@ class TrainedAgent:
 
     knows_truth: ClassVar[bool] = False
 
-    def __init__(self, name: str, file: AgentFile, observing: ObservationConfig) -> None:
+    def __init__(self, name: str, file: AgentFile, observation_config: ObservationConfig) -> None:
         self.name = name
         self._file = file
-        self._observing = observing
+        self._observation_config = observation_config
         self._network = Network(file.network, file.weights)
         trained = file.settings["config"].get("observations")
-        differing = [] if trained is None else differences(to_plain(observing), trained)
+        differing = [] if trained is None else differences(to_plain(observation_config), trained)
         if differing:
             raise InputError(name, "observations as in its training", "; ".join(differing))
 
@@ -67,7 +67,7 @@ class TrainedAgent:
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action | np.int64:
         """Return the mean action, the most probable discrete action, or a sampled action."""
         if isinstance(observation, dict):
-            parts = self._observing.shapes
+            parts = self._observation_config.shapes
             observation = np.concatenate([observation[part].ravel() for part in parts])
         answer = self._network(np.asarray(observation, np.float32))
         if self._file.discrete:
@@ -80,8 +80,8 @@ class TrainedAgent:
         """Raise InputError if the observations do not fit the network."""
         network = self._file.network
         if network.candidates:
-            self._observing.require(CANDIDATES, self.name)
-        (length,) = self._observing.flat_space.shape
+            self._observation_config.require(CANDIDATES, self.name)
+        (length,) = self._observation_config.flat_space.shape
         if length != network.inputs:
             expected = f"observations of {network.inputs} numbers"
             raise InputError(self.name, expected, f"{length}")

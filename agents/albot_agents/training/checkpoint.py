@@ -220,8 +220,8 @@ class AgentExporter:
         if isinstance(single.get("world"), list):
             single["world"] = single["world"][0]
         env = gymnasium.make(plan.task, **single)
-        observing = env.get_wrapper_attr("observing")
-        self._settings = kept_settings(plan.task, settings, observing)
+        observation_config = env.get_wrapper_attr("observation_config")
+        self._settings = kept_settings(plan.task, settings, observation_config)
         self._inputs = spaces.flatdim(env.observation_space)
         self._discrete = isinstance(env.action_space, spaces.Discrete)
         if plan.policy.sampled and self._discrete:
@@ -229,7 +229,7 @@ class AgentExporter:
         self._outputs = int(spaces.flatdim(env.action_space))
         self._candidates = 0
         if plan.policy.kind == "candidates":
-            observing.require(CANDIDATES, "PolicyPlan.kind candidates")
+            observation_config.require(CANDIDATES, "PolicyPlan.kind candidates")
             self._candidates = self._outputs - 1
         env.close()
 

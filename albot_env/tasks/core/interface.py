@@ -78,13 +78,15 @@ class TaskInterface(Generic[Robots]):
         # `task` accepts more keywords than `BatchedRobots` does.
         self.robots: Robots = task(robots, equipment, **of_task)
         """The robots."""
-        self.observing = self.robots.observing
+        self.observation_config = self.robots.observation_config
         """The observation config, fitted to the robots' sensors."""
         self._flat, self._discrete = observation == "flat", action == "discrete"
-        actions, observing = self.robots.actions, self.observing
+        actions, observation_config = self.robots.actions, self.observation_config
         self.action_space = actions.choice_space if self._discrete else actions.space
         """The space of one robot's actions."""
-        self.observation_space = observing.flat_space if self._flat else observing.dict_space
+        self.observation_space = (
+            observation_config.flat_space if self._flat else observation_config.dict_space
+        )
         """The space of one robot's observations."""
 
     def act_single(self, action: Any) -> None:
@@ -111,8 +113,8 @@ class TaskInterface(Generic[Robots]):
 
     def shown(self, row: Float32[np.ndarray, "length"]) -> Observation:
         """Return an observation in the requested form: flat as it is, or split into parts."""
-        return row if self._flat else self.observing.split(row)
+        return row if self._flat else self.observation_config.split(row)
 
     def shown_all(self, rows: Float32[np.ndarray, "robots length"]) -> Observation:
         """Return many observations in the requested form."""
-        return rows if self._flat else self.observing.split_rows(rows)
+        return rows if self._flat else self.observation_config.split_rows(rows)

@@ -85,7 +85,7 @@ class BatchedRobots:
         """The beams that decide which ground is covered (see `Sensors.ground_laser`)."""
         laser = None if sensors.laser is None else sensors.laser.geometry
         sonar = None if sensors.sonar is None else sensors.sonar.geometry
-        self.observing = observations = observations.fitted(laser, sonar)
+        self.observation_config = observations = observations.fitted(laser, sonar)
         """The observation config, fitted to the sensors."""
         if not observations.shapes:
             expected = "a part that robots with these sensors have"
@@ -227,7 +227,7 @@ class BatchedRobots:
             integrate_odometry(rows, state.motions, state.beliefs, state.ways_home[:, TRAVEL])
         else:
             self._mappers.update(rows, self.readings)
-            if self.observing.shows_way_home:
+            if self.observation_config.shows_way_home:
                 self._mappers.find_ways(rows)
         self._builder.observe(rows, state, self.observations)
         self._compute_rewards(rows)
@@ -371,7 +371,7 @@ class BatchedRobots:
         """Return the activity of a robot's attractor network; None if its mapper has none."""
         return None if self._mappers is None else self._mappers.activity(row)
 
-    def things(self, row: int) -> Segments:
+    def dynamic_obstacles(self, row: int) -> Segments:
         """Return the outlines of the moving obstacles around a robot now (world frame)."""
         return self._simulator.obstacles(row)
 

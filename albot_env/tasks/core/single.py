@@ -60,7 +60,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         self._robot: Robots = interface.robots
         self.render_mode = render_mode
         self._viewer = _open_viewer(render_mode, environment)
-        self.observing = interface.observing
+        self.observation_config = interface.observation_config
         """How observations are made of readings, with the sensors chosen."""
         self.action_space = interface.action_space
         self.observation_space = interface.observation_space
@@ -179,7 +179,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
         return self.render_mode is not None or not isinstance(self.recorder, NullRecorder)
 
     def _moment(self, action: np.ndarray | None) -> Moment:
-        """How things stand after a reading."""
+        """State of the episode after a reading."""
         robot = self._robot
         version, matched = int(robot.map_versions[0]), robot.matched_reading(0)
         changed, self._map_version = version != self._map_version, version
@@ -200,7 +200,7 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             matched_reading=None if matched < 0 else matched,
             snapshot=robot.snapshot(0) if changed else None,
             activity=None if activity is before else activity,
-            things=robot.things(0),
+            dynamic_obstacles=robot.dynamic_obstacles(0),
         )
 
     def _info(self) -> dict[str, Any]:
@@ -222,8 +222,8 @@ class SingleEnv(gymnasium.Env[Any, Any], Generic[Robots]):
             mapper=self._interface.mapper,
             odometer=self._interface.odometer,
             seed=seed,
-            laser=self._robot.observing.laser,
-            sonar=self._robot.observing.sonar,
+            laser=self._robot.observation_config.laser,
+            sonar=self._robot.observation_config.sonar,
             agent=self.agent,
         )
 

@@ -117,7 +117,7 @@ class ExploreAndHomeTask(BatchedRobots):
     def _reward_arguments(self, fields: DistanceFields) -> tuple[Any, ...]:
         """Return the arguments of `compute_reward`."""
         config, weights = self._config, self._config.weights
-        shown = self.observing.time_scale, self.observing.layout.time_left
+        shown = self.observation_config.time_scale, self.observation_config.layout.time_left
         rules = Rules(config.radius, config.ground, config.share, *shown)
         return (
             weights.values,

@@ -131,7 +131,7 @@ class OutwardJourneys(Journeys[OutwardJourney]):
         """Return the explorer's current input."""
         scout = self._scout
         return Percept(
-            ranges=np.minimum(scout.ranges[0], scout.observing.laser_range),
+            ranges=np.minimum(scout.ranges[0], scout.observation_config.laser_range),
             laser=scout.ground_laser,
             pose=scout.beliefs[0].copy(),
             motion=scout.readings.motions[0].copy(),

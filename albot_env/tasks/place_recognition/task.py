@@ -202,7 +202,7 @@ class PlaceRecognitionTask(BatchedRobots):
         """Number of updates of each robot's place database: one per arrival."""
         return self._answers.arrivals
 
-    def things(self, row: int) -> Segments:
+    def dynamic_obstacles(self, row: int) -> Segments:
         """Return no outlines: tours have no dynamic obstacles."""
         return np.empty((0, 4))
 

@@ -24,6 +24,10 @@ BAD_TURN, BAD_LENGTH = np.radians(25.0), 0.1
 """Largest error of a bad odometer's turn (rad), and of a length, as a share of it."""
 SHORTEST, LONGEST = 0.85, 1.15
 """Least and largest factor by which a motion's length is off."""
+FINE_TURN = np.radians(24.0)
+"""Largest error of a turn (rad) with the finer laser."""
+SAME_WALL = 0.3
+"""Neighbouring ranges that differ by less (m) are of one wall: a beam between them meets it too."""
 NEAR = 8.0
 """Range of the near-sighted laser (m)."""
 
@@ -101,6 +105,34 @@ def near_sighted(log: Log, _: np.random.Generator) -> Log:
     return replace(log, ranges=ranges, geometry=geometry)
 
 
+def with_a_fine_laser(log: Log, rng: np.random.Generator) -> Log:
+    """Return a copy of the log with a beam between any two, and turns off by up to 24°.
+
+    A beam between two that meet one wall meets it where the straight line between their points
+    runs; any other measures what its predecessor does.
+
+    Raises:
+        InputError: The log has no laser.
+    """
+    if log.geometry is None or log.ranges is None:
+        raise InputError(log.name, "a laser", "none")
+    first, last = log.ranges[:, :-1], log.ranges[:, 1:]
+    with np.errstate(invalid="ignore"):
+        is_wall = np.abs(first - last) < SAME_WALL
+        on_line = 2 * np.cos(log.geometry.spacing / 2) * first * last / (first + last)
+    ranges = np.empty((len(first), 2 * first.shape[1] + 1))
+    ranges[:, ::2], ranges[:, 1::2] = log.ranges, np.where(is_wall, on_line, first)
+    geometry = replace(log.geometry, beams=ranges.shape[1], spacing=log.geometry.spacing / 2)
+    motions = relative(log.odometry[:-1], log.odometry[1:])
+    motions[:, 2] += rng.uniform(-FINE_TURN, FINE_TURN, len(motions))
+    return _with_motions(replace(log, ranges=ranges, geometry=geometry), motions)
+
+
+def with_a_frozen_odometer(log: Log, _: np.random.Generator) -> Log:
+    """Return a copy of the log whose odometer reports no motion at all."""
+    return replace(log, odometry=np.repeat(log.odometry[:1], len(log.odometry), axis=0))
+
+
 def _all(log: Log, rng: np.random.Generator) -> Log:
     for disturb in (with_false_turns, with_false_lengths, without_every_third):
         log = disturb(log, rng)
@@ -115,6 +147,8 @@ DISTURBANCES: dict[str, Callable[[Log, np.random.Generator], Log]] = {
     "beams": with_half_the_beams,
     "views": without_every_third,
     "range": near_sighted,
+    "fine": with_a_fine_laser,
+    "frozen": with_a_frozen_odometer,
     "all": _all,
 }
 """The disturbances by name; "noise" adds only the noise of `disturbed`."""
@@ -129,7 +163,7 @@ def disturbed(log: Log, disturbance: str, seed: int) -> Log:
         seed: Seed of the random numbers.
     """
     rng = np.random.default_rng(seed)
-    return with_noise(DISTURBANCES[disturbance](log, rng), rng)
+    return DISTURBANCES[disturbance](with_noise(log, rng), rng)
 
 
 def _with_motions(log: Log, motions: np.ndarray) -> Log:

@@ -102,6 +102,11 @@ class Log:
         return Reading(stamp=stamp, motion=motion, laser=laser, sonar=sonar, scene=scene)
 
     @property
+    def is_odometry_constant(self) -> bool:
+        """Whether the odometer is at one pose all along: it is missing, or does not work."""
+        return len(self.odometry) > 1 and bool((self.odometry == self.odometry[0]).all())
+
+    @property
     def sensors(self) -> frozenset[Sensor]:
         """The sensors in the log besides the odometer."""
         held: dict[Sensor, object] = {

@@ -14,8 +14,9 @@ from jaxtyping import Bool, Float64, Int8
 
 from albot_core.geometry.types import Segments
 from albot_core.kernels.compiled import ZERO, kernel
-from albot_core.ranges import POSITIVE, Range, check_fields
+from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
 from albot_core.sensing.reading import LaserScan
+from albot_core.sensing.segmentation import scan_points, segment_points, set_gaps
 
 _FROM_TWO = Range("a whole number from 2", 2.0, whole=True)
 NO_EDGE, OCCLUDING, CORNER = 0, 1, 2
@@ -39,6 +40,13 @@ class ViewConfig:
     surface_points: int = 2
     """Least number of points of a surface. Two points alone may belong to two surfaces, of which
     one occludes the other."""
+    min_incidence: float = 0.0
+    """Angle between beam and wall (rad) down to which neighbouring points of one wall stay in one
+    cluster, however far from each other; 0 for none: then `cluster_gap` alone counts, as in the
+    thesis. It is the adaptive breakpoint of Borges and Aldon (2004), eq. (4)."""
+    cut_ends: bool = False
+    """Whether no end is an occluding point where a wall only leaves the laser's range. In the
+    thesis, which does not speak of walls out of range, such ends are."""
     fit_lines: bool = False
     """Whether a surface lies on the line fitted to all its points, instead of running from its
     first point to its last."""
@@ -50,13 +58,14 @@ class ViewConfig:
     def __post_init__(self) -> None:
         lengths = "max_range", "cluster_gap", "cluster_size", "break_height", "surface_length"
         check_fields(self, POSITIVE, *lengths)
+        check_fields(self, NOT_NEGATIVE, "min_incidence")
         check_fields(self, _FROM_TWO, "surface_points")
 
     @property
-    def thresholds(self) -> Float64[np.ndarray, "5"]:
-        """The four lengths and the count for the compiled extraction, in its order."""
+    def thresholds(self) -> Float64[np.ndarray, "6"]:
+        """The four lengths, the count and the angle for the compiled extraction, in its order."""
         lengths = self.cluster_gap, self.cluster_size, self.break_height, self.surface_length
-        return np.array((*lengths, float(self.surface_points)))
+        return np.array((*lengths, float(self.surface_points), self.min_incidence))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,6 +99,7 @@ def construct_view(scan: LaserScan, config: ViewConfig = ViewConfig()) -> View:
         config.thresholds,
         config.fit_lines,
         config.grazing_ends,
+        config.cut_ends,
         make_view_buffers(geometry.beams),
         surfaces,
         edges,
@@ -107,20 +117,21 @@ def extract_surfaces(
     thresholds: np.ndarray,
     fit: bool,
     grazing: bool,
+    cut_ends: bool,
     buffers: ViewBuffers,
     surfaces: np.ndarray,
     edges: np.ndarray,
 ) -> int:
     """Run all steps of view construction (thesis, section 3.1.3); return the number of surfaces.
 
-    `thresholds` are the cluster gap, cluster size, break point height and surface length (m), and
-    the least number of points of a surface. `surfaces` and `edges` are written in the robot's frame
-    (m), in the order of the beams.
+    `thresholds` are those of `ViewConfig.thresholds` (m, count, rad). `surfaces` and `edges` are
+    written in the robot's frame (m), in the order of the beams.
     """
-    gap, size, height, shortest, fewest = thresholds
-    points, stack, spans, lines, raw, kept = buffers
-    seen = scan_points(ranges, directions, mount_x, mount_y, max_range, points)
-    formed = segment_points(points, seen, gap, size, height, stack, spans)
+    gap, size, height, shortest, fewest, incidence = thresholds
+    points, beams, gaps, stack, spans, lines, raw, kept = buffers
+    seen = scan_points(ranges, directions, mount_x, mount_y, max_range, points, beams)
+    set_gaps(ranges, directions, beams[:seen], gap, incidence, gaps)
+    formed = segment_points(points, seen, gaps, size, height, stack, spans)
     form_surfaces(points, spans, formed, fit, height, lines, raw)
     count = ZERO
     for k in range(formed):
@@ -135,6 +146,9 @@ def extract_surfaces(
             kept[count] = k
             count += 1
     mark_edges(surfaces, spans[:formed], kept, count, mount_x, mount_y, edges)
+    if cut_ends:
+        args = (ranges, directions, mount_x, mount_y, max_range)
+        unmark_cut_ends(surfaces, spans, kept, count, beams, *args, edges)
     if not grazing:
         unmark_grazing_ends(points, surfaces, spans[:formed], kept, count, height, edges)
     return int(count)
@@ -145,6 +159,10 @@ class ViewBuffers(NamedTuple):
 
     points: np.ndarray
     """(beams, 2) float64: the points of the scan (m)."""
+    beams: np.ndarray
+    """(beams,) int64: the beam of each point."""
+    gaps: np.ndarray
+    """(beams,) float64: see `set_gaps`."""
     stack: np.ndarray
     """(beams + 1, 2) int64: first and last points of pieces still to be checked for a break."""
     spans: np.ndarray
@@ -163,93 +181,14 @@ def make_view_buffers(beams: int) -> ViewBuffers:
     spans = 2 * beams + 2
     return ViewBuffers(
         np.empty((beams, 2)),
+        np.empty(beams, np.int64),
+        np.empty(beams),
         np.empty((beams + 1, 2), np.int64),
         np.empty((spans, 3), np.int64),
         np.empty((spans, 4)),
         np.empty((spans, 4)),
         np.empty(spans, np.int64),
     )
-
-
-@kernel()
-def scan_points(
-    ranges: np.ndarray,
-    directions: np.ndarray,
-    mount_x: float,
-    mount_y: float,
-    max_range: float,
-    points: np.ndarray,
-) -> int:
-    """Step 1: write the points closer than `max_range` (m) to `points` (n, 2); return how many.
-
-    `directions` (beams, 2) are the beams' unit vectors in the robot's frame.
-    """
-    count = 0
-    for i in range(ranges.shape[0]):
-        reach = ranges[i]
-        if reach < max_range:
-            points[count, 0] = mount_x + reach * directions[i, 0]
-            points[count, 1] = mount_y + reach * directions[i, 1]
-            count += 1
-    return int(count)
-
-
-@kernel()
-def segment_points(
-    points: np.ndarray,
-    count: int,
-    cluster_gap: float,
-    cluster_size: float,
-    break_height: float,
-    stack: np.ndarray,
-    spans: np.ndarray,
-) -> int:
-    """Steps 2 and 3: cluster the points and break the clusters; return the number of spans.
-
-    Row k of `spans` is the first point, the last point and the cluster of span k, in the
-    order of the scan. Spans broken from one cluster share the break point.
-    `stack` (count + 1, 2) int64 is a scratch buffer.
-    """
-    found, cluster, start = 0, 0, 0
-    for i in range(1, count + 1):
-        if i < count:
-            dx, dy = points[i, 0] - points[i - 1, 0], points[i, 1] - points[i - 1, 1]
-            if dx * dx + dy * dy <= cluster_gap * cluster_gap:
-                continue
-        stack[0, 0], stack[0, 1] = start, i - 1
-        depth = 1
-        while depth > 0:
-            depth -= 1
-            first, last = stack[depth, 0], stack[depth, 1]
-            dx = points[last, 0] - points[first, 0]
-            dy = points[last, 1] - points[first, 1]
-            middle, height = _farthest_from_chord(points, first, last)
-            # A closed outline has a short chord and a large height; the larger counts as its size.
-            if height > break_height and max(np.sqrt(dx * dx + dy * dy), height) > cluster_size:
-                stack[depth, 0], stack[depth, 1] = middle, last
-                stack[depth + 1, 0], stack[depth + 1, 1] = first, middle
-                depth += 2
-            else:
-                spans[found, 0], spans[found, 1], spans[found, 2] = first, last, cluster
-                found += 1
-        cluster += 1
-        start = i
-    return found
-
-
-@kernel()
-def _farthest_from_chord(points: np.ndarray, first: int, last: int) -> tuple[int, float]:
-    """Return the point between `first` and `last` farthest from their chord, and its distance."""
-    x0, y0 = points[first, 0], points[first, 1]
-    dx, dy = points[last, 0] - x0, points[last, 1] - y0
-    square = dx * dx + dy * dy
-    best, height = first, 0.0
-    for i in range(first + 1, last):
-        x, y = points[i, 0] - x0, points[i, 1] - y0
-        h = abs(dx * y - dy * x) if square > 0.0 else x * x + y * y
-        if h > height:
-            best, height = i, h
-    return best, height / np.sqrt(square) if square > 0.0 else np.sqrt(height)
 
 
 @kernel()
@@ -367,6 +306,39 @@ def mark_edges(
             edges[k - 1, 1] = OCCLUDING
         else:
             edges[k, 0] = OCCLUDING
+
+
+@kernel()
+def unmark_cut_ends(
+    surfaces: np.ndarray,
+    spans: np.ndarray,
+    kept: np.ndarray,
+    count: int,
+    beams: np.ndarray,
+    ranges: np.ndarray,
+    directions: np.ndarray,
+    mount_x: float,
+    mount_y: float,
+    max_range: float,
+    edges: np.ndarray,
+) -> None:
+    """Take back the occluding points where a wall only leaves the laser's range.
+
+    This is ours. A beam without return beside an end tells of no surface up to the range; where it
+    would meet the same wall beyond the range, the wall may go on there.
+    """
+    for k in range(count):
+        ux, uy = surfaces[k, 2] - surfaces[k, 0], surfaces[k, 3] - surfaces[k, 1]
+        for end in range(2):
+            beam = beams[spans[kept[k], end]] + 2 * end - 1
+            is_last = beam < 0 or beam >= ranges.shape[0]
+            if edges[k, end] != OCCLUDING or is_last or ranges[beam] < max_range:
+                continue
+            px, py = surfaces[k, 2 * end] - mount_x, surfaces[k, 2 * end + 1] - mount_y
+            across = directions[beam, 0] * uy - directions[beam, 1] * ux
+            along = (px * uy - py * ux) / across if across != 0.0 else np.inf
+            if along <= 0.0 or along >= max_range:
+                edges[k, end] = NO_EDGE
 
 
 @kernel()

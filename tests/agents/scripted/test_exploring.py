@@ -27,7 +27,7 @@ def _explore(world: str | World, steps: int, seed: int, **options: Any) -> dict[
     """Explore; the last info, and how many steps the robot was in contact."""
     name, start = options.pop("agent", "gap-explorer"), options.pop("start", None)
     env = gymnasium.make("Albot/Explore-v0", world=world, max_episode_steps=steps, **options)
-    agent = make_agent(name, env.get_wrapper_attr("observing"))
+    agent = make_agent(name, env.get_wrapper_attr("observation_config"))
     agent.reset(np.random.default_rng(seed), env.action_space)
     observation, info = env.reset(seed=seed, options={} if start is None else {"start": start})
     contacts, over = 0, False

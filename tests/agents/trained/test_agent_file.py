@@ -75,7 +75,7 @@ def test_an_agent_comes_back(path: Path) -> None:
     back, agent = read_agent(path), _agent()
     assert (back.task, back.settings, back.discrete) == (agent.task, agent.settings, False)
     assert (back.network, back.training) == (agent.network, agent.training)
-    assert back.observing == SEEN
+    assert back.observation_config == SEEN
     for name, array in agent.weights.items():
         np.testing.assert_array_equal(back.weights[name], array)
     assert path.stat().st_size < 20_000
@@ -92,7 +92,7 @@ def test_it_acts_in_the_environment_made_for_it(discrete: bool, tmp_path: Path) 
     assert made["config"].outing == STROLL.outing
     assert made["config"].actions.speed == 0.5
     env = gymnasium.make(TASK, world="square-loop", **made)
-    agent = make_agent(str(tmp_path / "a.albot"), env.get_wrapper_attr("observing"))
+    agent = make_agent(str(tmp_path / "a.albot"), env.get_wrapper_attr("observation_config"))
     observation, info = begin_episode(env, agent, 3)
     first = choose_action(agent, observation, info)
     for _ in range(3):
@@ -100,7 +100,7 @@ def test_it_acts_in_the_environment_made_for_it(discrete: bool, tmp_path: Path) 
         assert action in env.action_space
         observation, *_, info = env.step(action)
     assert isinstance(first, np.int64) == discrete
-    parts = env.get_wrapper_attr("observing").split(observation)
+    parts = env.get_wrapper_attr("observation_config").split(observation)
     assert np.array_equal(agent.act(parts, {}), agent.act(observation, {}))
     env.close()
 

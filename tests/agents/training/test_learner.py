@@ -41,7 +41,7 @@ def test_a_judge_is_trained_and_judges(tmp_path: Path) -> None:
     assert (network.candidates, network.outputs) == (2, 3)
     name = str(folder.last)
     env = gymnasium.make(TASK, world="square-loop", **find_agent(name).environment(TASK, {}))
-    agent = make_agent(name, env.get_wrapper_attr("observing"))
+    agent = make_agent(name, env.get_wrapper_attr("observation_config"))
     observation, info = begin_episode(env, agent, 3)
     answer = choose_action(agent, observation, info)
     expected, _ = run.learner.predict(observation, deterministic=True)

@@ -192,7 +192,7 @@ def test_an_agent_may_draw_its_numbers_and_do_the_same_again(tmp_path: Path) -> 
     TrainingRun(folder, plan).run()
     spread = np.exp(read_agent(folder.last).weights["action.log_std"])
     agent, actions = make_agent(str(folder.last)), Box(-1, 1, (3,), np.float32)
-    (length,) = read_agent(folder.last).observing.flat_space.shape  # type: ignore[union-attr]
+    (length,) = read_agent(folder.last).observation_config.flat_space.shape  # type: ignore[union-attr]
     seen, drawn = np.zeros(length, np.float32), []
     for seed in (1, 1, 2):
         agent.reset(np.random.default_rng(seed), actions)

@@ -14,6 +14,7 @@ from albot_core.logs.disturbed import (
     NEAR,
     SHORTEST,
     disturbed,
+    with_a_fine_laser,
 )
 from albot_core.logs.log import Log
 from albot_core.sensing.reading import LaserGeometry
@@ -90,7 +91,9 @@ def test_a_near_sighted_laser_sees_nothing_farther(log: Log) -> None:
 def test_a_seed_is_a_log(log: Log, disturbance: str) -> None:
     one, same, other = (disturbed(log, disturbance, seed) for seed in (1, 1, 2))
     assert np.array_equal(one.odometry, same.odometry) and np.array_equal(one.ranges, same.ranges)
-    assert not np.array_equal(one.odometry[-1], other.odometry[-1])
+    if disturbance != "frozen":
+        assert not np.array_equal(one.odometry[-1], other.odometry[-1])
+    assert not np.array_equal(one.ranges, other.ranges)
 
 
 @pytest.mark.parametrize("disturbance", ["beams", "range"])
@@ -98,3 +101,29 @@ def test_a_log_without_a_laser_is_refused(log: Log, disturbance: str) -> None:
     blind = Log(name="blind", geometry=None, stamps=log.stamps, ranges=None, odometry=log.odometry)
     with pytest.raises(InputError, match="blind: expected a laser"):
         disturbed(blind, disturbance, 1)
+
+
+def test_a_beam_between_two_lies_on_their_wall() -> None:
+    # A wall 2 m ahead, and to the left of it another, 3 m farther.
+    geometry = LaserGeometry(beams=5, spacing=np.radians(2.0), first_bearing=-np.radians(4.0))
+    wall = 2.0 / np.cos(geometry.bearings)
+    ranges = np.tile(np.where(np.arange(5) < 3, wall, wall + 3.0), (2, 1))
+    log = Log(
+        name="wall",
+        geometry=geometry,
+        stamps=np.arange(2.0),
+        ranges=ranges,
+        odometry=np.zeros((2, 3)),
+    )
+    fine = with_a_fine_laser(log, np.random.default_rng(0))
+    assert fine.geometry is not None and fine.ranges is not None
+    assert fine.geometry.beams == 9
+    assert fine.geometry.bearings[::2] == pytest.approx(geometry.bearings)
+    on_wall = 2.0 / np.cos(fine.geometry.bearings)
+    assert fine.ranges[0, :5] == pytest.approx(on_wall[:5])
+    assert fine.ranges[0, 5] == fine.ranges[0, 4]  # At the break it is the beam before's.
+
+
+def test_a_frozen_odometer_reports_no_motion(log: Log) -> None:
+    assert not log.is_odometry_constant
+    assert disturbed(log, "frozen", 0).is_odometry_constant

@@ -38,7 +38,7 @@ class TopologicalMapper:
     """Places where the odometer says that they are, each known again by its position.
 
     Args:
-        config: All thresholds.
+        config: Parameters of the mapper.
         name: The name under which the mapper is known.
     """
 

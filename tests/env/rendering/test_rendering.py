@@ -67,7 +67,7 @@ def made_frame() -> Frame:
         path_length=4.0,
         updates=7,
         walls=walls,
-        things=np.empty((0, 4)),
+        dynamic_obstacles=np.empty((0, 4)),
         start=np.array((2.0, 2.0, np.pi / 2)),
         pose=np.array((6.0, 2.0, np.pi / 2)),
         path=np.linspace((2.0, 2.0), (6.0, 2.0), 11),

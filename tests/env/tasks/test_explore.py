@@ -96,7 +96,7 @@ def test_position_error_is_that_of_the_odometer(make_env) -> None:
 
 
 def test_no_configuration_is_the_usual_one(make_env) -> None:
-    assert make_env(config=None).observing == make_env().observing
+    assert make_env(config=None).observation_config == make_env().observation_config
 
 
 def test_time_left_is_not_shown_where_none_is_given(make_env) -> None:

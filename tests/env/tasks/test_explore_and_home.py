@@ -105,11 +105,11 @@ def test_the_robot_knows_the_time_that_is_left(two_rooms: World) -> None:
     env = _make(two_rooms)
     observation, _ = env.reset(seed=1)
     for step in range(60):
-        part = env.observing.split(observation)["time_left"]
+        part = env.observation_config.split(observation)["time_left"]
         left = scaled(6.0 - 0.1 * step, make_log_scale(30.0, 600.0))
         assert part == pytest.approx(np.array([left]), abs=1e-6)
         observation = env.step(STILL)[0]
-    assert env.observing.split(observation)["time_left"].tolist() == [-1.0]
+    assert env.observation_config.split(observation)["time_left"].tolist() == [-1.0]
 
 
 def test_observations_are_a_function_of_the_readings_and_the_time(
@@ -121,13 +121,13 @@ def test_observations_are_a_function_of_the_readings_and_the_time(
     seen = [env.reset(seed=3)[0]]
     seen += [env.step(np.array((0.6, 0.2, -1), np.float32))[0] for _ in range(30)]
     env.close()
-    mapper, ground = make_mapper("albot1"), Coverage(env.observing.coverage, 20.0)
+    mapper, ground = make_mapper("albot1"), Coverage(env.observation_config.coverage, 20.0)
     moments = list(EpisodeReader(tmp_path / "trip.mcap").moments())
     for step, (moment, observation) in enumerate(zip(moments, seen, strict=True)):
         mapper.update(moment.reading)
         ground.follow(moment.reading.motion, mapper.estimate.pose, moment.reading.laser)
         left = (60 - step) * CONTROL_STEP
-        again = observe(env.observing, moment.reading, mapper, ground, left)
+        again = observe(env.observation_config, moment.reading, mapper, ground, left)
         assert again.keys() == observation.keys()
         for name, part in observation.items():
             np.testing.assert_array_equal(again[name], part, err_msg=name)

@@ -224,7 +224,7 @@ def test_ground_covered_on_the_way_is_known_whoever_the_journey_was_made_for(
         for config in configs:
             env = _make(two_rooms, journeys=1, config=config)
             observation, _ = env.reset(seed=1)
-        patches.append(env.observing.split(observation)["coverage"])
+        patches.append(env.observation_config.split(observation)["coverage"])
     assert np.array_equal(*patches)
     assert (patches[0] > 0).any()
 
@@ -249,13 +249,13 @@ def test_things_that_move_are_where_the_journey_left_them() -> None:
     world = "random:apartment:1?people=1&boxes=1&doors=1"
     one, other = (_make(world, journeys=1) for _ in range(2))
     one.reset(seed=3)
-    before = one._robot.things(0)
+    before = one._robot.dynamic_obstacles(0)
     for _ in range(10):
         one.step(STILL)
-    assert not np.array_equal(one._robot.things(0), before)
+    assert not np.array_equal(one._robot.dynamic_obstacles(0), before)
     one.reset(seed=3)
     other.reset(seed=4)
-    assert np.array_equal(one._robot.things(0), other._robot.things(0))
+    assert np.array_equal(one._robot.dynamic_obstacles(0), other._robot.dynamic_obstacles(0))
 
 
 def test_an_episode_can_be_recorded(two_rooms: World, tmp_path: Any) -> None:

@@ -89,7 +89,10 @@ def test_no_beam_passes_through_a_thing():
         cos, sin = np.cos(frame.pose[2]), np.sin(frame.pose[2])
         x = frame.pose[0] + cos * laser.mount[0] - sin * laser.mount[1]
         y = frame.pose[1] + sin * laser.mount[0] + cos * laser.mount[1]
-        shapes = [_lines(frame.walls), _lines(np.concatenate((frame.walls, frame.things)))]
+        shapes = [
+            _lines(frame.walls),
+            _lines(np.concatenate((frame.walls, frame.dynamic_obstacles))),
+        ]
         ranges = env._robot.readings[0].laser.ranges
         for bearing, reach in zip(laser.bearings[::12], ranges[::12], strict=True):
             angle = frame.pose[2] + laser.mount[2] + bearing
@@ -112,16 +115,16 @@ def test_things_are_recorded_shown_and_read_back(tmp_path: Path):
     env = ExploreEnv("random:office:2?rooms=4&people=2&boxes=2&doors=1", mapper="none")
     env.recorder = EpisodeWriter(tmp_path / "moving.mcap")
     env.reset(seed=5)
-    things = [env.frame.things]
+    things = [env.frame.dynamic_obstacles]
     for _ in range(25):
         env.step(np.array([0.3, 0.1, -1], np.float32))
-        things.append(env.frame.things)
+        things.append(env.frame.dynamic_obstacles)
     env.close()
     moments = list(EpisodeReader(tmp_path / "moving.mcap").moments())
     assert len(moments) == 26
     for moment, expected in zip(moments, things, strict=True):
-        assert np.array_equal(moment.things, expected)
+        assert np.array_equal(moment.dynamic_obstacles, expected)
     assert not np.array_equal(things[0], things[-1])
     with_things = paint_array(lay_out(env.frame))
-    without = paint_array(lay_out(replace(env.frame, things=np.empty((0, 4)))))
+    without = paint_array(lay_out(replace(env.frame, dynamic_obstacles=np.empty((0, 4)))))
     assert not np.array_equal(with_things, without)

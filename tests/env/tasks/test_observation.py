@@ -120,7 +120,7 @@ def test_the_way_home_is_a_function_of_the_readings_too(make_env, tmp_path: Path
     confident = [observation["confidence"][0] for observation, _ in seen]
     assert max(confident) == 1.0
     assert min(confident) < 0.99
-    assert_replayed(seen, tmp_path / "a.mcap", env.observing)
+    assert_replayed(seen, tmp_path / "a.mcap", env.observation_config)
 
 
 def test_confidence_falls_with_travel_as_a_normal_distribution_widens() -> None:

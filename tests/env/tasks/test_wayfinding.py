@@ -193,17 +193,17 @@ def test_settings_that_are_none_are_refused(wrong) -> None:
 
 
 def test_a_batch_shows_what_a_single_one_shows() -> None:
-    observing = replace(ObservationConfig(), parts=(*HOMING_PARTS, *NEW), laser_sectors=12)
-    settings = {"world": "random:office:3", "config": HomingConfig(observations=observing)}
+    observation_config = replace(ObservationConfig(), parts=(*HOMING_PARTS, *NEW), laser_sectors=12)
+    settings = {"world": "random:office:3", "config": HomingConfig(observations=observation_config)}
     batch = gymnasium.make_vec("Albot/Homing-v0", 2, "vector_entry_point", **settings)
     singles = [gymnasium.make("Albot/Homing-v0", **settings) for _ in range(2)]
-    rows, _ = batch.reset(seed=7)
-    alone = [env.reset(seed=7 + i)[0] for i, env in enumerate(singles)]
+    rows, _ = batch.reset(seed=11)
+    alone = [env.reset(seed=11 + i)[0] for i, env in enumerate(singles)]
     rng = np.random.default_rng(0)
     shown = []
     for _ in range(120):
         np.testing.assert_array_equal(rows, alone)
-        parts = observing.split_rows(rows)
+        parts = observation_config.split_rows(rows)
         shown.append([parts[name][:, 3].copy() for name in NEW])
         actions = rng.uniform((0.1, -0.8, -1), (0.7, 0.8, -0.9), (2, 3)).astype(np.float32)
         rows, *_ = batch.step(actions)

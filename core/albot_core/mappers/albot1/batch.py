@@ -15,7 +15,7 @@ from albot_core.mappers.albot1.addresses import COLUMNS, RobotArrays, addresses_
 from albot_core.mappers.albot1.config import Albot1Config
 from albot_core.mappers.albot1.handle_events import RobotMemory, handle_events
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose
-from albot_core.mappers.albot1.perceptual_map.mapping import UNRECOGNIZED, UPDATES, ViewSettings
+from albot_core.mappers.albot1.perceptual_map.mapping import UNRECOGNIZED, UPDATES
 from albot_core.mappers.albot1.perceptual_map.memory import (
     ALIVE,
     clear_map,
@@ -24,6 +24,8 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     empty_view,
     living,
 )
+from albot_core.mappers.albot1.perceptual_map.odometer_error import unknown_odometer
+from albot_core.mappers.albot1.perceptual_map.viewing import ViewSettings
 from albot_core.mappers.albot1.places.exits import empty_exits, expect_exits
 from albot_core.mappers.albot1.places.network import START, PlaceNetwork
 from albot_core.mappers.albot1.places.wayfinding import way_lines, waypoint_home
@@ -82,6 +84,7 @@ class Albot1Batch:
         self._robots = BatchArrays(
             table=np.zeros((count, COLUMNS), np.int64),
             progress=np.zeros((count, 5), np.int64),
+            odometers=np.tile(unknown_odometer(), (count, 1)),
             since=np.zeros((count, 3)),
             poses=np.zeros((count, 3)),
             surfaces=np.zeros(count, np.int64),
@@ -193,6 +196,7 @@ class Albot1Batch:
         robots = self._robots
         for array in (robots.progress, robots.since, robots.poses, robots.crumb_poses):
             array[row] = 0
+        robots.odometers[row] = unknown_odometer()
         self._robots.surfaces[row] = 0
 
     def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
@@ -350,4 +354,5 @@ class Albot1Batch:
             thresholds=view.thresholds,
             fit_lines=view.fit_lines,
             grazing_ends=view.grazing_ends,
+            cut_ends=view.cut_ends,
         )

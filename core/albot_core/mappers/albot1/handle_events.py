@@ -99,7 +99,8 @@ def _cross_exit(robot: RobotMemory, limits: Albot1Limits) -> None:
     pm, view, crossing = robot.pm, robot.view, robot.exits.crossing
     line = crossing[:4] if crossing[4] > 0 else reversed_line(crossing[:4])
     _forget_visits(robot)
-    robot.network.remember_place(robot.step, line, seen_in_visit(pm), view.pose)
+    exits = robot.exits.lines[: robot.exits.counts[0]]
+    robot.network.remember_place(robot.step, line, seen_in_visit(pm), view.pose, exits)
     leave_exits(robot.exits, *view.pose[:2])
     begin_visit(pm, candidate_gates(robot.network, view.pose))
     enter_place(pm, view, limits)  # Alg. 5, line 16

@@ -27,6 +27,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     file_all,
     living,
 )
+from albot_core.mappers.albot1.perceptual_map.odometer_error import ROW
 from albot_core.mappers.albot1.places.exits import (
     CROSSING_EXPECTED,
     CROSSING_SEEN,
@@ -39,7 +40,12 @@ from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_lengths, check_shapes
 
-STORED_ROWS = {"progress": "progress", "since": "since", "trod": "crumb_poses"}
+STORED_ROWS = {
+    "progress": "progress",
+    "odometer": "odometers",
+    "since": "since",
+    "trod": "crumb_poses",
+}
 """The fields of `BatchArrays` from which, with a robot's arrays, all others follow, by their names
 in the state."""
 
@@ -87,6 +93,10 @@ def check_rows(state: Mapping[str, np.ndarray]) -> None:
     readings = state["readings"]
     if readings.shape != () or readings < 0:
         raise InputError("readings", "a count", str(readings.tolist()))
+    odometer = state["odometer"]
+    if odometer.shape != (ROW,) or not np.isfinite(odometer).all() or (odometer[:2] < 0).any():
+        expected = "a mean square, a flag and a translation"
+        raise InputError("odometer", expected, str(odometer.tolist()))
     for name in ("since", "trod"):
         if state[name].shape != (3,) or not np.isfinite(state[name]).all():
             raise InputError(name, "three finite numbers", str(state[name].tolist()))

@@ -26,9 +26,7 @@ from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, relati
 from albot_core.mappers.albot1.perceptual_map.mapping import (
     INCONSISTENT,
     STEP,
-    ViewSettings,
     map_step,
-    take_view,
 )
 from albot_core.mappers.albot1.perceptual_map.memory import (
     ALIVE,
@@ -40,6 +38,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     room_left,
 )
 from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers, make_match_buffers
+from albot_core.mappers.albot1.perceptual_map.viewing import ViewSettings, take_view
 from albot_core.mappers.albot1.places.exits import cross_exit, remember_exits
 from albot_core.mappers.albot1.places.visits import keep_or_drop_candidate
 from albot_core.mappers.albot1.trail.breadcrumbs import CRUMB_SPACING, CRUMB_TURN
@@ -60,6 +59,8 @@ class BatchArrays(NamedTuple):
     """(n, COLUMNS) int64: where the robot's arrays are (see `addresses`)."""
     progress: np.ndarray
     """(n, 5) int64: how far it has come (see `mapping`)."""
+    odometers: np.ndarray
+    """(n, 4) float64: what it has learnt of its odometer (see `odometer_error`)."""
     since: np.ndarray
     """(n, 3) float64: how it has moved since its last view (m, rad; the view's frame)."""
     poses: np.ndarray
@@ -214,7 +215,8 @@ def _step_view(
         return False
     x, y = previous.pose[0], previous.pose[1]
     robots.next_ids[row] = pm.counts[NEXT_ID]
-    map_step(pm, previous, current, since, limits, progress, buffers)
+    odometer = robots.odometers[row]
+    map_step(pm, previous, current, since, limits, progress, odometer, buffers)
     copy_view(current, previous)
     exits, pose = exits_at(robots.table[row]), current.pose
     if limits.remembers_places:

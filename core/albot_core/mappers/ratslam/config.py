@@ -166,10 +166,10 @@ class ExperienceConfig:
     """Number of known experiences that must be entered after a re-localisation, without another
     one, before it is believed. Until then, transitions to known experiences wait; those of a false
     re-localisation are never learned. 0: every re-localisation is believed at once."""
-    smoothing: float = 0.3
-    """Smallest weight of the pose cells against map and odometer, when they give the robot's pose
-    in a known experience that it enters. A scene gives that pose only to 1 m and 45°. The weight is
-    1 at a re-localisation, then 1/2, 1/3 and so on. 1: only the pose cells are believed."""
+    smoothing: float = 0.15
+    """Smallest weight of the view against map and odometer, when it gives the robot's pose in a
+    known experience that it enters. A scene gives that pose only to 1 m and 45°. The weight is 1 at
+    a re-localisation, then 1/2, 1/3 and so on. 1: only the view is believed."""
     spacing: float = 0.6
     """Smallest distance from the last experience at which a robot with a laser makes a new one
     while it still sees the last (m)."""
@@ -195,11 +195,17 @@ class CorrectionConfig:
     the largest eigenvalue of the graph's Laplacian, so it fails at junctions."""
     rate: float = 0.5
     """α for positions and headings, as in the paper (table 1)."""
+    recognised: float = 0.1
+    """Weight of a transition between poses of which one is known by one scene alone, and the other
+    exactly; that of the odometer alone has 1. It is nearly this share of α when first driven; the
+    weights of all drives add up, to at most 1, and the motion is their weighted mean. In the paper
+    all transitions weigh the same. Our value."""
     passes: int = 2
     """Number of passes over all links in each iteration; 0 corrects nothing. Our value."""
 
     def __post_init__(self) -> None:
         check_fields(self, _RATE, "rate")
+        check_fields(self, POSITIVE, "recognised")
         check_fields(self, COUNT, "passes")
         if self.form not in ("link_by_link", "all_at_once"):
             expected = "link_by_link or all_at_once"

@@ -27,6 +27,8 @@ class Transition(NamedTuple):
     """The target's pose in the source's frame."""
     time: float
     """Duration (s)."""
+    variance: float
+    """Variance of the motion beyond the odometer's, as a share of that of a pose by one scene."""
     steps: int
     """Number of iterations that it took."""
 
@@ -36,7 +38,8 @@ class Doubt:
 
     def __init__(self) -> None:
         whole = dict.fromkeys(("source", "target", "steps"), (np.int64, ()))
-        self._waiting = Table(**whole, motion=(np.float64, (3,)), time=(np.float64, ()))
+        numbers = dict.fromkeys(("time", "variance"), (np.float64, ()))
+        self._waiting = Table(**whole, **numbers, motion=(np.float64, (3,)))
         self.reset()
 
     def reset(self) -> None:
@@ -45,16 +48,26 @@ class Doubt:
         """The last certain experience; -1 while nothing is in doubt."""
         self.since: Motion = (0.0, 0.0, 0.0)
         """The robot's pose in the anchor's frame, by odometry."""
+        self.variance = 0.0
+        """Variance of that pose, as a share of that of a pose by one scene."""
         self.left_at, self.left_in = 0.0, 0
         """When the robot was last at the anchor: stamp (s) and iteration."""
         self.known = 0
         """Number of experiences at the re-localisation."""
         self._waiting.clear()
 
-    def begin(self, anchor: int, here: Motion, left_at: float, left_in: int, known: int) -> None:
+    def begin(
+        self,
+        anchor: int,
+        here: Motion,
+        variance: float,
+        left_at: float,
+        left_in: int,
+        known: int,
+    ) -> None:
         """Begin to doubt a re-localisation; waiting transitions are dropped."""
         self.reset()
-        self.anchor, self.since, self.known = anchor, here, known
+        self.anchor, self.since, self.variance, self.known = anchor, here, variance, known
         self.left_at, self.left_in = left_at, left_in
 
     def integrate(self, motion: Motion) -> None:
@@ -64,7 +77,7 @@ class Doubt:
 
     def _anchor_at(self, experience: int, stamp: float, iteration: int) -> None:
         """Make a new experience the anchor, with the robot at its origin."""
-        self.anchor, self.since = experience, (0.0, 0.0, 0.0)
+        self.anchor, self.since, self.variance = experience, (0.0, 0.0, 0.0), 0.0
         self.left_at, self.left_in = stamp, iteration
 
     def take(
@@ -87,7 +100,7 @@ class Doubt:
             self.wait(transition)
         if is_new:
             here, time, steps = transition.target, stamp - self.left_at, iteration - self.left_in
-            learned.append(Transition(self.anchor, here, self.since, time, steps))
+            learned.append(Transition(self.anchor, here, self.since, time, self.variance, steps))
             self._anchor_at(here, stamp, iteration)
         if self.confirmations >= needed:
             learned += self.end()
@@ -107,8 +120,8 @@ class Doubt:
         """End the doubt; return the transitions that waited."""
         columns = [self._waiting.rows(name).tolist() for name in Transition._fields]
         waiting = [
-            Transition(source, target, motion_of(motion), time, steps)
-            for source, target, motion, time, steps in zip(*columns, strict=True)
+            Transition(source, target, motion_of(motion), time, variance, steps)
+            for source, target, motion, time, variance, steps in zip(*columns, strict=True)
         ]
         self.reset()
         return waiting
@@ -117,12 +130,12 @@ class Doubt:
         """Return everything remembered, as arrays by name."""
         return {
             "doubt.counts": np.array((self.anchor, self.left_in, self.known), np.int64),
-            "doubt.numbers": np.array((*self.since, self.left_at)),
+            "doubt.numbers": np.array((*self.since, self.variance, self.left_at)),
         } | self._waiting.state("doubted")
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Restore what `state` returned."""
         self.anchor, self.left_in, self.known = state["doubt.counts"].tolist()
-        x, y, heading, self.left_at = state["doubt.numbers"].tolist()
+        x, y, heading, self.variance, self.left_at = state["doubt.numbers"].tolist()
         self.since = x, y, heading
         self._waiting.restore("doubted", state)

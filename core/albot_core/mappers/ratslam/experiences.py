@@ -27,6 +27,8 @@ _MOVED = 0.05
 """The map counts as changed if an experience moved farther than this (m)."""
 _STIFF = 3.0
 """Number of iterations up to which a transition is fully trusted; twice as many halve its rate."""
+SCENE_TURN = math.radians(10.0)
+"""Standard deviation of a heading by one scene (rad)."""
 _NUMBER, _INT = (np.float64, ()), (np.int64, ())
 
 
@@ -65,8 +67,9 @@ class ExperienceMap:
             target=_INT,
             motion=(np.float64, (3,)),  # d, θ and φ: the target in the source's frame.
             time=_NUMBER,  # Shortest duration (s) of all times it was driven.
-            stiffness=_NUMBER,  # Its share of the rate; smaller for long ones.
-            passed=_INT,  # Number of times it was driven.
+            weight=_NUMBER,  # Sum of its measurements' weights.
+            most=_NUMBER,  # Largest share of the rate; smaller for long ones.
+            stiffness=_NUMBER,  # Its share of the rate.
             ends=(np.int64, (2,)),  # The next ends in the lists of source and target.
         )
         self._last_of_view = Table(experience=_INT)
@@ -131,6 +134,7 @@ class ExperienceMap:
         motion: tuple[float, float, float],
         time: float,
         bias: float,
+        variance: float,
         steps: int,
     ) -> bool:
         """Learn a transition, or average it with earlier measurements of it.
@@ -140,7 +144,9 @@ class ExperienceMap:
             target: The experience that it is in now.
             motion: The target's pose in the source's frame, as measured.
             time: Duration (s).
-            bias: The odometer's heading bias (rad/s), for the winding of loops.
+            bias: The odometer's heading bias (rad/s).
+            variance: Variance of the motion beyond the odometer's, as a share of that of a pose by
+                one scene.
             steps: Number of iterations that it took, from 1; the more, the less it is trusted.
 
         Returns:
@@ -149,6 +155,7 @@ class ExperienceMap:
         links, experiences = self.links, self.experiences
         time = max(time, math.hypot(motion[0], motion[1]) / FASTEST)
         link = find_link(source, target, experiences["entry"], self._ends)
+        weight = self._weight(variance, bias * time)
         is_new = link < 0
         if is_new:
             turns = 0
@@ -161,21 +168,32 @@ class ExperienceMap:
                 target=target,
                 motion=(motion[0], motion[1], motion[2] + 2 * math.pi * turns),
                 time=time,
-                passed=1,
-                stiffness=min(1.0, _STIFF / steps),
+                weight=weight,
+                most=min(1.0, _STIFF / steps),
+                stiffness=min(1.0, weight) * min(1.0, _STIFF / steps),
                 ends=(experiences["entry"][source], experiences["entry"][target]),
             )
             experiences["entry"][source] = 2 * link
             experiences["entry"][target] = 2 * link + 1
         else:
             known = links["motion"][link]
-            links["passed"][link] += 1
+            links["weight"][link] += weight
+            links["stiffness"][link] = min(1.0, links["weight"][link]) * links["most"][link]
             off = np.asarray(motion) - known
             off[2] -= 2 * math.pi * round(off[2] / (2 * math.pi))
-            known += off / links["passed"][link]
+            known += off * weight / links["weight"][link]
             links["time"][link] = min(links["time"][link], time)
         shorten(link, self._home_ways, self._graph, np.zeros(self.count, np.int64))
         return is_new
+
+    def _weight(self, variance: float, excess: float) -> float:
+        """Return the weight of a measurement: 1 if its variance is the odometer's alone.
+
+        That variance, as a share of that of a pose by one scene, is `recognised`, and grows with
+        the square of `excess`, the turn that the odometer's bias adds.
+        """
+        own = self._correction.recognised + (excess / SCENE_TURN) ** 2
+        return own / (own + variance)
 
     def correct(self) -> bool:
         """Move the experiences towards where the links put them (eq. 12 to 14).

@@ -16,7 +16,7 @@ from albot_core.geometry.types import Pose
 from albot_core.mappers.ratslam.arrays import Table
 from albot_core.mappers.ratslam.config import RatSlamConfig
 from albot_core.mappers.ratslam.doubt import Doubt, Transition
-from albot_core.mappers.ratslam.experiences import ExperienceMap
+from albot_core.mappers.ratslam.experiences import SCENE_TURN, ExperienceMap
 from albot_core.mappers.ratslam.local_views import NO_VIEW
 from albot_core.mappers.ratslam.motions import Motion, after, before, motion_of, nearest_turn
 from albot_core.mappers.ratslam.pose_cells import Packet
@@ -51,6 +51,8 @@ class Position:
         """The robot's motion since the last iteration."""
         self.here: Motion = (0.0, 0.0, 0.0)
         """The robot's pose in the present experience's frame."""
+        self._variance = 0.0
+        """Variance of that pose, as a share of that of a pose by one scene."""
         self.view = NO_VIEW
         """The view that is seen."""
         self.place = self.matched = -1
@@ -59,8 +61,8 @@ class Position:
         self.reading = 0
         """Number of readings before this one."""
         self.iteration = self._left_in = self.updates = self.version = 0
-        self._entered = 0
-        """Number of known experiences entered since the robot was last re-localised."""
+        self._weight = 0.0
+        """The weight of the view when a known experience was last entered; 0 if none ever was."""
 
     def integrate(self, motion: Motion, stamp: float) -> None:
         """Integrate a motion of the odometer."""
@@ -88,12 +90,16 @@ class Position:
         self.updates += 1
         return self.map.add(pose, packet, view, 0.0, self.reading)
 
-    def enter(self, experience: int, offset: Motion, *, is_new: bool) -> None:
+    def enter(
+        self, experience: int, offset: Motion, variance: float = 0.0, *, is_new: bool
+    ) -> None:
         """Enter another experience, and learn the transition to it.
 
         Args:
             experience: The experience to enter.
             offset: The robot's pose in its frame.
+            variance: Variance of that pose, as a share of that of a pose by one scene; 0 if it is
+                as good as the odometer's.
             is_new: Whether it was just made.
         """
         table, config = self.map.experiences, self._config.experiences
@@ -103,34 +109,56 @@ class Position:
         if self.place >= 0:
             motion = before(self.here, offset)
             time, steps = self.stamp - self._left_at, self.iteration - self._left_in
-            transition = Transition(self.place, experience, motion, time, steps)
+            # The errors of the robot's poses in both experiences add up in the motion.
+            spread = self._variance + variance
+            transition = Transition(self.place, experience, motion, time, spread, steps)
             for each in self._doubt.take(
                 transition, self.stamp, self.iteration, config.confirmations, is_new=is_new
             ):
                 self._connect(each)
         table["way"][experience] = self.way
-        self.place, self.here = experience, offset
+        self.place, self.here, self._variance = experience, offset, variance
         self._left_at, self._left_in = self.stamp, self.iteration
         self.visits.append(place=experience)
         self.version += 1
 
-    def smoothed(self, experience: int, offset: Motion) -> Motion:
+    def smoothed(
+        self, experience: int, offset: Motion, *, comes_into_sight: bool
+    ) -> tuple[Motion, float]:
         """Return the robot's pose in an experience that it enters, smoothed over those before.
 
-        This is the weighted mean of the pose by the pose cells and the pose by map and odometer.
-        The weight of the pose cells falls from 1 at a re-localisation. While that is in doubt, and
-        if both poses are far apart, only the pose cells are believed.
+        This is the weighted mean of the pose by the view and the pose by map and odometer. The
+        weight of the view falls from 1 at a re-localisation to 1/2, 1/3 and so on, as in a Kalman
+        filter whose measurements have equal variances; it falls less where the odometer's bias adds
+        much turn in between. While a re-localisation is in doubt, and if both poses are far apart,
+        only the view is believed.
+
+        Args:
+            experience: The experience that the robot enters.
+            offset: The robot's pose in its frame by the pose cells.
+            comes_into_sight: Whether its view has just come into sight. Then the position by the
+                view is the mean of that by the pose cells and of the experience's own, where the
+                view came into sight before: both are about as far off, in different ways.
+
+        Returns:
+            The pose, and its variance as a share of that of a pose by one scene, which is the
+            weight of the view.
         """
         expected = relative(self.map.poses[experience], self.believed)
         x, y, turn = (np.array(offset) - expected).tolist()
-        turn = nearest_turn(turn)
         config = self._config.experiences
-        if self._doubt.anchor >= 0 or math.hypot(x, y) > config.radius or abs(turn) > config.turn:
-            self._entered = 1
-            return offset
-        self._entered += 1
-        share = max(config.smoothing, 1.0 / self._entered)
-        return motion_of((expected + share * np.array((x, y, turn))).tolist())
+        is_far = math.hypot(x, y) > config.radius or abs(nearest_turn(turn)) > config.turn
+        if comes_into_sight:
+            offset = offset[0] / 2, offset[1] / 2, offset[2]
+        if self._doubt.anchor >= 0 or is_far or self._weight == 0.0:
+            self._weight = 1.0
+            return offset, 1.0
+        x, y, turn = (np.array(offset) - expected).tolist()
+        excess = self._bias.rate * (self.stamp - self._left_at)
+        variance = self._weight + (excess / SCENE_TURN) ** 2
+        self._weight = max(config.smoothing, variance / (1.0 + variance))
+        change = np.array((x, y, nearest_turn(turn)))
+        return motion_of((expected + self._weight * change).tolist()), self._weight
 
     def begin_doubt(self) -> None:
         """Begin to doubt a re-localisation; if one is in doubt already, go back to its anchor."""
@@ -139,22 +167,24 @@ class Position:
             return
         if doubt.anchor >= 0:
             self.place, self.here = doubt.anchor, doubt.since
+            self._variance = doubt.variance
             self._left_at, self._left_in = doubt.left_at, doubt.left_in
-        doubt.begin(self.place, self.here, self._left_at, self._left_in, self.map.count)
+        left = self._left_at, self._left_in
+        doubt.begin(self.place, self.here, self._variance, *left, self.map.count)
 
     def _connect(self, transition: Transition) -> None:
         """Learn a transition."""
-        source, target, motion, time, steps = transition
+        source, target, motion, time, variance, steps = transition
         # With a laser, aligned scans have removed the odometer's bias already.
         bias = self._bias.rate if self._config.sees == "scenes" else 0.0
-        if self.map.connect(source, target, motion, time, bias, steps):
+        if self.map.connect(source, target, motion, time, bias, variance, steps):
             self.updates += 1
 
     def state(self) -> dict[str, np.ndarray]:
         """Return everything remembered, as arrays by name."""
         whole = (self.view, self.place, self.matched, self.iteration, self._left_in)
-        counts = (*whole, self.updates, self.version, self._entered)
-        numbers = (self.stamp, self._left_at, self.way)
+        counts = (*whole, self.updates, self.version)
+        numbers = (self.stamp, self._left_at, self.way, self._variance, self._weight)
         own = {
             "counts": np.array(counts, np.int64),
             "numbers": np.array((*numbers, *self.since, *self.here)),
@@ -165,9 +195,10 @@ class Position:
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Restore what `state` returned."""
-        *whole, self.updates, self.version, self._entered = state["counts"].tolist()
+        *whole, self.updates, self.version = state["counts"].tolist()
         self.view, self.place, self.matched, self.iteration, self._left_in = whole
-        self.stamp, self._left_at, self.way, *motions = state["numbers"].tolist()
+        self.stamp, self._left_at, self.way, *rest = state["numbers"].tolist()
+        self._variance, self._weight, *motions = rest
         self.since, self.here = motion_of(motions[:3]), motion_of(motions[3:])
         for part in (self._bias, self.map, self._doubt):
             part.restore(state)

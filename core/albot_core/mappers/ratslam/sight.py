@@ -71,6 +71,7 @@ class SceneSight:
         """Forget all scenes."""
         self._scenes.reset()
         self._seen = NO_VIEW
+        self._comes_into_sight = False
 
     def look(self, reading: Reading) -> None:
         """Update the scene that is seen."""
@@ -80,6 +81,7 @@ class SceneSight:
         """Return what the scene injects; associate it with cells when it comes into sight."""
         cells, links, position = self._cells, self._links, self._position
         is_new, position.view = self._seen != position.view, self._seen
+        self._comes_into_sight = is_new
         if position.view == NO_VIEW:
             return np.zeros(0, np.int64), np.zeros(0)
         active = links.activate(position.view, position.iteration)
@@ -101,7 +103,8 @@ class SceneSight:
         else:
             # The pose cells give the robot's pose in it.
             offset = motion_of(self._cells.offset(*table["cell"][found].tolist()).tolist())
-            position.enter(found, position.smoothed(found, offset), is_new=False)
+            entry = position.smoothed(found, offset, comes_into_sight=self._comes_into_sight)
+            position.enter(found, *entry, is_new=False)
 
     def state(self) -> dict[str, np.ndarray]:
         """Return everything remembered, as arrays by name."""

@@ -22,11 +22,13 @@ _FINITE = (
     "views.freshness", "waiting_numbers", "bias.ways", "events.jump", "events.turn",
     "experiences.pose", "experiences.shown", "experiences.cell", "experiences.turn",
     "experiences.way", "doubt.numbers", "doubted.motion", "doubted.time", "transitions.motion",
-    "transitions.time", "transitions.stiffness",
+    "transitions.time", "transitions.stiffness", "transitions.weight", "transitions.most",
+    "doubted.variance",
 )  # fmt: skip
 _NOT_NEGATIVE = (
     "activity", "links.strength", "views.freshness", "bias.ways", "transitions.time",
-    "transitions.stiffness", "experiences.time", "experiences.length", "doubted.time",
+    "transitions.stiffness", "transitions.weight", "transitions.most", "experiences.time",
+    "doubted.variance", "experiences.length", "doubted.time",
     "templates.ranges", "templates.profile",
 )  # fmt: skip
 
@@ -83,7 +85,6 @@ def check_state(
     _check_within(state, "transitions.source", 0, experiences)
     _check_within(state, "transitions.target", 0, experiences)
     _check_within(state, "transitions.ends", -1, 2 * np.arange(transitions)[:, None])
-    _check_within(state, "transitions.passed", 1, np.iinfo(np.int64).max)
     _check_doubt(state, experiences)
     _check_tree(state)
     if not _all_end(state["experiences.onward"]):

@@ -136,7 +136,8 @@ def test_a_batch_does_what_a_single_one_does(noisy):
         np.testing.assert_allclose(batch.homes[row], home, atol=1e-12)
         batch.find_ways(np.array([row]))
         np.testing.assert_array_equal(batch.ways_home[row], single.way_home)
-    assert all(len(single.network.places) > 1 for single in singles)
+    # The second was reset half-way, and readings with their motions are left out of its walk.
+    assert all(len(singles[row].network.places) > 1 for row in (0, 2))
 
 
 def test_moving_the_whole_world_leaves_the_network_as_it_was():
@@ -157,6 +158,8 @@ def test_moving_the_whole_world_leaves_the_network_as_it_was():
     ("name", "damage"),
     [
         ("progress", lambda a: a[:4]),
+        ("odometer", lambda a: a[:2]),
+        ("odometer", lambda a: a - 1.0),
         ("progress", lambda a: -a - 1),
         ("exits.counts", lambda a: a + 1),
         ("exits.lines", lambda a: a * np.nan),

@@ -71,13 +71,16 @@ def test_a_true_relocalisation_joins_both_ends():
 
 def test_known_experiences_confirm_once_each():
     doubt = Doubt()
-    doubt.begin(7, (1.0, 0.0, 0.0), 3.0, 9, known=8)
-    waiting = [Transition(7, 2, (0.5, 0.1, 0.2), 1.0, 4), Transition(2, 8, (1.0, 0, 0), 2.0, 5)]
+    doubt.begin(7, (1.0, 0.0, 0.0), 0.5, 3.0, 9, known=8)
+    waiting = [
+        Transition(7, 2, (0.5, 0.1, 0.2), 1.0, 1.0, 4),
+        Transition(2, 8, (1.0, 0, 0), 2.0, 0.5, 5),
+    ]
     for transition in waiting:
         doubt.wait(transition)
-    doubt.wait(Transition(8, 2, (0.0, 0.0, 0.0), 1.0, 1))
+    doubt.wait(Transition(8, 2, (0.0, 0.0, 0.0), 1.0, 0.0, 1))
     assert doubt.confirmations == 1
-    doubt.wait(Transition(2, 3, (0.0, 0.0, 0.0), 1.0, 1))
+    doubt.wait(Transition(2, 3, (0.0, 0.0, 0.0), 1.0, 0.0, 1))
     assert doubt.confirmations == 2
     other = Doubt()
     other.restore(doubt.state())
@@ -88,11 +91,11 @@ def test_known_experiences_confirm_once_each():
 
 def test_path_integration_goes_on_from_the_anchor():
     doubt = Doubt()
-    doubt.begin(0, (1.0, 0.0, np.pi / 2), 0.0, 1, known=1)
+    doubt.begin(0, (1.0, 0.0, np.pi / 2), 0.5, 0.0, 1, known=1)
     doubt.integrate((2.0, 1.0, 0.5))
     assert doubt.since == pytest.approx((0.0, 2.0, np.pi / 2 + 0.5))
-    here = Transition(0, 1, (9.0, 9.0, 9.0), 2.0, 3)
+    here = Transition(0, 1, (9.0, 9.0, 9.0), 2.0, 1.5, 3)
     assert doubt.take(here, 2.0, 3, 2, is_new=True) == [
-        Transition(0, 1, pytest.approx((0.0, 2.0, np.pi / 2 + 0.5)), 2.0, 2)
+        Transition(0, 1, pytest.approx((0.0, 2.0, np.pi / 2 + 0.5)), 2.0, 0.5, 2)
     ]
     assert (doubt.anchor, doubt.since) == (1, (0.0, 0.0, 0.0))

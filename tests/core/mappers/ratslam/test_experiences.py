@@ -63,17 +63,17 @@ def chain(count: int) -> ExperienceMap:
     for k in range(count):
         world.add((float(k), 0.0, 0.0), Packet(k % 64, 0.0, 0.0, 1.0), k, 0.0, k)
         if k:
-            assert world.connect(k - 1, k, (1.0, 0.0, 0.0), 2.0, 0.0, 10)
+            assert world.connect(k - 1, k, (1.0, 0.0, 0.0), 2.0, 0.0, 0.0, 10)
     return world
 
 
 def test_a_transition_driven_again_is_the_mean_and_the_quickest():
     world = chain(3)
-    assert not world.connect(0, 1, (1.2, 0.2, 2 * np.pi), 1.0, 0.0, 10)
+    assert not world.connect(0, 1, (1.2, 0.2, 2 * np.pi), 1.0, 0.0, 0.0, 10)
     np.testing.assert_allclose(world.links.rows("motion")[0], (1.1, 0.1, 0.0), atol=1e-12)
     assert world.links.rows("time")[0] == 1.0
     assert world.links.count == 2
-    assert world.connect(1, 0, (-1.0, 0.0, 0.0), 2.0, 0.0, 10)
+    assert world.connect(1, 0, (-1.0, 0.0, 0.0), 2.0, 0.0, 0.0, 10)
 
 
 def test_the_quickest_ways_are_dijkstras():
@@ -81,7 +81,9 @@ def test_the_quickest_ways_are_dijkstras():
     world = chain(40)
     for _ in range(120):
         i, j = rng.choice(40, 2, replace=False).tolist()
-        world.connect(i, j, (float(rng.normal()), 0.0, 0.0), float(rng.uniform(0.5, 30)), 0.0, 10)
+        world.connect(
+            i, j, (float(rng.normal()), 0.0, 0.0), float(rng.uniform(0.5, 30)), 0.0, 0.0, 10
+        )
     links = world.links
     times = np.full((40, 40), np.inf)
     for k in range(links.count):
@@ -106,15 +108,44 @@ def test_stamps_that_stand_still_are_no_way_in_no_time():
     world = new_map()
     world.add((0.0, 0.0, 0.0), Packet(0, 0, 0, 1), 0, 0.0, 0)
     world.add((5.0, 0.0, 0.0), Packet(9, 0, 0, 1), 1, 0.0, 1)
-    world.connect(0, 1, (5.0, 0.0, 0.0), -3.0, 0.0, 1)
+    world.connect(0, 1, (5.0, 0.0, 0.0), -3.0, 0.0, 0.0, 1)
     assert world.links.rows("time")[0] == 5.0 / FASTEST
 
 
 def test_two_experiences_at_one_place_are_both_kept():
     world = chain(3)
     world.add((2.0, 0.0, 0.0), Packet(2, 0, 0, 1), 9, 0.0, 3)
-    assert world.connect(2, 3, (0.0, 0.0, 0.0), 0.0, 0.0, 1)
+    assert world.connect(2, 3, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 1)
     for _ in range(50):
         world.correct()
     assert np.isfinite(world.poses).all()
     np.testing.assert_allclose(world.poses[3], world.poses[2])
+
+
+def test_a_measurement_weighs_less_the_more_its_poses_rest_on_scenes():
+    """The variance of the odometer, 1/4 of a scene's, over the whole variance is the weight."""
+    config = CorrectionConfig(recognised=0.25)
+    world = ExperienceMap(ExperienceConfig(), PoseCellConfig(), config)
+    for k in range(2):
+        world.add((float(k), 0.0, 0.0), Packet(0.0, 0.0, 0.0, 1.0), k, 0.0, k)
+    links = world.links
+    world.connect(0, 1, (1.0, 0.0, 0.0), 1.0, 0.0, 0.75, 1)
+    assert links["weight"][0] == links["stiffness"][0] == pytest.approx(0.25)
+    world.connect(0, 1, (2.0, 0.0, 0.0), 1.0, 0.0, 1.75, 1)  # 0.25 / (0.25 + 1.75) = 1/8.
+    assert links["weight"][0] == pytest.approx(0.375)
+    assert links["motion"][0, 0] == pytest.approx(1.0 + (1 / 8) / 0.375)
+    for _ in range(9):
+        world.connect(0, 1, (1.0, 0.0, 0.0), 1.0, 0.0, 0.75, 6)
+    assert links["stiffness"][0] == 1.0  # Weights add up, but no link is more than stiff.
+
+
+def test_a_bias_of_the_odometer_makes_scenes_weigh_more():
+    world = ExperienceMap(ExperienceConfig(), PoseCellConfig(), CorrectionConfig())
+    weights = []
+    for k, bias in enumerate((0.0, 0.05, 0.2)):
+        for side in range(2):
+            world.add((0.0, 0.0, 0.0), Packet(0.0, 0.0, 0.0, 1.0), 2 * k + side, 0.0, k)
+        world.connect(2 * k, 2 * k + 1, (1.0, 0.0, 0.0), 2.0, bias, 1.0, 1)
+        weights.append(world.links["weight"][k])
+    assert weights[0] == pytest.approx(0.1 / 1.1)
+    assert weights[0] < weights[1] < weights[2] < 1.0

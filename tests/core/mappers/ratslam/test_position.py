@@ -33,8 +33,9 @@ def between_two(smoothing: float) -> Position:
 def enter(position: Position, experience: int, told: float) -> float:
     """Enter an experience of which the pose cells tell; where the robot is in it then."""
     position.iteration += 1
-    offset = position.smoothed(experience, (told, 0.0, 0.0))
-    position.enter(experience, offset, is_new=False)
+    offset = (told, 0.0, 0.0)
+    entry = position.smoothed(experience, offset, comes_into_sight=False)
+    position.enter(experience, *entry, is_new=False)
     return position.here[0]
 
 
@@ -64,17 +65,28 @@ def test_far_from_where_it_is_expected_they_are_believed_too(told: tuple[float, 
     position.integrate((-0.5, 0.0, 0.0), 2.0)
     for _ in range(5):
         enter(position, 0, 0.5)
-    assert position.smoothed(0, told) == told
+    assert position.smoothed(0, told, comes_into_sight=False) == (told, 1.0)
     position.iteration += 1
-    position.enter(0, told, is_new=False)
-    assert position.smoothed(0, (told[0] + 0.4, 0.0, told[2]))[0] == pytest.approx(told[0] + 0.2)
+    position.enter(0, told, 1.0, is_new=False)
+    offset, weight = position.smoothed(0, (told[0] + 0.4, 0.0, told[2]), comes_into_sight=False)
+    assert offset[0] == pytest.approx(told[0] + 0.2)
+    assert weight == pytest.approx(0.5)
 
 
 def test_the_heading_is_averaged_the_short_way_round():
     position = between_two(0.5)
     enter(position, 0, 1.0)
     position.here = (0.5, 0.0, 2 * np.pi + 0.1)
-    assert position.smoothed(0, (0.5, 0.0, 0.3))[2] == pytest.approx(0.2)
+    offset, _ = position.smoothed(0, (0.5, 0.0, 0.3), comes_into_sight=False)
+    assert offset[2] == pytest.approx(0.2)
+
+
+def test_a_view_that_comes_into_sight_halves_the_offset_and_keeps_the_heading():
+    """The other half is the experience's own place, where the view came into sight before."""
+    position = between_two(1.0)
+    told = (0.4, -0.2, 0.3)
+    offset, _ = position.smoothed(1, told, comes_into_sight=True)
+    assert offset == pytest.approx((0.2, -0.1, 0.3))
 
 
 def test_it_is_restored():

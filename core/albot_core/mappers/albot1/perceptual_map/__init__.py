@@ -2,6 +2,7 @@
 
 - `mapping`: algorithms 1 to 4, from top to bottom,
 - `overlay`: the geometry of algorithm 3,
+- `viewing`: taking a view from a scan,
 - `memory`: the map and the view as arrays,
 - `frames`: poses and surfaces in other frames.
 
@@ -9,5 +10,7 @@ What `albot1` does in place of algorithms 1 and 2:
 
 - `submap`: what is seen and what is remembered nearby, as rows to compare,
 - `submap_matching`: where the robot is by all of it,
+- `turn_search`: the likeliest turn between two views,
+- `odometer_error`: how far the odometer's turns are off, learnt on the way,
 - `consistency`: whether the robot was carried away.
 """

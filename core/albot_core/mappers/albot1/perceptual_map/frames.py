@@ -31,6 +31,13 @@ def relative_pose(frame: np.ndarray, pose: np.ndarray, out: np.ndarray) -> None:
 
 
 @kernel()
+def copy_pose(pose: np.ndarray, out: np.ndarray) -> None:
+    """Write a pose into `out`."""
+    for i in range(3):
+        out[i] = pose[i]
+
+
+@kernel()
 def to_map(pose: np.ndarray, surface: np.ndarray, out: np.ndarray) -> None:
     """Write into `out` a surface seen from `pose`, in the map's frame."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])

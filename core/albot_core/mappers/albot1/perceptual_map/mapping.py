@@ -17,8 +17,6 @@ notices when the robot was carried away. All other lines are the thesis's.
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import types
 
@@ -39,6 +37,11 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     move_surface,
     remove_surface,
 )
+from albot_core.mappers.albot1.perceptual_map.odometer_error import (
+    HAS_MOVED,
+    learn_error,
+    note_motion,
+)
 from albot_core.mappers.albot1.perceptual_map.overlay import (
     box_around,
     cut_at_boundary,
@@ -51,7 +54,7 @@ from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers
 from albot_core.mappers.albot1.perceptual_map.submap_matching import match_submap
 from albot_core.mappers.albot1.perceptual_map.tracking import localize_jointly, search_turn
 from albot_core.matching.lines import heading_of, line_length, wrap
-from albot_core.sensing.view import NO_EDGE, ViewBuffers, extract_surfaces
+from albot_core.sensing.view import NO_EDGE
 
 STEP, UPDATED_AT, UPDATES, UNRECOGNIZED, INCONSISTENT = 0, 1, 2, 3, 4
 """Places in `progress`: views taken in; the view last laid over the map (the thesis's ustep); how
@@ -67,51 +70,6 @@ TINY = 1e-6
 """Gaps and angles below this (m, rad) do not make a landmark any better."""
 MIN_REMAINDER = 0.10
 """What is left of a surface after a cut is forgotten below this length (m)."""
-
-
-class ViewSettings(NamedTuple):
-    """What views are constructed with."""
-
-    directions: np.ndarray
-    """(beams, 2) float64: unit vectors of the beams in the robot's frame."""
-    mount: tuple[float, float]
-    """Where the laser is in the robot's frame (m)."""
-    max_range: float
-    """Points at or beyond this distance are dropped (m)."""
-    thresholds: np.ndarray
-    """(5,) float64: see `ViewConfig.thresholds`."""
-    fit_lines: bool
-    grazing_ends: bool
-    """See `ViewConfig`."""
-
-
-@kernel()
-def take_view(
-    ranges: np.ndarray,
-    settings: ViewSettings,
-    limits: Albot1Limits,
-    current: LocatedView,
-    view_buffers: ViewBuffers,
-) -> None:
-    """Construct the view from a scan, and find its landmarks (algorithm 4, lines 2 to 4)."""
-    current.size[0] = extract_surfaces(
-        ranges,
-        settings.directions,
-        settings.mount[0],
-        settings.mount[1],
-        settings.max_range,
-        settings.thresholds,
-        settings.fit_lines,
-        settings.grazing_ends,
-        view_buffers,
-        current.surfaces,
-        current.edges,
-    )
-    # Section 3.1.4: landmarks are long surfaces with an occluding or corner point.
-    for k in range(current.size[0]):
-        current.landmark[k] = line_length(current.surfaces[k]) >= limits.landmark_length and (
-            current.edges[k, 0] != NO_EDGE or current.edges[k, 1] != NO_EDGE
-        )
 
 
 # Algorithm 1: recognise landmarks
@@ -338,6 +296,7 @@ def map_step(
     motion: np.ndarray,
     limits: Albot1Limits,
     progress: np.ndarray,
+    odometer: np.ndarray,
     buffers: MatchBuffers,
 ) -> None:
     """Algorithm 4 from line 5 on: take in the view `current`, a motion away from `previous`.
@@ -347,7 +306,8 @@ def map_step(
     """
     step = progress[STEP]
     progress[STEP] += 1
-    recognized = 0
+    recognized, agreement = 0, 0.0
+    note_motion(odometer, motion)
     if step == 0:  # Alg. 4, lines 5 to 8
         for i in range(3):
             current.pose[i] = 0.0
@@ -355,7 +315,9 @@ def map_step(
         while True:
             compose_pose(previous.pose, motion, current.pose)  # Alg. 4, line 10
             if limits.submap_matching:
-                recognized = int(match_submap(pm, previous, current, motion, limits, buffers))
+                recognized, agreement = match_submap(
+                    pm, previous, current, motion, limits, odometer, buffers
+                )
             else:  # Alg. 4, lines 11, 14 and 19
                 recognized = _recognize_and_localize(pm, previous, current, motion, limits, buffers)
             is_laid = progress[UPDATED_AT] >= step - 1 or progress[INCONSISTENT] > 0
@@ -367,15 +329,33 @@ def map_step(
         if recognized == 0:
             progress[UNRECOGNIZED] += 1
         if limits.submap_matching:
-            progress[INCONSISTENT] = inconsistent_views(
-                progress[INCONSISTENT], recognized, previous, current, limits
-            )
+            is_sure = agreement >= limits.unsure
+            learn_error(odometer, previous.pose, motion, current.pose, is_sure)
+            _check_consistency(previous, current, motion, recognized, odometer, progress, limits)
     if progress[INCONSISTENT] == 1:
         return
     if recognized < limits.min_landmarks:  # Alg. 4, lines 13 to 17
         update_map(pm, current, limits)
         progress[UPDATED_AT] = step
         progress[UPDATES] += 1
+
+
+@kernel()
+def _check_consistency(
+    previous: LocatedView,
+    current: LocatedView,
+    motion: np.ndarray,
+    recognized: int,
+    odometer: np.ndarray,
+    progress: np.ndarray,
+    limits: Albot1Limits,
+) -> None:
+    """Count the inconsistent views; the first is where the odometer says, for it is not matched."""
+    before = progress[INCONSISTENT]
+    count = inconsistent_views(before, recognized, previous, current, limits)
+    progress[INCONSISTENT] = count
+    if count == 1 and odometer[HAS_MOVED] > 0.0:
+        compose_pose(previous.pose, motion, current.pose)
 
 
 @kernel(arrays=True)

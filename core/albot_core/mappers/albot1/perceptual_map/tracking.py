@@ -24,7 +24,7 @@ from albot_core.mappers.albot1.perceptual_map.submap import (
     describe_expected,
     describe_seen,
 )
-from albot_core.mappers.albot1.perceptual_map.submap_matching import likeliest_turn
+from albot_core.mappers.albot1.perceptual_map.turn_search import likeliest_turn
 from albot_core.matching.least_squares import held, pulled_by_line, pulled_by_point, solved
 from albot_core.matching.lines import describe, wrap
 
@@ -45,7 +45,8 @@ def search_turn(
     seen_edges, seen = buffers.seen_edges[:kept], buffers.seen[:kept]
     kept = describe_expected(previous, motion, limits, buffers)
     edges, expected = buffers.edges[:kept], buffers.expected[:kept]
-    return float(likeliest_turn(seen, seen_edges, expected, edges, limits, buffers.votes))
+    args = (limits, limits.turn_cost, 1.0, buffers.votes)
+    return float(likeliest_turn(seen, seen_edges, expected, edges, *args))
 
 
 @kernel(arrays=True)

@@ -102,7 +102,7 @@ class Event:
                     f"expected, which leads to {other}"
                 )
             case EventKind.RETURNED:
-                return f"came out of {other} into {place}, which it had left by that exit unnoticed"
+                return f"came out of {other} into {place}: it had gone into {other} unnoticed"
             case EventKind.RECOGNIZED:
                 return f"{place} is {other}: {reason}, and {structure}"
             case EventKind.REFUSED:

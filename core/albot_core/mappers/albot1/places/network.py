@@ -1,7 +1,7 @@
-"""The network of places: remembering places visited (algorithms 5 and 7), and merging them.
+"""The network of places: remembering places visited (algorithms 5 and 7).
 
 `PlaceNetwork.remember_place` is the algorithm. Recognising a place by what it looks like
-(algorithms 6 and 8) is in `recognition`.
+(algorithms 6 and 8) is in `recognition`, making two places one in `merging`.
 """
 
 from __future__ import annotations
@@ -14,13 +14,12 @@ from jaxtyping import Bool, Int64
 
 from albot_core.geometry.poses import (
     compose,
-    inverse,
     relative,
     transform_points,
     transform_segments,
     wrap_angle,
 )
-from albot_core.geometry.types import Pose, Segments
+from albot_core.geometry.types import Points, Pose, Segments
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.perceptual_map.frames import relative_pose
 from albot_core.mappers.albot1.places.events import Event, EventKind, EventLog
@@ -29,13 +28,16 @@ from albot_core.mappers.albot1.places.place import (
     LearnedExit,
     LearnedPlace,
     Line,
+    Lines,
     direction,
+    drift_after,
     in_frame,
     middle,
     reversed_line,
 )
 from albot_core.mappers.albot1.trail.breadcrumbs import Breadcrumbs
 
+NO_LINES: Lines = np.empty((0, 4))
 START = 0
 """The id of the place that the robot set out from; a place found to be it becomes it."""
 STRAIGHT = np.radians(20.0)
@@ -70,6 +72,10 @@ class PlaceNetwork:
         self.breadcrumbs.clear()
         self.breadcrumbs.drop(START, np.zeros(3), np.empty((0, 4)))
         self.next_id = 1
+        self.leg_start: Points = np.zeros(2)
+        """Where in the map the robot crossed an exit last, or was last aligned (m)."""
+        self.way_before = 0.0
+        """How far it had come until then, in straight legs, since it was last aligned (m)."""
         self.compared_from: Pose = np.full(3, np.nan)
         """Where the robot was at the last comparison in its present visit; NaN before the first."""
         # Of each visit, counted from 1: its place, and the map-to-graph transform then.
@@ -151,7 +157,27 @@ class PlaceNetwork:
         places = tuple(self.places[key].as_place() for key in sorted(self.places))
         return Network(places=places, current=self.current, home=START, familiar=self.is_familiar)
 
-    def remember_place(self, step: int, line: Line, seen: Segments, pose: Pose) -> None:
+    def drift_at(self, pose: Pose) -> float:
+        """How far off what is known may be seen from a pose: the map may have drifted (m)."""
+        return drift_after(self._way_to(pose) if self.config.expects_drift else 0.0)
+
+    def _way_to(self, pose: Pose) -> float:
+        """How far it has come to a pose since the map was last aligned, in straight legs (m)."""
+        return self.way_before + float(np.hypot(*(pose[:2] - self.leg_start)))
+
+    def begin_leg(self, pose: Pose, is_aligned: bool) -> None:
+        """Note that the robot crosses an exit at a pose, or that the map is aligned there."""
+        self.way_before = 0.0 if is_aligned else self._way_to(pose)
+        self.leg_start = pose[:2].copy()
+
+    def remember_place(
+        self,
+        step: int,
+        line: Line,
+        seen: Segments,
+        pose: Pose,
+        exits: Lines = NO_LINES,
+    ) -> None:
         """Remember the place that is left as an exit is crossed (algorithms 5 and 7).
 
         Args:
@@ -159,14 +185,18 @@ class PlaceNetwork:
             line: The exit, with the place that was left to its left, in the map's frame (m).
             seen: The surfaces of the map that were seen in the visit that ends (m).
             pose: Where the robot is in the map.
+            exits: The exits that it remembers to have seen, in the map's frame (n, 4; m).
         """
         local = in_frame(self.frame, line[None])[0]
-        unseen = self.here.exit_at(reversed_line(local))
-        if unseen is not None:
-            self._return(step, self.here.exits[unseen])
-            return
+        drift = self.drift_at(pose)
+        others = in_frame(self.frame, exits)
+        known = self.here.likeliest_exit(local, others, drift)  # Alg. 5, line 13
+        if known is None:
+            unseen = self._unnoticed(line, drift)
+            if unseen is not None:
+                self._return(step, unseen, line, pose)
+                return
         left = self._close(seen)  # Alg. 5, lines 2 to 6 and 11
-        known = left.exit_at(local)  # Alg. 5, line 13
         if known is None:
             entered = self._new_place(pose)  # Alg. 5, lines 8, 9 and 15
             left.exits.append(LearnedExit(line=local, leads_to=entered.id, exit_there=0))  # line 7
@@ -182,19 +212,48 @@ class PlaceNetwork:
             self._align(door, line)  # Alg. 7, line 13
             gap = float(np.hypot(*(middle(door.line) - middle(local))))
             what = EventKind.ENTERED
+        self.begin_leg(pose, is_aligned=known is not None)
         self.log.add(Event(step=step, kind=what, place=left.id, other=entered.id, gap=gap))
         self._begin_visit(entered.id)
 
-    def _return(self, step: int, door: LearnedExit) -> None:
-        """The robot comes into the place that it believed to be in, which it had left unnoticed.
+    def _unnoticed(self, line: Line, drift: float) -> LearnedExit | None:
+        """The exit that the robot comes out of, if it had gone next door unnoticed.
+
+        This is ours. A place next door is laid at the exit that joins it to the present one.
+        """
+        local = in_frame(self.frame, line[None])[0]
+        back = self.here.likeliest_exit(reversed_line(local), NO_LINES, drift)
+        if back is not None:
+            return self._partner(self.here.exits[back])
+        for door in self.here.exits if self.config.expects_drift else ():
+            other = self.places[door.leads_to]
+            frame = compose(self.map_to_graph, other.frame)
+            there = transform_points(frame, middle(self._partner(door).line))
+            frame[:2] += transform_points(self.frame, middle(door.line)) - there
+            found = other.exit_at(in_frame(frame, line[None])[0])
+            if found is not None:
+                return other.exits[found]
+        return None
+
+    def _partner(self, door: LearnedExit) -> LearnedExit:
+        """The same exit as the place behind it has it."""
+        return self.places[door.leads_to].exits[door.exit_there]
+
+    def _return(self, step: int, door: LearnedExit, line: Line, pose: Pose) -> None:
+        """The robot comes out of a place into which it had gone unnoticed, by that exit of it.
 
         This is ours. What it has seen since it last crossed an exit is of both places and cannot
         be told apart, so neither is described by it. Its coming back makes the place a known one.
         """
         self.visit_transforms[-1] = self.map_to_graph
-        back = Event(step=step, kind=EventKind.RETURNED, place=self.current, other=door.leads_to)
+        out_of = self._partner(door).leads_to
+        if door.leads_to != self.current:
+            entered = compose(self.map_to_graph, self.places[door.leads_to].frame)
+            self._lay(transform_points(entered, middle(self._partner(door).line)), middle(line))
+        self.begin_leg(pose, is_aligned=door.leads_to != self.current)
+        back = Event(step=step, kind=EventKind.RETURNED, place=door.leads_to, other=out_of)
         self.log.add(back)
-        self._begin_visit(self.current)
+        self._begin_visit(door.leads_to)
 
     def start_anew(self, step: int, seen: Segments, pose: Pose) -> None:
         """Start anew, in a new place without exits: the robot is not where it believes to be.
@@ -203,6 +262,7 @@ class PlaceNetwork:
         """
         left = self._close(seen)
         unknown = self._new_place(pose)
+        self.begin_leg(pose, is_aligned=True)
         lost = Event(step=step, kind=EventKind.LOST, place=left.id, other=unknown.id)
         self.log.add(lost)
         self.breadcrumbs.break_off()
@@ -267,100 +327,15 @@ class PlaceNetwork:
         if abs(wrap_angle(direction(line) - direction(mine))) < STRAIGHT:
             targets.append(middle(line))
         for target in targets:
-            if np.hypot(*(target - at)) >= self.config.tolerance:
-                self.map_to_graph = self.map_to_graph + np.array([*(target - at), 0.0])
-                at = target
+            at = self._lay(at, target)
 
-    def merge_here(self, step: int, other: LearnedPlace, pose: Pose) -> None:
-        """Merge the present place with another, whose frame lies at `pose` in the map."""
-        here, frame = self.here, self.frame
-        if other.id < here.id:
-            self.map_to_graph = compose(pose, inverse(other.frame))
-            merge_places(self, step, other, here, relative(pose, frame))
-        else:
-            merge_places(self, step, here, other, relative(frame, pose))
-        self.version += 1
+    def _lay(self, at: Points, target: Points) -> Points:
+        """Move the graph frame so that what is at a point of the map comes to be at the target.
 
-
-def merge_places(
-    network: PlaceNetwork, step: int, kept: LearnedPlace, gone: LearnedPlace, pose: Pose
-) -> None:
-    """Make two places one; `pose` is where the frame of the one gone lies in the other's.
-
-    An exit that both have leads to one place. If they have it lead to two, these are one as well
-    (Alg. 5, lines 12 and 13).
-    """
-    kept.describe(transform_segments(pose, gone.surfaces), network.config)
-    first = len(kept.exits)
-    for door in gone.exits:
-        door.line = transform_segments(pose, door.line[None])[0]
-        kept.exits.append(door)
-    for place in network.places.values():
-        for door in place.exits:
-            if door.leads_to == gone.id:
-                door.leads_to, door.exit_there = kept.id, door.exit_there + first
-    _replace_place(network, gone, kept, pose)
-    while kept.id in network.places and _unite_exits(network, step, kept):
-        pass
-
-
-def _replace_place(
-    network: PlaceNetwork, gone: LearnedPlace, kept: LearnedPlace, pose: Pose
-) -> None:
-    """Let all that refers to the place gone refer to the one kept."""
-    del network.places[gone.id]
-    # Where the frame of the one kept lay in the visits to the one gone.
-    moved = compose(compose(gone.frame, inverse(pose)), inverse(kept.frame))
-    network.breadcrumbs.move(network.breadcrumbs.places == gone.id, inverse(moved), kept.id)
-    network.stays = [
-        (first, kept.id if place == gone.id else place) for first, place in network.stays
-    ]
-    for visit, place in enumerate(network.visits):
-        if place == gone.id:
-            network.visits[visit] = kept.id
-            network.visit_transforms[visit] = compose(network.visit_transforms[visit], moved)
-    network.current = kept.id if network.current == gone.id else network.current
-
-
-def _unite_exits(network: PlaceNetwork, step: int, place: LearnedPlace) -> bool:
-    """Make two exits of a place one that lie at one spot. Returns whether there were such."""
-    for later, door in enumerate(place.exits):
-        earlier = place.exit_at(door.line, later)
-        if earlier is None:
-            continue
-        mine = place.exits[earlier]
-        if mine.leads_to == door.leads_to:
-            _drop_exit(network, network.places[door.leads_to], door.exit_there)
-            _drop_exit(network, place, later)
-            return True
-        if not _are_joined(network, mine.leads_to, door.leads_to):
-            _merge_behind(network, step, mine, door)
-            return True
-    return False
-
-
-def _drop_exit(network: PlaceNetwork, place: LearnedPlace, index: int) -> None:
-    """Take an exit out of a place's list; those after it move up, also for their partners."""
-    del place.exits[index]
-    for moved in place.exits[index:]:
-        network.places[moved.leads_to].exits[moved.exit_there].exit_there -= 1
-
-
-def _merge_behind(network: PlaceNetwork, step: int, mine: LearnedExit, theirs: LearnedExit) -> None:
-    """Merge the two places that one exit turned out to lead to."""
-    first, second = sorted((mine, theirs), key=lambda door: door.leads_to)
-    kept, gone = network.places[first.leads_to], network.places[second.leads_to]
-    turn = gone.frame[2] - kept.frame[2]
-    pose = np.array([0.0, 0.0, turn])
-    there = transform_points(pose, middle(gone.exits[second.exit_there].line))
-    pose[:2] = middle(kept.exits[first.exit_there].line) - there
-    followed = Event(step=step, kind=EventKind.FOLLOWED, place=gone.id, other=kept.id)
-    network.log.add(followed)
-    if gone.id == network.current:
-        network.map_to_graph = compose(compose(network.frame, inverse(pose)), inverse(kept.frame))
-    merge_places(network, step, kept, gone, pose)
-
-
-def _are_joined(network: PlaceNetwork, one: int, other: int) -> bool:
-    """Whether an exit leads from the one place to the other."""
-    return any(door.leads_to == other for door in network.places[one].exits)
+        Returns:
+            Where it is then: where it was, if that is within the tolerance.
+        """
+        if np.hypot(*(target - at)) < self.config.tolerance:
+            return at
+        self.map_to_graph = self.map_to_graph + np.array([*(target - at), 0.0])
+        return target

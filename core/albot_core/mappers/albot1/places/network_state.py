@@ -33,6 +33,7 @@ _SHAPES: dict[str, Shape] = {
     "stays": ("stays", 2),
     "standing": (4,),
     "displacement": (3,),
+    "leg": (3,),
     "looked_from": ("looks", 3),
     "events": ("events", EVENT_COLUMNS),
     "trail": ("points", 5),
@@ -66,6 +67,7 @@ def stored_network(network: PlaceNetwork) -> dict[str, np.ndarray]:
             np.int64,
         ),
         "displacement": network.map_to_graph.copy(),
+        "leg": np.array([*network.leg_start, network.way_before]),
         "looked_from": network.compared_from[None][~np.isnan(network.compared_from[:1])],
         "events": np.array([event.row() for event in network.log.events]),
         "trail": np.column_stack((crumbs.points, crumbs.places, crumbs.last_used, crumbs.readings)),
@@ -93,6 +95,7 @@ def rebuilt_network(stored: Mapping[str, np.ndarray], config: PlacesConfig) -> P
     network.current, network.next_id, network.lost_since = standing[:3]
     network.breadcrumbs = _breadcrumbs(stored)
     network.map_to_graph = stored["displacement"].copy()
+    network.leg_start, network.way_before = stored["leg"][:2].copy(), float(stored["leg"][2])
     if len(stored["looked_from"]):
         network.compared_from = stored["looked_from"][-1].copy()
     network.log.events = [Event.of_row(row) for row in stored["events"]]

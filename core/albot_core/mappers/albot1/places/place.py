@@ -18,11 +18,23 @@ SAME_EXIT = 0.75
 """Exits whose middles are nearer than this are one (m)…"""
 SAME_DIRECTION = np.radians(45.0)
 """…unless their lines are turned more than this apart (rad)."""
+DEVIATIONS = 2.5
+"""An exit is known where it is seen within so many standard deviations of where it is expected."""
+SEEN_ERROR = SAME_EXIT / DEVIATIONS
+"""Standard deviation of where an exit is seen in passing, in a map without drift (m)."""
+DRIFT_RATE = 0.05
+"""Standard deviation of the map's drift, for each metre from where it was aligned last."""
+MAX_DRIFT = 1.5
+"""An exit farther than this from where it is expected is another (m): so near to each other are no
+two doorways between the same places, for each has its width and a wall beside it."""
+DISTINCT = 2.0
+"""The known exit next to the nearest must be so many times as far."""
 
 EYE = 0.15
 """How far inside an exit the point is from which it is looked through (m)."""
 
 Line = Float64[np.ndarray, "4"]
+Lines = Float64[np.ndarray, "lines 4"]
 
 
 @dataclass(kw_only=True, eq=False)
@@ -65,6 +77,32 @@ class LearnedPlace:
                 best, which = away, k
         return which
 
+    def likeliest_exit(self, line: Line, others: Lines, drift: float) -> int | None:
+        """Which of its exits a line in its frame is, though the map may have drifted since.
+
+        This is ours. It is the nearest exit of about that direction within `drift`. It must be so
+        by far: the next known exit is much farther, and no other exit seen is nearer to this one.
+
+        Args:
+            line: The exit that is crossed.
+            others: The exits that the robot remembers to have seen, in the place's frame (n, 4; m).
+            drift: How far the map may have drifted (m), as `drift_after` says.
+        """
+        known = self.exit_at(line)
+        if known is not None:
+            return known
+        away = [between(door.line, line) for door in self.exits]
+        drift = min(drift, MAX_DRIFT)
+        ranked = sorted(range(len(away)), key=away.__getitem__)
+        if not ranked or away[ranked[0]] > drift:
+            return None
+        nearest = ranked[0]
+        if len(ranked) > 1 and away[ranked[1]] < DISTINCT * away[nearest]:
+            return None
+        expected = self.exits[nearest].line
+        is_another = any(between(expected, other) < away[nearest] - SEEN_ERROR for other in others)
+        return None if is_another else nearest
+
     def holds(self, point: Points) -> bool:
         """Whether a point, in its frame, is on the inner side of all its exits.
 
@@ -95,6 +133,18 @@ class LearnedPlace:
         return Place(
             id=self.id, frame=self.frame.copy(), surfaces=self.surfaces.copy(), exits=exits
         )
+
+
+def drift_after(way: float) -> float:
+    """How far off what is known may be seen (m), so far (m) from where the map was aligned last."""
+    return DEVIATIONS * math.hypot(SEEN_ERROR, DRIFT_RATE * way)
+
+
+def between(one: Line, other: Line) -> float:
+    """Distance between the middles of two exits (m); infinite if their directions differ."""
+    turned = abs(wrap_angle(direction(one) - direction(other)))
+    away = float(np.hypot(*(middle(one) - middle(other))))
+    return away if turned < SAME_DIRECTION else math.inf
 
 
 def middle(line: Line) -> Points:

@@ -7,15 +7,25 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Int32
 
-from albot_core.geometry.poses import compose, inverse, relative
+from albot_core.geometry.poses import compose, inverse, relative, transform_segments
 from albot_core.geometry.types import Pose, Segments
+from albot_core.kernels.compiled import kernel
 from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.perceptual_map.memory import NEVER
 from albot_core.mappers.albot1.places.events import SEEN_THROUGH_EXIT, STANDS_WITHIN, EventKind
+from albot_core.mappers.albot1.places.exits import crosses_line
+from albot_core.mappers.albot1.places.merging import merge_here
 from albot_core.mappers.albot1.places.network import PlaceNetwork
-from albot_core.mappers.albot1.places.place import LearnedPlace
+from albot_core.mappers.albot1.places.place import LearnedPlace, in_frame
 from albot_core.matching.lines import LineMatch, match_lines
 
+UNMISTAKABLE = 0.6
+"""A place that matches with this share of the smaller description is not its neighbour, though the
+robot be where it has not been in it: a large room has corners out of sight of each other."""
+CRUMBS_IN_SIGHT = 5
+"""So many of the breadcrumbs in a place, the nearest to the robot, are to be in its sight…"""
+MIN_IN_SIGHT = 0.8
+"""…or this share of them: one may be hidden by a wall that the map has twice."""
 DOORSTEP = 5.0
 """A robot no farther from where it entered a place has just come in (m)."""
 
@@ -42,6 +52,7 @@ def recognize_place(
     """
     network.compared_from = pose.copy()
     counts, gates = reobserved.T
+    drift = network.drift_at(pose)
     stood_in: set[int] = set()
     for visit in _candidates(network, counts, gates):
         other, gate = network.places[network.visits[visit]], int(gates[visit])
@@ -53,19 +64,24 @@ def recognize_place(
         stood_in.add(other.id)
         map_to_graph = network.map_to_graph if by_position else network.visit_transforms[visit]
         guess = compose(map_to_graph, other.frame)
-        config = network.config.match_here if by_position else network.config.match
+        config = network.config.match
+        if by_position or network.config.expects_drift:
+            config = replace(config, max_shift=min(config.max_shift, drift))
         match = match_lines(seen, other.surfaces, guess, pose, config)
         if by_position and match.matches == 0:
             continue  # It stands within many: that it is in none of them is not worth an event.
-        accepted = _is_confirmed(network, match, other, pose) and (
-            not by_position or match.share >= network.config.min_share_here
+        accepted = (
+            _is_confirmed(network, match, other, pose)
+            and (not by_position or match.share >= network.config.min_share_here)
+            and (match.share >= UNMISTAKABLE or _is_in_sight(network, match, other, seen, pose))
         )
         kind = EventKind.RECOGNIZED if accepted else EventKind.REFUSED
         network.log.add_comparison(
             step, kind, network.current, other.id, match, int(counts[visit]), gate
         )
         if accepted:  # Alg. 8, lines 12 and 13
-            network.merge_here(step, other, _aligned(network, guess, match, seen, other, pose))
+            frame = _aligned(network, guess, match, seen, other, pose)
+            merge_here(network, step, other, frame, pose)
             return True
     return False
 
@@ -103,7 +119,7 @@ def relocalise(network: PlaceNetwork, step: int, seen: Segments, pose: Pose) -> 
     back = compose(relative(learned, motion), network.map_to_graph)
     network.breadcrumbs.move(network.breadcrumbs.places >= first, back, None)
     network.map_to_graph, network.lost_since = learned, 0
-    network.merge_here(step, place, compose(motion, match.pose))
+    merge_here(network, step, place, compose(motion, match.pose), compose(motion, pose))
     return motion
 
 
@@ -135,6 +151,42 @@ def _is_confirmed(network: PlaceNetwork, match: LineMatch, place: LearnedPlace, 
         and min(match.left, match.right) > 0
         and match.share >= config.min_share
     )
+
+
+def _is_in_sight(
+    network: PlaceNetwork, match: LineMatch, place: LearnedPlace, seen: Segments, pose: Pose
+) -> bool:
+    """Whether the robot stands in sight of where it has been in a place, as the match lays it.
+
+    This is ours. Two rooms side by side share walls, and from a doorway both are seen. So a place
+    next door matches as well, and just where it is expected. But there a wall or an exit lies
+    between the robot and the breadcrumbs that it dropped in that place. Those nearest to it count.
+    """
+    if not network.config.expects_drift:
+        return True
+    crumbs = network.breadcrumbs
+    here = compose(place.frame, relative(match.pose, pose))[:2]
+    points = crumbs.points[crumbs.places == place.id]
+    nearest = np.argsort(np.hypot(*(points - here).T), kind="stable")[:CRUMBS_IN_SIGHT]
+    own = [*place.surfaces, *(door.line for door in place.exits)]
+    mine = [*seen, *network.predicted_exits]
+    lines = np.concatenate(
+        (np.reshape(own, (-1, 4)), in_frame(match.pose, np.reshape(mine, (-1, 4))))
+    )
+    between = transform_segments(place.frame, lines)
+    return count_in_sight(between, here, points[nearest]) >= MIN_IN_SIGHT * len(nearest)
+
+
+@kernel(arrays=True)
+def count_in_sight(lines: np.ndarray, here: np.ndarray, points: np.ndarray) -> int:
+    """How many of the points (n, 2) are seen from `here`, with no line (m, 4) before them."""
+    count = 0
+    for point in points:
+        hidden = False
+        for line in lines:
+            hidden = hidden or crosses_line(line, here[0], here[1], point[0], point[1])
+        count += not hidden
+    return count
 
 
 def _aligned(

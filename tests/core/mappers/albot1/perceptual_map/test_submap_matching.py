@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from albot_core.geometry.poses import wrap_angle
 from albot_core.mappers.albot1.config import Albot1Config, Albot1Limits
-from albot_core.mappers.albot1.perceptual_map.submap_matching import LINE_GAP, match_surfaces
+from albot_core.mappers.albot1.perceptual_map.submap_matching import match_surfaces
+from albot_core.mappers.albot1.perceptual_map.turn_search import LINE_GAP
 from albot_core.matching.lines import beside, describe, moved_ends
 from albot_core.sensing.view import CORNER, NO_EDGE
 from tests.core.mappers.albot1.rows import Rows, rows_of, some_surfaces
@@ -50,7 +51,7 @@ def test_the_nearest_point_and_the_nearest_line_are_matched(seed: int, angle: fl
     expected = rows_of(surfaces, rng)
     correction = rng.normal(0, (0.05, 0.05, 0.03))
     matches = np.empty((8, 3), np.int64)
-    points = match_surfaces(*seen, *expected, correction, limits, matches)
+    points = match_surfaces(*seen, *expected, correction, limits, 1.0, matches)
     slow = slow_match(seen, expected, correction, limits)
     assert points == (slow[:, 0] >= 0).sum()
     matches[matches[:, 0] < 0, 1] = slow[slow[:, 0] < 0, 1] = 0
@@ -65,4 +66,4 @@ def test_surfaces_turned_5_degrees_are_not_one(turn: float, matched: bool) -> No
     describe(np.array((0.0, 0.0, cos, sin)), seen[0])
     describe(np.array((0.0, 0.0, 1.0, 0.0)), expected[0])
     ends, matches = np.full((1, 2), CORNER, np.int8), np.empty((1, 3), np.int64)
-    assert match_surfaces(seen, ends, expected, ends, np.zeros(3), limits, matches) == matched
+    assert match_surfaces(seen, ends, expected, ends, np.zeros(3), limits, 1.0, matches) == matched

@@ -6,8 +6,18 @@ import numpy as np
 import pytest
 
 from albot_core.geometry.poses import compose, transform_segments
+from albot_core.mappers.albot1.config import PlacesConfig
 from albot_core.mappers.albot1.places.events import EventKind
-from albot_core.mappers.albot1.places.place import middle
+from albot_core.mappers.albot1.places.merging import merge_here
+from albot_core.mappers.albot1.places.network_state import rebuilt_network, stored_network
+from albot_core.mappers.albot1.places.place import (
+    SAME_EXIT,
+    LearnedExit,
+    LearnedPlace,
+    drift_after,
+    middle,
+    reversed_line,
+)
 from tests.core.mappers.albot1.building import check_links, door_between, happened, led
 
 
@@ -21,6 +31,88 @@ def test_who_comes_out_of_a_place_had_left_the_other_unnoticed():
     assert (walker.network.current, len(walker.network.places)) == (0, 2)
     assert walker.network.visits == [-1, 0, 1, 0, 0]
     np.testing.assert_array_equal(walker.network.places[0].surfaces, described)
+
+
+def test_who_went_next_door_unnoticed_comes_out_of_it_by_another_exit():
+    walker = led([(1, 0), (1, 1), (1, 0), (0, 0)])
+    walker.room = (1, 0)  # through the door, but the network was not told
+    walker.go((1, 1))
+    assert happened(walker)[-1] == (EventKind.RETURNED, 2, 1)
+    check_links(walker.network)
+    assert (walker.network.current, len(walker.network.places)) == (2, 3)
+    thesis = led([(1, 0), (1, 1), (1, 0), (0, 0)], PlacesConfig.thesis())
+    thesis.room = (1, 0)
+    thesis.go((1, 1))
+    assert happened(thesis)[-1] == (EventKind.NEW, 0, 3)
+
+
+@pytest.mark.parametrize(
+    ("drift", "kind"), [(0.7, EventKind.ENTERED), (0.9, EventKind.ENTERED), (1.3, EventKind.NEW)]
+)
+def test_an_exit_is_known_as_far_off_as_the_map_may_have_drifted(drift, kind):
+    """The room is entered by one door and left by another, 6 m on: 1.03 m may lie between."""
+    walker = led([(1, 0), (1, 1), (1, 0)])
+    assert walker.network.drift_at(np.array([3.7, 0.0, 0.0])) == pytest.approx(1.03, abs=0.01)
+    walker.go((0, 0), np.array([0.0, drift, 0.0]))
+    assert walker.network.log.events[-1].kind == kind
+    check_links(walker.network)
+
+
+def test_the_drift_expected_grows_with_the_way_and_not_with_the_distance():
+    walker = led([(1, 0), (1, 1), (0, 1), (0, 0)])
+    here = walker.pose()
+    assert walker.network.drift_at(here) > 2.0  # Back where it set out, 25 m and more later.
+    walker.network.begin_leg(here, is_aligned=True)
+    assert walker.network.drift_at(here) == pytest.approx(SAME_EXIT)
+    again = rebuilt_network(stored_network(walker.network), walker.network.config)
+    far = np.array([30.0, 0.0, 0.0])
+    assert again.drift_at(far) == walker.network.drift_at(far)
+    thesis = led([(1, 0), (1, 1), (0, 1), (0, 0)], PlacesConfig.thesis())
+    assert thesis.network.drift_at(here) == pytest.approx(SAME_EXIT)
+
+
+AT = np.array([0.0, -0.5, 0.0, 0.5])
+"""An exit at the origin."""
+
+
+@pytest.mark.parametrize(
+    ("exits", "others", "found"),
+    [
+        ([1.0], [], 0),
+        ([1.6], [], None),  # no drift makes one doorway of two
+        ([1.0, -1.5], [], None),  # it may be either
+        ([1.0, -2.1], [], 0),
+        ([1.0], [0.9], None),  # the exit known is seen beside it
+        ([1.0], [0.1], 0),  # this one itself
+        ([], [], None),
+    ],
+)
+def test_the_likeliest_exit_is_so_by_far(exits, others, found):
+    place = LearnedPlace(id=0, frame=np.zeros(3))
+    shifts = [np.array([0.0, y, 0.0, y]) for y in exits]
+    place.exits = [LearnedExit(line=AT + by, leads_to=1, exit_there=0) for by in shifts]
+    seen = np.reshape([AT + np.array([0.0, y, 0.0, y]) for y in others], (-1, 4))
+    assert place.likeliest_exit(AT, seen, drift_after(50.0)) == found
+    assert place.likeliest_exit(AT, seen, drift_after(0.0)) is None
+    assert place.likeliest_exit(reversed_line(AT), seen, drift_after(50.0)) is None
+
+
+@pytest.mark.parametrize(("apart", "left"), [(1.2, 1), (1.6, 2)])
+def test_two_exits_so_near_between_the_same_places_are_one(apart, left):
+    walker = led([(1, 0), (2, 0), (2, 1)])
+    network = walker.network
+    one, other = network.places[0], network.places[1]
+    for place, beyond in ((one, other), (other, one)):
+        door = next(door for door in place.exits if door.leads_to == beyond.id)
+        by = np.array([0.0, apart, 0.0, apart])
+        double = LearnedExit(line=door.line + by, leads_to=beyond.id, exit_there=len(beyond.exits))
+        place.exits.append(double)
+    one.exits[-1].exit_there = len(other.exits) - 1
+    other.exits[-1].exit_there = len(one.exits) - 1
+    check_links(network)
+    merge_here(network, 9, one, np.array([16.0, 30.0, 0.0]), walker.pose())
+    check_links(network)
+    assert sum(door.leads_to == 1 for door in network.places[0].exits) == left
 
 
 @pytest.mark.parametrize(

@@ -32,10 +32,20 @@ def test_larger_places_need_more_surfaces_to_be_candidates(size, expected):
 
 
 @pytest.mark.parametrize(
-    ("drift", "learned", "known"), [(0.3, 0.0, True), (-1.0, 0.0, False), (-1.5, -1.4, True)]
+    ("drift", "learned", "is_aligned", "known"),
+    [
+        (0.3, 0.0, True, True),
+        (-1.0, 0.0, True, False),
+        (-1.0, 0.0, False, True),  # It has come 30 m since it was aligned: it may be so far off.
+        (-1.5, -1.4, True, True),
+    ],
 )
-def test_a_place_within_which_it_believes_to_stand_is_a_candidate(drift, learned, known):
+def test_a_place_within_which_it_believes_to_stand_is_a_candidate(
+    drift, learned, is_aligned, known
+):
     walker = led(RING)
+    if is_aligned:
+        walker.network.begin_leg(walker.pose(), is_aligned=True)
     walker.drift = np.array([drift, 0.0, 0.0])
     network = walker.network
     network.map_to_graph = np.array([learned, 0.0, 0.0])

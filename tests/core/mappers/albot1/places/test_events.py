@@ -27,7 +27,7 @@ WORDS = {
     "description)",
     EventKind.FOLLOWED: "view 7: P3 is P5 too: one exit leads to both",
     EventKind.LOST: "view 7: lost: nothing in view is where it should be; calls it P5",
-    EventKind.RETURNED: "view 7: came out of P5 into P3, which it had left by that exit unnoticed",
+    EventKind.RETURNED: "view 7: came out of P5 into P3: it had gone into P5 unnoticed",
     EventKind.RELOCALISED: "view 7: found: P3 is P5, for 9 surfaces are the same (5 to the left, 4 "
     "to the right, 50% of the smaller description)",
 }

@@ -1,0 +1,68 @@
+"""How far the odometer's turns are off: learnt from the log at hand as views are matched. Compiled.
+
+This is ours. The thesis supposes a turn that is right to 5°. How large the errors really are
+differs between robots and floors. So what a match says of the last turn is held against what the
+odometer said, and the running mean square of the difference tells how much a turn costs that
+departs from the odometer's. An odometer that has never reported any motion counts as missing.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from albot_core.kernels.compiled import kernel, scratch
+from albot_core.mappers.albot1.config import Albot1Limits
+from albot_core.mappers.albot1.perceptual_map.frames import relative_pose
+from albot_core.matching.lines import wrap
+
+TURN, HAS_MOVED, LAST_X, LAST_Y = 0, 1, 2, 3
+"""Places in a robot's row: mean square error of a turn (rad²), 1 once the odometer has reported a
+motion, and the last translation by the views (m; the frame of the view before)."""
+ROW = 4
+"""Length of a robot's row."""
+FIRST_TURN_ERROR = np.radians(5.0)
+"""Error (rad) of an odometer of which nothing is known yet, root mean square."""
+STILL = 1e-9
+"""A motion up to this (m, rad) is none but for rounding."""
+MEMORY = 30.0
+"""Errors are averaged over about so many views."""
+
+
+def unknown_odometer() -> np.ndarray:
+    """A robot's row (ROW,) before its first view."""
+    row = np.zeros(ROW)
+    row[TURN] = FIRST_TURN_ERROR**2
+    return row
+
+
+@kernel()
+def turn_scale(odometer: np.ndarray, limits: Albot1Limits) -> float:
+    """The scale (rad) on which a turn costs votes that departs from the odometer's."""
+    return float(max(limits.turn_scale * np.sqrt(odometer[TURN]), limits.turn_cost))
+
+
+@kernel()
+def note_motion(odometer: np.ndarray, motion: np.ndarray) -> None:
+    """Note whether the odometer has ever reported a motion."""
+    if abs(motion[0]) > STILL or abs(motion[1]) > STILL or abs(motion[2]) > STILL:
+        odometer[HAS_MOVED] = 1.0
+
+
+_moved = scratch(3)
+
+
+@kernel()
+def learn_error(
+    odometer: np.ndarray,
+    previous: np.ndarray,
+    motion: np.ndarray,
+    current: np.ndarray,
+    is_sure: bool,
+) -> None:
+    """Learn from where the views led, from one pose to another, and the odometer's `motion`."""
+    moved = _moved()
+    relative_pose(previous, current, moved)
+    odometer[LAST_X], odometer[LAST_Y] = moved[0], moved[1]
+    if is_sure:
+        off = wrap(moved[2] - motion[2])
+        odometer[TURN] += (off * off - odometer[TURN]) / MEMORY

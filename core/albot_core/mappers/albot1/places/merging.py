@@ -1,0 +1,144 @@
+"""Making two places one, and what that means for the exits of both and the places behind them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from albot_core.geometry.poses import (
+    compose,
+    inverse,
+    relative,
+    transform_points,
+    transform_segments,
+)
+from albot_core.geometry.types import Pose
+from albot_core.mappers.albot1.places.events import Event, EventKind
+from albot_core.mappers.albot1.places.network import PlaceNetwork
+from albot_core.mappers.albot1.places.place import (
+    MAX_DRIFT,
+    LearnedExit,
+    LearnedPlace,
+    between,
+    middle,
+)
+
+
+def merge_here(
+    network: PlaceNetwork, step: int, other: LearnedPlace, frame: Pose, robot: Pose
+) -> None:
+    """Merge the present place of a robot with another, whose frame lies at `frame` in the map."""
+    network.begin_leg(robot, is_aligned=True)
+    here, mine = network.here, network.frame
+    if other.id < here.id:
+        network.map_to_graph = compose(frame, inverse(other.frame))
+        _merge_places(network, step, other, here, relative(frame, mine))
+    else:
+        _merge_places(network, step, here, other, relative(mine, frame))
+    network.version += 1
+
+
+def _merge_places(
+    network: PlaceNetwork, step: int, kept: LearnedPlace, gone: LearnedPlace, pose: Pose
+) -> None:
+    """Make two places one; `pose` is where the frame of the one gone lies in the other's.
+
+    An exit that both have leads to one place. If they have it lead to two, these are one as well
+    (Alg. 5, lines 12 and 13).
+    """
+    kept.describe(transform_segments(pose, gone.surfaces), network.config)
+    first = len(kept.exits)
+    for door in gone.exits:
+        door.line = transform_segments(pose, door.line[None])[0]
+        kept.exits.append(door)
+    for place in network.places.values():
+        for door in place.exits:
+            if door.leads_to == gone.id:
+                door.leads_to, door.exit_there = kept.id, door.exit_there + first
+    _replace_place(network, gone, kept, pose)
+    while kept.id in network.places and _unite_exits(network, step, kept):
+        pass
+    for place in network.places.values() if network.config.expects_drift else ():
+        while _drop_double(network, place):
+            pass
+
+
+def _replace_place(
+    network: PlaceNetwork, gone: LearnedPlace, kept: LearnedPlace, pose: Pose
+) -> None:
+    """Let all that refers to the place gone refer to the one kept."""
+    del network.places[gone.id]
+    # Where the frame of the one kept lay in the visits to the one gone.
+    moved = compose(compose(gone.frame, inverse(pose)), inverse(kept.frame))
+    network.breadcrumbs.move(network.breadcrumbs.places == gone.id, inverse(moved), kept.id)
+    network.stays = [
+        (first, kept.id if place == gone.id else place) for first, place in network.stays
+    ]
+    for visit, place in enumerate(network.visits):
+        if place == gone.id:
+            network.visits[visit] = kept.id
+            network.visit_transforms[visit] = compose(network.visit_transforms[visit], moved)
+    network.current = kept.id if network.current == gone.id else network.current
+
+
+def _unite_exits(network: PlaceNetwork, step: int, place: LearnedPlace) -> bool:
+    """Make two exits of a place one that lie at one spot. Returns whether there were such."""
+    for later, door in enumerate(place.exits):
+        earlier = place.exit_at(door.line, later)
+        if earlier is None:
+            continue
+        mine = place.exits[earlier]
+        if mine.leads_to == door.leads_to:
+            _drop_exit(network, network.places[door.leads_to], door.exit_there)
+            _drop_exit(network, place, later)
+            return True
+        if not _are_joined(network, mine.leads_to, door.leads_to):
+            _merge_behind(network, step, mine, door)
+            return True
+    return False
+
+
+def _drop_double(network: PlaceNetwork, place: LearnedPlace) -> bool:
+    """Drop an exit that is another of its exits once more. Returns whether there was such.
+
+    This is ours. Places that are laid together after much drift have one doorway twice, in places
+    that differ by more than SAME_EXIT. Two exits between the same places are one if they are near
+    each other on either side.
+    """
+    for later, door in enumerate(place.exits):
+        there = network.places[door.leads_to]
+        for mine in place.exits[:later]:
+            if mine.leads_to != door.leads_to:
+                continue
+            beyond = there.exits[mine.exit_there].line, there.exits[door.exit_there].line
+            if min(between(mine.line, door.line), between(*beyond)) < MAX_DRIFT:
+                _drop_exit(network, there, door.exit_there)
+                _drop_exit(network, place, later)
+                return True
+    return False
+
+
+def _drop_exit(network: PlaceNetwork, place: LearnedPlace, index: int) -> None:
+    """Take an exit out of a place's list; those after it move up, also for their partners."""
+    del place.exits[index]
+    for moved in place.exits[index:]:
+        network.places[moved.leads_to].exits[moved.exit_there].exit_there -= 1
+
+
+def _merge_behind(network: PlaceNetwork, step: int, mine: LearnedExit, theirs: LearnedExit) -> None:
+    """Merge the two places that one exit turned out to lead to."""
+    first, second = sorted((mine, theirs), key=lambda door: door.leads_to)
+    kept, gone = network.places[first.leads_to], network.places[second.leads_to]
+    turn = gone.frame[2] - kept.frame[2]
+    pose = np.array([0.0, 0.0, turn])
+    there = transform_points(pose, middle(gone.exits[second.exit_there].line))
+    pose[:2] = middle(kept.exits[first.exit_there].line) - there
+    followed = Event(step=step, kind=EventKind.FOLLOWED, place=gone.id, other=kept.id)
+    network.log.add(followed)
+    if gone.id == network.current:
+        network.map_to_graph = compose(compose(network.frame, inverse(pose)), inverse(kept.frame))
+    _merge_places(network, step, kept, gone, pose)
+
+
+def _are_joined(network: PlaceNetwork, one: int, other: int) -> bool:
+    """Whether an exit leads from the one place to the other."""
+    return any(door.leads_to == other for door in network.places[one].exits)

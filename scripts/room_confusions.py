@@ -1,0 +1,219 @@
+"""How often Albot1 takes a room for another, over many random worlds.
+
+    python scripts/room_confusions.py [--kind office] [--seeds A..B] [--path METRES]
+        [--mapper NAME] [--json FILE]
+
+In each world, `random:KIND:SEED`, the robot is guided from room to room. Two kinds of mistakes are
+looked for, and the truth is `albot_maps.same_place`:
+
+- *a room taken for another*: two places are found to be one, but fewer than half of the positions
+  of either are the same place as a position of the other;
+- *a wrong door*: the robot goes through a known exit, or comes out of one, but fewer than half of
+  its next positions are the same place as an earlier position in the place that it believes in.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import click
+import numpy as np
+from jaxtyping import Bool, Int64
+
+from albot_agents.evaluation.plan import parse_seeds
+from albot_benchmarks.long_run import patrol
+from albot_cli.main import exit_status
+from albot_core.errors import InputError
+from albot_core.evaluation.intervals import wilson
+from albot_core.files import write_text
+from albot_core.geometry.types import Points
+from albot_core.mappers.albot1.mapper import Albot1
+from albot_core.mappers.albot1.places.events import Event, EventKind
+from albot_core.mappers.registry import make_mapper
+from albot_env.sim.simulator import Simulator
+from albot_maps import World, load_world
+from albot_maps.same_place import same_places
+
+SAME = 0.5
+"""Two places are one if at least this share of one's positions is in the other."""
+JUDGED, LEAST = 12, 4
+"""After a door so many positions are judged, or those up to the next door; fewer than the least say
+nothing: the robot has hardly left the doorway."""
+MERGED = EventKind.RECOGNIZED, EventKind.FOLLOWED, EventKind.RELOCALISED
+CAME_IN = EventKind.ENTERED, EventKind.RETURNED
+THROUGH = *CAME_IN, EventKind.NEW, EventKind.LOST
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mistake:
+    """A place that was taken for another."""
+
+    seed: int
+    """The world's."""
+    reading: int
+    """The reading after which it happened."""
+    event: str
+    """What the mapper said."""
+    share: float
+    """The share of positions that are in both places."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drive:
+    """A drive of a mapper with places."""
+
+    points: Points
+    """(readings, 2): where the robot truly was (world frame, m)."""
+    events: tuple[tuple[Event, ...], ...]
+    """What happened to the network at each reading."""
+
+
+def drive(world: World, seed: int, path: float, mapper: str) -> Drive:
+    """Guide a robot from room to room for so many metres.
+
+    Raises:
+        InputError: The mapper is none of Albot1's.
+    """
+    made = make_mapper(mapper)
+    if not isinstance(made, Albot1):
+        raise InputError("--mapper", "one of Albot1's", mapper)
+    simulator = Simulator(world, movables=False)
+    points, events, way = [], [], 0.0
+    for reading in patrol(simulator, np.random.default_rng(seed)):
+        made.update(reading)
+        points.append(simulator.pose[:2])
+        # Every reading is a view, and an event names its view.
+        events.append(tuple(event for event in made.events[-16:] if event.step == len(points)))
+        way += float(np.hypot(*reading.motion[:2]))
+        if way >= path:
+            break
+    return Drive(points=np.array(points), events=tuple(events))
+
+
+def mistakes(
+    driven: Drive, same: Bool[np.ndarray, "readings readings"]
+) -> tuple[list[tuple[int, Event, float]], list[tuple[int, Event, float]]]:
+    """Find the rooms taken for others, and the wrong doors.
+
+    Args:
+        driven: The drive.
+        same: Which positions are the same place.
+
+    Returns:
+        Of each mistake the reading, the event, and the share of positions in both places.
+    """
+    places = np.zeros(len(driven.points), np.int64)
+    rooms, doors, current = [], [], 0
+    for k, events in enumerate(driven.events):
+        for event in events:
+            if event.kind in THROUGH:
+                current = event.place if event.kind == EventKind.RETURNED else event.other
+            if event.kind in CAME_IN:
+                end = _next_door(driven, k)
+                earlier = np.flatnonzero(places[:k] == current)
+                share = _share(same, np.arange(k, end), earlier)
+                if end - k >= LEAST and share < SAME:
+                    doors.append((k, event, share))
+            if event.kind in MERGED:
+                share = _overlap(same, places[:k], event)
+                if share < SAME:
+                    rooms.append((k, event, share))
+                kept, gone = sorted((event.place, event.other))
+                places[places == gone] = kept
+                current = kept if current == gone else current
+        places[k] = current
+    return rooms, doors
+
+
+def _next_door(driven: Drive, reading: int) -> int:
+    """The reading after the last of those that are judged together."""
+    end = min(reading + JUDGED, len(driven.points))
+    for later in range(reading + 1, end):
+        if any(event.kind in THROUGH for event in driven.events[later]):
+            return later
+    return end
+
+
+def _overlap(
+    same: Bool[np.ndarray, "readings readings"], places: Int64[np.ndarray, "earlier"], event: Event
+) -> float:
+    """The larger share of the positions in one of two places that are in the other as well."""
+    one, other = (np.flatnonzero(places == place) for place in (event.place, event.other))
+    if not (len(one) and len(other)):
+        return 1.0  # Nothing was seen of one of them but the doorway.
+    return max(_share(same, one, other), _share(same, other, one))
+
+
+def _share(
+    same: Bool[np.ndarray, "readings readings"],
+    one: Int64[np.ndarray, "ones"],
+    other: Int64[np.ndarray, "others"],
+) -> float:
+    """The share of some positions that are the same place as one of others."""
+    return float(same[np.ix_(one, other)].any(axis=1).mean()) if len(one) else 1.0
+
+
+def measure(kind: str, seeds: range, path: float, mapper: str) -> dict[str, object]:
+    """Drive through all worlds, and count those in which a mistake is made."""
+    rooms: list[Mistake] = []
+    doors: list[Mistake] = []
+    recognized = entered = 0
+    for seed in seeds:
+        world = load_world(f"random:{kind}:{seed}")
+        driven = drive(world, seed, path, mapper)
+        names = [room.name for room in world.rooms]
+        at = [world.room_at(*point) for point in driven.points.tolist()]
+        numbers = np.array([-1 if name is None else names.index(name) for name in at])
+        same = same_places(world, driven.points, numbers)
+        for made, found in zip((rooms, doors), mistakes(driven, same), strict=True):
+            made += [
+                Mistake(seed=seed, reading=k, event=str(event), share=round(share, 2))
+                for k, event, share in found
+            ]
+        kinds = [event.kind for events in driven.events for event in events]
+        recognized += sum(what in MERGED for what in kinds)
+        entered += sum(what in CAME_IN for what in kinds)
+    return {
+        "mapper": mapper,
+        "worlds": f"random:{kind}:{seeds[0]}..{seeds[-1]}",
+        "path_m": path,
+        "count": len(seeds),
+        "worlds_with_a_room_taken_for_another": len({made.seed for made in rooms}),
+        "worlds_with_a_wrong_door": len({made.seed for made in doors}),
+        "merged": recognized,
+        "merged_wrongly": len(rooms),
+        "known_doors": entered,
+        "wrong_doors": len(doors),
+        "mistakes": [asdict(made) for made in (*rooms, *doors)],
+    }
+
+
+@click.command()
+@click.option("--kind", default="office", show_default=True, help="Kind of the random worlds.")
+@click.option("--seeds", default="5000..5099", show_default=True)
+@click.option("--path", default=300.0, show_default=True, help="Length of each drive (m).")
+@click.option("--mapper", default="albot1", show_default=True)
+@click.option("--json", "out", type=click.Path(path_type=Path), help="File for the figures.")
+def main(kind: str, seeds: str, path: float, mapper: str, out: Path | None) -> None:
+    """Count the random worlds in which a room is taken for another."""
+    if not path > 0:
+        raise InputError("--path", "above 0", str(path))
+    found = measure(kind, parse_seeds(seeds), path, mapper)
+    if out is not None:
+        write_text(out, json.dumps(found, indent=2) + "\n")
+    for made in found["mistakes"]:
+        click.echo(f"world {made['seed']}, reading {made['reading']}: {made['event']}")
+    low, high = wilson(found["worlds_with_a_room_taken_for_another"], found["count"])
+    click.echo(
+        f"{mapper}, {found['worlds']}, {path:g} m each: a room is taken for another in "
+        f"{found['worlds_with_a_room_taken_for_another']} of {found['count']} worlds "
+        f"(95 % interval {low:.1%} to {high:.1%}; {found['merged_wrongly']} of {found['merged']} "
+        f"recognitions), a wrong door in {found['worlds_with_a_wrong_door']} "
+        f"({found['wrong_doors']} of {found['known_doors']} known doors)"
+    )
+
+
+if __name__ == "__main__":
+    exit_status(main)
