@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_segments
 from albot_core.mappers.albot0.ground import Ground
-from albot_core.mappers.albot0.paths import Steps
+from albot_core.mappers.albot0.paths import ECHOES, Steps
 from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journey
 from albot_core.mappers.albot0.split_and_merge import homogeneity, regularisation
 
@@ -29,6 +29,7 @@ def steps_of(lines: np.ndarray, widths: np.ndarray, path: int = 3) -> Steps:
         walled=np.ones((len(lines), 2), np.bool_),
         begins=np.arange(len(lines)) % path == 0,
         readings=np.arange(len(lines)),
+        echoes=np.zeros((len(lines), 2, ECHOES)),
     )
 
 

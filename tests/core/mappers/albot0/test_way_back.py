@@ -10,7 +10,7 @@ import pytest
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.albot0.mapper import Albot0
-from albot_core.mappers.albot0.paths import NO_STEPS, Steps, join_steps
+from albot_core.mappers.albot0.paths import ECHOES, NO_STEPS, Steps, join_steps
 from albot_core.mappers.albot0.regions import Regions
 from albot_core.mappers.albot0.way_back import WayBack, WayBackConfig
 from albot_core.mappers.mapper import POINT, TRAVEL
@@ -65,6 +65,7 @@ def steps_along(*points: tuple[float, float]) -> Steps:
                 walled=np.zeros((count, 2), np.bool_),
                 begins=np.arange(count) == 0,
                 readings=np.arange(count) + len(steps.readings),
+                echoes=np.zeros((count, 2, ECHOES)),
             ),
         )
     return steps
@@ -134,15 +135,25 @@ def test_a_way_of_one_step_leads_home():
     np.testing.assert_array_equal(back.fit(Regions(splits=np.array((0, 1)), steps=way.lines)), 1.0)
 
 
-def test_a_surface_tells_nothing_where_the_way_out_has_none():
+def test_a_doorway_tells_how_far_along_a_corridor_the_robot_is():
+    """The odometer of the way home tells 10 % too little; one doorway is passed, 2 m deep."""
+    out, home = steps_along((0, 0), (20, 0)), steps_along((20, 0), (8, 0))
+    short = np.array((20.0, 0.0, 20.0, 0.0)) + 0.9 * (home.lines - np.array((20.0, 0.0, 20.0, 0.0)))
+    off = []
+    for depth in (1.0, 2.0):
+        echoes = np.ones((20, 2, ECHOES))
+        echoes[9, 0] = depth
+        back = WayBack(replace(out, echoes=echoes), WayBackConfig(slip=0.2), RNG(0))
+        back.locate(replace(home, lines=short, echoes=echoes[:7:-1, ::-1, ::-1]))
+        found = relative(back.frame, np.array((*short[-1, 2:], np.pi)))[:2]
+        off.append(float(np.hypot(*(found - (8.0, 0.0)))))
+    assert off[0] > 1.0  # Walls alone do not tell.
+    assert off[1] < 0.5
+
+
+def test_an_echo_tells_nothing_where_the_way_out_has_none():
     way, home = steps_along((0, 0), (9, 0)), steps_along((9, 0), (0, 0))
-    walled = Steps(
-        lines=home.lines,
-        widths=np.ones((9, 2)),
-        walled=np.ones((9, 2), np.bool_),
-        begins=home.begins,
-        readings=home.readings,
-    )
+    walled = replace(home, echoes=np.ones((9, 2, ECHOES)))
     without, beside = (WayBack(way, WayBackConfig(), RNG(0)) for _ in range(2))
     without.locate(home)
     beside.locate(walled)
