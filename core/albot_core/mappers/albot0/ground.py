@@ -17,8 +17,8 @@ from jaxtyping import Float64, Int64
 _SLIVER = 0.01
 """Faces smaller than this (m²) are left out: so much a sonar's widths do not tell."""
 _GRID = 1e-3
-"""Swaths are cut on a grid of this spacing (m). Without one, shapely finds no answer where edges all
-but coincide; or a wrong one, without saying so."""
+"""Swaths are cut on a grid of this spacing (m). Without one, shapely finds no answer where edges
+all but coincide; or a wrong one, without saying so."""
 _INSET = 2e-3
 """By this share of its size a swath is made smaller when it is asked which faces it overlaps."""
 _POLYGONAL = (3, 6)
