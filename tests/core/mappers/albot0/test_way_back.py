@@ -76,7 +76,7 @@ def test_a_loop_of_the_way_out_is_cut_off():
     way = steps_along((0, 0), (10, 0), (10, 5), (5, 5), (5, 0), (5, -5))
     long = WayBack(way, WayBackConfig(loop=10.0), RNG(0))
     assert long.ahead(np.array((5.0, -5.0, 0.0)))[1] == pytest.approx(30.0, abs=3.0)
-    back = WayBack(way, WayBackConfig(), RNG(0))
+    back = WayBack(way, WayBackConfig(loop=25.0), RNG(0))
     point, left = back.ahead(np.array((5.0, -5.0, 0.0)))
     assert left == pytest.approx(10.0, abs=1.5)  # Corners are cut too.
     np.testing.assert_allclose(point, (5.0, -3.5), atol=1.0)
