@@ -34,8 +34,9 @@ OUT = 40.0
 """The way out is so long (m)…"""
 MOST, STEPS = 900, 1800
 """…or takes so many steps of 0.1 s; the way home may take so many."""
-EXPLORED = 30.0, 100.0
-"""The way out of the gap explorer is so long (m), as in `Albot/Homing-v0`."""
+EXPLORED, EXPLORED_STEPS = (30.0, 100.0), 3000
+"""The way out of the gap explorer is so long (m), and the way home may take so many steps, as in
+`Albot/Homing-v0`."""
 EXPLORER = "random offices, with specular loss, out by the gap explorer"
 """The trials in which a laser finds the way out, of which the mapper gets nothing."""
 PAPER = {"home_reached_and_known": 0.7}
@@ -93,7 +94,7 @@ def drive(world: World, sonar: str, seed: int) -> Trial:
         readings.append(reading)
         truth.append(simulator.pose[:2].copy())
         gone += float(np.hypot(*(truth[-1] - truth[-2])))
-    return _go_home(simulator, driver, readings, np.array(truth))
+    return _go_home(simulator, driver, readings, np.array(truth), STEPS)
 
 
 def drive_explored(world: World, seed: int) -> Trial:
@@ -119,10 +120,12 @@ def drive_explored(world: World, seed: int) -> Trial:
         pose = compose(pose, readings[-1].motion)
         truth.append(simulator.pose[:2].copy())
         gone += float(np.hypot(*(truth[-1] - truth[-2])))
-    return _go_home(simulator, driver, readings, np.array(truth))
+    return _go_home(simulator, driver, readings, np.array(truth), EXPLORED_STEPS)
 
 
-def _go_home(simulator: Simulator, driver: SonarDriver, out: list[Reading], truth: Points) -> Trial:
+def _go_home(
+    simulator: Simulator, driver: SonarDriver, out: list[Reading], truth: Points, steps: int
+) -> Trial:
     """Drive home until the robot believes to be there, by any choice of cues."""
     robots = {name: Tracked(cues) for name, cues in CUES.items()}
     for robot in robots.values():
@@ -130,7 +133,7 @@ def _go_home(simulator: Simulator, driver: SonarDriver, out: list[Reading], trut
     guide, reading = robots["default"], out[-1]
     known: dict[str, bool] = {}
     reached = nearest = False
-    for _ in range(STEPS):
+    for _ in range(steps):
         reading = _step(simulator, driver, reading, guide.mapper)
         place = simulator.pose[:2].copy()
         is_home = guide.is_at(place, 0)
@@ -166,7 +169,8 @@ def _step(
 
 
 def _report(seeds: range, trials: Mapping[str, list[Trial]]) -> Report:
-    everyone = [trial for group in trials.values() for trial in group]
+    asked = [where for where in trials if where != EXPLORER]
+    everyone = [trial for where in asked for trial in trials[where]]
     if not any(trial.asrs > 1 for trial in everyone):
         raise InputError("seeds", "a way out of two ASRs at least", "none")
     shares = {where: _shares(group) for where, group in trials.items()}
@@ -188,7 +192,7 @@ def _report(seeds: range, trials: Mapping[str, list[Trial]]) -> Report:
         title=TITLE,
         paper=PAPER,
         measured=measured,
-        holds=all(share["default"] >= ASKED for share in shares.values()),
+        holds=all(shares[where]["default"] >= ASKED for where in asked),
         text=_text(seeds),
     )
 
@@ -209,7 +213,9 @@ out (`albot_core.mappers.albot0.way_back`) for {STEPS / 10:g} s at the most. Son
 below 140.
 
 In one random office for each seed the gap explorer drives out, too, by a laser, as in
-`Albot/Homing-v0`: {EXPLORED[0]:g} to {EXPLORED[1]:g} m. The mapper hears the sonars alone.
+`Albot/Homing-v0`: {EXPLORED[0]:g} to {EXPLORED[1]:g} m, and {EXPLORED_STEPS / 10:g} s for the way
+home. The mapper hears the sonars alone. The paper's robot does not drive so, and what is asked does
+not go by these trials: `trials` and `home_reached_and_known` leave them out.
 
 `home_reached`: in which share of the trials the robot came into its home ASR: its way out comes by
 in that ASR no more than {BORDER:g} m farther away than in any. `known_by_…`: in which share it was
