@@ -41,7 +41,7 @@ class Ground:
 
     def add(self, corners: Float64[np.ndarray, "corners 2"]) -> None:
         """Add the next swath, a polygon that may cross itself (m)."""
-        number, swath = self.count, shapely.make_valid(shapely.polygons(corners))
+        number, swath = self.count, _polygonal(shapely.make_valid(shapely.polygons(corners)))
         self.count += 1
         # Steps that follow each other touch: what reaches no farther in is not cut.
         inner = corners + _INSET * (corners.mean(axis=0) - corners)
@@ -103,7 +103,7 @@ class Ground:
 
 
 def _polygonal(shape: Any) -> Any:
-    """What of an intersection or a difference has an area: touching shapes have lines in common."""
+    """What of a shape has an area: those that touch have lines in common, crossed swaths hold some."""
     if shape.geom_type != "GeometryCollection":
         return shape
     parts = shapely.get_parts(shape)

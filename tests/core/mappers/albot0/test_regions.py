@@ -224,3 +224,15 @@ def test_a_swath_that_crosses_itself_is_taken_in():
     ground.add(np.array(((0.5, 0.5), (2.5, 0.5), (2.5, 2.5), (0.5, 2.5))))
     _, _, areas = ground.index
     assert 4.0 < areas.sum() < 9.0
+
+
+@given(st.lists(st.lists(st.integers(0, 4), min_size=8, max_size=8), min_size=2, max_size=8))
+def test_swaths_of_any_corners_are_taken_in(numbers):
+    """They cross themselves, have spikes, are but a line or a point, or share edges."""
+    ground, shapes = Ground(), []
+    for each in numbers:
+        corners = np.array(each, np.float64).reshape(4, 2)
+        ground.add(corners)
+        shapes.append(shapely.make_valid(shapely.polygons(corners)))
+    union = shapely.union_all(np.array(shapes))
+    assert ground.index[2].sum() == pytest.approx(union.area, abs=0.01 * 4 * len(numbers))
