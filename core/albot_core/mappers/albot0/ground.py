@@ -103,7 +103,7 @@ class Ground:
 
 
 def _polygonal(shape: Any) -> Any:
-    """What of a shape has an area: those that touch have lines in common, crossed swaths hold some."""
+    """What of a shape has an area; common parts and crossed swaths may hold lines too."""
     if shape.geom_type != "GeometryCollection":
         return shape
     parts = shapely.get_parts(shape)
