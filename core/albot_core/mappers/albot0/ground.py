@@ -14,6 +14,8 @@ import numpy as np
 import shapely
 from jaxtyping import Float64, Int64
 
+from albot_core.geometry.poses import inverse, transform_points
+
 _SLIVER = 0.01
 """Faces smaller than this (m²) are left out: so much a sonar's widths do not tell."""
 _GRID = 1e-3
@@ -34,6 +36,7 @@ class Ground:
 
     def __init__(self) -> None:
         self.count = 0
+        self._frame = np.zeros(3)
         self._faces: list[Any] = []
         self._boxes = np.empty((64, 4))
         self._areas = np.empty(64)
@@ -41,6 +44,11 @@ class Ground:
 
     def add(self, corners: Float64[np.ndarray, "corners 2"]) -> None:
         """Add the next swath, a polygon that may cross itself (m)."""
+        if not self.count:
+            edge = corners[1] - corners[0]
+            self._frame = inverse(np.array((*corners[0], np.arctan2(edge[1], edge[0]))))
+        # The grid lies as the first swath does, so that areas do not depend on the journey's frame.
+        corners = transform_points(self._frame, corners)
         number, swath = self.count, _polygonal(shapely.make_valid(shapely.polygons(corners)))
         self.count += 1
         # Steps that follow each other touch: what reaches no farther in is not cut.
