@@ -179,7 +179,7 @@ A robot with eight sonars and the odometer `pioneer` is driven out and back the 
 drawn at random to the one farthest from it. Once the sonars hear every wall (`ideal`), and once
 only those that they meet within 25° of the perpendicular, with cross-talk between them (`pioneer`).
 At the end of the way out the mapper is told that the robot turns round. Means over the seeds
-{seeds.start} to {seeds.stop - 1}; all was chosen on seeds below 100.
+{seeds.start} to {seeds.stop - 1}; all was chosen on seeds below 140.
 
 `large_room_one_asr`: how often the largest room that the way out came into just once is a single
 ASR, but within {INSIDE:g} m of exits. `right`: at which share of the stops on the way home the ASR

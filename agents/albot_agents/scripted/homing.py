@@ -108,6 +108,9 @@ class Albot0Homing:
 
     ARRIVED = 0.3
     """Distance to the estimated home at which it declares home (m)."""
+    PASSED = 0.2
+    """It also declares home where it comes no nearer: so much (m) farther away than it was, in the
+    home ASR and at the end of the known way. The estimate may lie beyond a wall."""
     STALL_STEPS = 600
     """Number of steps in the home ASR after which it declares home anyway."""
 
@@ -123,6 +126,7 @@ class Albot0Homing:
         self._driver.reset(rng)
         self._actions = actions
         self._steps_at_home = 0
+        self._nearest = np.inf
 
     def act(self, observation: Any, info: Mapping[str, Any]) -> Action:
         """Return the action that drives on towards home, or declares home."""
@@ -130,11 +134,15 @@ class Albot0Homing:
         home = decode_home(observation, observation_config)
         knows_asr = "exit" in observation_config.shapes
         believes_home = knows_asr and not decode_has_exit(observation, observation_config)
-        self._steps_at_home += believes_home
-        is_there = (believes_home or not knows_asr) and np.hypot(*home) < self.ARRIVED
-        if is_there or self._steps_at_home > self.STALL_STEPS:
-            return fill_action(np.zeros(2, np.float32), self._actions, flag=True)
         known = decode_known_way(observation, observation_config)
+        self._steps_at_home += believes_home
+        distance = float(np.hypot(*home))
+        is_there = (believes_home or not knows_asr) and distance < self.ARRIVED
+        is_at_end = believes_home and known is None
+        self._nearest = min(self._nearest, distance) if is_at_end else np.inf
+        has_passed = distance > self._nearest + self.PASSED
+        if is_there or has_passed or self._steps_at_home > self.STALL_STEPS:
+            return fill_action(np.zeros(2, np.float32), self._actions, flag=True)
         ahead = home if known is None else known.ahead
         # At the end of the known way, but not yet in the home ASR, it drives on without a target.
         target = ahead if np.hypot(*ahead) >= self.ARRIVED else None

@@ -18,7 +18,7 @@ from albot_core.mappers.mapper import (
     RouteHome,
 )
 from albot_core.maps.activity import Activity
-from albot_core.maps.layers import MapSnapshot, SegmentsLayer
+from albot_core.maps.layers import MapSnapshot
 from albot_core.sensing.reading import Readings
 
 _TRAVEL, _BEGUN = "batch.travel", "batch.begun"
@@ -38,7 +38,6 @@ class LoopedMappers:
         self.spec: MapperSpec = self._mappers[0].spec
         self.recognises_places = isinstance(self._mappers[0], PlaceMemory)
         self._knows_routes = isinstance(self._mappers[0], RouteHome)
-        self._has_segments = SegmentsLayer.kind in self.spec.layers
         self.poses = np.zeros((count, 3))
         self.homes = np.zeros((count, 3))
         self.places = np.zeros((count, 2), np.bool_)
@@ -57,7 +56,6 @@ class LoopedMappers:
         self._mappers[row].reset(rng)
         self.ways_home[row, TRAVEL] = 0.0
         self._begun[row] = False
-        self.map_versions[row] = -1
         self._take_estimate(row)
 
     def update(self, rows: Int64[np.ndarray, "some"], readings: Readings) -> None:
@@ -111,12 +109,10 @@ class LoopedMappers:
         self._mappers[row].restore(own)
         self.ways_home[row, TRAVEL] = state[_TRAVEL]
         self._begun[row] = bool(state[_BEGUN])
-        self.map_versions[row] = -1
         self._take_estimate(row)
 
     def _take_estimate(self, row: int) -> None:
-        mapper = self._mappers[row]
-        estimate = mapper.estimate
+        estimate = self._mappers[row].estimate
         self.poses[row] = estimate.pose
         self.homes[row] = estimate.home
         self.updates[row] = estimate.updates
@@ -124,7 +120,5 @@ class LoopedMappers:
         self.matched_readings[row] = -1 if matched is None else matched
         self.places[row, 0] = matched is not None
         self.places[row, 1] = not estimate.localised
-        if estimate.map_version != self.map_versions[row]:
-            self.map_versions[row] = estimate.map_version
-            if self._has_segments:
-                self.segment_counts[row] = len(mapper.snapshot().segments)
+        self.map_versions[row] = estimate.map_version
+        self.segment_counts[row] = estimate.segments

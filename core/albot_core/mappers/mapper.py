@@ -63,6 +63,8 @@ class Estimate:
     """Number of times that it has added what it saw to its map."""
     map_version: int = 0
     """Number that grows with every change of the map, even if only known parts have moved."""
+    segments: int = 0
+    """Number of line segments in the map; 0 if its snapshots have no such layer."""
 
     @property
     def home_from_robot(self) -> Pose:

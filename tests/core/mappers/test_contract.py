@@ -304,7 +304,7 @@ def test_what_a_batch_does_single_ones_do(name):
         assert batch.places[row].tolist() == [matched >= 0, not estimate.localised]
         assert batch.map_versions[row] == estimate.map_version
         assert batch.updates[row] == estimate.updates >= added[row]
-        assert batch.segment_counts[row] == len(single.snapshot().segments)
+        assert batch.segment_counts[row] == estimate.segments == len(single.snapshot().segments)
         assert map_to_geojson(batch.snapshot(row)) == map_to_geojson(single.snapshot())
         twin = make_mappers(name, 1)
         twin.restore(0, batch.state(row))

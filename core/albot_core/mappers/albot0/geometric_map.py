@@ -9,7 +9,7 @@ import numpy as np
 from albot_core.errors import InputError
 from albot_core.geometry.types import Segments
 from albot_core.mappers.albot0.ground import Ground
-from albot_core.mappers.albot0.paths import FARTHEST, NO_STEPS, Steps, join_steps
+from albot_core.mappers.albot0.paths import ECHOES, FARTHEST, NO_STEPS, Steps, join_steps
 from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journey
 from albot_core.mappers.stored_arrays import LONGEST, Shape, check_finite, check_shapes
 
@@ -21,6 +21,7 @@ _SHAPES: dict[str, Shape] = {
     "walled": ("steps", 2),
     "begins": ("steps",),
     "readings": ("steps",),
+    "echoes": ("steps", 2, ECHOES),
 }
 
 
@@ -79,7 +80,7 @@ class GeometricMap:
         arrays = {name: state[f"{prefix}.{name}"] for name in _SHAPES}
         prefix = f"{prefix}."
         check_shapes(arrays, _SHAPES, prefix)
-        check_finite(arrays, "lines", "widths", prefix=prefix)
+        check_finite(arrays, "lines", "widths", "echoes", prefix=prefix)
         lines, widths, numbers = arrays["lines"], arrays["widths"], arrays["readings"]
         if (np.abs(lines) > FARTHEST).any():
             raise InputError(f"{prefix}lines", f"coordinates within ±{FARTHEST:g} m", "others")
@@ -88,6 +89,8 @@ class GeometricMap:
             raise InputError(f"{prefix}lines", f"lengths up to {LONGEST:g} m", "others")
         if ((widths < 0) | (widths > LONGEST)).any() or (widths.sum(axis=1) < _SHORTEST).any():
             raise InputError(f"{prefix}widths", f"widths up to {LONGEST:g} m", "others")
+        if ((arrays["echoes"] < 0) | (arrays["echoes"] > LONGEST)).any():
+            raise InputError(f"{prefix}echoes", f"distances up to {LONGEST:g} m", "others")
         if len(numbers) and (
             numbers[0] < 0 or numbers[-1] >= readings or (np.diff(numbers) < 0).any()
         ):

@@ -7,7 +7,6 @@ once, as they come: the area of any region is then the sum over its faces, each 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import chain
 from typing import Any
 
@@ -15,11 +14,15 @@ import numpy as np
 import shapely
 from jaxtyping import Float64, Int64
 
+from albot_core.geometry.poses import inverse, transform_points
+
 _SLIVER = 0.01
 """Faces smaller than this (m²) are left out: so much a sonar's widths do not tell."""
 _GRID = 1e-3
-"""Where edges all but coincide, shapely finds no answer but on a grid of this spacing (m), on which
-it takes much longer."""
+"""Swaths are cut on a grid of this spacing (m). Without one, shapely finds no answer where edges
+all but coincide; or a wrong one, without saying so."""
+_INSET = 2e-3
+"""By this share of its size a swath is made smaller when it is asked which faces it overlaps."""
 _POLYGONAL = (3, 6)
 """shapely's type ids of polygons and multipolygons."""
 
@@ -33,33 +36,42 @@ class Ground:
 
     def __init__(self) -> None:
         self.count = 0
+        self._frame = np.zeros(3)
         self._faces: list[Any] = []
         self._boxes = np.empty((64, 4))
         self._areas = np.empty(64)
         self._covers: list[list[int]] = []
 
     def add(self, corners: Float64[np.ndarray, "corners 2"]) -> None:
-        """Add the next swath, a simple polygon (m)."""
-        number, swath = self.count, shapely.polygons(corners)
+        """Add the next swath, a polygon that may cross itself (m)."""
+        if not self.count:
+            edge = corners[1] - corners[0]
+            self._frame = inverse(np.array((*corners[0], np.arctan2(edge[1], edge[0]))))
+        # The grid lies as the first swath does, so that areas do not depend on the journey's frame.
+        corners = transform_points(self._frame, corners)
+        number, swath = self.count, _polygonal(shapely.make_valid(shapely.polygons(corners)))
         self.count += 1
-        low, high = corners.min(axis=0), corners.max(axis=0)
+        # Steps that follow each other touch: what reaches no farther in is not cut.
+        inner = corners + _INSET * (corners.mean(axis=0) - corners)
         boxes = self._boxes[: len(self._faces)]
-        near = (boxes[:, :2] < high).all(axis=1) & (boxes[:, 2:] > low).all(axis=1)
+        is_near = (boxes[:, :2] < inner.max(axis=0)) & (boxes[:, 2:] > inner.min(axis=0))
+        near = np.flatnonzero(is_near.all(axis=1))
+        faces = np.array([self._faces[face] for face in near.tolist()], object)
+        reaches_in = shapely.intersects(shapely.polygons(inner), faces)
         rest = swath
-        if near.any():
-            rest = self._cut(np.flatnonzero(near), swath, number)
+        if reaches_in.any():
+            rest = self._cut(near[reaches_in], faces[reaches_in], swath, number)
         if rest.area > _SLIVER:
             self._add_face(rest, [number])
 
-    def _cut(self, near: Int64[np.ndarray, "some"], swath: Any, number: int) -> Any:
+    def _cut(self, near: Int64[np.ndarray, "some"], faces: Any, swath: Any, number: int) -> Any:
         """Cut faces along a swath; returns what of it covers none of them."""
-        faces = np.array([self._faces[face] for face in near], object)
-        common = _overlay(shapely.intersection, faces, swath)
+        common = shapely.intersection(faces, swath, grid_size=_GRID)
         covered = shapely.area(common) > _SLIVER
-        if not covered.any():  # Steps that follow each other only touch.
+        if not covered.any():
             return swath
         faces, common, near = faces[covered], common[covered], near[covered]
-        outside = _overlay(shapely.difference, faces, swath)
+        outside = shapely.difference(faces, swath, grid_size=_GRID)
         left_over = shapely.area(outside) > _SLIVER
         for k, face in enumerate(near.tolist()):
             if left_over[k]:
@@ -67,7 +79,8 @@ class Ground:
                 self._add_face(_polygonal(common[k]), [*self._covers[face], number])
             else:
                 self._covers[face].append(number)
-        return _polygonal(_overlay(shapely.difference, swath, _overlay(shapely.union_all, faces)))
+        known = shapely.union_all(faces, grid_size=_GRID)
+        return _polygonal(shapely.difference(swath, known, grid_size=_GRID))
 
     @property
     def index(
@@ -97,18 +110,10 @@ class Ground:
         self._areas[index] = face.area
 
 
-def _overlay(operation: Callable[..., Any], *shapes: Any) -> Any:
-    """What an operation of shapely makes of shapes, those that cross themselves made valid."""
-    try:
-        return operation(*shapes)
-    except shapely.GEOSException:
-        return operation(*map(shapely.make_valid, shapes), grid_size=_GRID)
-
-
 def _polygonal(shape: Any) -> Any:
-    """What of an intersection or a difference has an area: touching shapes have lines in common."""
+    """What of a shape has an area; common parts and crossed swaths may hold lines too."""
     if shape.geom_type != "GeometryCollection":
         return shape
     parts = shapely.get_parts(shape)
     kept = parts[np.isin(shapely.get_type_id(parts), _POLYGONAL)]
-    return _overlay(shapely.union_all, kept)
+    return shapely.union_all(kept, grid_size=_GRID)

@@ -199,6 +199,7 @@ class Albot0:
             matched_reading=matched,
             updates=self._updates,
             map_version=self._updates,
+            segments=sum(int(each.steps.walled.sum()) for each in self.geometric_maps),
         )
 
     @property

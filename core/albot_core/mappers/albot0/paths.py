@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float64, Int64
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from albot_core.errors import InputError
-from albot_core.geometry.types import Segments
+from albot_core.geometry.types import Points, Segments
 from albot_core.mappers.stored_arrays import LONGEST
 from albot_core.ranges import NOT_NEGATIVE, Range, check_fields
 from albot_core.sensing.reading import SonarGeometry, SonarScan
@@ -30,6 +30,8 @@ _SPACING = 0.02
 """The robot has moved since the last sample if it has gone so far (m)."""
 _CELL = 0.1
 """Widths along a path are compared at places about this far apart (m)."""
+ECHOES = 6
+"""Beside each step so many echoes are kept on either side."""
 _NARROWEST = 0.05
 """No surface is taken to be nearer to the robot's middle than this (m)."""
 FARTHEST = 1e7
@@ -85,6 +87,9 @@ class Steps:
     """Whether a robot path begins with it."""
     readings: Int64[np.ndarray, "segments"]
     """The number of the first reading of each."""
+    echoes: Float64[np.ndarray, "segments 2 echoes"]
+    """How far to the left and to the right the echoes came from, at places spread evenly along each
+    step (m); 0 where none was heard."""
 
     def part(self, chosen: slice) -> Steps:
         """Some of them."""
@@ -94,6 +99,7 @@ class Steps:
             walled=self.walled[chosen],
             begins=self.begins[chosen],
             readings=self.readings[chosen],
+            echoes=self.echoes[chosen],
         )
 
     @property
@@ -104,6 +110,17 @@ class Steps:
         aside = np.stack((-along[:, 1], along[:, 0]), axis=-1)
         left, right = self.widths[:, :1] * aside, -self.widths[:, 1:] * aside
         return np.stack((start + left, start + right, end + right, end + left), axis=1)
+
+    @property
+    def echo_points(self) -> Points:
+        """Where the echoes beside the steps came from (m)."""
+        start, way = self.lines[:, :2], self.lines[:, 2:] - self.lines[:, :2]
+        aside = np.stack((-way[:, 1], way[:, 0]), axis=-1) / np.hypot(*way.T)[:, None]
+        shares = (np.arange(ECHOES) + 0.5) / ECHOES
+        places = start[:, None] + shares[:, None] * way[:, None]
+        away = self.echoes * np.array(((1.0,), (-1.0,)))
+        points: Points = (places[:, None] + away[..., None] * aside[:, None, None])[away != 0.0]
+        return points
 
     @property
     def surfaces(self) -> Segments:
@@ -120,6 +137,7 @@ NO_STEPS = Steps(
     walled=np.empty((0, 2), np.bool_),
     begins=np.empty(0, np.bool_),
     readings=np.empty(0, np.int64),
+    echoes=np.empty((0, 2, ECHOES)),
 )
 """The steps of a robot that has gone nowhere."""
 
@@ -132,6 +150,7 @@ def join_steps(one: Steps, other: Steps) -> Steps:
         walled=np.concatenate((one.walled, other.walled)),
         begins=np.concatenate((one.begins, other.begins)),
         readings=np.concatenate((one.readings, other.readings)),
+        echoes=np.concatenate((one.echoes, other.echoes)),
     )
 
 
@@ -243,12 +262,16 @@ def make_steps(samples: Float64[np.ndarray, "samples 10"], config: PathConfig) -
     columns = (0, 1) if lefts.sum() >= 0 else (1, 0)
     reach = float(samples[:, 8].max())
     widths, walled = np.empty((steps, 2)), np.empty((steps, 2), np.bool_)
+    kept = np.empty((steps, 2, ECHOES))
+    chosen = ((np.arange(ECHOES) + 0.5) / ECHOES * (cells // steps)).astype(int)
     for side, column in enumerate(columns):
         echoes = samples[:, 2 + 2 * column : 4 + 2 * column] - samples[0, :2]
         heard = samples[:, 6 + column] > 0
         profile = np.where(heard, np.clip(np.abs(echoes @ aside), _NARROWEST, reach), reach)
         nearest = np.abs(middles[:, None] - echoes @ along).argmin(axis=1)
         closed = _close_gaps(profile[nearest], window)
+        echoed = np.where(heard, profile, 0.0)[nearest]
+        kept[:, side] = echoed.reshape(steps, -1)[:, chosen]
         widths[:, side] = np.median(closed.reshape(steps, -1), axis=1)
         walled[:, side] = widths[:, side] < reach
 
@@ -265,6 +288,7 @@ def make_steps(samples: Float64[np.ndarray, "samples 10"], config: PathConfig) -
         walled=walled,
         begins=np.arange(steps) == 0,
         readings=samples[first, 9].astype(np.int64),
+        echoes=kept,
     )
 
 

@@ -122,7 +122,8 @@ def split_journey(
         return Regions(splits=np.zeros(1, np.int64), steps=lines)
     starts, faces, areas = ground.index
     seen = np.zeros(len(areas) + 1, np.int64)
-    angles = np.arange(AXES) * np.pi / AXES
+    # The axes turn with the journey, so that its regions do not depend on how its frame lies.
+    angles = np.arctan2(*(lines[0, 2:] - lines[0, :2])[::-1]) + np.arange(AXES) * np.pi / AXES
     covered = np.concatenate((np.zeros((2, AXES)), [np.cos(angles), np.sin(angles)]))
     journey = Journey(lines, begins, starts, faces, areas, seen, covered)
     bounds = split_and_merge(journey, config.constants)

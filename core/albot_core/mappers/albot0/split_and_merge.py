@@ -16,8 +16,9 @@ _LEAST_AREA = 1e-6
 """A region whose ground is nothing but slivers has this area (m²), so that all have a width."""
 AXES = 32
 """Along so many axes the extent of a way is measured."""
-_GAIN = 1e-9
-"""A split point is shifted only for more than rounding errors."""
+_ROUNDING = 1e-9
+"""Values of h that differ by less are equal: of equal splits and merges the first one counts,
+however the journey's frame lies."""
 
 
 class Constants(NamedTuple):
@@ -130,7 +131,10 @@ def merge(
     for k in range(count - 1):
         residuals[k] = residual(journey, constants, splits[k], splits[k + 2], before, after)[1]
     while count > 1:
-        k = int(np.argmin(residuals[: count - 1]))
+        k = 0
+        for other in range(1, count - 1):
+            if residuals[other] < residuals[k] - _ROUNDING:
+                k = other
         if residuals[k] > constants.threshold:
             break
         for other in range(k + 1, count):
@@ -161,7 +165,7 @@ def residual(
         area, extent = before[0, middle - 1], before[1, middle - 1]
         other, other_extent = after[0, middle], after[1, middle]
         h = homogeneity(area, extent, other, other_extent, constants)
-        if h > greatest:
+        if h > greatest + _ROUNDING:
             best, greatest = middle, h
     return best, greatest
 
@@ -221,9 +225,9 @@ def best_split(
             total += homogeneity(other, other_extent, later, later_extent, constants)
         if middle == here:
             present = total
-        if total > greatest:
+        if total > greatest + _ROUNDING:
             best, greatest = middle, total
-    return best if greatest > present + _GAIN else here
+    return best if greatest > present + _ROUNDING else here
 
 
 @kernel()

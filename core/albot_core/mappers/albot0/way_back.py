@@ -3,8 +3,8 @@
 The paper does not tell how its robot chooses where to go on its way home: this is ours, and so is
 the cue `way` that rests on it. The robot is looked for in the map of the way out by Monte Carlo
 localisation (S. Thrun, W. Burgard and D. Fox, Probabilistic Robotics, 2005, section 8.3): each
-particle is a pose there, moved as the odometer says, and weighed by how near the surfaces of the
-way home come to those of the way out. Neither map is corrected, and what the odometer errs in the
+particle is a pose there, moved as the odometer says, and weighed by how near the echoes of the way
+home come to those of the way out. Neither map is corrected, and what the odometer errs in the
 long run is of no weight.
 """
 
@@ -26,7 +26,7 @@ from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, inverse, relative, transform_points
 from albot_core.geometry.types import Points, Pose, Poses, Segments
 from albot_core.mappers.albot0.localisation import Confidences
-from albot_core.mappers.albot0.paths import Steps
+from albot_core.mappers.albot0.paths import ECHOES, Steps
 from albot_core.mappers.albot0.regions import Regions
 from albot_core.mappers.stored_arrays import Shape, check_finite, check_shapes
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, Range, check_fields
@@ -37,10 +37,6 @@ _GAP = 0.5
 _BESIDE = 1.5
 """Between two points of the way out no farther apart (m) the robot can go straight, if there is no
 surface between."""
-_SURFACE_GAP = 0.2
-"""…and its surfaces by points so far apart (m)."""
-_ALONG = np.array((1 / 6, 1 / 2, 5 / 6))
-"""Where on a surface of the way home its distance to those of the way out is taken, as shares."""
 _LEAST = 1e-12
 """The least weight of a particle, as a share of the greatest."""
 _SUM = 1e-6
@@ -70,22 +66,30 @@ class WayBackConfig:
     slip: float = 0.06
     """Standard deviation of the place's error after one metre (m/√m)."""
     spread: float = 0.25
-    """Standard deviation of a surface's distance from the one that it is of the way out (m)."""
+    """Standard deviation of an echo's distance from the nearest one of the way out (m)."""
     farthest: float = 0.75
-    """Surfaces that are farther away (m) are not on the way out; all are as unlikely."""
-    same: float = 0.25
-    """Where the way out comes by no farther away (m) than where it is nearest, the robot may be on
-    either part of it."""
+    """Echoes that are farther away (m) are of nothing heard on the way out; all are as unlikely."""
+    same: float = 0.75
+    """Where the way out comes by that much farther away (m) than where it is nearest, or less, the
+    robot may be on either part of it: it knows its position no better."""
+    through_surface: float = 0.05
+    """Factor of the weight of a particle that moved through a surface of the way out. It is not 0:
+    that map is inexact, and small gaps in it are closed."""
     near: float = 0.5
     """Standard deviation of how much farther away than the nearest an ASR is that the robot may be
     in (m). So two are about as likely where they meet."""
+    loop: float = 20.0
+    """Loops of the way out no longer than this (m) are cut off on the way home. How far apart the
+    ends of longer ones are the odometer does not tell well enough to go straight from one to the
+    other."""
     ahead: float = 1.5
     """The robot is shown a point so far ahead (m)."""
 
     def __post_init__(self) -> None:
         check_fields(self, _COUNT, "particles")
         check_fields(self, NOT_NEGATIVE, "drift", "turned", "slip", "same")
-        check_fields(self, POSITIVE, "spread", "farthest", "near", "ahead")
+        positive = "spread", "farthest", "through_surface", "near", "loop", "ahead"
+        check_fields(self, POSITIVE, *positive)
 
 
 class WayBack:
@@ -111,22 +115,26 @@ class WayBack:
         self.frame = np.zeros(3)
 
     @cached_property
-    def _surfaces(self) -> KDTree:
-        """Points along the surfaces of the way out."""
-        return KDTree(_points_along(self._out.surfaces, _SURFACE_GAP)[0])
+    def _echoes(self) -> KDTree:
+        """Where the echoes of the way out came from."""
+        return KDTree(self._out.echo_points)
+
+    @cached_property
+    def _walls(self) -> STRtree:
+        """The surfaces of the way out."""
+        return STRtree(shapely.linestrings(self._out.surfaces.reshape(-1, 2, 2)))
 
     def locate(self, home: Steps) -> None:
         """Follow the robot along the next steps of its way home, and lay the way out beside it.
 
         It sets out from where the way out ends, in the direction in which it came there.
         """
-        for line, walled, swath in zip(home.lines, home.walled, home.swaths, strict=True):
-            pose = _end(line)
+        for step in range(len(home.lines)):
+            pose = _end(home.lines[step])
             self._move(relative(self._latest, pose))
             self._latest = pose
-            sides = swath[[[0, 3], [1, 2]]][walled]
-            points = sides[:, :1] + _ALONG[:, None] * (sides[:, 1:] - sides[:, :1])
-            self._weigh(transform_points(inverse(pose), points.reshape(-1, 2)))
+            echoes = home.part(slice(step, step + 1)).echo_points
+            self._weigh(transform_points(inverse(pose), echoes))
             self._resample()
         east, north = self._weights @ self._poses[:, :2]
         heading = np.angle(self._weights @ np.exp(1j * self._poses[:, 2]))
@@ -139,14 +147,20 @@ class WayBack:
         errors[:, :2] *= config.slip * root
         errors[:, 2] *= np.hypot(config.drift * root, config.turned * motion[2])
         # The robot first errs in its heading, then goes.
+        before = self._poses[:, :2].copy()
         self._poses[:, 2] += errors[:, 2]
         self._poses = compose(self._poses, motion)
         self._poses[:, :2] += errors[:, :2]
+        moves = shapely.linestrings(np.stack((before, self._poses[:, :2]), axis=1))
+        crossing = self._walls.query(moves, predicate="intersects")[0]
+        self._weights[np.unique(crossing)] *= config.through_surface
+        weights = np.maximum(self._weights, _LEAST * self._weights.max())
+        self._weights = weights / weights.sum()
 
     def _weigh(self, points: Points) -> None:
-        """Weigh the particles by how near to surfaces points seen from the robot come."""
+        """Weigh the particles by how near to echoes of the way out points seen from them are."""
         config = self._config
-        if not len(points) or not self._surfaces.n:
+        if not len(points) or not self._echoes.n:
             return
         cos, sin = np.cos(self._poses[:, 2:]), np.sin(self._poses[:, 2:])
         seen = np.stack(
@@ -156,10 +170,10 @@ class WayBack:
             ),
             axis=-1,
         )
-        away, _ = self._surfaces.query(seen, distance_upper_bound=config.farthest)
+        away, _ = self._echoes.query(seen, distance_upper_bound=config.farthest)
         misfit = (np.minimum(away, config.farthest) / config.spread) ** 2
-        # The points of a surface are one measurement.
-        total = 0.5 * misfit.sum(axis=1) / len(_ALONG) - np.log(self._weights)
+        # The echoes on one side of a step are one measurement.
+        total = 0.5 * misfit.sum(axis=1) / ECHOES - np.log(self._weights)
         # The best one is taken off in the exponent, and none is ruled out.
         weights = np.maximum(np.exp(total.min() - total), _LEAST)
         self._weights = weights / weights.sum()
@@ -212,13 +226,15 @@ class WayBack:
     def _way_home(self) -> tuple[Float64[np.ndarray, "points"], Int64[np.ndarray, "points"]]:
         """Of each point of the way out, how far it is home (m) and the next point on the way there.
 
-        Where the way out comes by again, and there is no surface between, its loop is cut off.
+        Where the way out comes by again, and there is no surface between, its loop is cut off if
+        it is not too long.
         """
         points, count = self._points, len(self._points)
         pairs = KDTree(points).query_pairs(_BESIDE, output_type="ndarray")
-        beside = pairs[pairs[:, 1] - pairs[:, 0] > 1]
-        walls = STRtree(shapely.linestrings(self._out.surfaces.reshape(-1, 2, 2)))
-        barred = walls.query(shapely.linestrings(points[beside]), predicate="intersects")[0]
+        gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+        loops = np.diff(gone[pairs])[:, 0]
+        beside = pairs[(pairs[:, 1] - pairs[:, 0] > 1) & (loops <= self._config.loop)]
+        barred = self._walls.query(shapely.linestrings(points[beside]), predicate="intersects")[0]
         beside = np.delete(beside, barred, axis=0)
         along = np.stack((np.arange(count - 1), np.arange(1, count)), axis=-1)
         one, other = np.concatenate((along, beside)).T

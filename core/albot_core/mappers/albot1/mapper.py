@@ -93,6 +93,7 @@ class Albot1:
             matched_reading=None if matched < 0 else matched,
             updates=self.updates,
             map_version=int(robot.map_versions[0]),
+            segments=int(robot.segment_counts[0]),
         )
 
     def snapshot(self) -> MapSnapshot:

@@ -134,6 +134,7 @@ class Association:
             localised=not self._is_lost,
             updates=self._views,
             map_version=self._views,
+            segments=self._count,
         )
 
     def reset(self, rng: np.random.Generator) -> None:

@@ -80,6 +80,7 @@ class OdometryMapper:
             home=np.zeros(3),
             updates=self._updates,
             map_version=self._updates,
+            segments=min(self._end, self.config.capacity),
         )
 
     def reset(self, rng: np.random.Generator) -> None:

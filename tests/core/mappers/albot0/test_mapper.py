@@ -204,6 +204,7 @@ STATE = led(OUTWARD + 100).state()
         ("out.lines", np.full_like(STATE["out.lines"], 1e12)),
         ("out.lines", np.zeros_like(STATE["out.lines"])),
         ("out.widths", np.zeros_like(STATE["out.widths"])),
+        ("out.echoes", np.full_like(STATE["out.echoes"], -1.0)),
         ("out.readings", STATE["out.readings"][::-1].copy()),
         ("home.lines", STATE["home.lines"][:1]),
         ("weights", np.array((0.9, 0.9))),

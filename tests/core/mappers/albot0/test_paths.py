@@ -36,6 +36,12 @@ def test_a_corridor_has_a_surface_on_either_side():
     np.testing.assert_allclose(np.unique(steps.surfaces[:, [1, 3]]), (-1.5, 1.0), atol=1e-9)
     assert steps.begins.tolist() == [True, False]
     assert steps.readings.tolist() == [0, 13]
+    left, right = steps.echoes[:, 0], steps.echoes[:, 1]
+    np.testing.assert_allclose(left, 1.0, atol=1e-9)
+    np.testing.assert_allclose(right, 1.5, atol=1e-9)
+    east, north = steps.echo_points.T
+    np.testing.assert_allclose(np.unique(north.round(9)), (-1.5, 1.0))
+    np.testing.assert_allclose((east.min(), east.max()), (0.0, 2.5), atol=0.2)
 
 
 def test_a_path_ends_where_it_is_long_or_where_the_robot_turns():
@@ -50,6 +56,7 @@ def test_small_gaps_are_closed_and_large_ones_are_distant_surfaces(width, is_clo
     left = np.array(((-5.0, 1.0, 3.0 - width / 2, 1.0), (3.0 + width / 2, 1.0, 20.0, 1.0)))
     (steps,) = led(driven((0, 0), (5.9, 0)), np.concatenate((left, CORRIDOR[1:])), longest=9.0)
     assert steps.walled[:, 0].all() == is_closed
+    assert (steps.echoes[2:4, 0] == 0.0).any()  # Echoes are kept as they came.
     if is_closed:
         np.testing.assert_allclose(steps.widths[:, 0], 1.0, atol=1e-9)
     else:

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import transform_segments
 from albot_core.mappers.albot0.ground import Ground
-from albot_core.mappers.albot0.paths import Steps
+from albot_core.mappers.albot0.paths import ECHOES, Steps
 from albot_core.mappers.albot0.regions import RegionConfig, Regions, split_journey
 from albot_core.mappers.albot0.split_and_merge import homogeneity, regularisation
 
@@ -21,15 +21,21 @@ CONFIG = RegionConfig()
 LEAST = CONFIG.constants
 
 
-def split(lines: np.ndarray, widths: np.ndarray, path: int = 3) -> Regions:
-    """The regions of steps with the ground to either side; a robot path begins every few steps."""
-    steps = Steps(
+def steps_of(lines: np.ndarray, widths: np.ndarray, path: int = 3) -> Steps:
+    """Steps with the ground to either side; a robot path begins every few steps."""
+    return Steps(
         lines=lines,
         widths=widths,
         walled=np.ones((len(lines), 2), np.bool_),
         begins=np.arange(len(lines)) % path == 0,
         readings=np.arange(len(lines)),
+        echoes=np.zeros((len(lines), 2, ECHOES)),
     )
+
+
+def split(lines: np.ndarray, widths: np.ndarray, path: int = 3) -> Regions:
+    """The regions of such steps."""
+    steps = steps_of(lines, widths, path)
     ground = Ground()
     for swath in steps.swaths:
         ground.add(swath)
@@ -128,6 +134,8 @@ def test_a_region_that_ends_where_it_began_has_a_width_and_a_direction():
     np.testing.assert_allclose(whole.directions, np.pi / 2)
 
 
+@example(333933, 31.6, -79.3, 1.66)  # The extent of a way, if its axes stay with the frame.
+@example(649903, 0.0, 0.0, 0.5)  # A common part that shapely gets wrong where edges coincide.
 @settings(max_examples=15)
 @given(st.integers(0, 10**6), st.floats(-100, 100), st.floats(-100, 100), st.floats(-3.1, 3.1))
 def test_the_split_does_not_depend_on_where_the_world_lies(seed, x, y, heading):
@@ -138,6 +146,28 @@ def test_the_split_does_not_depend_on_where_the_world_lies(seed, x, y, heading):
     np.testing.assert_allclose(here.lengths, there.lengths, atol=1e-6)
     turned = there.directions - here.directions - heading
     np.testing.assert_allclose(np.cos(turned), 1.0, atol=1e-6)
+
+
+@given(st.floats(-3.1, 3.1))
+def test_of_equal_splits_the_first_counts_however_the_world_lies(heading):
+    """A room between two corridors that are alike: its walls' ends are equally good splits."""
+    x, zero = np.arange(24.0), np.zeros(24)
+    lines = np.stack((x, zero, x + 1, zero), axis=1)
+    widths = np.repeat(np.array([[1.0], [3.0], [1.0]]), 8, axis=0).repeat(2, axis=1)
+    there = split(transform_segments(np.array((5.0, -3.0, heading)), lines), widths, path=24)
+    np.testing.assert_array_equal(there.splits, split(lines, widths, path=24).splits)
+
+
+@pytest.mark.parametrize("seed", [649903, 176789])
+def test_the_ground_of_a_long_way_is_counted_once(seed):
+    """With shapely's exact overlay alone, the areas are 4 and 0.6 m² too large here."""
+    lines, widths = wandering(seed)
+    ground = Ground()
+    steps = steps_of(lines, widths)
+    for swath in steps.swaths:
+        ground.add(swath)
+    union = shapely.union_all(shapely.polygons(steps.swaths), grid_size=1e-6)
+    assert ground.index[2].sum() == pytest.approx(union.area, abs=0.3)
 
 
 @settings(max_examples=15)
@@ -194,3 +224,15 @@ def test_a_swath_that_crosses_itself_is_taken_in():
     ground.add(np.array(((0.5, 0.5), (2.5, 0.5), (2.5, 2.5), (0.5, 2.5))))
     _, _, areas = ground.index
     assert 4.0 < areas.sum() < 9.0
+
+
+@given(st.lists(st.lists(st.integers(0, 4), min_size=8, max_size=8), min_size=2, max_size=8))
+def test_swaths_of_any_corners_are_taken_in(numbers):
+    """They cross themselves, have spikes, are but a line or a point, or share edges."""
+    ground, shapes = Ground(), []
+    for each in numbers:
+        corners = np.array(each, np.float64).reshape(4, 2)
+        ground.add(corners)
+        shapes.append(shapely.make_valid(shapely.polygons(corners)))
+    union = shapely.union_all(np.array(shapes))
+    assert ground.index[2].sum() == pytest.approx(union.area, abs=0.01 * 4 * len(numbers))

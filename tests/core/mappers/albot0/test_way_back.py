@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from albot_core.errors import InputError
 from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.albot0.mapper import Albot0
-from albot_core.mappers.albot0.paths import NO_STEPS, Steps, join_steps
+from albot_core.mappers.albot0.paths import ECHOES, NO_STEPS, Steps, join_steps
 from albot_core.mappers.albot0.regions import Regions
 from albot_core.mappers.albot0.way_back import WayBack, WayBackConfig
 from albot_core.mappers.mapper import POINT, TRAVEL
@@ -63,6 +65,7 @@ def steps_along(*points: tuple[float, float]) -> Steps:
                 walled=np.zeros((count, 2), np.bool_),
                 begins=np.arange(count) == 0,
                 readings=np.arange(count) + len(steps.readings),
+                echoes=np.zeros((count, 2, ECHOES)),
             ),
         )
     return steps
@@ -71,7 +74,9 @@ def steps_along(*points: tuple[float, float]) -> Steps:
 def test_a_loop_of_the_way_out_is_cut_off():
     """It leads 10 m east, round a square of 5 m, and 5 m on."""
     way = steps_along((0, 0), (10, 0), (10, 5), (5, 5), (5, 0), (5, -5))
-    back = WayBack(way, WayBackConfig(), RNG(0))
+    long = WayBack(way, WayBackConfig(loop=10.0), RNG(0))
+    assert long.ahead(np.array((5.0, -5.0, 0.0)))[1] == pytest.approx(30.0, abs=3.0)
+    back = WayBack(way, WayBackConfig(loop=25.0), RNG(0))
     point, left = back.ahead(np.array((5.0, -5.0, 0.0)))
     assert left == pytest.approx(10.0, abs=1.5)  # Corners are cut too.
     np.testing.assert_allclose(point, (5.0, -3.5), atol=1.0)
@@ -109,6 +114,21 @@ def test_two_asrs_are_as_likely_where_they_meet():
     assert fit[1] < 0.2
 
 
+def test_particles_do_not_go_through_the_surfaces_of_the_way_out():
+    """Without surfaces beside the way home, only those of the way out hold the particles."""
+    way, home = steps_along((0, 0), (9, 0)), steps_along((9, 0), (3, 0))
+    corridor = replace(way, widths=np.ones((9, 2)), walled=np.ones((9, 2), np.bool_))
+    outside = []
+    for out in (way, corridor):
+        back = WayBack(out, WayBackConfig(slip=0.5), RNG(0))
+        back.locate(home)
+        state = back.state()
+        is_outside = np.abs(state["way_back.poses"][:, 1]) > 1.0
+        outside.append(state["way_back.weights"][is_outside].sum())
+    assert outside[0] > 0.2
+    assert outside[1] < 0.5 * outside[0]
+
+
 def test_a_way_of_one_step_leads_home():
     way = steps_along((0, 0), (1, 0))
     back = WayBack(way, WayBackConfig(), RNG(0))
@@ -117,15 +137,25 @@ def test_a_way_of_one_step_leads_home():
     np.testing.assert_array_equal(back.fit(Regions(splits=np.array((0, 1)), steps=way.lines)), 1.0)
 
 
-def test_a_surface_tells_nothing_where_the_way_out_has_none():
+def test_a_doorway_tells_how_far_along_a_corridor_the_robot_is():
+    """The odometer of the way home tells 10 % too little; one doorway is passed, 2 m deep."""
+    out, home = steps_along((0, 0), (20, 0)), steps_along((20, 0), (8, 0))
+    short = np.array((20.0, 0.0, 20.0, 0.0)) + 0.9 * (home.lines - np.array((20.0, 0.0, 20.0, 0.0)))
+    off = []
+    for depth in (1.0, 2.0):
+        echoes = np.ones((20, 2, ECHOES))
+        echoes[9, 0] = depth
+        back = WayBack(replace(out, echoes=echoes), WayBackConfig(slip=0.2), RNG(0))
+        back.locate(replace(home, lines=short, echoes=echoes[:7:-1, ::-1, ::-1]))
+        found = relative(back.frame, np.array((*short[-1, 2:], np.pi)))[:2]
+        off.append(float(np.hypot(*(found - (8.0, 0.0)))))
+    assert off[0] > 1.0  # Walls alone do not tell.
+    assert off[1] < 0.5
+
+
+def test_an_echo_tells_nothing_where_the_way_out_has_none():
     way, home = steps_along((0, 0), (9, 0)), steps_along((9, 0), (0, 0))
-    walled = Steps(
-        lines=home.lines,
-        widths=np.ones((9, 2)),
-        walled=np.ones((9, 2), np.bool_),
-        begins=home.begins,
-        readings=home.readings,
-    )
+    walled = replace(home, echoes=np.ones((9, 2, ECHOES)))
     without, beside = (WayBack(way, WayBackConfig(), RNG(0)) for _ in range(2))
     without.locate(home)
     beside.locate(walled)
