@@ -103,7 +103,7 @@ def test_the_way_home_is_the_quickest(truth):
     corner = transform_points(mapper.estimate.pose, np.zeros(2))
     assert mapper.way_to(corner)[6] < 1.0
     opposite = compose(np.array((0.0, 0.0, 0.0)), np.array((5.0, 5.0, 0.0)))[:2]
-    assert mapper.way_to(opposite)[6] > 5.0
+    assert mapper.way_to(opposite)[6] == pytest.approx(5.0, abs=1.2)
 
 
 def test_its_map_is_places_transitions_and_the_way(truth):
