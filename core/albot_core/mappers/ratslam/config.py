@@ -152,7 +152,7 @@ class PanoramaConfig:
 class ExperienceConfig:
     """The zones of influence of experiences (section 4.1). The paper gives no values: ours."""
 
-    radius: float = 1.0
+    radius: float = 1.15
     """r_a: radius of the zone in the plane of the pose cells (m)."""
     turn: float = math.radians(45.0)
     """θ_a: half the zone's width in θ' (rad)."""
@@ -250,7 +250,7 @@ class RatSlamConfig:
         return cls(
             sees="scenes",
             pose_cells=PoseCellConfig(),
-            views=LocalViewConfig(injection=0.1, fatigue=0.7, learning_delay=3.0),
+            views=LocalViewConfig(injection=0.12, fatigue=0.6, learning_delay=3.0),
             experiences=ExperienceConfig(),
             correction=CorrectionConfig(),
         )
