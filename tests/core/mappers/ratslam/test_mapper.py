@@ -45,9 +45,9 @@ def truth() -> np.ndarray:
 
 
 @pytest.mark.parametrize("degrees", [0.0, 1.5, 3.0, 6.0, -6.0, 7.5])
-def test_a_loop_closes_under_a_bias(truth, degrees):
-    """At 7.5 °/s a lap of 48 s is a whole turn too much."""
-    bias = np.radians(degrees)
+def test_a_loop_closes_under_a_bias(degrees):
+    """At 7.5 °/s a lap of 48 s is a whole turn too much; the correction takes about ten laps."""
+    bias, truth = np.radians(degrees), true_laps(10)
     mapper, uncorrected = scenes(), scenes(correction=CorrectionConfig(passes=0))
     for each in (mapper, uncorrected):
         lead(each, truth, bias, false=0.05)
