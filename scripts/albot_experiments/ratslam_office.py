@@ -8,11 +8,12 @@ from dataclasses import replace
 from albot_experiments.mapping import median_and_worst
 from albot_experiments.ratslam_runs import CORRECTED, Run, follow
 from albot_experiments.ratslam_wandering import (
-    ASKED_REVISITS,
     SPEED,
     Wandering,
     figures,
+    overlaps,
     picture,
+    seeds_short,
     text,
 )
 from albot_experiments.report import Figures, Report, each_seed
@@ -44,12 +45,12 @@ def report(seeds: range, runs: Sequence[Run], either: Sequence[float] = ()) -> R
     measured: dict[str, Figures] = figures(runs)
     if either:
         measured["either_zone_error_m"] = median_and_worst(either)
-    overlap = all(run.revisits_within_a_metre >= ASKED_REVISITS for run in runs)
+    overlap = overlaps(runs)
     return Report(
         id=ID,
         title=TITLE,
         paper=PAPER,
-        measured={"multiple_overlap": overlap} | measured | {"seeds": len(seeds)},
+        measured={"multiple_overlap": overlap} | measured | seeds_short(seeds, runs),
         holds=overlap,
         text=_TEXT + text(),
         pictures={"maps": picture(runs[0], OFFICE.world, (11.0, 5.0))},

@@ -114,6 +114,10 @@ class PlaceEdge:
     first end to its second, the source is on the left. None without a doorway."""
     reverse: int | None = None
     """Index in `PlaceGraph.edges` of the edge in the opposite direction; None if there is none."""
+    information: Float64[np.ndarray, "3 3"] | None = None
+    """Information matrix of `motion`: the inverse of its covariance, along the axes of the target's
+    frame (1/m², 1/rad²). Only ratios matter where a mapper knows no more. None if unknown.
+    Recordings do not keep it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -152,7 +152,7 @@ class PanoramaConfig:
 class ExperienceConfig:
     """The zones of influence of experiences (section 4.1). The paper gives no values: ours."""
 
-    radius: float = 1.0
+    radius: float = 1.15
     """r_a: radius of the zone in the plane of the pose cells (m)."""
     turn: float = math.radians(45.0)
     """θ_a: half the zone's width in θ' (rad)."""
@@ -162,11 +162,11 @@ class ExperienceConfig:
     experience far away."""
     apart: float = 3.0
     """An experience is recognised if the robot has driven this far since it was last there (m)."""
-    confirmations: int = 2
+    confirmations: int = 3
     """Number of known experiences that must be entered after a re-localisation, without another
     one, before it is believed. Until then, transitions to known experiences wait; those of a false
     re-localisation are never learned. 0: every re-localisation is believed at once."""
-    smoothing: float = 0.15
+    smoothing: float = 0.2
     """Smallest weight of the view against map and odometer, when it gives the robot's pose in a
     known experience that it enters. A scene gives that pose only to 1 m and 45°. The weight is 1 at
     a re-localisation, then 1/2, 1/3 and so on. 1: only the view is believed."""
@@ -250,7 +250,7 @@ class RatSlamConfig:
         return cls(
             sees="scenes",
             pose_cells=PoseCellConfig(),
-            views=LocalViewConfig(injection=0.1, fatigue=0.7, learning_delay=3.0),
+            views=LocalViewConfig(injection=0.12, fatigue=0.6, learning_delay=3.0),
             experiences=ExperienceConfig(),
             correction=CorrectionConfig(),
         )

@@ -52,6 +52,10 @@ class Doubt:
         """Variance of that pose, as a share of that of a pose by one scene."""
         self.left_at, self.left_in = 0.0, 0
         """When the robot was last at the anchor: stamp (s) and iteration."""
+        self.hypothesis = -1
+        """The known experience that was entered last while in doubt; -1 if none was."""
+        self.beyond: Motion = (0.0, 0.0, 0.0)
+        """The robot's pose in that experience's frame, by odometry since."""
         self.known = 0
         """Number of experiences at the re-localisation."""
         self._waiting.clear()
@@ -70,10 +74,16 @@ class Doubt:
         self.anchor, self.since, self.variance, self.known = anchor, here, variance, known
         self.left_at, self.left_in = left_at, left_in
 
+    def enter(self, experience: int, offset: Motion) -> None:
+        """Note that a known experience is entered, with the robot at this pose in its frame."""
+        if self.anchor >= 0:
+            self.hypothesis, self.beyond = experience, offset
+
     def integrate(self, motion: Motion) -> None:
-        """Integrate odometry from the anchor."""
+        """Integrate odometry from the anchor and from the experience entered last."""
         if self.anchor >= 0:
             self.since = after(self.since, motion)
+            self.beyond = after(self.beyond, motion)
 
     def _anchor_at(self, experience: int, stamp: float, iteration: int) -> None:
         """Make a new experience the anchor, with the robot at its origin."""
@@ -129,13 +139,16 @@ class Doubt:
     def state(self) -> dict[str, np.ndarray]:
         """Return everything remembered, as arrays by name."""
         return {
-            "doubt.counts": np.array((self.anchor, self.left_in, self.known), np.int64),
-            "doubt.numbers": np.array((*self.since, self.variance, self.left_at)),
+            "doubt.counts": np.array(
+                (self.anchor, self.hypothesis, self.left_in, self.known), np.int64
+            ),
+            "doubt.numbers": np.array((*self.since, *self.beyond, self.variance, self.left_at)),
         } | self._waiting.state("doubted")
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Restore what `state` returned."""
-        self.anchor, self.left_in, self.known = state["doubt.counts"].tolist()
-        x, y, heading, self.variance, self.left_at = state["doubt.numbers"].tolist()
-        self.since = x, y, heading
+        counts = state["doubt.counts"].tolist()
+        self.anchor, self.hypothesis, self.left_in, self.known = counts
+        *motions, self.variance, self.left_at = state["doubt.numbers"].tolist()
+        self.since, self.beyond = motion_of(motions[:3]), motion_of(motions[3:])
         self._waiting.restore("doubted", state)

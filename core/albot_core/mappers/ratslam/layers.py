@@ -35,9 +35,17 @@ def map_layers(
     number = {pair: k for k, pair in enumerate(ends)}
     motions = links.rows("motion").copy()
     motions[:, 2] = wrap_angle(motions[:, 2])
+    # The correction gives each transition this share of its rate, in all directions alike.
+    shares = links.rows("stiffness").tolist()
     edges = tuple(
-        PlaceEdge(source=one, target=other, motion=motion, reverse=number.get((other, one)))
-        for (one, other), motion in zip(ends, motions, strict=True)
+        PlaceEdge(
+            source=one,
+            target=other,
+            motion=motion,
+            reverse=number.get((other, one)),
+            information=share * np.eye(3),
+        )
+        for (one, other), motion, share in zip(ends, motions, shares, strict=True)
     )
     graph = PlaceGraph(nodes=nodes, edges=edges, current=current, home=0)
     return MapSnapshot(layers=(graph, TrajectoryLayer(poses=poses[visits])))

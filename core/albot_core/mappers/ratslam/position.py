@@ -116,18 +116,50 @@ class Position:
                 transition, self.stamp, self.iteration, config.confirmations, is_new=is_new
             ):
                 self._connect(each)
+        if not is_new:
+            self._doubt.enter(experience, offset)
         table["way"][experience] = self.way
         self.place, self.here, self._variance = experience, offset, variance
         self._left_at, self._left_in = self.stamp, self.iteration
         self.visits.append(place=experience)
         self.version += 1
 
-    def smoothed(
-        self, experience: int, offset: Motion, *, comes_into_sight: bool
-    ) -> tuple[Motion, float]:
+    def check(self, experience: int, offset: Motion) -> None:
+        """Doubt a known experience that lies far from where the robot is believed to be.
+
+        Two places may share a scene and pose cells. Then the robot seems to visit the other place
+        without being re-localised. So if the map puts the experience far from the believed pose,
+        it is doubted like a re-localisation. If the robot was in doubt already, the experience is
+        compared with the doubtful poses before it. If it is far from these, they were false; if it
+        is near the pose by odometry from the anchor, the doubt ends.
+
+        Args:
+            experience: The experience that the robot is about to enter.
+            offset: The robot's pose in its frame by the view.
+        """
+        doubt = self._doubt
+        if not self._config.experiences.confirmations:
+            return
+        if doubt.anchor < 0:
+            if self._is_far(experience, offset, self.believed):
+                self.begin_doubt()
+        elif doubt.hypothesis >= 0:
+            pose = compose(self.map.poses[doubt.hypothesis], np.array(doubt.beyond))
+            if self._is_far(experience, offset, pose):
+                self.begin_doubt()
+                if not self._is_far(experience, offset, self.believed):
+                    doubt.reset()
+
+    def _is_far(self, experience: int, offset: Motion, pose: Pose) -> bool:
+        """Return whether a pose by a view is outside the zone round another pose in the map."""
+        config = self._config.experiences
+        x, y, turn = (np.array(offset) - relative(self.map.poses[experience], pose)).tolist()
+        return math.hypot(x, y) > config.radius or abs(nearest_turn(turn)) > config.turn
+
+    def smoothed(self, experience: int, offset: Motion) -> tuple[Motion, float]:
         """Return the robot's pose in an experience that it enters, smoothed over those before.
 
-        This is the weighted mean of the pose by the view and the pose by map and odometer. The
+        This is the weighted mean of the pose by the view and the pose by map and odometry. The
         weight of the view falls from 1 at a re-localisation to 1/2, 1/3 and so on, as in a Kalman
         filter whose measurements have equal variances; it falls less where the odometer's bias adds
         much turn in between. While a re-localisation is in doubt, and if both poses are far apart,
@@ -135,28 +167,21 @@ class Position:
 
         Args:
             experience: The experience that the robot enters.
-            offset: The robot's pose in its frame by the pose cells.
-            comes_into_sight: Whether its view has just come into sight. Then the position by the
-                view is the mean of that by the pose cells and of the experience's own, where the
-                view came into sight before: both are about as far off, in different ways.
+            offset: The robot's pose in its frame by the view.
 
         Returns:
             The pose, and its variance as a share of that of a pose by one scene, which is the
             weight of the view.
         """
-        expected = relative(self.map.poses[experience], self.believed)
-        x, y, turn = (np.array(offset) - expected).tolist()
-        config = self._config.experiences
-        is_far = math.hypot(x, y) > config.radius or abs(nearest_turn(turn)) > config.turn
-        if comes_into_sight:
-            offset = offset[0] / 2, offset[1] / 2, offset[2]
-        if self._doubt.anchor >= 0 or is_far or self._weight == 0.0:
+        in_doubt = self._doubt.anchor >= 0 or self._is_far(experience, offset, self.believed)
+        if in_doubt or self._weight == 0.0:
             self._weight = 1.0
             return offset, 1.0
+        expected = relative(self.map.poses[experience], self.believed)
         x, y, turn = (np.array(offset) - expected).tolist()
         excess = self._bias.rate * (self.stamp - self._left_at)
         variance = self._weight + (excess / SCENE_TURN) ** 2
-        self._weight = max(config.smoothing, variance / (1.0 + variance))
+        self._weight = max(self._config.experiences.smoothing, variance / (1.0 + variance))
         change = np.array((x, y, nearest_turn(turn)))
         return motion_of((expected + self._weight * change).tolist()), self._weight
 

@@ -15,7 +15,7 @@ from jaxtyping import Float64, Int64
 from albot_core.geometry.poses import compose, relative
 from albot_core.mappers.ratslam.config import RatSlamConfig
 from albot_core.mappers.ratslam.local_views import NO_VIEW, Links, Scenes
-from albot_core.mappers.ratslam.motions import Motion, before, motion_of, nearest_turn
+from albot_core.mappers.ratslam.motions import Motion, after, before, motion_of, nearest_turn
 from albot_core.mappers.ratslam.panoramas import Panoramas, Sighting
 from albot_core.mappers.ratslam.pose_cells import PoseCells
 from albot_core.mappers.ratslam.position import Position
@@ -72,6 +72,7 @@ class SceneSight:
         self._scenes.reset()
         self._seen = NO_VIEW
         self._comes_into_sight = False
+        self._since_sight: Motion = (0.0, 0.0, 0.0)  # Motion since the view came into sight.
 
     def look(self, reading: Reading) -> None:
         """Update the scene that is seen."""
@@ -87,7 +88,12 @@ class SceneSight:
         active = links.activate(position.view, position.iteration)
         if is_new:
             links.associate(position.view, active, (0.0, 0.0, 0.0), cells, position.way)
-        return links.injection(position.view, active)
+            self._since_sight = (0.0, 0.0, 0.0)
+        linked, amounts = links.injection(position.view, active)
+        # Links lead to where the view came into sight, and the robot has moved on since. The
+        # network moves with the robot only after the injection.
+        there, self._since_sight = self._since_sight, after(self._since_sight, position.since)
+        return cells.moved(linked, there), amounts
 
     def experience(self) -> None:
         """Find the active experience of the scene, or make one, and learn the transition to it."""
@@ -101,18 +107,23 @@ class SceneSight:
         elif found < 0 or view == NO_VIEW:
             position.enter(position.add(view, packet), (0.0, 0.0, 0.0), is_new=True)
         else:
-            # The pose cells give the robot's pose in it.
-            offset = motion_of(self._cells.offset(*table["cell"][found].tolist()).tolist())
-            entry = position.smoothed(found, offset, comes_into_sight=self._comes_into_sight)
-            position.enter(found, *entry, is_new=False)
+            # The pose cells give the robot's pose in it. But a view draws the packet sideways onto
+            # the line on which it was learned. So across the view, when it comes into sight, the
+            # experience's own position is the better guess. Along the view this guess would shrink
+            # the map: a robot that turns into a view half-way drives half as far to the next one.
+            x, y, turn = motion_of(self._cells.offset(*table["cell"][found].tolist()).tolist())
+            offset = x, 0.0 if self._comes_into_sight else y, turn
+            position.check(found, offset)
+            position.enter(found, *position.smoothed(found, offset), is_new=False)
 
     def state(self) -> dict[str, np.ndarray]:
         """Return everything remembered, as arrays by name."""
-        return self._scenes.state()
+        return self._scenes.state() | {"scenes.since_sight": np.array(self._since_sight)}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Restore what `state` returned."""
         self._scenes.restore(state)
+        self._since_sight = motion_of(state["scenes.since_sight"].tolist())
 
 
 class LaserSight:

@@ -23,7 +23,7 @@ _FINITE = (
     "experiences.pose", "experiences.shown", "experiences.cell", "experiences.turn",
     "experiences.way", "doubt.numbers", "doubted.motion", "doubted.time", "transitions.motion",
     "transitions.time", "transitions.stiffness", "transitions.weight", "transitions.most",
-    "doubted.variance",
+    "doubted.variance", "scenes.since_sight",
 )  # fmt: skip
 _NOT_NEGATIVE = (
     "activity", "links.strength", "views.freshness", "bias.ways", "transitions.time",
@@ -91,7 +91,11 @@ def check_state(
         raise InputError("experiences.onward", "ways that end", "one that runs in a circle")
 
 
-_DOUBT = "doubt.counts", "doubt.numbers"
+_WHOLE = (
+    "counts", "numbers", "packet", "scenes.counts", "scenes.since_sight", "bias.ways",
+    "doubt.counts", "doubt.numbers",
+)  # fmt: skip
+"""Arrays whose lengths are fixed."""
 _COUNTED = (
     "experiences.view", "transitions.source", "links.cell", "views.first", "history.place",
     "templates.ranges", "scenes.known",
@@ -100,7 +104,7 @@ _COUNTED = (
 
 def _shape(name: str, kept: np.ndarray) -> tuple[str | int, ...]:
     """Return an array's shape; its first axis is named by its table, the others are as kept."""
-    if name in ("counts", "numbers", "packet", "scenes.counts", "bias.ways", *_DOUBT):
+    if name in _WHOLE:
         return kept.shape
     tables = {"active_cells": "active", "activity": "active", "waiting_numbers": "waiting"}
     return tables.get(name, name.split(".")[0]), *kept.shape[1:]
@@ -133,9 +137,14 @@ def _check_counts(
 
 
 def _check_doubt(state: Mapping[str, np.ndarray], experiences: int) -> None:
-    anchor, left_in, known = state["doubt.counts"].tolist()
-    if not (-1 <= anchor < experiences and 0 <= known <= experiences and left_in >= 0):
-        expected = "an anchor, an iteration and a count of this map"
+    anchor, hypothesis, left_in, known = state["doubt.counts"].tolist()
+    if not (
+        -1 <= anchor < experiences
+        and -1 <= hypothesis < experiences
+        and 0 <= known <= experiences
+        and left_in >= 0
+    ):
+        expected = "two experiences, an iteration and a count of this map"
         raise InputError("doubt.counts", expected, str(state["doubt.counts"].tolist()))
     _check_within(state, "doubted.source", 0, experiences)
     _check_within(state, "doubted.target", 0, experiences)

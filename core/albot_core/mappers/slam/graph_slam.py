@@ -282,8 +282,10 @@ class GraphSlam:
             for k, pose in enumerate(poses.copy())
         )
         edges = tuple(
-            PlaceEdge(source=source, target=target, motion=motion.copy())
-            for (source, target), motion in zip(self.graph.ends, self.graph.motions, strict=True)
+            PlaceEdge(source=source, target=target, motion=motion.copy(), information=information)
+            for (source, target), motion, information in zip(
+                self.graph.ends, self.graph.motions, self.graph.information, strict=True
+            )
         )
         home, current = (0, len(nodes) - 1) if nodes else (None, None)
         graph = PlaceGraph(nodes=nodes, edges=edges, home=home, current=current)

@@ -6,9 +6,10 @@ import dataclasses
 import math
 
 import numpy as np
+import pytest
 
 from albot_core.evaluation.trajectory import align
-from albot_core.geometry.poses import transform_points
+from albot_core.geometry.poses import relative, transform_points
 from albot_core.mappers.ratslam.config import CorrectionConfig, RatSlamConfig
 from albot_core.mappers.ratslam.mapper import RatSlam
 from albot_core.sensing.reading import Reading
@@ -58,6 +59,41 @@ def driven(config: RatSlamConfig, times: int) -> np.ndarray:
         scene = int(pose[0] // 1) * 8 + round(pose[2] / (math.pi / 4)) % 8
         mapper.update(Reading(stamp=STEP * k, motion=motion, scene=scene))
     return apart(mapper, truth)
+
+
+def turning_anywhere(rng: np.random.Generator) -> np.ndarray:
+    """Where a robot is that drives 60 ways to random points of the corridor."""
+    poses = [np.zeros(3)]
+    for k in range(60):
+        x, _, heading = poses[-1]
+        to = rng.uniform(0.0, LENGTH) if k else LENGTH
+        if (to < x) == (abs(heading) < 1.0):
+            turned = np.linspace(heading, math.pi - heading, 16)
+            poses.extend(np.array((x, 0.0, turn)) for turn in turned)
+        way = np.linspace(x, to, int(abs(to - x) / (SPEED * STEP)) + 2)[1:]
+        poses.extend(np.array((at, 0.0, poses[-1][2])) for at in way)
+    return np.array(poses)
+
+
+def scale(truth: np.ndarray) -> float:
+    """Length of the map along the corridor, as a share of the true one; the odometer is ideal."""
+    mapper = RatSlam(RatSlamConfig.scenes(), "ratslam-scenes")
+    for k, pose in enumerate(truth):
+        scene = int(pose[0] // 1) * 8 + round(pose[2] / (math.pi / 4)) % 8
+        motion = relative(truth[max(k - 1, 0)], pose)
+        mapper.update(Reading(stamp=STEP * k, motion=motion, scene=scene))
+    made_at = truth[mapper.experiences.experiences.rows("reading"), 0]
+    return float(np.polyfit(made_at, mapper.experiences.poses[:, 0], 1)[0])
+
+
+def test_the_map_keeps_its_scale_where_views_come_into_sight_anywhere():
+    """A robot that turns round at random first sees a view anywhere, not only from its edge.
+
+    If it were taken to be where the view came into sight before, the scale would be 0.991; with the
+    mean of that and of what the pose cells say, 0.995.
+    """
+    scales = [scale(turning_anywhere(np.random.default_rng(seed))) for seed in range(4)]
+    assert np.mean(scales) == pytest.approx(1.0, abs=0.0025)
 
 
 def test_both_ways_come_to_lie_on_each_other():

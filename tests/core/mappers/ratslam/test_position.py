@@ -34,7 +34,7 @@ def enter(position: Position, experience: int, told: float) -> float:
     """Enter an experience of which the pose cells tell; where the robot is in it then."""
     position.iteration += 1
     offset = (told, 0.0, 0.0)
-    entry = position.smoothed(experience, offset, comes_into_sight=False)
+    entry = position.smoothed(experience, offset)
     position.enter(experience, *entry, is_new=False)
     return position.here[0]
 
@@ -65,10 +65,10 @@ def test_far_from_where_it_is_expected_they_are_believed_too(told: tuple[float, 
     position.integrate((-0.5, 0.0, 0.0), 2.0)
     for _ in range(5):
         enter(position, 0, 0.5)
-    assert position.smoothed(0, told, comes_into_sight=False) == (told, 1.0)
+    assert position.smoothed(0, told) == (told, 1.0)
     position.iteration += 1
     position.enter(0, told, 1.0, is_new=False)
-    offset, weight = position.smoothed(0, (told[0] + 0.4, 0.0, told[2]), comes_into_sight=False)
+    offset, weight = position.smoothed(0, (told[0] + 0.4, 0.0, told[2]))
     assert offset[0] == pytest.approx(told[0] + 0.2)
     assert weight == pytest.approx(0.5)
 
@@ -77,22 +77,71 @@ def test_the_heading_is_averaged_the_short_way_round():
     position = between_two(0.5)
     enter(position, 0, 1.0)
     position.here = (0.5, 0.0, 2 * np.pi + 0.1)
-    offset, _ = position.smoothed(0, (0.5, 0.0, 0.3), comes_into_sight=False)
+    offset, _ = position.smoothed(0, (0.5, 0.0, 0.3))
     assert offset[2] == pytest.approx(0.2)
 
 
-def test_a_view_that_comes_into_sight_halves_the_offset_and_keeps_the_heading():
-    """The other half is the experience's own place, where the view came into sight before."""
-    position = between_two(1.0)
-    told = (0.4, -0.2, 0.3)
-    offset, _ = position.smoothed(1, told, comes_into_sight=True)
-    assert offset == pytest.approx((0.2, -0.1, 0.3))
+def along_two_corridors() -> Position:
+    """Experiences 0 to 3 at x = 0 to 3 m, 4 to 7 at x = 10 to 13 m; the robot is in the last."""
+    position = Position(RatSlamConfig.scenes())
+    for number in range(8):
+        position.enter(position.add(number, PACKET), (0.0, 0.0, 0.0), is_new=True)
+        position.integrate((7.0 if number == 3 else 1.0, 0.0, 0.0), number + 1.0)
+        position.iteration += 1
+    position.integrate((-1.0, 0.0, 0.0), 9.0)
+    return position
+
+
+def visit(position: Position, experience: int) -> None:
+    """Drive on by 1 m and enter a known experience at its origin."""
+    position.integrate((-1.0, 0.0, 0.0), position.stamp + 1.0)
+    position.iteration += 1
+    offset = (0.0, 0.0, 0.0)
+    position.check(experience, offset)
+    position.enter(experience, *position.smoothed(experience, offset), is_new=False)
+
+
+def transitions(position: Position) -> set[tuple[int, int]]:
+    links = position.map.links
+    return set(zip(links.rows("source").tolist(), links.rows("target").tolist(), strict=True))
+
+
+def test_a_visit_to_an_experience_far_away_leaves_no_transition():
+    """The robot drives back through 6, 5 and 4; once it is taken to be in 0, 11 m away."""
+    position = along_two_corridors()
+    before = transitions(position)
+    for experience in (6, 0, 4):
+        visit(position, experience)
+    assert transitions(position) - before == {(7, 6), (6, 4)}
+    there = position.map.links.rows("motion")[-1]
+    assert there == pytest.approx((-2.0, 0.0, 0.0), abs=1e-9)
+
+
+def test_experiences_far_away_that_follow_one_another_are_believed():
+    """The robot is in fact 10 m farther back, as after a drift that the packet shares."""
+    position = along_two_corridors()
+    before = transitions(position)
+    for experience in (3, 2):
+        visit(position, experience)
+    assert transitions(position) == before
+    visit(position, 1)
+    assert transitions(position) - before == {(7, 3), (3, 2), (2, 1)}
+
+
+def test_two_false_visits_in_a_row_do_not_confirm_each_other():
+    position = along_two_corridors()
+    before = transitions(position)
+    for experience in (0, 3, 0, 3, 0):
+        visit(position, experience)
+    assert transitions(position) == before
 
 
 def test_it_is_restored():
     position = between_two(0.25)
     for _ in range(3):
         enter(position, 0, 0.5)
+    position.check(1, (5.0, 0.0, 0.0))
+    enter(position, 1, 5.0)
     other = Position(RatSlamConfig.scenes())
     state = position.state() | {"history.place": np.zeros(3, np.int64)}
     other.restore(state)

@@ -1,4 +1,4 @@
-"""How much the views of a laser inject: by how likely the robot is where each says."""
+"""What views inject, and where."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from albot_core.mappers.ratslam.local_views import Links
 from albot_core.mappers.ratslam.panoramas import Sighting
 from albot_core.mappers.ratslam.pose_cells import PoseCells
 from albot_core.mappers.ratslam.position import Position
-from albot_core.mappers.ratslam.sight import LaserSight
+from albot_core.mappers.ratslam.sight import LaserSight, SceneSight
+from albot_core.sensing.reading import Reading
 
 CONFIG = RatSlamConfig()
 HERE = (0.0, 0.0, 0.0)
@@ -55,3 +56,27 @@ def test_two_views_share_by_how_well_they_match(monkeypatch: pytest.MonkeyPatch)
     total = 1.5 + CONFIG.panoramas.elsewhere
     injection = CONFIG.views.injection
     assert found == pytest.approx([injection / total, 0.5 * injection / total])
+
+
+def test_a_scene_injects_where_the_robot_has_come_since_it_came_into_sight() -> None:
+    """Its link leads to one cell; the robot drives on along x', a cell per iteration."""
+    config = RatSlamConfig.scenes()
+    cells, links, position = PoseCells(config.pose_cells), Links(config.views), Position(config)
+    sight = SceneSight(config, cells, links, position)
+    cell = int(cells.cells[0])
+    links.remember(0, np.array((cell,)), np.ones(1), 0.0)
+    links.learn(config.views.learning_delay + 1.0)
+    reading = Reading(stamp=0.0, motion=np.zeros(3), scene=7)
+    injected = []
+    for _ in range(3):
+        sight.look(reading)
+        sight.look(reading)
+        position.since = (0.25, 0.0, 0.0)
+        injected.append(sight.inject()[0].tolist())
+        position.iteration += 1
+    assert injected == [[cell], [cell + 1], [cell + 2]]
+    other = SceneSight(config, cells, links, position)
+    other.restore(sight.state())
+    for each in (other, sight):
+        each.look(reading)
+        assert each.inject()[0].tolist() == [cell + 3]
