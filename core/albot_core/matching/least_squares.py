@@ -51,7 +51,7 @@ def held(correction: np.ndarray, motion: float, turn: float) -> Equations:
 
 
 @kernel()
-def _pulled(
+def pulled_along(
     e: Equations, x: float, y: float, nx: float, ny: float, residual: float, weight: float
 ) -> Equations:
     """Add the equation that moves the arm (x, y) by `residual` along (nx, ny)."""
@@ -86,8 +86,8 @@ def pulled_by_point(
     ey = expected[2 * side + 1] - correction[1] - y
     noise = POINT_NOISE + POINT_NOISE_GROWTH * seen[8 + side]
     weight = 1.0 / (1.0 + (ex * ex + ey * ey) / POINT_SCALE**2) / noise**2
-    equations = _pulled(equations, x, y, 1.0, 0.0, ex, weight)
-    return _pulled(equations, x, y, 0.0, 1.0, ey, weight)
+    equations = pulled_along(equations, x, y, 1.0, 0.0, ex, weight)
+    return pulled_along(equations, x, y, 0.0, 1.0, ey, weight)
 
 
 @kernel()
@@ -114,7 +114,7 @@ def pulled_by_line(
         x, y = x0 + part * (x1 - x0), y0 + part * (y1 - y0)
         off = (correction[0] + x - wall[0]) * -uy + (correction[1] + y - wall[1]) * ux
         weight = min(seen[4], 3.0) / (1.0 + (off / LINE_SCALE) ** 2) / LINE_NOISE**2
-        equations = _pulled(equations, x, y, -uy, ux, -off, weight)
+        equations = pulled_along(equations, x, y, -uy, ux, -off, weight)
     return equations
 
 

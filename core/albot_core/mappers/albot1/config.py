@@ -7,17 +7,12 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from albot_core.matching.lines import MatchConfig
 from albot_core.ranges import NOT_NEGATIVE, POSITIVE, SHARE, Range, check_fields
 from albot_core.sensing.view import ViewConfig
 
-TURN_STEP = math.radians(1.0)
-"""Turns are tried this far apart (rad)."""
-
 _FROM_ONE = Range("a whole number from 1", 1.0, whole=True)
-_FROM_ONE_ON = Range("a number from 1", 1.0)
 
 
 class Albot1Limits(NamedTuple):
@@ -28,7 +23,6 @@ class Albot1Limits(NamedTuple):
     landmark_length: float
     landmark_angle: float
     landmark_cosine: float
-    turn_cosine: float
     landmark_gap: float
     min_landmarks: int
     margin: float
@@ -49,9 +43,7 @@ class Albot1Limits(NamedTuple):
     turn_cost: float
     turn_scale: float
     unsure: float
-    wider: float
-    turns: np.ndarray
-    """(turns, 2) float64: the turns tried, as cosine and sine."""
+    turn_search: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,21 +181,20 @@ class Albot1Config:
     """Largest error of the odometer's turn that is searched (rad)."""
     turn_cost: float = np.radians(6.0)
     """Least scale of the odometer's errors of turn (rad). A turn that differs from the odometer's
-    is charged the square of the difference by the scale, in landmarks, but one landmark at most: an
-    odometer that slips may be off by any turn. This is minus the logarithm of a normal density with
-    a uniform one added."""
+    costs the square of the difference by the scale, up to a limit: an odometer that slips may be
+    off by any turn (`range_profile`)."""
     turn_scale: float = 2.5
     """With `submap_matching` the scale is so many times the errors of turn that the matches of late
     have shown, root mean square (`odometer_error`): a bad odometer is believed less."""
-    unsure: float = 1.0
-    """With `submap_matching` a match is unsure where what is seen agrees with less of what is
-    remembered, in landmarks. Then it is searched for anew…"""
-    wider: float = 2.0
-    """…so many times more widely: in turn, in place, and from surface to surface."""
+    unsure: float = 0.5
+    """With `submap_matching` a match is unsure where a smaller share of what is in view lies on
+    what is expected there. Then motions around the expected one are tried as well, and nothing is
+    learnt of the odometer's errors."""
     match_range: float = 16.0
     """Only surfaces nearer than this are recognised and localise the robot (m)."""
     motion_error: float = 0.05
-    """Standard deviation of the odometer's translation between views (m)."""
+    """Standard deviation of the odometer's translation between views (m); with `submap_matching`
+    the least one (`odometer_error`)."""
     turn_error: float = np.radians(5.0)
     """Standard deviation of the turn that the search has found (rad)."""
     min_exit_width: float = 0.65
@@ -216,8 +207,7 @@ class Albot1Config:
         angles = "landmark_angle", "turn_cost", "turn_error", "turn_scale"
         check_fields(self, POSITIVE, *lengths, *angles, "min_exit_width", "max_exit_width")
         check_fields(self, NOT_NEGATIVE, "view_spacing", "view_turn", "margin", "turn_search")
-        check_fields(self, _FROM_ONE_ON, "wider")
-        check_fields(self, NOT_NEGATIVE, "unsure")
+        check_fields(self, SHARE, "unsure")
         check_fields(self, _FROM_ONE, "min_landmarks")
 
     @classmethod
@@ -255,12 +245,6 @@ class Albot1Config:
         return math.cos(self.landmark_angle) if self.landmark_angle < math.pi else -2.0
 
     @property
-    def turn_cosine(self) -> float:
-        """A cosine below which two headings are farther apart than any turn tried allows."""
-        widest = self.turn_search + TURN_STEP + self.landmark_angle
-        return math.cos(widest) if widest < math.pi else -2.0
-
-    @property
     def compare_spacing(self) -> float:
         """How far the robot goes from one comparison of places to the next (m)."""
         return self.places.compare_spacing
@@ -269,10 +253,3 @@ class Albot1Config:
     def compare_turn(self) -> float:
         """How far it turns (rad)."""
         return self.places.compare_turn
-
-    @property
-    def turns(self) -> Float64[np.ndarray, "turns 2"]:
-        """The turns tried, as `Albot1Limits` holds them."""
-        steps = int(self.turn_search / TURN_STEP + 0.5)
-        turns = [TURN_STEP * step for step in range(-steps, steps + 1)]
-        return np.array([(math.cos(turn), math.sin(turn)) for turn in turns])

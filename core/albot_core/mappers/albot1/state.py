@@ -27,7 +27,7 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     file_all,
     living,
 )
-from albot_core.mappers.albot1.perceptual_map.odometer_error import ROW
+from albot_core.mappers.albot1.perceptual_map.odometer_error import ROW, UNSIGNED
 from albot_core.mappers.albot1.places.exits import (
     CROSSING_EXPECTED,
     CROSSING_SEEN,
@@ -94,8 +94,12 @@ def check_rows(state: Mapping[str, np.ndarray]) -> None:
     if readings.shape != () or readings < 0:
         raise InputError("readings", "a count", str(readings.tolist()))
     odometer = state["odometer"]
-    if odometer.shape != (ROW,) or not np.isfinite(odometer).all() or (odometer[:2] < 0).any():
-        expected = "a mean square, a flag and a translation"
+    if (
+        odometer.shape != (ROW,)
+        or not np.isfinite(odometer).all()
+        or (odometer[[0, 1, 4]] < 0).any()
+    ):
+        expected = "a mean square, a flag, a translation and a mean square"
         raise InputError("odometer", expected, str(odometer.tolist()))
     for name in ("since", "trod"):
         if state[name].shape != (3,) or not np.isfinite(state[name]).all():

@@ -102,12 +102,12 @@ def step_robots(
     taken in nothing yet. `ranges` (n, beams) and `motions` (n, 3) are the readings of all robots;
     `arguments` holds `BatchArrays`, `ViewSettings` and `Albot1Limits`.
     """
-    robots, _, limits = unpack(arguments)
+    robots, _, _ = unpack(arguments)
     beams, views, capacity = ranges.shape[1], ranges.shape[1], ZERO
     for k in range(first, rows.shape[0]):
         views = max(views, robots.table[rows[k], VIEW_ROOM])
         capacity = max(capacity, robots.table[rows[k], MAP_ROOM])
-    buffers = make_match_buffers(views, capacity, limits.turns.shape[0])
+    buffers = make_match_buffers(views, capacity)
     view_buffers = make_view_buffers(beams)
     return _step_all(
         rows, first, arguments, ranges, motions, _empty_current(beams), view_buffers, buffers

@@ -10,7 +10,7 @@ What `albot1` does in place of algorithms 1 and 2:
 
 - `submap`: what is seen and what is remembered nearby, as rows to compare,
 - `submap_matching`: where the robot is by all of it,
-- `turn_search`: the likeliest turn between two views,
-- `odometer_error`: how far the odometer's turns are off, learnt on the way,
+- `range_profile`: the likeliest turn between two views,
+- `odometer_error`: how far the odometer is off, learnt on the way,
 - `consistency`: whether the robot was carried away.
 """

@@ -1,8 +1,8 @@
-"""The local submap: what is in view, was in view, and is remembered nearby, as rows to compare.
+"""The local submap: the walls in view, and those remembered nearby or seen by the last view.
 
-A row describes a surface as seen from where the robot is expected to be: its ends x1, y1, x2, y2
-(m), its length (m), its heading (rad), and the unit vector along it; in the view also how far away
-the two ends are (m). Compiled.
+Both are rows (`lines.measure`) as seen from where the robot is expected to be: a wall's ends x1,
+y1, x2, y2 (m), its length (m), a place for its heading, and the unit vector along it; in the view
+also how far away the two ends are (m). Compiled.
 """
 
 from __future__ import annotations
@@ -14,114 +14,103 @@ import numpy as np
 from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
-from albot_core.mappers.albot1.perceptual_map.frames import seen_from
+from albot_core.mappers.albot1.perceptual_map.frames import relative_pose, seen_from
 from albot_core.mappers.albot1.perceptual_map.memory import (
+    GATE,
+    NEVER,
+    VISIT,
     LocatedView,
     PerceptualMap,
+    count_reobserved,
     find_surfaces,
 )
-from albot_core.matching.lines import describe, line_length, measure
+from albot_core.mappers.albot1.perceptual_map.range_profile import BINS
+from albot_core.matching.lines import beside, measure, moved_ends
+
+REVISIT_GAP, REVISIT_COSINE = 1.5, np.cos(np.radians(15.0))
+"""A wall this near to one of an earlier visit (m), and turned no more (15°, by its cosine), may be
+it: so far a map drifts on its way round. It counts for a loop-closure candidate and no more."""
 
 
 class MatchBuffers(NamedTuple):
     """Scratch buffers in which views are matched with what is expected, one view after another."""
 
-    which: np.ndarray
-    """(views' room,) int64: of each surface seen, its index in the view."""
-    seen_edges: np.ndarray
-    """(views' room, 2) int8: what its ends are."""
     seen: np.ndarray
-    """(views' room, 10) float64: its row."""
+    """(views' room, 10) float64: the rows of the walls in view."""
     slots: np.ndarray
-    """(room,) int64: of each surface remembered, its slot."""
-    edges: np.ndarray
-    """(room, 2) int8: of each surface expected, what its ends are."""
+    """(room,) int64: the slots of the walls remembered."""
     expected: np.ndarray
-    """(room, 8) float64: its row."""
-    matches: np.ndarray
-    """(views' room, 3) int64: see `submap_matching`."""
-    votes: np.ndarray
-    """(2, turns) float64: see `submap_matching.likeliest_turn`."""
+    """(room + views' room, 8) float64: their rows; after them those of the last view's walls."""
+    near: np.ndarray
+    """(room + views' room,) int64: of those, the rows with which a wall in view is compared."""
+    landmarks: np.ndarray
+    """(views' room, 2) int64: see `submap_matching`."""
+    profiles: np.ndarray
+    """(2, 3 BINS) int32: range profiles of the view and of what is expected."""
 
 
 @kernel(arrays=True)
-def make_match_buffers(views: int, capacity: int, turns: int) -> MatchBuffers:
-    """Buffers for views of so many surfaces, maps of such a capacity, and so many turns."""
-    room = max(views, 2 * capacity)
+def make_match_buffers(views: int, capacity: int) -> MatchBuffers:
+    """Buffers for views of so many surfaces and maps of such a capacity."""
+    room = 2 * capacity + 1
     return MatchBuffers(
-        np.empty(views, np.int64),
-        np.empty((views, 2), np.int8),
         np.empty((views, 10)),
         np.empty(room, np.int64),
-        np.empty((room, 2), np.int8),
-        np.empty((room, 8)),
-        np.empty((views, 3), np.int64),
-        np.empty((2, turns)),
+        np.empty((room + views, 8)),
+        np.empty(room + views, np.int64),
+        np.empty((views, 2), np.int64),
+        np.empty((2, 3 * BINS), np.int32),
     )
 
 
 @kernel()
-def describe_seen(current: LocatedView, limits: Albot1Limits, buffers: MatchBuffers) -> int:
-    """Describe the surfaces of the view that are long enough to be recognised; how many."""
-    which, edges, rows = buffers.which, buffers.seen_edges, buffers.seen
-    kept = 0
+def describe_seen(current: LocatedView, buffers: MatchBuffers) -> int:
+    """Describe the walls of the view, in its order; how many."""
     for k in range(current.size[0]):
-        if line_length(current.surfaces[k]) >= limits.landmark_length:
-            row = rows[kept]
-            describe(current.surfaces[k], row)
-            row[8], row[9] = np.hypot(row[0], row[1]), np.hypot(row[2], row[3])
-            edges[kept, 0], edges[kept, 1] = current.edges[k, 0], current.edges[k, 1]
-            which[kept] = k
-            kept += 1
-    return kept
+        row = buffers.seen[k]
+        measure(current.surfaces[k], row)
+        row[8], row[9] = np.hypot(row[0], row[1]), np.hypot(row[2], row[3])
+    return int(current.size[0])
 
 
-_from_here, _box = scratch(4), scratch(4)
+_from_here, _box, _motion = scratch(4), scratch(4), scratch(3)
 
 
 @kernel()
-def describe_expected(
-    previous: LocatedView, motion: np.ndarray, limits: Albot1Limits, buffers: MatchBuffers
+def describe_previous(
+    previous: LocatedView, motion: np.ndarray, first: int, buffers: MatchBuffers
 ) -> int:
-    """Describe the previous view's surfaces as the odometer expects them now; how many."""
-    edges, rows, expected = buffers.edges, buffers.expected, _from_here()
+    """Describe the previous view's walls after a motion, from row `first`; the row after them."""
+    ends = _from_here()
     cos, sin = np.cos(motion[2]), np.sin(motion[2])
-    kept = 0
     for i in range(previous.size[0]):
-        if line_length(previous.surfaces[i]) >= limits.landmark_length:
-            seen_from(motion, cos, sin, previous.surfaces[i], expected)
-            describe(expected, rows[kept])
-            edges[kept, 0], edges[kept, 1] = previous.edges[i, 0], previous.edges[i, 1]
-            kept += 1
-    return kept
+        seen_from(motion, cos, sin, previous.surfaces[i], ends)
+        measure(ends, buffers.expected[first + i])
+    return int(first + previous.size[0])
 
 
 @kernel()
-def describe_remembered(
+def describe_nearby(
     pm: PerceptualMap,
-    pose: np.ndarray,
-    seen: np.ndarray,
+    previous: LocatedView,
+    current: LocatedView,
     limits: Albot1Limits,
     buffers: MatchBuffers,
-) -> int:
-    """Describe what the map holds where the view is expected to lie; how many surfaces.
+) -> tuple[int, int]:
+    """Describe all that may be in view: what the map holds nearby, and the previous view's walls.
 
-    Those long enough to be recognised; without their headings.
+    Returns how many walls are remembered, and how many there are with the previous view's.
     """
-    slots, edges, rows = buffers.slots, buffers.edges, buffers.expected
-    box, expected = _box(), _from_here()
-    _box_around_view(pose, seen, limits, box)
+    box, ends, pose = _box(), _from_here(), current.pose
+    _box_around_view(pose, buffers.seen[: current.size[0]], limits, box)
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    kept = 0
-    for k in range(find_surfaces(pm, box, slots)):
-        slot = slots[k]
-        seen_from(pose, cos, sin, pm.surfaces[slot], expected)
-        if line_length(expected) >= limits.landmark_length:
-            measure(expected, rows[kept])
-            edges[kept, 0], edges[kept, 1] = pm.edges[slot, 0], pm.edges[slot, 1]
-            slots[kept] = slot
-            kept += 1
-    return kept
+    remembered = find_surfaces(pm, box, buffers.slots)
+    for q in range(remembered):
+        seen_from(pose, cos, sin, pm.surfaces[buffers.slots[q]], ends)
+        measure(ends, buffers.expected[q])
+    motion = _motion()
+    relative_pose(previous.pose, pose, motion)
+    return int(remembered), describe_previous(previous, motion, remembered, buffers)
 
 
 @kernel()
@@ -142,3 +131,31 @@ def _box_around_view(
     for axis in range(2):
         box[axis] -= limits.landmark_gap
         box[2 + axis] += limits.landmark_gap
+
+
+@kernel()
+def note_reobserved(
+    pm: PerceptualMap,
+    slots: np.ndarray,
+    expected: np.ndarray,
+    seen: np.ndarray,
+    correction: np.ndarray,
+    limits: Albot1Limits,
+) -> None:
+    """Count the remembered surfaces of earlier visits that may be in view, each for its visit."""
+    cos, sin = np.cos(correction[2]), np.sin(correction[2])
+    for q in range(expected.shape[0]):
+        visit = pm.marks[slots[q]]
+        if visit == pm.counts[VISIT] or pm.reobserved[visit, GATE] == NEVER:
+            continue
+        if expected[q, 4] < limits.landmark_length:
+            continue
+        for k in range(seen.shape[0]):
+            ux, uy = rotate(cos, sin, seen[k, 6], seen[k, 7])
+            aligned = ux * expected[q, 6] + uy * expected[q, 7]
+            if aligned <= REVISIT_COSINE or seen[k, 4] < limits.landmark_length:
+                continue
+            ends = moved_ends(seen[k], correction, cos, sin)
+            if beside(expected[q], ends, seen[k, 4]) < REVISIT_GAP:
+                count_reobserved(pm, slots[q])
+                break

@@ -4,13 +4,14 @@ This is ours, in place of algorithms 1 and 2. The thesis follows landmarks from 
 the odometer's turn, which it supposes to be right to 5°, and one landmark localises the robot. In
 real logs the turn often is not so good. Here
 
-1. all surfaces of the two views vote for the turn under which they agree best,
-2. what the map holds nearby and what is seen are matched: landmarks by their occluding and corner
-   points, plain walls by their lines,
-3. Gauss-Newton steps on the pose draw the matched ones together, and they are matched anew.
+1. the range profiles of the two views tell the turn under which they agree best,
+2. what the map holds nearby, and the last view, are what the view may lie on,
+3. Gauss-Newton steps on the pose draw together landmarks, by their occluding and corner points,
+   and points along all walls with the nearest wall: iterative closest points, with the distance
+   from a line (Censi, "An ICP variant using a point-to-line metric", 2008).
 
-How sure the match is decides how widely to search: where what is seen hardly agrees with what is
-remembered there, all three are done again with wider bounds, and the better match counts.
+How sure a match is decides how widely to search. Where two turns are likely both are aligned, and
+where little of the view is explained, motions around the expected one are tried too.
 
 Only what is remembered around the robot takes part, and nothing remembered is corrected.
 """
@@ -21,63 +22,87 @@ import numpy as np
 
 from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel, scratch
-from albot_core.mappers.albot1.config import TURN_STEP, Albot1Limits
-from albot_core.mappers.albot1.perceptual_map.consistency import CONTRADICTED, inconsistency
+from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, copy_pose
 from albot_core.mappers.albot1.perceptual_map.memory import (
-    GATE,
-    NEVER,
     NOT_RECOGNIZED,
-    VISIT,
     LocatedView,
     PerceptualMap,
-    count_reobserved,
 )
 from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     HAS_MOVED,
     LAST_X,
     LAST_Y,
+    shift_scale,
     turn_scale,
+)
+from albot_core.mappers.albot1.perceptual_map.range_profile import (
+    UNSEEN_HERE,
+    UNSEEN_THERE,
+    fill_profile,
+    likeliest_turns,
 )
 from albot_core.mappers.albot1.perceptual_map.submap import (
     MatchBuffers,
-    describe_expected,
-    describe_remembered,
+    describe_nearby,
+    describe_previous,
     describe_seen,
+    note_reobserved,
 )
-from albot_core.mappers.albot1.perceptual_map.turn_search import (
-    LINE_GAP,
-    LINE_VOTE,
-    likeliest_turn,
+from albot_core.matching.least_squares import (
+    Equations,
+    held,
+    pulled_along,
+    pulled_by_point,
+    solved,
 )
-from albot_core.matching.least_squares import held, pulled_by_line, pulled_by_point, solved
-from albot_core.matching.lines import beside, moved_ends, wrap
+from albot_core.matching.lines import moved_ends, wrap
 from albot_core.sensing.view import NO_EDGE
 
-ROUNDS, ITERATIONS = 3, 2
-"""How often surfaces are matched anew, and the Gauss-Newton steps after each."""
-WIDER_GAIN = 0.5
-"""A wider search is believed only if its agreement is larger by more than this…"""
-ODD_TURN = 5.0
-"""…if the turn is off by no more than so many times the scale of the odometer's errors, and if the
-view does not contradict the one before."""
+TRIALS, FREELY, ELSEWHERE = 3, 1, 2
+TRIALS, FREELY, ELSEWHERE = 3, 1, 2
+"""How many poses are aligned at the most: after the likeliest turn, after the turn that agrees best
+whatever it costs, and, where both leave much of the view unexplained, after a motion around the
+expected one."""
+SAME_TURN = np.radians(3.0)
+"""Turns as near to each other as this lead to one pose (rad)."""
+ALIGNED_COST = 0.1
+"""The most that a turn costs where aligned poses are compared, in shares of the view."""
+REACH, ELSEWHERE_COST = 0.3, 0.1
+"""How far around the expected motion others are tried, at least (m), and what they cost."""
+ROUNDS, CONVERGED = 5, 1e-4
+"""Gauss-Newton steps at the most, each after matching anew, and a step too small to go on (m,
+rad)."""
+WIDEN, NARROWING = 2.0, 0.5
+"""In the first step points are matched at so many times the distance, and so many times as
+doubtful; in each later one at so much of that, down to the usual."""
+POINT_SPACING = 0.247
+"""Walls are matched at points so far apart (m). It is not round, as the lengths of generated walls
+are: whether these have one point more would be chance…"""
+MAX_POINTS = 80.0
+"""…or farther, so that there are hardly more of them."""
+POINT_GAP = 0.5
+"""A point is matched to a wall no farther than this (m)…"""
+POINT_END = 0.05
+"""…nor farther beyond its ends (m)…"""
+POINT_COSINE = np.cos(np.radians(30.0))
+"""…nor turned by more than this (30°, by its cosine)."""
+POINT_SCALE, POINT_NOISE = 0.08, 0.03
+"""Residual (m) at which a point has half its weight (Cauchy weights), and its standard
+deviation."""
+POINT_WEIGHT = 0.5
+"""Weight of a point: neighbouring points of a wall err together."""
 GUESS_SPACING, GUESS_CELLS = 0.4, 3
 """Without an odometer translations are tried so far apart (m), and so many cells either way…"""
-GUESS_WIDTH = 1.5
-"""…and surfaces are searched for so many times wider than usual."""
-GUESS_TURN = np.radians(60.0)
-"""…around no turn and this one to either side (rad)…"""
-GUESS_COST = 0.25
-"""Votes that a translation costs which differs by 1 m from the last, and a turn to either side."""
-REVISIT_GAP, REVISIT_COSINE = 1.5, np.cos(np.radians(15.0))
-"""A wall this near to one of an earlier visit (m), and turned no more (15°, by its cosine), may be
-it: so far a map drifts on its way round. It counts for a loop-closure candidate and no more."""
-
-POINT, SIDE, LINE = 0, 1, 2
-"""Columns of `matches`, one row a surface seen: the row of `expected` matched by an end, which end,
-and the row matched by its line; -1 where none."""
+GUESS_COST = 0.1
+"""…and a translation that differs by 1 m from the last costs such a share of agreeing
+directions."""
+ROW, SIDE = 0, 1
+"""Columns of `landmarks`, one row a wall in view: the row of `expected` that it is recognised as,
+or -1, and by which end."""
 
 _correction, _expected_motion, _trial = scratch(3), scratch(3), scratch(3)
+_around, _chosen, _start = scratch(3), scratch(3), scratch(3)
 
 
 @kernel()
@@ -92,171 +117,186 @@ def match_submap(
 ) -> tuple[int, float]:
     """Move `current.pose` from where `motion` leads to where the remembered surfaces say.
 
-    Sets `current.slots` for the landmarks recognised there; returns their number, and how far what
-    is seen agrees with what is remembered. Where it hardly does, it is searched for more widely.
+    Sets `current.slots` for the landmarks recognised there; returns their number, and the share of
+    the walls in view that lies on what is expected there.
     """
-    kept = describe_seen(current, limits, buffers)
-    which, seen_edges, seen = buffers.which[:kept], buffers.seen_edges[:kept], buffers.seen[:kept]
-    expected_motion, wide = _expected_motion(), 1.0
+    seen = buffers.seen[: describe_seen(current, buffers)]
+    expected_motion, scale = _expected_motion(), turn_scale(odometer, limits)
+    correction, chosen, start = _correction(), _chosen(), _start()
+    fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
     copy_pose(motion, expected_motion)
-    scale = turn_scale(odometer, limits)
-    if odometer[HAS_MOVED] == 0.0:
-        wide = GUESS_WIDTH
-        known = (limits, odometer, scale, buffers)
-        _guess_motion(previous, seen, seen_edges, *known, expected_motion)
-    correction, matches = _correction(), buffers.matches
-    args = (seen, seen_edges, limits, buffers, correction)
-    kept, recognized, agreement = _search(
-        pm, previous, current, expected_motion, scale, wide, *args
-    )
-    if agreement < limits.unsure and wide < limits.wider:
-        factor = limits.wider / wide
-        _, _, wider = _search(
-            pm, previous, current, expected_motion, scale * factor, limits.wider, *args
+    is_missing = odometer[HAS_MOVED] == 0.0
+    turn = other = share = best = 0.0
+    for trial in range(TRIALS):
+        if trial == ELSEWHERE and share >= limits.unsure:
+            continue
+        if trial != FREELY:
+            cells, spacing = 0, 0.0
+            if trial == ELSEWHERE:
+                cells, spacing = 1, max(REACH, 2.0 * shift_scale(odometer, limits))
+            elif is_missing:
+                cells, spacing = GUESS_CELLS, GUESS_SPACING
+            turn, other = _likeliest_motion(
+                previous,
+                cells,
+                spacing,
+                is_missing,
+                limits,
+                odometer,
+                scale,
+                buffers,
+                expected_motion,
+            )
+        elif abs(turn - other) <= SAME_TURN or is_missing:
+            continue
+        tried = other if trial == FREELY else turn
+        its_share = _align(
+            expected_motion,
+            tried,
+            pm,
+            previous,
+            current,
+            seen,
+            limits,
+            odometer,
+            buffers,
+            correction,
         )
-        turn = current.pose[2] + correction[2] - previous.pose[2] - expected_motion[2]
-        # A misread view fits somewhere, too, but seldom where the odometer may have led.
-        is_odd = abs(wrap(turn)) > ODD_TURN * scale
-        contradicted = inconsistency(previous, current, limits) > CONTRADICTED
-        if is_odd or contradicted or wider <= agreement + WIDER_GAIN:
-            factor = 1.0
-        kept, recognized, agreement = _search(
-            pm, previous, current, expected_motion, scale * factor, wide * factor, *args
-        )
-    slots, expected = buffers.slots[:kept], buffers.expected[:kept]
+        worth = its_share - ALIGNED_COST * min((tried / scale) ** 2, 1.0)
+        if trial == ELSEWHERE:
+            worth -= ELSEWHERE_COST
+        if trial == 0 or worth > best:
+            best, share = worth, its_share
+            copy_pose(correction, chosen)
+            copy_pose(current.pose, start)
+    copy_pose(start, current.pose)
+    remembered, _ = describe_nearby(pm, previous, current, limits, buffers)
+    expected, slots, landmarks = buffers.expected[:remembered], buffers.slots, buffers.landmarks
+    args = (slots, chosen, limits, landmarks)
+    found = match_landmarks(current.edges, seen, expected, pm.edges, *args)
 
     for k in range(current.size[0]):
-        current.slots[k] = NOT_RECOGNIZED
-    for k in range(seen.shape[0]):
-        if matches[k, POINT] >= 0:
-            current.slots[which[k]] = slots[matches[k, POINT]]
-    _note_visits(pm, slots, expected, seen, correction)
+        row = landmarks[k, ROW]
+        current.slots[k] = slots[row] if row >= 0 else NOT_RECOGNIZED
+    note_reobserved(pm, slots, expected, seen, chosen, limits)
     cos, sin = np.cos(current.pose[2]), np.sin(current.pose[2])
-    x, y = rotate(cos, sin, correction[0], correction[1])
+    x, y = rotate(cos, sin, chosen[0], chosen[1])
     current.pose[0] += x
     current.pose[1] += y
-    current.pose[2] = wrap(current.pose[2] + correction[2])
-    return int(recognized), float(agreement)
+    current.pose[2] = wrap(current.pose[2] + chosen[2])
+    return int(found), float(share)
 
 
 @kernel()
-def _guess_motion(
+def _align(
+    motion: np.ndarray,
+    turn: float,
+    pm: PerceptualMap,
     previous: LocatedView,
+    current: LocatedView,
     seen: np.ndarray,
-    seen_edges: np.ndarray,
+    limits: Albot1Limits,
+    odometer: np.ndarray,
+    buffers: MatchBuffers,
+    correction: np.ndarray,
+) -> float:
+    """Steps 2 and 3, from where `motion` and a further turn lead.
+
+    Sets `current.pose` to there, and its correction. Returns how many walls are remembered there,
+    and the share of the walls in view that lies on what is expected.
+    """
+    compose_pose(previous.pose, motion, current.pose)
+    current.pose[2] = wrap(current.pose[2] + turn)
+    remembered, total = describe_nearby(pm, previous, current, limits, buffers)
+    expected, slots, landmarks = buffers.expected[:total], buffers.slots, buffers.landmarks
+    wide, share = WIDEN, 0.0
+    correction[0] = correction[1] = correction[2] = 0.0
+    motion_weight = 1.0 / shift_scale(odometer, limits) ** 2
+    turn_weight = 1.0 / limits.turn_error**2
+    args = (slots, correction, limits, landmarks)
+    for _ in range(ROUNDS):
+        match_landmarks(current.edges, seen, expected[:remembered], pm.edges, *args)
+        equations = held(correction, motion_weight, turn_weight)
+        equations = _pulled_by_landmarks(equations, seen, expected, landmarks, correction)
+        equations, share = _pulled_by_walls(
+            equations, seen, expected, buffers.near, wide, remembered, correction
+        )
+        x, y, step = solved(equations)
+        correction[0] += x
+        correction[1] += y
+        correction[2] += step
+        if wide == 1.0 and abs(x) + abs(y) < CONVERGED and abs(step) < CONVERGED:
+            break
+        wide = max(wide * NARROWING, 1.0)
+    return share
+
+
+@kernel(arrays=True)
+def _likeliest_motion(
+    previous: LocatedView,
+    cells: int,
+    spacing: float,
+    is_missing: bool,
     limits: Albot1Limits,
     odometer: np.ndarray,
     scale: float,
     buffers: MatchBuffers,
     motion: np.ndarray,
-) -> None:
-    """Write the motion under which the two views agree best, for a robot without an odometer.
+) -> tuple[float, float]:
+    """Set `motion` to that under which the views agree best, of translations on a grid around it.
 
-    It is searched on a grid. A translation that differs from the last costs votes, for along a
-    corridor the views cannot tell, and so does a turn.
+    Returns the likeliest turns to add to it (see `likeliest_turns`). Without an
+    odometer a translation that differs from the last costs, for along a corridor the views cannot
+    tell.
     """
-    trial, most = _trial(), -np.inf
-    for cell in range((2 * GUESS_CELLS + 1) ** 2):
-        column, row = cell // (2 * GUESS_CELLS + 1), cell % (2 * GUESS_CELLS + 1)
-        trial[0] = (column - GUESS_CELLS) * GUESS_SPACING
-        trial[1] = (row - GUESS_CELLS) * GUESS_SPACING
-        dx, dy = trial[0] - odometer[LAST_X], trial[1] - odometer[LAST_Y]
-        for side in range(-1, 2):
-            trial[2] = side * GUESS_TURN
-            kept = describe_expected(previous, trial, limits, buffers)
-            edges, expected = buffers.edges[:kept], buffers.expected[:kept]
-            args = (limits, scale, GUESS_WIDTH, buffers.votes)
-            turn = likeliest_turn(seen, seen_edges, expected, edges, *args)
-            place = int(np.round(turn / TURN_STEP)) + limits.turns.shape[0] // 2
-            votes = buffers.votes[0, place] - GUESS_COST * (dx * dx + dy * dy + abs(side))
-            if votes > most:
-                most = votes
-                copy_pose(trial, motion)
+    trial, around, most, best_turn, best_other = _trial(), _around(), -np.inf, 0.0, 0.0
+    copy_pose(motion, around)
+    copy_pose(motion, trial)
+    side = 2 * cells + 1
+    for cell in range(side * side):
+        if cell == side * side // 2 and side > 1 and not is_missing:
+            continue  # it has been tried
+        trial[0] = around[0] + spacing * (cell // side - cells)
+        trial[1] = around[1] + spacing * (cell % side - cells)
+        total = describe_previous(previous, trial, 0, buffers)
+        fill_profile(buffers.expected[:total], UNSEEN_THERE, buffers.profiles[1])
+        turn, other, score = likeliest_turns(
+            buffers.profiles[0], buffers.profiles[1], limits.turn_search, scale
+        )
+        if is_missing:
+            dx, dy = trial[0] - odometer[LAST_X], trial[1] - odometer[LAST_Y]
+            score -= GUESS_COST * (dx * dx + dy * dy)
+        if score > most:
+            most, best_turn, best_other = score, turn, other
+            copy_pose(trial, motion)
+    return best_turn, best_other
 
 
 @kernel()
-def _search(
-    pm: PerceptualMap,
-    previous: LocatedView,
-    current: LocatedView,
-    motion: np.ndarray,
-    scale: float,
-    wide: float,
-    seen: np.ndarray,
+def match_landmarks(
     seen_edges: np.ndarray,
-    limits: Albot1Limits,
-    buffers: MatchBuffers,
-    correction: np.ndarray,
-) -> tuple[int, int, float]:
-    """Steps 1 to 3 from where `motion` leads: set `current.pose`, and find its correction.
-
-    Returns how many surfaces are remembered there, how many landmarks were recognised, and the
-    agreement. `wide` is how many times wider than usual surfaces are searched for.
-    """
-    compose_pose(previous.pose, motion, current.pose)
-    kept = describe_expected(previous, motion, limits, buffers)
-    edges, expected = buffers.edges[:kept], buffers.expected[:kept]
-    args = (limits, scale, wide, buffers.votes)
-    turn = likeliest_turn(seen, seen_edges, expected, edges, *args)
-    current.pose[2] = wrap(current.pose[2] + turn)
-    kept = describe_remembered(pm, current.pose, seen, limits, buffers)
-    edges, expected, matches = buffers.edges[:kept], buffers.expected[:kept], buffers.matches
-    correction[0] = correction[1] = correction[2] = 0.0
-    narrower = wide
-    for _ in range(ROUNDS):
-        match_surfaces(seen, seen_edges, expected, edges, correction, limits, narrower, matches)
-        _refine(seen, expected, matches, limits, wide, correction)
-        narrower = np.sqrt(narrower)
-    found = match_surfaces(seen, seen_edges, expected, edges, correction, limits, 1.0, matches)
-    agreement = _agreement(seen, expected, matches, correction, limits)
-    return int(kept), int(found), float(agreement)
-
-
-@kernel()
-def _agreement(
     seen: np.ndarray,
-    expected: np.ndarray,
-    matches: np.ndarray,
-    correction: np.ndarray,
-    limits: Albot1Limits,
-) -> float:
-    """How well what is seen lies on what is remembered; a match counts as it votes for a turn."""
-    cos, sin = np.cos(correction[2]), np.sin(correction[2])
-    total = 0.0
-    for k in range(seen.shape[0]):
-        ends = moved_ends(seen[k], correction, cos, sin)
-        own = 0.0
-        if matches[k, POINT] >= 0:
-            q, end = matches[k, POINT], matches[k, SIDE]
-            dx = ends[2 * end] - expected[q, 2 * end]
-            dy = ends[2 * end + 1] - expected[q, 2 * end + 1]
-            own = 1.0 - (dx * dx + dy * dy) / limits.landmark_gap**2
-        if matches[k, LINE] >= 0:
-            aside = beside(expected[matches[k, LINE]], ends, seen[k, 4])
-            own = max(own, LINE_VOTE * (1.0 - (aside / LINE_GAP) ** 2))
-        total += own
-    return total
-
-
-@kernel()
-def match_surfaces(
-    seen: np.ndarray,
-    seen_edges: np.ndarray,
     expected: np.ndarray,
     edges: np.ndarray,
+    slots: np.ndarray,
     correction: np.ndarray,
     limits: Albot1Limits,
-    wide: float,
-    matches: np.ndarray,
+    landmarks: np.ndarray,
 ) -> int:
-    """Match every surface seen to the nearest remembered point and line; count the points."""
+    """Match every landmark seen to the nearest point of one remembered; count them.
+
+    `seen_edges` and `edges` are what the ends are of the surfaces seen, in the order of `seen`, and
+    of those in the map; `slots` are the slots of `expected`.
+    """
     cos, sin = np.cos(correction[2]), np.sin(correction[2])
-    points = 0
+    found = 0
     for k in range(seen.shape[0]):
+        landmarks[k, ROW] = -1
+        if seen[k, 4] < limits.landmark_length:
+            continue
         ux, uy = rotate(cos, sin, seen[k, 6], seen[k, 7])
         ends = moved_ends(seen[k], correction, cos, sin)
-        point, side, line = -1, 0, -1
-        nearest_gap, nearest_line = (wide * limits.landmark_gap) ** 2, wide * LINE_GAP
+        nearest = limits.landmark_gap**2
         for q in range(expected.shape[0]):
             if ux * expected[q, 6] + uy * expected[q, 7] <= limits.landmark_cosine:
                 continue
@@ -265,62 +305,78 @@ def match_surfaces(
                 dy = ends[2 * end + 1] - expected[q, 2 * end + 1]
                 gap = dx * dx + dy * dy
                 # In this order, for few are near: what is rare is foreseen by the processor.
-                if gap < nearest_gap and seen_edges[k, end] != NO_EDGE != edges[q, end]:
-                    nearest_gap, point, side = gap, q, end
-            aside = beside(expected[q], ends, seen[k, 4])
-            if aside < nearest_line:
-                nearest_line, line = aside, q
-        matches[k, POINT], matches[k, SIDE], matches[k, LINE] = point, side, line
-        points += point >= 0
-    return points
+                if (
+                    gap < nearest
+                    and seen_edges[k, end] != NO_EDGE != edges[slots[q], end]
+                    and expected[q, 4] >= limits.landmark_length
+                ):
+                    nearest = gap
+                    landmarks[k, ROW], landmarks[k, SIDE] = q, end
+        found += landmarks[k, ROW] >= 0
+    return found
 
 
 @kernel()
-def _refine(
+def _pulled_by_landmarks(
+    equations: Equations,
     seen: np.ndarray,
     expected: np.ndarray,
-    matches: np.ndarray,
-    limits: Albot1Limits,
-    wide: float,
+    landmarks: np.ndarray,
     correction: np.ndarray,
-) -> None:
-    """Gauss-Newton on the correction, held by the odometer's motion and the likeliest turn."""
-    motion = 1.0 / (wide * limits.motion_error) ** 2
-    for _ in range(ITERATIONS):
-        cos, sin = np.cos(correction[2]), np.sin(correction[2])
-        equations = held(correction, motion, 1.0 / limits.turn_error**2)
-        for k in range(seen.shape[0]):
-            if matches[k, POINT] >= 0:
-                wall, side = expected[matches[k, POINT]], matches[k, SIDE]
-                equations = pulled_by_point(equations, side, seen[k], wall, correction, cos, sin)
-            if matches[k, LINE] >= 0:
-                wall = expected[matches[k, LINE]]
-                equations = pulled_by_line(equations, seen[k], wall, correction, cos, sin)
-        x, y, turn = solved(equations)
-        correction[0] += x
-        correction[1] += y
-        correction[2] += turn
-
-
-@kernel()
-def _note_visits(
-    pm: PerceptualMap,
-    slots: np.ndarray,
-    expected: np.ndarray,
-    seen: np.ndarray,
-    correction: np.ndarray,
-) -> None:
-    """Count the remembered surfaces of earlier visits that may be in view, each for its visit."""
+) -> Equations:
+    """Add the equations that lay each landmark's point on the one it is recognised as."""
     cos, sin = np.cos(correction[2]), np.sin(correction[2])
-    for q in range(expected.shape[0]):
-        visit = pm.marks[slots[q]]
-        if visit == pm.counts[VISIT] or pm.reobserved[visit, GATE] == NEVER:
-            continue
-        for k in range(seen.shape[0]):
-            ux, uy = rotate(cos, sin, seen[k, 6], seen[k, 7])
-            if ux * expected[q, 6] + uy * expected[q, 7] <= REVISIT_COSINE:
-                continue
-            ends = moved_ends(seen[k], correction, cos, sin)
-            if beside(expected[q], ends, seen[k, 4]) < REVISIT_GAP:
-                count_reobserved(pm, slots[q])
-                break
+    for k in range(seen.shape[0]):
+        if landmarks[k, ROW] >= 0:
+            wall, side = expected[landmarks[k, ROW]], landmarks[k, SIDE]
+            equations = pulled_by_point(equations, side, seen[k], wall, correction, cos, sin)
+    return equations
+
+
+@kernel()
+def _pulled_by_walls(
+    equations: Equations,
+    seen: np.ndarray,
+    expected: np.ndarray,
+    near: np.ndarray,
+    wide: float,
+    remembered: int,
+    correction: np.ndarray,
+) -> tuple[Equations, float]:
+    """Add the equations that lay the points of walls on the nearest wall expected.
+
+    Returns the share of the walls' length that lies on one, too.
+    """
+    cos, sin = np.cos(correction[2]), np.sin(correction[2])
+    gap, scale, matched, length = wide * POINT_GAP, wide * POINT_SCALE, 0.0, 0.0
+    for k in range(seen.shape[0]):
+        length += seen[k, 4]
+    spacing = max(POINT_SPACING, length / MAX_POINTS)
+    for k in range(seen.shape[0]):
+        ux, uy = rotate(cos, sin, seen[k, 6], seen[k, 7])
+        count = 0
+        for q in range(expected.shape[0]):
+            near[count] = q
+            count += ux * expected[q, 6] + uy * expected[q, 7] > POINT_COSINE
+        parts = max(int(seen[k, 4] / spacing + 0.5), 1)
+        step = seen[k, 4] / parts
+        weight = POINT_WEIGHT * step / POINT_SPACING / (wide * POINT_NOISE) ** 2
+        x0, y0 = rotate(cos, sin, seen[k, 0], seen[k, 1])
+        for part in range(parts):
+            x, y = x0 + (part + 0.5) * step * ux, y0 + (part + 0.5) * step * uy
+            nearest, which, off = gap, -1, 0.0
+            for c in range(count):
+                if which >= 0 and near[c] >= remembered:
+                    break
+                wall = expected[near[c]]
+                dx, dy = correction[0] + x - wall[0], correction[1] + y - wall[1]
+                along, aside = wall[6] * dx + wall[7] * dy, wall[6] * dy - wall[7] * dx
+                beyond = along < -POINT_END or along > wall[4] + POINT_END
+                if abs(aside) < nearest and not beyond:
+                    nearest, which, off = abs(aside), near[c], aside
+            if which >= 0:
+                matched += step / (1.0 + (off / scale) ** 2)
+                wx, wy = -expected[which, 7], expected[which, 6]
+                own = weight / (1.0 + (off / scale) ** 2)
+                equations = pulled_along(equations, x, y, wx, wy, -off, own)
+    return equations, matched / max(length, POINT_SPACING)

@@ -19,12 +19,17 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     LocatedView,
     PerceptualMap,
 )
+from albot_core.mappers.albot1.perceptual_map.range_profile import (
+    UNSEEN_HERE,
+    UNSEEN_THERE,
+    fill_profile,
+    likeliest_turns,
+)
 from albot_core.mappers.albot1.perceptual_map.submap import (
     MatchBuffers,
-    describe_expected,
+    describe_previous,
     describe_seen,
 )
-from albot_core.mappers.albot1.perceptual_map.turn_search import likeliest_turn
 from albot_core.matching.least_squares import held, pulled_by_line, pulled_by_point, solved
 from albot_core.matching.lines import describe, wrap
 
@@ -41,12 +46,13 @@ def search_turn(
     buffers: MatchBuffers,
 ) -> float:
     """The turn (rad) to add to the odometer's under which the two views agree best."""
-    kept = describe_seen(current, limits, buffers)
-    seen_edges, seen = buffers.seen_edges[:kept], buffers.seen[:kept]
-    kept = describe_expected(previous, motion, limits, buffers)
-    edges, expected = buffers.edges[:kept], buffers.expected[:kept]
-    args = (limits, limits.turn_cost, 1.0, buffers.votes)
-    return float(likeliest_turn(seen, seen_edges, expected, edges, *args))
+    seen = buffers.seen[: describe_seen(current, buffers)]
+    fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
+    total = describe_previous(previous, motion, 0, buffers)
+    fill_profile(buffers.expected[:total], UNSEEN_THERE, buffers.profiles[1])
+    seen_ranges, expected_ranges = buffers.profiles[0], buffers.profiles[1]
+    widest = limits.turn_search
+    return likeliest_turns(seen_ranges, expected_ranges, widest, limits.turn_cost)[0]
 
 
 @kernel(arrays=True)

@@ -13,9 +13,11 @@ from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     LAST_X,
     LAST_Y,
     MEMORY,
+    SHIFT,
     TURN,
     learn_error,
     note_motion,
+    shift_scale,
     turn_scale,
     unknown_odometer,
 )
@@ -32,6 +34,15 @@ def test_the_error_is_a_running_mean_square(turn: float, error: float) -> None:
     expected = before + (error**2 - before) / MEMORY
     assert odometer[TURN] == pytest.approx(expected, abs=1e-12)
     assert odometer[[LAST_X, LAST_Y]] == pytest.approx((1.0, 0.0), abs=1e-12)
+
+
+def test_an_odometer_that_slips_holds_the_pose_loosely() -> None:
+    odometer, still = unknown_odometer(), np.zeros(3)
+    assert shift_scale(odometer, LIMITS) == pytest.approx(0.1)
+    for _ in range(300):
+        learn_error(odometer, still, np.array((0.3, 0.0, 0.0)), still, True)
+    assert odometer[SHIFT] == pytest.approx(0.5 * 0.3**2, rel=0.01)
+    assert shift_scale(odometer, LIMITS) == pytest.approx(2 * 0.3 / np.sqrt(2), rel=0.01)
 
 
 def test_an_unsure_match_says_nothing_of_the_odometer() -> None:
