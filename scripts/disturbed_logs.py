@@ -36,7 +36,7 @@ LOGS = {
 }
 """The logs of the data folder, and the files of their references."""
 DEVELOPED_ON = ("intel", "wean1", "wean2")
-"""The logs on which `albot1`'s search was tuned; the others are for the test."""
+"""The logs on which the mappers' values were set; the others are for the test."""
 SAME = 1e-3
 """Errors that differ by no more than this (m) are the same."""
 
@@ -112,8 +112,8 @@ def page(measured: dict[str, Any], command: str) -> str:
         "`views`: every third reading is left out. `range`: the laser sees 8 m. `fine`: a beam "
         "between any two, and turns off by up to 24°. `frozen`: the odometer reports no motion. "
         "`all`: turns, lengths, beams, views and range together.\n\n"
-        f"The search was tuned on {', '.join(DEVELOPED_ON)}; the other logs are for the "
-        "test, though earlier versions of `albot1` were developed on all of them. Wean Hall's and "
+        f"Values of `albot1` and `association` were set on {', '.join(DEVELOPED_ON)}; the errors "
+        "on the other logs, which are for the test, were watched meanwhile. Wean Hall's and "
         "Duke's logs have no reference: the error is that against the path that `graph-slam` makes "
         f"of them as recorded.\n\nAs recorded: {as_recorded}. No worse than its "
         f"own odometer: {no_worse} of {len(runs)} runs ({no_worse / len(runs):.1%}).\n\n"

@@ -47,12 +47,12 @@ def set_gaps(
 ) -> None:
     """Write the distance of each point from the one before above which a new cluster begins (m).
 
-    Borges and Aldon (2004), eq. (4): on a wall that a beam meets at `min_incidence` (rad) the next
-    point is r sin(step) / sin(min_incidence - step) away, at a range r and an angle `step` between
-    the beams. So a cluster's walls do not fall apart where points are sparse: far off, or with a
-    coarse laser. Ours is that nothing nearer than `cluster_gap`, which takes the place of the noise
-    in their equation, is parted, and that this holds between neighbouring beams only: one that is
-    missing between them saw past the wall.
+    Borges and Aldon, "Line extraction in 2D range images for mobile robotics" (2004): on a wall
+    that a beam meets at `min_incidence` (rad) the next point is r sin(step) / sin(min_incidence -
+    step) away, at a range r and an angle `step` between the beams. So a cluster's walls do not fall
+    apart where points are sparse: far off, or with a coarse laser. Ours is that nothing nearer than
+    `cluster_gap`, which takes the place of the noise in their equation, is parted, and that this
+    holds between neighbouring beams only: one that is missing between them saw past the wall.
     """
     growth = 0.0
     if min_incidence > 0.0 and directions.shape[0] > 1:

@@ -97,7 +97,7 @@ def check_rows(state: Mapping[str, np.ndarray]) -> None:
     if (
         odometer.shape != (ROW,)
         or not np.isfinite(odometer).all()
-        or (odometer[[0, 1, 4]] < 0).any()
+        or (odometer[UNSIGNED] < 0).any()
     ):
         expected = "a mean square, a flag, a translation and a mean square"
         raise InputError("odometer", expected, str(odometer.tolist()))
