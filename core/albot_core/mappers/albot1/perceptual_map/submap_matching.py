@@ -68,6 +68,8 @@ SAME_TURN = np.radians(3.0)
 """Turns as near to each other as this lead to one pose (rad)."""
 ALIGNED_COST = 0.1
 """The most that a turn costs where aligned poses are compared, in shares of the view."""
+ODD_TURN = 5.0
+"""Turns are sought up to so many times the scale of the odometer's errors."""
 REACH, ELSEWHERE_COST = 0.3, 0.1
 """How far around the expected motion others are tried, at least (m), and what they cost."""
 ROUNDS, CONVERGED = 5, 1e-4
@@ -253,6 +255,8 @@ def _likeliest_motion(
     copy_pose(motion, around)
     copy_pose(motion, trial)
     side = 2 * cells + 1
+    # A misread view fits somewhere, too, but seldom where the odometer may have led.
+    widest = min(limits.turn_search, ODD_TURN * scale)
     for cell in range(side * side):
         if cell == side * side // 2 and side > 1 and not is_missing:
             continue  # it has been tried
@@ -261,7 +265,7 @@ def _likeliest_motion(
         total = describe_previous(previous, trial, 0, buffers)
         fill_profile(buffers.expected[:total], UNSEEN_THERE, buffers.profiles[1])
         turn, other, score = likeliest_turns(
-            buffers.profiles[0], buffers.profiles[1], limits.turn_search, scale
+            buffers.profiles[0], buffers.profiles[1], widest, scale
         )
         if is_missing:
             dx, dy = trial[0] - odometer[LAST_X], trial[1] - odometer[LAST_Y]
