@@ -141,9 +141,9 @@ def _match(
     if _search(mine, theirs, guess, robot, limits, best, pairs) == 0:
         return 0.0
     for _ in range(ROUNDS):
-        _pair(mine, theirs, best, limits, pairs)
+        _pair(mine, theirs, best, limits, -1, pairs)
         _refine(mine, theirs, pairs, best)
-    counts[0] = _pair(mine, theirs, best, limits, pairs)
+    counts[0] = _pair(mine, theirs, best, limits, -1, pairs)
     return _count_sides(mine, theirs, pairs, robot, counts)
 
 
@@ -158,15 +158,16 @@ def _search(
     pairs: np.ndarray,
 ) -> int:
     """Set the pose under which most lines are the same; return how many."""
-    pose = np.empty(3)
-    most = 0
+    pose, most = np.empty(3), 0
     for j in range(mine.shape[0]):
         for k in range(theirs.shape[0]):
+            if abs(wrap(wrap(mine[j, 5] - theirs[k, 5]) - guess[2])) > limits.max_turn:
+                continue
             for anchor in range(3):
                 lay_on(mine[j], theirs[k], anchor, pose)
                 if not is_near(pose, guess, robot, limits):
                     continue
-                found = _pair(mine, theirs, pose, limits, pairs)
+                found = _pair(mine, theirs, pose, limits, most, pairs)
                 if found > most:
                     most = found
                     for i in range(3):
@@ -206,22 +207,31 @@ def is_near(pose: np.ndarray, guess: np.ndarray, robot: np.ndarray, limits: Matc
 
 @kernel(arrays=True)
 def _pair(
-    mine: np.ndarray, theirs: np.ndarray, pose: np.ndarray, limits: MatchLimits, pairs: np.ndarray
+    mine: np.ndarray,
+    theirs: np.ndarray,
+    pose: np.ndarray,
+    limits: MatchLimits,
+    most: int,
+    pairs: np.ndarray,
 ) -> int:
     """Fill `pairs` (m,) with the line of `mine` that equals each of `theirs`; -1 for none.
 
-    Each takes the nearest of mine that is not yet taken. Returns the number of pairs.
+    Each takes the nearest of mine that is not yet taken. Returns the number of pairs; it stops
+    where there can no longer be more than `most`.
     """
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     taken = np.zeros(mine.shape[0], np.bool_)
     found = 0
     for q in range(theirs.shape[0]):
+        if found + theirs.shape[0] - q <= most:
+            break
         pairs[q] = -1
         best = limits.max_gap
+        heading, ends = wrap(theirs[q, 5] + pose[2]), moved_ends(theirs[q], pose, cos, sin)
         for k in range(mine.shape[0]):
-            if taken[k] or abs(wrap(wrap(theirs[q, 5] + pose[2]) - mine[k, 5])) >= limits.max_angle:
+            if taken[k] or abs(wrap(heading - mine[k, 5])) >= limits.max_angle:
                 continue
-            aside = beside(mine[k], moved_ends(theirs[q], pose, cos, sin), theirs[q, 4])
+            aside = beside(mine[k], ends, theirs[q, 4])
             if aside < best:
                 best = aside
                 pairs[q] = k

@@ -165,7 +165,9 @@ def test_surfaces_are_paired_as_the_slow_way_pairs_them(seed, spread):
     pairs = np.empty(len(theirs), np.int64)
     rows_mine = line_rows(mine, config)
     rows_theirs = line_rows(theirs, replace(config, min_length=1e-9))
-    found = _pair(rows_mine, rows_theirs, pose, config.limits, pairs)
+    found = _pair(
+        rows_mine, rows_theirs, pose, config.limits, -1, pairs, np.empty(len(rows_mine), bool)
+    )
     expected = slow_pairs(mine, theirs, pose, config)
     assert pairs.tolist() == expected
     assert found == sum(pair >= 0 for pair in expected)

@@ -200,7 +200,7 @@ class CorrectionConfig:
     exactly; that of the odometer alone has 1. It is nearly this share of α when first driven; the
     weights of all drives add up, to at most 1, and the motion is their weighted mean. In the paper
     all transitions weigh the same. Our value."""
-    passes: int = 2
+    passes: int = 3
     """Number of passes over all links in each iteration; 0 corrects nothing. Our value."""
 
     def __post_init__(self) -> None:

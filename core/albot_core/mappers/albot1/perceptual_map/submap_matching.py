@@ -59,11 +59,10 @@ from albot_core.matching.least_squares import (
 from albot_core.matching.lines import moved_ends, wrap
 from albot_core.sensing.view import NO_EDGE
 
-TRIALS, FREELY, ELSEWHERE = 3, 1, 2
-TRIALS, FREELY, ELSEWHERE = 3, 1, 2
-"""How many poses are aligned at the most: after the likeliest turn, after the turn that agrees best
-whatever it costs, and, where both leave much of the view unexplained, after a motion around the
-expected one."""
+LIKELIEST, FREELY, ELSEWHERE = 0, 1, 2
+"""What is aligned, one after another: the pose after the likeliest turn; that after the turn under
+which the views agree best, whatever the odometer says; and, where both leave much of the view
+unexplained, the pose after another motion, near the expected one."""
 SAME_TURN = np.radians(3.0)
 """Turns as near to each other as this lead to one pose (rad)."""
 ALIGNED_COST = 0.1
@@ -129,53 +128,37 @@ def match_submap(
     copy_pose(motion, expected_motion)
     is_missing = odometer[HAS_MOVED] == 0.0
     turn = other = share = best = 0.0
-    for trial in range(TRIALS):
-        if trial == ELSEWHERE and share >= limits.unsure:
-            continue
-        if trial != FREELY:
+    for trial in range(ELSEWHERE + 1):
+        if trial == LIKELIEST:
+            cells, spacing = GUESS_CELLS if is_missing else 0, GUESS_SPACING
+        elif trial == FREELY:
             cells, spacing = 0, 0.0
-            if trial == ELSEWHERE:
-                cells, spacing = 1, max(REACH, 2.0 * shift_scale(odometer, limits))
-            elif is_missing:
-                cells, spacing = GUESS_CELLS, GUESS_SPACING
-            turn, other = _likeliest_motion(
-                previous,
-                cells,
-                spacing,
-                is_missing,
-                limits,
-                odometer,
-                scale,
-                buffers,
-                expected_motion,
-            )
-        elif abs(turn - other) <= SAME_TURN or is_missing:
-            continue
-        tried = other if trial == FREELY else turn
-        its_share = _align(
-            expected_motion,
-            tried,
-            pm,
-            previous,
-            current,
-            seen,
-            limits,
-            odometer,
-            buffers,
-            correction,
-        )
-        worth = its_share - ALIGNED_COST * min((tried / scale) ** 2, 1.0)
-        if trial == ELSEWHERE:
-            worth -= ELSEWHERE_COST
-        if trial == 0 or worth > best:
+            if is_missing or abs(turn - other) <= SAME_TURN:
+                continue
+            turn = other
+        else:
+            cells, spacing = 1, max(REACH, 2.0 * shift_scale(odometer, limits))
+            if share >= limits.unsure:
+                break
+        if trial != FREELY:
+            grid = (cells, spacing, is_missing)
+            args = (limits, odometer, scale, buffers, expected_motion)
+            turn, other = _likeliest_motion(previous, *grid, *args)
+        views = (pm, previous, current, seen)
+        args = (limits, odometer, buffers, correction)
+        its_share = _align(expected_motion, turn, *views, *args)
+        worth = its_share - ALIGNED_COST * min((turn / scale) ** 2, 1.0)
+        worth -= ELSEWHERE_COST if trial == ELSEWHERE else 0.0
+        if trial == LIKELIEST or worth > best:
             best, share = worth, its_share
             copy_pose(correction, chosen)
             copy_pose(current.pose, start)
     copy_pose(start, current.pose)
     remembered, _ = describe_nearby(pm, previous, current, limits, buffers)
     expected, slots, landmarks = buffers.expected[:remembered], buffers.slots, buffers.landmarks
-    args = (slots, chosen, limits, landmarks)
-    found = match_landmarks(current.edges, seen, expected, pm.edges, *args)
+    found = match_landmarks(
+        current.edges, seen, expected, pm.edges, slots, chosen, limits, landmarks
+    )
 
     for k in range(current.size[0]):
         row = landmarks[k, ROW]
@@ -233,7 +216,7 @@ def _align(
     return share
 
 
-@kernel(arrays=True)
+@kernel()
 def _likeliest_motion(
     previous: LocatedView,
     cells: int,
@@ -247,9 +230,8 @@ def _likeliest_motion(
 ) -> tuple[float, float]:
     """Set `motion` to that under which the views agree best, of translations on a grid around it.
 
-    Returns the likeliest turns to add to it (see `likeliest_turns`). Without an
-    odometer a translation that differs from the last costs, for along a corridor the views cannot
-    tell.
+    Returns the likeliest turns to add to it (see `likeliest_turns`). Without an odometer a
+    translation that differs from the last costs, for along a corridor the views cannot tell.
     """
     trial, around, most, best_turn, best_other = _trial(), _around(), -np.inf, 0.0, 0.0
     copy_pose(motion, around)
@@ -370,6 +352,7 @@ def _pulled_by_walls(
             x, y = x0 + (part + 0.5) * step * ux, y0 + (part + 0.5) * step * uy
             nearest, which, off = gap, -1, 0.0
             for c in range(count):
+                # What is remembered comes first: the last view would let errors add up.
                 if which >= 0 and near[c] >= remembered:
                     break
                 wall = expected[near[c]]

@@ -1,5 +1,5 @@
-"""Views are matched with what is remembered: landmarks as a slow search finds them, poses in closed
-form."""
+"""Views are matched with what is remembered: landmarks as a slow search finds them, and the pose
+where the odometer is far off."""
 
 from __future__ import annotations
 
@@ -10,12 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from albot_core.geometry.poses import wrap_angle
+from albot_core.geometry.poses import relative, wrap_angle
 from albot_core.mappers.albot1.config import Albot1Config, Albot1Limits
+from albot_core.mappers.albot1.mapper import Albot1
 from albot_core.mappers.albot1.perceptual_map.submap_matching import match_landmarks
 from albot_core.matching.lines import moved_ends
+from albot_core.sensing.reading import Reading
 from albot_core.sensing.view import CORNER, NO_EDGE
 from tests.core.mappers.albot1.rows import Rows, rows_of, some_surfaces
+from tests.core.scenes import FURNITURE, ROOM, scan_from
 
 
 def slow_match(
@@ -71,3 +74,15 @@ def test_surfaces_turned_5_degrees_are_not_one(turn: float, count: int) -> None:
     seen = rows_of(np.array([[0.0, 0.0, cos, sin]]), rng)[0], corners
     expected = rows_of(np.array([[0.0, 0.0, 1.0, 0.0]]), rng)[0], corners
     assert matched(seen, expected, np.zeros(3), limits)[0] == count
+
+
+@pytest.mark.parametrize("degrees", [-40.0, -15.0, 0.0, 25.0])
+def test_the_pose_is_found_though_the_odometer_is_far_off(degrees: float) -> None:
+    walls, path = np.concatenate((ROOM, FURNITURE)), np.array([[0.0, 0, 0], [0.6, 0.2, 0.5]])
+    mapper = Albot1()
+    mapper.update(Reading(stamp=0.0, motion=np.zeros(3), laser=scan_from(path[0], walls)))
+    motion = path[1] + np.array((0.2, -0.15, np.radians(degrees)))
+    mapper.update(Reading(stamp=1.0, motion=motion, laser=scan_from(path[1], walls)))
+    off = relative(path[1], mapper.estimate.pose)
+    assert np.hypot(*off[:2]) < 0.03
+    assert abs(np.degrees(off[2])) < 1.0
