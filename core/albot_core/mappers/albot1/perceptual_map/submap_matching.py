@@ -128,33 +128,33 @@ def match_submap(
     copy_pose(motion, expected_motion)
     is_missing = odometer[HAS_MOVED] == 0.0
     turn = other = share = best = 0.0
+    kept = aligned = remembered = 0
+    known = (limits, odometer, scale, buffers, expected_motion)
+    scene = (pm, previous, current, seen, limits, odometer, buffers, correction)
     for trial in range(ELSEWHERE + 1):
         if trial == LIKELIEST:
-            cells, spacing = GUESS_CELLS if is_missing else 0, GUESS_SPACING
+            cells = GUESS_CELLS if is_missing else 0
+            turn, other = _likeliest_motion(previous, cells, GUESS_SPACING, is_missing, *known)
         elif trial == FREELY:
-            cells, spacing = 0, 0.0
             if is_missing or abs(turn - other) <= SAME_TURN:
                 continue
             turn = other
+        elif share < limits.unsure:
+            spacing = max(REACH, 2.0 * shift_scale(odometer, limits))
+            turn, other = _likeliest_motion(previous, 1, spacing, is_missing, *known)
         else:
-            cells, spacing = 1, max(REACH, 2.0 * shift_scale(odometer, limits))
-            if share >= limits.unsure:
-                break
-        if trial != FREELY:
-            grid = (cells, spacing, is_missing)
-            args = (limits, odometer, scale, buffers, expected_motion)
-            turn, other = _likeliest_motion(previous, *grid, *args)
-        views = (pm, previous, current, seen)
-        args = (limits, odometer, buffers, correction)
-        its_share = _align(expected_motion, turn, *views, *args)
+            break
+        remembered, its_share = _align(expected_motion, turn, *scene)
+        aligned = trial
         worth = its_share - ALIGNED_COST * min((turn / scale) ** 2, 1.0)
         worth -= ELSEWHERE_COST if trial == ELSEWHERE else 0.0
         if trial == LIKELIEST or worth > best:
-            best, share = worth, its_share
+            best, share, kept = worth, its_share, trial
             copy_pose(correction, chosen)
             copy_pose(current.pose, start)
-    copy_pose(start, current.pose)
-    remembered, _ = describe_nearby(pm, previous, current, limits, buffers)
+    if kept != aligned:
+        copy_pose(start, current.pose)
+        remembered, _ = describe_nearby(pm, previous, current, limits, buffers)
     expected, slots, landmarks = buffers.expected[:remembered], buffers.slots, buffers.landmarks
     found = match_landmarks(
         current.edges, seen, expected, pm.edges, slots, chosen, limits, landmarks
@@ -184,7 +184,7 @@ def _align(
     odometer: np.ndarray,
     buffers: MatchBuffers,
     correction: np.ndarray,
-) -> float:
+) -> tuple[int, float]:
     """Steps 2 and 3, from where `motion` and a further turn lead.
 
     Sets `current.pose` to there, and its correction. Returns how many walls are remembered there,
@@ -213,7 +213,7 @@ def _align(
         if wide == 1.0 and abs(x) + abs(y) < CONVERGED and abs(step) < CONVERGED:
             break
         wide = max(wide * NARROWING, 1.0)
-    return share
+    return remembered, share
 
 
 @kernel()
