@@ -165,12 +165,13 @@ def test_surfaces_are_paired_as_the_slow_way_pairs_them(seed, spread):
     pairs = np.empty(len(theirs), np.int64)
     rows_mine = line_rows(mine, config)
     rows_theirs = line_rows(theirs, replace(config, min_length=1e-9))
-    found = _pair(
-        rows_mine, rows_theirs, pose, config.limits, -1, pairs, np.empty(len(rows_mine), bool)
-    )
+    found = _pair(rows_mine, rows_theirs, pose, config.limits, -1, pairs)
     expected = slow_pairs(mine, theirs, pose, config)
     assert pairs.tolist() == expected
     assert found == sum(pair >= 0 for pair in expected)
+    # It may stop only where there cannot be more.
+    assert _pair(rows_mine, rows_theirs, pose, config.limits, found - 1, pairs) == found
+    assert _pair(rows_mine, rows_theirs, pose, config.limits, found, pairs) <= found
 
 
 def test_joined_keeps_one_of_each_and_the_newer_unless_it_shows_much_less():
