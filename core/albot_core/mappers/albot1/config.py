@@ -148,18 +148,19 @@ class Albot1Config:
     than this (m; algorithm 1, line 7)."""
     min_landmarks: int = 3
     """With fewer recognised landmarks the limiting point is reached (algorithm 4, line 12)."""
-    margin: float = 0.40
-    """What lies this near to the view's boundary counts as inside (m; algorithm 3, line 9)."""
+    margin: float = 0.18
+    """What lies this near to the view's boundary counts as inside (m; algorithm 3, line 9). The
+    thesis's is 0.40. The less a map drifts, the less has to go with what a view covers, and what
+    stays holds the next views. It is no round length, and no other threshold, for walls are cut
+    exactly so far from the boundary."""
     robot_in_boundary: bool = True
     """The robot's own place is a corner of the view's boundary. Off in the thesis: there the
     boundary joins the surfaces' ends alone (algorithm 3, line 7), so that where nothing stands at
     ±90° the ground between the robot and its first and last surface counts as outside."""
-    keeps_outer_end: bool = False
+    keeps_outer_end: bool = True
     """A remembered surface that a view extends keeps its end outside the view (algorithm 3,
-    line 12). Off, the view's surface is drawn out, in its own direction, as far as that end. Off
-    in `albot1` for Intel's sake: on, its error grows by a quarter, while those of ACES and Freiburg
-    fall by as much, and that of a drive in views 10 cm apart to a quarter (`albot experiment run
-    albot1-readings`)."""
+    line 12). Off, the view's surface is drawn out, in its own direction, as far as that end: a
+    short new surface swings a long old wall about (`albot experiment run albot1-readings`)."""
     covered_is_reobserved: bool = False
     """Every surface that a view covers, at one end or both, counts as met again (section 4.1.2):
     those about to be deleted or extended. Off, only one that the view holds too, within
@@ -181,16 +182,16 @@ class Albot1Config:
     """Largest error of the odometer's turn that is searched (rad)."""
     turn_cost: float = np.radians(6.0)
     """Least scale of the odometer's errors of turn (rad). A turn that differs from the odometer's
-    costs the square of the difference by the scale, up to a limit: an odometer that slips may be
-    off by any turn (`range_profile`)."""
+    costs by the difference in scales, as Student's t has it: an odometer that slips may be off by
+    any turn (`range_profile`)."""
     turn_scale: float = 2.5
     """With `submap_matching` the scale is so many times the errors of turn that the matches of late
     have shown, root mean square (`odometer_error`): a bad odometer is believed less."""
     unsure: float = 0.5
     """With `submap_matching` a match is unsure where a smaller share of what is in view lies on
-    what is expected there. Then motions around the expected one are tried as well, and nothing is
-    learnt of the odometer's errors."""
-    match_range: float = 16.0
+    what is expected there. Then other turns and motions are tried as well, and nothing is learnt of
+    the odometer's errors."""
+    match_range: float = 25.0
     """Only surfaces nearer than this are recognised and localise the robot (m)."""
     motion_error: float = 0.05
     """Standard deviation of the odometer's translation between views (m); with `submap_matching`
@@ -216,8 +217,8 @@ class Albot1Config:
         return cls(
             view=ViewConfig(),
             places=PlacesConfig.thesis(),
+            margin=0.40,
             robot_in_boundary=False,
-            keeps_outer_end=True,
             covered_is_reobserved=True,
             submap_matching=False,
             joint_landmarks=False,
@@ -229,6 +230,7 @@ class Albot1Config:
         return cls(
             view=ViewConfig(fit_lines=True, grazing_ends=True),
             places=PlacesConfig(expects_drift=False),
+            margin=0.40,
             submap_matching=False,
             covered_is_reobserved=True,
             turn_cost=np.radians(12.0),

@@ -26,21 +26,28 @@ FARTHEST = 100_000.0
 """Ranges are this at most (cm)."""
 PENALTY = 1
 """…and count so much against a turn, where equal ranges count 1 for it."""
-TURN_COST = 0.3
-"""The most that a turn costs, in shares of agreeing directions: a slipping odometer may be off by
-any turn."""
+TURN_COST = 0.2
+"""What a turn costs by which the odometer is off by its scale is log 2 times this, in shares of
+agreeing directions: minus the logarithm of the density of Student's t, for an odometer that slips
+may be off by much."""
 MIN_OVERLAP = 7
-"""Fewer directions in which both profiles see a surface count as so many."""
-
-
+"""Fewer directions in which both profiles see a surface count as so many…"""
+MIN_SHARE = 0.5
+"""…and as this share of those in which the view does: a few directions agree by chance."""
+DISTINCT = 2
+"""A turn that is taken takes those up to so many BINs beside it along: they lead to one pose."""
+TURNS = BINS + 1
+"""Turns that may be scored, from -180° to 180°."""
 UNSEEN_HERE, UNSEEN_THERE, UNSEEN = 1 << 20, 1 << 24, 1 << 18
 """Ranges (cm) where the view and what is expected show no surface; both differ by more than the
 last from any range, and from each other."""
 
 
 @kernel()
-def fill_profile(walls: np.ndarray, unseen: int, profile: np.ndarray) -> None:
+def fill_profile(walls: np.ndarray, unseen: int, profile: np.ndarray) -> int:
     """Write the range (cm) of the nearest of the walls' rows in each direction; `unseen` for none.
+
+    Returns in how many directions a wall is seen.
 
     Direction b is b BIN (rad) from the x axis of the walls' frame, in which the robot is at 0, 0;
     all directions stand in the profile three times. Walls run counterclockwise as seen from there;
@@ -64,33 +71,69 @@ def fill_profile(walls: np.ndarray, unseen: int, profile: np.ndarray) -> None:
             across = COSINES[place] * walls[k, 7] - SINES[place] * walls[k, 6]
             if across > 0.0:
                 profile[place] = min(profile[place], int(min(height / across, FARTHEST) + OFFSET))
+    directions = 0
     for b in range(BINS):
         profile[b + BINS] = profile[b + 2 * BINS] = profile[b]
+        directions += 1 if profile[b] < UNSEEN else 0
+    return int(directions)
 
 
 @kernel()
-def likeliest_turns(
-    seen: np.ndarray, expected: np.ndarray, widest: float, scale: float
-) -> tuple[float, float, float]:
-    """The turns (rad) to add to the expected one under which two profiles agree best.
+def agreement(seen: np.ndarray, directions: int, expected: np.ndarray, turn: int) -> float:
+    """How well two profiles agree, the view's turned by so many BINs: 1 for equal ranges, or less.
 
-    The first is the best where a turn costs its square by `scale` (rad), up to TURN_COST in all:
-    minus the logarithm of a normal density with a uniform one added. The second is the best where
-    turns cost nothing. The third result is the first one's score.
+    `directions` are those in which the view sees a wall.
     """
-    bins = min(int(widest / BIN), BINS)
-    most, best, free_most, free_best = -np.inf, 0, -np.inf, 0
+    agreeing = both = 0
+    for b in range(BINS):
+        off = abs(seen[b] - expected[BINS + turn + b])
+        agreeing += SAME_RANGE - (1 + PENALTY) * min(off, SAME_RANGE) if off < UNSEEN else 0
+        both += 1 if off < UNSEEN else 0
+    return float(agreeing / (SAME_RANGE * max(both, MIN_OVERLAP, MIN_SHARE * directions)))
+
+
+@kernel()
+def turn_cost(turn: float, scale: float) -> float:
+    """What a turn costs that differs by so much from the odometer's (rad; see TURN_COST)."""
+    turned = turn / scale
+    return float(TURN_COST * np.log1p(turned * turned))
+
+
+@kernel()
+def score_turns(
+    seen: np.ndarray,
+    directions: int,
+    expected: np.ndarray,
+    widest: float,
+    scale: float,
+    scores: np.ndarray,
+) -> None:
+    """Write each turn's score, its agreement less its cost, to `scores` (TURNS,).
+
+    The turn (rad) is what to add to the expected one; -inf stands for turns beyond `widest`.
+    """
+    bins = min(int(widest / BIN), BINS // 2)
+    for place in range(TURNS):
+        scores[place] = -np.inf
     for turn in range(-bins, bins + 1):
-        agreement = both = 0
-        for b in range(BINS):
-            off = abs(seen[b] - expected[BINS + turn + b])
-            agreement += SAME_RANGE - (1 + PENALTY) * min(off, SAME_RANGE) if off < UNSEEN else 0
-            both += 1 if off < UNSEEN else 0
-        turned = turn * BIN / scale
-        score = agreement / (SAME_RANGE * max(both, MIN_OVERLAP))
-        if score > free_most:
-            free_most, free_best = score, turn
-        score -= TURN_COST * min(turned * turned, 1.0)
-        if score > most:
-            most, best = score, turn
-    return float(best * BIN), float(free_best * BIN), float(most)
+        score = agreement(seen, directions, expected, turn)
+        scores[turn + BINS // 2] = score - turn_cost(turn * BIN, scale)
+
+
+@kernel()
+def take_likeliest(scores: np.ndarray) -> tuple[int, float]:
+    """The best score's place, and the score; it and those beside it (DISTINCT) become -inf."""
+    best = 0
+    for place in range(1, TURNS):
+        if scores[place] > scores[best]:
+            best = place
+    score = scores[best]
+    for place in range(max(best - DISTINCT, 0), min(best + DISTINCT + 1, TURNS)):
+        scores[place] = -np.inf
+    return int(best), float(score)
+
+
+@kernel()
+def turn_at(place: int) -> float:
+    """The turn (rad) whose score stands at a place."""
+    return float((place - BINS // 2) * BIN)

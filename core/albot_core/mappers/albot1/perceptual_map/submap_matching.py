@@ -4,14 +4,14 @@ This is ours, in place of algorithms 1 and 2. The thesis follows landmarks from 
 the odometer's turn, which it supposes to be right to 5°, and one landmark localises the robot. In
 real logs the turn often is not so good. Here
 
-1. the range profiles of the two views tell the turn under which they agree best,
+1. the range profiles of the two views tell the turns under which they agree best,
 2. what the map holds nearby, and the last view, are what the view may lie on,
 3. Gauss-Newton steps on the pose draw together landmarks, by their occluding and corner points,
    and points along all walls with the nearest wall: iterative closest points, with the distance
    from a line (Censi, "An ICP variant using a point-to-line metric", 2008).
 
-How sure a match is decides how widely to search. Where two turns are likely both are aligned, and
-where little of the view is explained, motions around the expected one are tried too.
+How sure a match is decides how widely to search. Where two turns are about as likely both are
+aligned; where little of the view is explained, motions farther off are, one after another.
 
 Only what is remembered around the robot takes part, and nothing remembered is corrected.
 """
@@ -23,29 +23,32 @@ import numpy as np
 from albot_core.geometry.pose_kernels import rotate
 from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
-from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, copy_pose
+from albot_core.mappers.albot1.perceptual_map.frames import compose_pose, copy_pose, relative_pose
 from albot_core.mappers.albot1.perceptual_map.memory import (
     NOT_RECOGNIZED,
     LocatedView,
     PerceptualMap,
 )
+from albot_core.mappers.albot1.perceptual_map.motion_search import (
+    agreement_after,
+    search_motions,
+    shift_cost,
+    take_motion,
+)
 from albot_core.mappers.albot1.perceptual_map.odometer_error import (
     HAS_MOVED,
-    LAST_X,
-    LAST_Y,
     shift_scale,
     turn_scale,
 )
 from albot_core.mappers.albot1.perceptual_map.range_profile import (
+    TURNS,
     UNSEEN_HERE,
-    UNSEEN_THERE,
     fill_profile,
-    likeliest_turns,
+    turn_cost,
 )
 from albot_core.mappers.albot1.perceptual_map.submap import (
     MatchBuffers,
     describe_nearby,
-    describe_previous,
     describe_seen,
     note_reobserved,
 )
@@ -59,18 +62,26 @@ from albot_core.matching.least_squares import (
 from albot_core.matching.lines import moved_ends, wrap
 from albot_core.sensing.view import NO_EDGE
 
-LIKELIEST, FREELY, ELSEWHERE = 0, 1, 2
-"""What is aligned, one after another: the pose after the likeliest turn; that after the turn under
-which the views agree best, whatever the odometer says; and, where both leave much of the view
-unexplained, the pose after another motion, near the expected one."""
-SAME_TURN = np.radians(3.0)
-"""Turns as near to each other as this lead to one pose (rad)."""
-ALIGNED_COST = 0.1
-"""The most that a turn costs where aligned poses are compared, in shares of the view."""
+ALWAYS, BY_TURN, MOTIONS = 2, 4, 8
+"""How many motions are aligned at the most: the likeliest turn, and another that is nearly as
+likely; then, as long as no match is sure, further turns, and motions of other translations."""
+NEARLY = 0.15
+"""A turn is nearly as likely as another with a score no more than this below it."""
 ODD_TURN = 5.0
-"""Turns are sought up to so many times the scale of the odometer's errors."""
-REACH, ELSEWHERE_COST = 0.3, 0.1
-"""How far around the expected motion others are tried, at least (m), and what they cost."""
+"""Turns are first sought up to so many times the scale of the odometer's errors: a misread view
+fits somewhere, too, but seldom where the odometer may have led."""
+WIDEST_TURN = np.radians(90.0)
+"""Turns are sought up to this where no match is sure (rad)."""
+REACH, REACH_COST = 0.5, 0.1
+"""How far around the expected motion others are tried, at least (m), and what they cost, in shares
+of the view."""
+GUESS_CELLS, GUESS_SPACING = 6, 0.2
+"""Without an odometer so many translations either way are tried, and so far apart (m)."""
+SAME_WORTH = 1e-6
+"""A motion must be better by more, so that rounding does not choose between two as good."""
+PROFILE_WEIGHT = 0.5
+"""How much the profiles' agreement at an aligned pose counts, where the share of the view that is
+explained there counts 1."""
 ROUNDS, CONVERGED = 5, 1e-4
 """Gauss-Newton steps at the most, each after matching anew, and a step too small to go on (m,
 rad)."""
@@ -93,17 +104,13 @@ POINT_SCALE, POINT_NOISE = 0.08, 0.03
 deviation."""
 POINT_WEIGHT = 0.5
 """Weight of a point: neighbouring points of a wall err together."""
-GUESS_SPACING, GUESS_CELLS = 0.4, 3
-"""Without an odometer translations are tried so far apart (m), and so many cells either way…"""
-GUESS_COST = 0.1
-"""…and a translation that differs by 1 m from the last costs such a share of agreeing
-directions."""
 ROW, SIDE = 0, 1
 """Columns of `landmarks`, one row a wall in view: the row of `expected` that it is recognised as,
 or -1, and by which end."""
 
-_correction, _expected_motion, _trial = scratch(3), scratch(3), scratch(3)
-_around, _chosen, _start = scratch(3), scratch(3), scratch(3)
+_correction, _chosen, _start = scratch(3), scratch(3), scratch(3)
+_trial, _there, _moved = scratch(3), scratch(3), scratch(3)
+_scores, _shifts = scratch(TURNS), scratch(TURNS, 2)
 
 
 @kernel()
@@ -122,34 +129,39 @@ def match_submap(
     the walls in view that lies on what is expected there.
     """
     seen = buffers.seen[: describe_seen(current, buffers)]
-    expected_motion, scale = _expected_motion(), turn_scale(odometer, limits)
-    correction, chosen, start = _correction(), _chosen(), _start()
-    fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
-    copy_pose(motion, expected_motion)
-    is_missing = odometer[HAS_MOVED] == 0.0
-    turn = other = share = best = 0.0
+    directions = fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
+    scale, is_missing = turn_scale(odometer, limits), odometer[HAS_MOVED] == 0.0
+    correction, chosen, start, trial = _correction(), _chosen(), _start(), _trial()
+    scores, shifts = _scores(), _shifts()
+    share = best = first = 0.0
     kept = aligned = remembered = 0
-    known = (limits, odometer, scale, buffers, expected_motion)
+    known = (scale, directions, odometer, buffers, scores, shifts)
     scene = (pm, previous, current, seen, limits, odometer, buffers, correction)
-    for trial in range(ELSEWHERE + 1):
-        if trial == LIKELIEST:
-            cells = GUESS_CELLS if is_missing else 0
-            turn, other = _likeliest_motion(previous, cells, GUESS_SPACING, is_missing, *known)
-        elif trial == FREELY:
-            if is_missing or abs(turn - other) <= SAME_TURN:
-                continue
-            turn = other
-        elif share < limits.unsure:
-            spacing = max(REACH, 2.0 * shift_scale(odometer, limits))
-            turn, other = _likeliest_motion(previous, 1, spacing, is_missing, *known)
-        else:
+    for k in range(MOTIONS):
+        if k == 0 and is_missing:
+            search_motions(previous, motion, GUESS_CELLS, GUESS_SPACING, np.pi, *known)
+        elif k == 0:
+            widest = min(limits.turn_search, ODD_TURN * scale)
+            search_motions(previous, motion, 0, 0.0, widest, *known)
+        elif not is_missing and k >= ALWAYS and share >= limits.unsure:
             break
-        remembered, its_share = _align(expected_motion, turn, *scene)
-        aligned = trial
-        worth = its_share - ALIGNED_COST * min((turn / scale) ** 2, 1.0)
-        worth -= ELSEWHERE_COST if trial == ELSEWHERE else 0.0
-        if trial == LIKELIEST or worth > best:
-            best, share, kept = worth, its_share, trial
+        elif not is_missing and k == BY_TURN:
+            reach = max(REACH, 2.0 * shift_scale(odometer, limits))
+            search_motions(previous, motion, 1, reach, WIDEST_TURN, *known)
+        score, turn = take_motion(scores, shifts, motion, trial)
+        first = score if k == 0 else first
+        is_first_search = not is_missing and k < BY_TURN
+        if score == -np.inf or (is_first_search and score < first - NEARLY):
+            continue
+        remembered, its_share = _align(trial, turn, *scene)
+        aligned = k
+        worth = its_share - turn_cost(turn, scale) - shift_cost(trial, odometer)
+        worth -= 0.0 if is_first_search or is_missing else REACH_COST
+        worth += PROFILE_WEIGHT * _agreement_there(
+            previous, current.pose, correction, directions, buffers
+        )
+        if k == 0 or worth > best + SAME_WORTH:
+            best, share, kept = worth, its_share, k
             copy_pose(correction, chosen)
             copy_pose(current.pose, start)
     if kept != aligned:
@@ -217,45 +229,18 @@ def _align(
 
 
 @kernel()
-def _likeliest_motion(
+def _agreement_there(
     previous: LocatedView,
-    cells: int,
-    spacing: float,
-    is_missing: bool,
-    limits: Albot1Limits,
-    odometer: np.ndarray,
-    scale: float,
+    start: np.ndarray,
+    correction: np.ndarray,
+    directions: int,
     buffers: MatchBuffers,
-    motion: np.ndarray,
-) -> tuple[float, float]:
-    """Set `motion` to that under which the views agree best, of translations on a grid around it.
-
-    Returns the likeliest turns to add to it (see `likeliest_turns`). Without an odometer a
-    translation that differs from the last costs, for along a corridor the views cannot tell.
-    """
-    trial, around, most, best_turn, best_other = _trial(), _around(), -np.inf, 0.0, 0.0
-    copy_pose(motion, around)
-    copy_pose(motion, trial)
-    side = 2 * cells + 1
-    # A misread view fits somewhere, too, but seldom where the odometer may have led.
-    widest = min(limits.turn_search, ODD_TURN * scale)
-    for cell in range(side * side):
-        if cell == side * side // 2 and side > 1 and not is_missing:
-            continue  # it has been tried
-        trial[0] = around[0] + spacing * (cell // side - cells)
-        trial[1] = around[1] + spacing * (cell % side - cells)
-        total = describe_previous(previous, trial, 0, buffers)
-        fill_profile(buffers.expected[:total], UNSEEN_THERE, buffers.profiles[1])
-        turn, other, score = likeliest_turns(
-            buffers.profiles[0], buffers.profiles[1], widest, scale
-        )
-        if is_missing:
-            dx, dy = trial[0] - odometer[LAST_X], trial[1] - odometer[LAST_Y]
-            score -= GUESS_COST * (dx * dx + dy * dy)
-        if score > most:
-            most, best_turn, best_other = score, turn, other
-            copy_pose(trial, motion)
-    return best_turn, best_other
+) -> float:
+    """How well the profiles of the two views agree where `start` and its correction lead."""
+    there, moved = _there(), _moved()
+    compose_pose(start, correction, there)
+    relative_pose(previous.pose, there, moved)
+    return agreement_after(previous, moved, directions, buffers)
 
 
 @kernel()

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from albot_core.geometry.pose_kernels import rotate
-from albot_core.kernels.compiled import kernel
+from albot_core.kernels.compiled import kernel, scratch
 from albot_core.mappers.albot1.config import Albot1Limits
 from albot_core.mappers.albot1.perceptual_map.frames import seen_from
 from albot_core.mappers.albot1.perceptual_map.memory import (
@@ -20,10 +20,13 @@ from albot_core.mappers.albot1.perceptual_map.memory import (
     PerceptualMap,
 )
 from albot_core.mappers.albot1.perceptual_map.range_profile import (
+    TURNS,
     UNSEEN_HERE,
     UNSEEN_THERE,
     fill_profile,
-    likeliest_turns,
+    score_turns,
+    take_likeliest,
+    turn_at,
 )
 from albot_core.mappers.albot1.perceptual_map.submap import (
     MatchBuffers,
@@ -36,6 +39,8 @@ from albot_core.matching.lines import describe, wrap
 ITERATIONS = 6
 """Gauss-Newton steps."""
 
+_scores = scratch(TURNS)
+
 
 @kernel()
 def search_turn(
@@ -47,12 +52,12 @@ def search_turn(
 ) -> float:
     """The turn (rad) to add to the odometer's under which the two views agree best."""
     seen = buffers.seen[: describe_seen(current, buffers)]
-    fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
+    directions = fill_profile(seen, UNSEEN_HERE, buffers.profiles[0])
     total = describe_previous(previous, motion, 0, buffers)
     fill_profile(buffers.expected[:total], UNSEEN_THERE, buffers.profiles[1])
-    seen_ranges, expected_ranges = buffers.profiles[0], buffers.profiles[1]
-    widest = limits.turn_search
-    return likeliest_turns(seen_ranges, expected_ranges, widest, limits.turn_cost)[0]
+    scores, widest, scale = _scores(), limits.turn_search, limits.turn_cost
+    score_turns(buffers.profiles[0], directions, buffers.profiles[1], widest, scale, scores)
+    return turn_at(take_likeliest(scores)[0])
 
 
 @kernel(arrays=True)

@@ -1,4 +1,4 @@
-"""Range profiles in closed form, and the likeliest turn against a slow comparison of all turns."""
+"""Range profiles in closed form, and the turns' scores against a slow comparison."""
 
 from __future__ import annotations
 
@@ -12,14 +12,19 @@ from albot_core.mappers.albot1.perceptual_map.range_profile import (
     BIN,
     BINS,
     MIN_OVERLAP,
+    MIN_SHARE,
     OFFSET,
     PENALTY,
     SAME_RANGE,
     TURN_COST,
+    TURNS,
     UNSEEN_HERE,
     UNSEEN_THERE,
+    agreement,
     fill_profile,
-    likeliest_turns,
+    score_turns,
+    take_likeliest,
+    turn_at,
 )
 from albot_core.matching.lines import describe
 
@@ -31,8 +36,16 @@ def profile_of(surfaces: np.ndarray, unseen: int) -> np.ndarray:
     rows, profile = np.empty((len(surfaces), 8)), np.empty(3 * BINS, np.int32)
     for surface, row in zip(surfaces, rows, strict=True):
         describe(surface, row)
-    fill_profile(rows, unseen, profile)
+    directions = fill_profile(rows, unseen, profile)
+    assert directions == (profile[:BINS] != unseen).sum()
     return profile
+
+
+def scores_of(seen: np.ndarray, expected: np.ndarray, widest: float, scale: float) -> np.ndarray:
+    """The scores (TURNS,) of all turns between two profiles (3 BINS,)."""
+    scores, directions = np.empty(TURNS), int((seen[:BINS] != UNSEEN_HERE).sum())
+    score_turns(seen, directions, expected, widest, scale, scores)
+    return scores
 
 
 def a_room(turn: float, rng: np.random.Generator) -> np.ndarray:
@@ -58,36 +71,54 @@ def test_the_nearer_wall_counts_and_a_wall_from_behind_does_not() -> None:
 
 
 @settings(deadline=None, max_examples=40)
-@given(st.integers(0, 10**6), st.floats(0.02, 1.0))
-def test_they_are_the_turns_that_a_slow_comparison_finds(seed: int, scale: float) -> None:
+@given(st.integers(0, 10**6), st.floats(0.02, 1.0), st.floats(0.1, 4.0))
+def test_the_scores_are_those_of_a_slow_comparison(seed: int, scale: float, widest: float) -> None:
     rng = np.random.default_rng(seed)
     seen, expected = rng.integers(100, 300, (2, BINS), dtype=np.int32)
-    seen[rng.random(BINS) < 0.3], expected[rng.random(BINS) < 0.3] = UNSEEN_HERE, UNSEEN_THERE
-    bins, free = int(WIDEST / BIN), []
-    for turn in range(-bins, bins + 1):
+    seen[rng.random(BINS) < rng.random()] = UNSEEN_HERE
+    expected[rng.random(BINS) < rng.random()] = UNSEEN_THERE
+    directions, slow = int((seen != UNSEEN_HERE).sum()), np.full(TURNS, -np.inf)
+    for place, turn in enumerate(range(-BINS // 2, BINS // 2 + 1)):
         there = np.roll(expected, -turn)
         both = (seen != UNSEEN_HERE) & (there != UNSEEN_THERE)
         off = np.minimum(np.abs(seen[both] - there[both]) / SAME_RANGE, 1)
-        free.append((1 - (1 + PENALTY) * off).sum() / max(both.sum(), MIN_OVERLAP))
-    turns = np.arange(-bins, bins + 1) * BIN
-    costly = np.array(free) - TURN_COST * np.minimum((turns / scale) ** 2, 1)
-    turn, other, score = likeliest_turns(np.tile(seen, 3), np.tile(expected, 3), WIDEST, scale)
-    assert score == pytest.approx(costly.max(), abs=1e-9)
-    assert costly[np.abs(turns - turn).argmin()] == pytest.approx(score, abs=1e-9)
-    assert free[np.abs(turns - other).argmin()] == pytest.approx(max(free), abs=1e-9)
+        enough = max(both.sum(), MIN_OVERLAP, MIN_SHARE * directions)
+        cost = TURN_COST * np.log(1 + (turn * BIN / scale) ** 2)
+        if abs(turn) * BIN <= widest:
+            slow[place] = (1 - (1 + PENALTY) * off).sum() / enough - cost
+    scores = scores_of(np.tile(seen, 3), np.tile(expected, 3), widest, scale)
+    np.testing.assert_allclose(scores, slow, atol=1e-9)
 
 
 @pytest.mark.parametrize("degrees", [-45.0, -24.0, 0.0, 12.0, 24.0, 45.0])
 def test_a_turn_that_is_far_off_is_found(degrees: float) -> None:
     seen = profile_of(a_room(0.0, np.random.default_rng(3)), UNSEEN_HERE)
     there = profile_of(a_room(np.radians(degrees), np.random.default_rng(3)), UNSEEN_THERE)
-    turn, other, _ = likeliest_turns(seen, there, WIDEST, np.radians(10.0))
-    assert np.degrees(turn) == pytest.approx(degrees, abs=3.01)
-    assert other == turn
+    place, score = take_likeliest(scores_of(seen, there, WIDEST, np.radians(10.0)))
+    assert np.degrees(turn_at(place)) == pytest.approx(degrees, abs=3.01)
+    assert score > 0.0
 
 
 def test_with_nothing_to_go_by_the_odometer_is_right() -> None:
     nothing = np.full(3 * BINS, UNSEEN_HERE, np.int32)
     there = np.full(3 * BINS, UNSEEN_THERE, np.int32)
-    turn, _, score = likeliest_turns(nothing, there, WIDEST, 0.1)
-    assert turn == score == 0.0
+    place, score = take_likeliest(scores_of(nothing, there, WIDEST, 0.1))
+    assert turn_at(place) == score == 0.0
+
+
+def test_a_few_directions_that_agree_are_no_evidence() -> None:
+    # Two walls side by side in view, one of them expected: a quarter of the view agrees.
+    seen, there = np.full(BINS, UNSEEN_HERE, np.int32), np.full(BINS, UNSEEN_THERE, np.int32)
+    seen[:60], there[45:60] = 300, 300
+    one, other = np.tile(seen, 3), np.tile(there, 3)
+    assert agreement(one, 60, other, 0) == pytest.approx(15 / (MIN_SHARE * 60))
+    there[:60] = 300
+    assert agreement(one, 60, np.tile(there, 3), 0) == 1.0
+
+
+def test_each_turn_taken_is_another() -> None:
+    scores = np.full(TURNS, -np.inf)
+    scores[50:60] = [1, 2, 9, 8, 7, 6, 3, 3, 2, 5]
+    taken = [take_likeliest(scores) for _ in range(4)]
+    assert taken[:3] == [(52, 9.0), (55, 6.0), (59, 5.0)]
+    assert taken[3][1] == -np.inf

@@ -86,3 +86,29 @@ def test_the_pose_is_found_though_the_odometer_is_far_off(degrees: float) -> Non
     off = relative(path[1], mapper.estimate.pose)
     assert np.hypot(*off[:2]) < 0.03
     assert abs(np.degrees(off[2])) < 1.0
+
+
+@pytest.mark.parametrize("off", [(0.5, -0.4, 60.0), (-0.5, 0.5, -55.0), (0.0, 0.55, 8.0)])
+def test_motions_farther_off_are_found_where_no_match_is_sure(
+    off: tuple[float, float, float],
+) -> None:
+    walls, path = np.concatenate((ROOM, FURNITURE)), np.array([[0.0, 0, 0], [0.6, 0.2, 0.5]])
+    mapper = Albot1()
+    mapper.update(Reading(stamp=0.0, motion=np.zeros(3), laser=scan_from(path[0], walls)))
+    motion = path[1] + np.array((*off[:2], np.radians(off[2])))
+    mapper.update(Reading(stamp=1.0, motion=motion, laser=scan_from(path[1], walls)))
+    error = relative(path[1], mapper.estimate.pose)
+    assert np.hypot(*error[:2]) < 0.03
+    assert abs(np.degrees(error[2])) < 1.0
+
+
+def test_without_an_odometer_the_views_tell_the_motion() -> None:
+    walls = np.concatenate((ROOM, FURNITURE))
+    path = np.array([[0.0, 0, 0], [0.6, 0.2, 0.5], [0.9, 0.3, -0.4], [0.2, -0.3, -1.3]])
+    mapper = Albot1()
+    for stamp, pose in enumerate(path):
+        laser = scan_from(pose, walls)
+        mapper.update(Reading(stamp=float(stamp), motion=np.zeros(3), laser=laser))
+        error = relative(pose, mapper.estimate.pose)
+        assert np.hypot(*error[:2]) < 0.05
+        assert abs(np.degrees(error[2])) < 1.0

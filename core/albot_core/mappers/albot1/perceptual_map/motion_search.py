@@ -1,0 +1,114 @@
+"""The likeliest motions between two views: those under which their range profiles agree. Compiled.
+
+The turn is searched under the odometer's translation, or under those of a grid around it. Few
+motions are aligned, so each that is taken out of a search differs in its turn from the others.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from albot_core.kernels.compiled import kernel, scratch
+from albot_core.mappers.albot1.perceptual_map.frames import copy_pose
+from albot_core.mappers.albot1.perceptual_map.memory import LocatedView
+from albot_core.mappers.albot1.perceptual_map.odometer_error import HAS_MOVED, LAST_X, LAST_Y
+from albot_core.mappers.albot1.perceptual_map.range_profile import (
+    TURNS,
+    UNSEEN_THERE,
+    agreement,
+    fill_profile,
+    score_turns,
+    take_likeliest,
+    turn_at,
+)
+from albot_core.mappers.albot1.perceptual_map.submap import MatchBuffers, describe_previous
+
+SHIFT_COST = 0.1
+"""Without an odometer a translation that differs by 1 m from the last one costs so much, in shares
+of agreeing directions: along a corridor the views cannot tell it."""
+
+_trial, _of_one = scratch(3), scratch(TURNS)
+
+
+@kernel()
+def search_motions(
+    previous: LocatedView,
+    motion: np.ndarray,
+    cells: int,
+    spacing: float,
+    widest: float,
+    scale: float,
+    directions: int,
+    odometer: np.ndarray,
+    buffers: MatchBuffers,
+    scores: np.ndarray,
+    shifts: np.ndarray,
+) -> None:
+    """Compare the profile of the view, which is in the buffers, with that of the previous one.
+
+    Args:
+        previous: The previous view.
+        motion: The motion since, by the odometer (m, rad; the previous view's frame).
+        cells: So many translations either way along each axis are tried around the motion's…
+        spacing: …so far apart (m).
+        widest: The largest turn (rad) that is added to the motion's.
+        scale: That of the odometer's errors of turn (rad).
+        directions: In how many directions the view sees a wall.
+        odometer: What has been learnt of it.
+        buffers: The view's profile is the first.
+        scores: (TURNS,), filled with each turn's best score of all translations…
+        shifts: (TURNS, 2), …and with that translation (m).
+    """
+    trial, of_one = _trial(), _of_one()
+    copy_pose(motion, trial)
+    for place in range(TURNS):
+        scores[place] = -np.inf
+    side = 2 * cells + 1
+    for cell in range(side * side):
+        trial[0] = motion[0] + spacing * (cell // side - cells)
+        trial[1] = motion[1] + spacing * (cell % side - cells)
+        total = describe_previous(previous, trial, 0, buffers)
+        fill_profile(buffers.expected[:total], UNSEEN_THERE, buffers.profiles[1])
+        score_turns(buffers.profiles[0], directions, buffers.profiles[1], widest, scale, of_one)
+        cost = shift_cost(trial, odometer)
+        for place in range(TURNS):
+            if of_one[place] - cost > scores[place]:
+                scores[place] = of_one[place] - cost
+                shifts[place, 0], shifts[place, 1] = trial[0], trial[1]
+
+
+@kernel()
+def take_motion(
+    scores: np.ndarray, shifts: np.ndarray, motion: np.ndarray, likely: np.ndarray
+) -> tuple[float, float]:
+    """Take the likeliest motion out of what `search_motions` has found: its score, and its turn.
+
+    `likely` becomes the motion's translation, with the turn of `motion` (rad), to which the turn
+    returned is to be added. The score is -inf where none is left.
+    """
+    place, score = take_likeliest(scores)
+    copy_pose(motion, likely)
+    if score > -np.inf:
+        likely[0], likely[1] = shifts[place, 0], shifts[place, 1]
+    return score, turn_at(place)
+
+
+@kernel()
+def shift_cost(motion: np.ndarray, odometer: np.ndarray) -> float:
+    """What a translation costs: nothing where there is an odometer (see SHIFT_COST)."""
+    if odometer[HAS_MOVED] > 0.0:
+        return 0.0
+    dx, dy = motion[0] - odometer[LAST_X], motion[1] - odometer[LAST_Y]
+    return float(SHIFT_COST * (dx * dx + dy * dy))
+
+
+@kernel()
+def agreement_after(
+    previous: LocatedView, motion: np.ndarray, directions: int, buffers: MatchBuffers
+) -> float:
+    """How well the profiles of the two views agree if the robot moved by `motion` between them."""
+    # Behind all that is expected, whose rows are still of use.
+    first = buffers.expected.shape[0] - previous.size[0]
+    total = describe_previous(previous, motion, first, buffers)
+    fill_profile(buffers.expected[first:total], UNSEEN_THERE, buffers.profiles[1])
+    return agreement(buffers.profiles[0], directions, buffers.profiles[1], 0)
