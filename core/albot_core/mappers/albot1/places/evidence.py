@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from albot_core.geometry.poses import compose, relative, transform_points, transform_segments
-from albot_core.geometry.types import Points, Pose, Segments
-from albot_core.kernels.compiled import kernel
+from albot_core.geometry.types import Pose, Segments
+from albot_core.kernels.compiled import ZERO, kernel
 from albot_core.mappers.albot1.places.exits import ASLANT, WALL, crosses_line
 from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import DEVIATIONS, LearnedPlace, Lines
@@ -103,32 +103,29 @@ def weigh(
     # All as the match lays it, in the other place's frame.
     to_place, from_graph = relative(match.pose, np.zeros(3)), relative(place.frame, np.zeros(3))
     here = relative(match.pose, pose)[:2]
-    there = transform_points(from_graph, crumbs.points[crumbs.places == place.id])
     is_present = (crumbs.places == network.current) & (crumbs.readings >= network.stays[-1][0])
     way = transform_points(
         compose(to_place, network.map_to_graph), crumbs.points[is_present][-LATEST:]
     )
     way = np.concatenate((way, here[None]))
-    mine = np.concatenate((seen, network.predicted_exits, exits))
-    own = np.reshape([door.line for door in place.exits], (-1, 4))
-    lines = np.concatenate((place.surfaces, own, transform_segments(to_place, mine)))
     walls = np.concatenate((place.surfaces, transform_segments(to_place, seen)))
     away = np.hypot(*(here - relative(guess, pose)[:2]))
+    misfit = float(away) * DEVIATIONS / network.drift_at(pose)
+    if passes_doorway(walls, way):
+        return Evidence(match.share, 0.0, 0.0, misfit, through_doorway=True)
+    there = transform_points(from_graph, crumbs.points[crumbs.places == place.id])
+    if not len(there):
+        return Evidence(match.share, UNKNOWN, UNKNOWN, misfit)
+    own = np.reshape([door.line for door in place.exits], (-1, 4))
+    mine = transform_segments(to_place, np.concatenate((network.predicted_exits, exits)))
+    lines = np.concatenate((walls, own, mine))
+    nearest = there[np.argsort(np.hypot(*(there - here).T), kind="stable")[:NEAREST]]
     return Evidence(
         share=match.share,
-        nearest_in_sight=_nearest_in_sight(lines, here, there),
-        visit_in_sight=share_in_sight(lines, way, there) if len(there) else UNKNOWN,
-        misfit=float(away) * DEVIATIONS / network.drift_at(pose),
-        through_doorway=bool(passes_doorway(walls, way)),
+        nearest_in_sight=share_in_sight(lines, nearest, here[None]),
+        visit_in_sight=share_in_sight(lines, way, there),
+        misfit=misfit,
     )
-
-
-def _nearest_in_sight(lines: Segments, here: Points, crumbs: Points) -> float:
-    """The share of those crumbs that are nearest to `here` that it has in sight."""
-    if not len(crumbs):
-        return UNKNOWN
-    nearest = np.argsort(np.hypot(*(crumbs - here).T), kind="stable")[:NEAREST]
-    return float(np.mean([share_in_sight(lines, here[None], crumbs[k : k + 1]) for k in nearest]))
 
 
 @kernel(arrays=True)
@@ -137,62 +134,80 @@ def share_in_sight(lines: np.ndarray, points: np.ndarray, others: np.ndarray) ->
 
     In sight means that none of the lines (k, 4) lies between.
     """
-    count = 0
+    count, nearby, before = 0, 0, ZERO
     for point in points:
-        for other in others:
-            if _is_clear(lines, point, other):
-                count += 1
+        # What the last point saw, and what hid it, is likely to be so for the next.
+        for k in range(others.shape[0]):
+            other = others[(nearby + k) % others.shape[0]]
+            before = _line_between(lines, point, other, before)
+            if before < 0:
+                count, nearby, before = count + 1, (nearby + k) % others.shape[0], ZERO
                 break
-    return count / points.shape[0]
+    return float(count / points.shape[0])
 
 
 @kernel()
-def _is_clear(lines: np.ndarray, one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether no line lies between two points."""
-    for line in lines:  # noqa: SIM110 (compiled code has no generators)
-        if crosses_line(line, one[0], one[1], other[0], other[1]):
-            return False
-    return True
+def _line_between(lines: np.ndarray, one: np.ndarray, other: np.ndarray, first: int) -> int:
+    """A line that lies between two points, looked for from `first` on; -1 for none."""
+    for k in range(lines.shape[0]):
+        which = first + k if first + k < lines.shape[0] else first + k - lines.shape[0]
+        if crosses_line(lines[which], one[0], one[1], other[0], other[1]):
+            return which
+    return -1
 
 
 @kernel(arrays=True)
 def passes_doorway(walls: np.ndarray, way: np.ndarray) -> bool:
     """Whether a way (n, 2) passes between two walls (k, 4) in line, the ends of a doorway."""
-    line = np.empty(4)
-    for j in range(walls.shape[0]):
+    ends, line = np.empty((2 * walls.shape[0], 4)), np.empty(4)
+    count = _ends_near(walls, way, ends)
+    for j in range(count):
         for k in range(j):
-            for end in range(2):
-                for other in range(2):
-                    line[0], line[1] = walls[j, 2 * end], walls[j, 2 * end + 1]
-                    line[2], line[3] = walls[k, 2 * other], walls[k, 2 * other + 1]
-                    if not _is_doorway(line, walls[j], end, walls[k], other):
-                        continue
-                    for i in range(way.shape[0] - 1):
-                        if crosses_line(line, way[i, 0], way[i, 1], way[i + 1, 0], way[i + 1, 1]):
-                            return True
+            line[0], line[1], line[2], line[3] = ends[j, 0], ends[j, 1], ends[k, 0], ends[k, 1]
+            if not _is_doorway(line, ends[j], ends[k]):
+                continue
+            for i in range(way.shape[0] - 1):
+                if crosses_line(line, way[i, 0], way[i, 1], way[i + 1, 0], way[i + 1, 1]):
+                    return True
     return False
 
 
 @kernel()
-def _is_doorway(line: np.ndarray, wall: np.ndarray, end: int, other: np.ndarray, at: int) -> bool:
-    """Whether the line from an end of a wall to one of another closes a doorway.
+def _ends_near(walls: np.ndarray, way: np.ndarray, ends: np.ndarray) -> int:
+    """Write the ends (n, 4) of walls that are near a way: where, and the direction of the wall.
+
+    Returns how many. A wall is long enough to be one; near is within two widths of a doorway.
+    """
+    count, reach = 0, 4.0 * DOORWAY * DOORWAY
+    for k in range(walls.shape[0]):
+        wall = walls[k]
+        ux, uy = wall[2] - wall[0], wall[3] - wall[1]
+        length = np.sqrt(ux * ux + uy * uy)
+        if length < WALL:
+            continue
+        for end in range(2):
+            x, y, sign = wall[2 * end], wall[2 * end + 1], (1.0 - 2.0 * end) / length
+            for i in range(way.shape[0]):
+                dx, dy = way[i, 0] - x, way[i, 1] - y
+                if dx * dx + dy * dy < reach:
+                    ends[count, 0], ends[count, 1] = x, y
+                    ends[count, 2], ends[count, 3] = sign * ux, sign * uy
+                    count += 1
+                    break
+    return count
+
+
+@kernel()
+def _is_doorway(line: np.ndarray, one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether the line (4,) from one end of a wall to another closes a doorway.
 
     Both walls run along the line, away from it.
     """
     dx, dy = line[2] - line[0], line[3] - line[1]
-    if dx * dx + dy * dy > DOORWAY * DOORWAY:
-        return False
-    return _leads_away(wall, end, -dx, -dy) and _leads_away(other, at, dx, dy)
-
-
-@kernel()
-def _leads_away(wall: np.ndarray, end: int, dx: float, dy: float) -> bool:
-    """Whether a wall that is long enough runs from its `end` in about the direction (dx, dy)."""
-    ux, uy = wall[2] - wall[0], wall[3] - wall[1]
-    along = (ux * dx + uy * dy) * (1.0 if end == 0 else -1.0)
-    square = ux * ux + uy * uy
+    width = np.sqrt(dx * dx + dy * dy)
+    least = np.cos(ASLANT) * width
     return bool(
-        square >= WALL * WALL
-        and along > 0.0
-        and along * along >= np.cos(ASLANT) ** 2 * square * (dx * dx + dy * dy)
+        width <= DOORWAY
+        and -(one[2] * dx + one[3] * dy) >= least
+        and other[2] * dx + other[3] * dy >= least
     )
