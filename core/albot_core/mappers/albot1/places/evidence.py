@@ -4,10 +4,10 @@ This is ours. Rooms are alike, and two rooms side by side share walls: from a do
 and a place next door matches just where it is expected. So four things are weighed together: how
 much of the structure is the same, whether the robot stands in sight of where it has been in the
 other place, whether so does its way in the present visit, and how far the match lies from where it
-is expected. What hides a breadcrumb is a wall or an exit between.
+is expected. What hides a breadcrumb is a wall, an exit or a doorway between.
 
 The weights are those of a logistic regression; that of the misfit is the normal distribution's.
-`scripts/place_evidence.py` fits them.
+docs/places.md says what they were fitted to; `scripts/place_evidence.py` fits them again.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import DEVIATIONS, LearnedPlace, Lines
 from albot_core.matching.lines import LineMatch
 
-PRIOR = -3.70
+PRIOR = -3.00
 """Log odds of a candidate that has nothing for it."""
-OF_SHARE = 4.06
+OF_SHARE = 4.32
 """Added if all of the smaller description is the same."""
-OF_NEAREST = 3.57
+OF_NEAREST = 2.97
 """Added if all of the nearest breadcrumbs are in sight of the robot."""
-OF_VISIT = 2.26
+OF_VISIT = 2.32
 """Added if all of the present visit is in sight of breadcrumbs of the other place."""
 NEAREST = 5
 """So many of the breadcrumbs in the other place, the nearest to the robot, are looked for."""
@@ -39,8 +39,16 @@ UNKNOWN = 0.5
 """The share in sight where no breadcrumb of the other place is left: it says nothing."""
 LATEST = 32
 """So many of the present visit's breadcrumbs are looked at, the latest."""
+DOORSTEP = 0.3
+"""Breadcrumbs nearer to an exit of their place than this (m), or up to 1 m beyond it, do not count:
+they are seen from next door."""
+BESIDE = 0.25
+"""Exits hide what is behind them so far beyond their ends, too (m): where a jamb is seen is
+uncertain."""
 DOORWAY = 1.35
 """A gap between two walls in line is a doorway if it is no wider than this (m)."""
+MOST_DOORWAYS = 256
+"""So many doorways near the way are looked at."""
 
 
 class Evidence(NamedTuple):
@@ -111,14 +119,16 @@ def weigh(
     walls = np.concatenate((place.surfaces, transform_segments(to_place, seen)))
     away = np.hypot(*(here - relative(guess, pose)[:2]))
     misfit = float(away) * DEVIATIONS / network.drift_at(pose)
-    if passes_doorway(walls, way):
+    doorways = find_doorways(walls, way)
+    if crosses_any(doorways, way):
         return Evidence(match.share, 0.0, 0.0, misfit, through_doorway=True)
     there = transform_points(from_graph, crumbs.points[crumbs.places == place.id])
+    own = np.reshape([door.line for door in place.exits], (-1, 4))
+    there = there[~on_doorstep(own, there)]
     if not len(there):
         return Evidence(match.share, UNKNOWN, UNKNOWN, misfit)
-    own = np.reshape([door.line for door in place.exits], (-1, 4))
     mine = transform_segments(to_place, np.concatenate((network.predicted_exits, exits)))
-    lines = np.concatenate((walls, own, mine))
+    lines = np.concatenate((walls, lengthened(own), lengthened(mine), doorways))
     nearest = there[np.argsort(np.hypot(*(there - here).T), kind="stable")[:NEAREST]]
     return Evidence(
         share=match.share,
@@ -126,6 +136,29 @@ def weigh(
         visit_in_sight=share_in_sight(lines, way, there),
         misfit=misfit,
     )
+
+
+def lengthened(exits: Lines) -> Lines:
+    """Exits (n, 4), BESIDE longer at both ends."""
+    along = exits[:, 2:] - exits[:, :2]
+    beside = BESIDE * along / np.hypot(*along.T)[:, None]
+    return np.concatenate((exits[:, :2] - beside, exits[:, 2:] + beside), axis=1)
+
+
+@kernel(arrays=True)
+def on_doorstep(exits: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Which points (n, 2) of a place lie in an exit of it (k, 4), or just beyond."""
+    found = np.zeros(points.shape[0], np.bool_)
+    for k in range(points.shape[0]):
+        for line in exits:
+            dx, dy = line[2] - line[0], line[3] - line[1]
+            width = np.sqrt(dx * dx + dy * dy)
+            x = points[k, 0] - 0.5 * (line[0] + line[2])
+            y = points[k, 1] - 0.5 * (line[1] + line[3])
+            inward, aside = (dx * y - dy * x) / width, abs(dx * x + dy * y) / width
+            if -1.0 < inward < DOORSTEP and aside < 0.5 * width + DOORSTEP:
+                found[k] = True
+    return found
 
 
 @kernel(arrays=True)
@@ -157,18 +190,27 @@ def _line_between(lines: np.ndarray, one: np.ndarray, other: np.ndarray, first: 
 
 
 @kernel(arrays=True)
-def passes_doorway(walls: np.ndarray, way: np.ndarray) -> bool:
-    """Whether a way (n, 2) passes between two walls (k, 4) in line, the ends of a doorway."""
+def find_doorways(walls: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """The lines (m, 4) across the doorways near a way (n, 2): gaps between two walls in line."""
     ends, line = np.empty((2 * walls.shape[0], 4)), np.empty(4)
-    count = _ends_near(walls, way, ends)
+    count, found = _ends_near(walls, way, ends), 0
+    lines = np.empty((MOST_DOORWAYS, 4))
     for j in range(count):
         for k in range(j):
             line[0], line[1], line[2], line[3] = ends[j, 0], ends[j, 1], ends[k, 0], ends[k, 1]
-            if not _is_doorway(line, ends[j], ends[k]):
-                continue
-            for i in range(way.shape[0] - 1):
-                if crosses_line(line, way[i, 0], way[i, 1], way[i + 1, 0], way[i + 1, 1]):
-                    return True
+            if found < MOST_DOORWAYS and _is_doorway(line, ends[j], ends[k]):
+                lines[found] = line
+                found += 1
+    return lines[:found]
+
+
+@kernel(arrays=True)
+def crosses_any(lines: np.ndarray, way: np.ndarray) -> bool:
+    """Whether a way (n, 2) crosses one of the lines (m, 4)."""
+    for line in lines:
+        for i in range(way.shape[0] - 1):
+            if crosses_line(line, way[i, 0], way[i, 1], way[i + 1, 0], way[i + 1, 1]):
+                return True
     return False
 
 

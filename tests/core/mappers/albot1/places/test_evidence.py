@@ -13,7 +13,10 @@ from albot_core.mappers.albot1.places.evidence import (
     DOORWAY,
     PRIOR,
     Evidence,
-    passes_doorway,
+    crosses_any,
+    find_doorways,
+    lengthened,
+    on_doorstep,
     share_in_sight,
 )
 from tests.core.mappers.albot1.building import RING, led
@@ -78,7 +81,30 @@ WALL_BELOW, WALL_ABOVE = [0.0, -2.0, 0.0, -0.5], [0.0, 0.5, 0.0, 2.0]
     ],
 )
 def test_a_doorway_is_a_gap_between_two_walls_in_line(walls, way, passed):
-    assert passes_doorway(np.array(walls), np.array(way)) == passed
+    doorways = find_doorways(np.array(walls), np.array(way))
+    assert crosses_any(doorways, np.array(way)) == passed
+
+
+def test_a_doorway_far_from_the_way_is_not_looked_for():
+    walls = np.array([WALL_BELOW, WALL_ABOVE])
+    assert len(find_doorways(walls, np.array([[-1.0, 0.0]]))) == 1
+    assert len(find_doorways(walls, np.array([[-9.0, 0.0]]))) == 0
+
+
+def test_breadcrumbs_in_an_exit_or_just_beyond_are_on_the_doorstep():
+    exits = np.array([[0.0, 0.5, 0.0, -0.5]])  # The place is to the left: at positive x.
+    points = np.array([[1.0, 0.0], [0.2, 0.0], [-0.5, 0.4], [-1.5, 0.0], [0.0, 1.0], [9.0, 9.0]])
+    found = on_doorstep(exits, points)
+    assert found.tolist() == [False, True, True, False, False, False]
+    assert on_doorstep(exits[:0], points[:1]).tolist() == [False]
+
+
+def test_exits_hide_a_little_beside_them():
+    exits = np.array([[0.0, 0.5, 0.0, -0.5], [1.0, 1.0, 4.0, 5.0]])
+    longer = lengthened(exits)
+    np.testing.assert_allclose(longer[0], [0.0, 0.75, 0.0, -0.75])
+    np.testing.assert_allclose(longer[1], [0.85, 0.8, 4.15, 5.2])
+    assert lengthened(exits[:0]).shape == (0, 4)
 
 
 def test_a_doorway_is_as_wide_as_an_exit_may_be():
