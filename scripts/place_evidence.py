@@ -4,7 +4,7 @@
 
 The drives are those of `room_confusions.py`, in other worlds, `random:KIND:SEED`. Every comparison
 of two places whose structure matches is an example, and the truth is as there. The weights are
-found by logistic regression; the misfit's weight is the normal distribution's and is not fitted.
+found by logistic regression; the misfit counts as `log_likelihood` says, which is not fitted.
 Comparisons of the same two places are alike: n of them weigh as much as the square root of n.
 They are the constants of `albot_core.mappers.albot1.places.evidence`.
 """
@@ -21,6 +21,7 @@ from jaxtyping import Bool, Float64
 from albot_agents.evaluation.plan import parse_seeds
 from albot_cli.main import exit_status
 from albot_core.errors import InputError
+from albot_core.mappers.albot1.places.evidence import log_likelihood
 from room_confusions import comparisons, drive_all
 
 WEIGHTS = "prior", "of share", "of nearest", "of visit"
@@ -52,7 +53,7 @@ def gather(kind: str, seeds: range, path: float) -> Examples:
         for event, share in comparisons(driven, same):
             if event.probability > 0.0:
                 shares = event.share, event.nearest_in_sight, event.visit_in_sight
-                rows.append((1.0, *shares, -0.5 * event.misfit**2, float(share >= 0.5)))
+                rows.append((1.0, *shares, log_likelihood(event.misfit), float(share >= 0.5)))
                 pairs.append((seed, event.place, event.other))
     if not rows:
         raise InputError("--seeds", "worlds in which places are compared", f"{kind} {seeds}")

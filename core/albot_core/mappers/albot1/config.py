@@ -55,7 +55,7 @@ class PlacesConfig:
     apart; it does not limit where a place may be found."""
     min_matches: int = 4
     """More surfaces must be the same (algorithm 6, line 11)…"""
-    min_probability: float = 0.95
+    min_probability: float = 0.93
     """…and it must be so probable that the places are one (`places/evidence.py`). At 0, as in
     `albot1-thesis` and `albot1-tracked`, that is not asked, but the next shares are."""
     min_share: float = 0.3

@@ -6,7 +6,8 @@ much of the structure is the same, whether the robot stands in sight of where it
 other place, whether so does its way in the present visit, and how far the match lies from where it
 is expected. What hides a breadcrumb is a wall, an exit or a doorway between.
 
-The weights are those of a logistic regression; that of the misfit is the normal distribution's.
+The weights are those of a logistic regression. The misfit counts as in Student's t distribution:
+mostly the map is where it is expected, but where it was aligned wrongly it is far off.
 docs/places.md says what they were fitted to; `scripts/place_evidence.py` fits them again.
 """
 
@@ -25,14 +26,16 @@ from albot_core.mappers.albot1.places.network import PlaceNetwork
 from albot_core.mappers.albot1.places.place import DEVIATIONS, LearnedPlace, Lines
 from albot_core.matching.lines import LineMatch
 
-PRIOR = -3.00
+PRIOR = -2.98
 """Log odds of a candidate that has nothing for it."""
-OF_SHARE = 4.32
+OF_SHARE = 4.31
 """Added if all of the smaller description is the same."""
-OF_NEAREST = 2.97
+OF_NEAREST = 2.63
 """Added if all of the nearest breadcrumbs are in sight of the robot."""
-OF_VISIT = 2.32
+OF_VISIT = 2.16
 """Added if all of the present visit is in sight of breadcrumbs of the other place."""
+FREEDOM = 3.0
+"""Degrees of freedom of the misfit's distribution."""
 NEAREST = 5
 """So many of the breadcrumbs in the other place, the nearest to the robot, are looked for."""
 UNKNOWN = 0.5
@@ -45,8 +48,10 @@ they are seen from next door."""
 BESIDE = 0.25
 """Exits hide what is behind them so far beyond their ends, too (m): where a jamb is seen is
 uncertain."""
-DOORWAY = 1.35
-"""A gap between two walls in line is a doorway if it is no wider than this (m)."""
+NARROW, DOORWAY = 0.65, 1.35
+"""A gap between two walls in line is a doorway if it is no narrower and no wider than this (m)."""
+ASIDE = 0.25
+"""A wall so near beside a gap fills it (m)."""
 MOST_DOORWAYS = 256
 """So many doorways near the way are looked at."""
 
@@ -76,7 +81,7 @@ class Evidence(NamedTuple):
             + OF_SHARE * self.share
             + OF_NEAREST * self.nearest_in_sight
             + OF_VISIT * self.visit_in_sight
-            - 0.5 * self.misfit * self.misfit
+            + log_likelihood(self.misfit)
         )
         return 1.0 / (1.0 + math.exp(-log_odds))
 
@@ -85,6 +90,11 @@ class Evidence(NamedTuple):
         """All of it, with the probability, by name."""
         numbers = zip(self._fields, map(float, self), strict=True)
         return dict(numbers) | {"probability": self.probability}
+
+
+def log_likelihood(misfit: float) -> float:
+    """How much less likely a misfit is than none, as a logarithm (Student's t distribution)."""
+    return -0.5 * (FREEDOM + 1.0) * math.log1p(misfit * misfit / FREEDOM)
 
 
 def weigh(
@@ -198,7 +208,11 @@ def find_doorways(walls: np.ndarray, way: np.ndarray) -> np.ndarray:
     for j in range(count):
         for k in range(j):
             line[0], line[1], line[2], line[3] = ends[j, 0], ends[j, 1], ends[k, 0], ends[k, 1]
-            if found < MOST_DOORWAYS and _is_doorway(line, ends[j], ends[k]):
+            if (
+                found < MOST_DOORWAYS
+                and _is_doorway(line, ends[j], ends[k])
+                and not _is_filled(line, walls)
+            ):
                 lines[found] = line
                 found += 1
     return lines[:found]
@@ -210,6 +224,24 @@ def crosses_any(lines: np.ndarray, way: np.ndarray) -> bool:
     for line in lines:
         for i in range(way.shape[0] - 1):
             if crosses_line(line, way[i, 0], way[i, 1], way[i + 1, 0], way[i + 1, 1]):
+                return True
+    return False
+
+
+@kernel()
+def _is_filled(line: np.ndarray, walls: np.ndarray) -> bool:
+    """Whether a wall runs along a gap or across it, in the middle or halfway to its ends.
+
+    A description that has grown over a long time has walls twice, beside each other.
+    """
+    dx, dy = line[2] - line[0], line[3] - line[1]
+    scale = ASIDE / np.sqrt(dx * dx + dy * dy)
+    nx, ny = -dy * scale, dx * scale
+    for k in range(-1, 2):
+        share = 0.5 + 0.25 * k
+        x, y = line[0] + share * dx, line[1] + share * dy
+        for wall in walls:
+            if crosses_line(wall, x - nx, y - ny, x + nx, y + ny):
                 return True
     return False
 
@@ -249,7 +281,7 @@ def _is_doorway(line: np.ndarray, one: np.ndarray, other: np.ndarray) -> bool:
     width = np.sqrt(dx * dx + dy * dy)
     least = np.cos(ASLANT) * width
     return bool(
-        width <= DOORWAY
+        NARROW <= width <= DOORWAY
         and -(one[2] * dx + one[3] * dy) >= least
         and other[2] * dx + other[3] * dy >= least
     )

@@ -6,11 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from albot_core.mappers.albot1.config import Albot1Config, PlacesConfig
 from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.mappers.albot1.places.evidence import (
     DOORWAY,
+    FREEDOM,
     PRIOR,
     Evidence,
     crosses_any,
@@ -35,13 +37,14 @@ def test_each_share_speaks_for_it(part):
     assert ALL._replace(**{part: 0.0}).probability < ALL.probability
 
 
-def test_the_misfit_counts_as_in_a_normal_distribution():
+def test_the_misfit_counts_as_in_students_t_distribution():
     def odds(misfit: float) -> float:
         probability = ALL._replace(misfit=misfit).probability
         return probability / (1 - probability)
 
-    assert odds(2.0) / odds(0.0) == pytest.approx(np.exp(-2.0))
-    assert odds(1.0) / odds(0.0) == pytest.approx(np.exp(-0.5))
+    for misfit in (0.5, 1.0, 2.0, 9.0):
+        expected = stats.t.pdf(misfit, FREEDOM) / stats.t.pdf(0.0, FREEDOM)
+        assert odds(misfit) / odds(0.0) == pytest.approx(expected)
 
 
 def test_what_was_seen_from_both_sides_of_a_doorway_says_nothing():
