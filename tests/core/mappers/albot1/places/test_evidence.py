@@ -13,6 +13,7 @@ from albot_core.mappers.albot1.places.events import EventKind
 from albot_core.mappers.albot1.places.evidence import (
     DOORWAY,
     FREEDOM,
+    NARROW,
     PRIOR,
     Evidence,
     crosses_any,
@@ -81,6 +82,8 @@ WALL_BELOW, WALL_ABOVE = [0.0, -2.0, 0.0, -0.5], [0.0, 0.5, 0.0, 2.0]
         ([WALL_BELOW, [0.0, 0.5, 1.5, 0.5]], [[-1.0, 0.0], [1.0, 0.0]], False),  # A corner.
         ([WALL_BELOW, [0.0, 0.5, 0.0, 0.6]], [[-1.0, 0.0], [1.0, 0.0]], False),  # No wall.
         ([WALL_BELOW], [[-1.0, 0.0], [1.0, 0.0]], False),
+        ([WALL_BELOW, [0.0, 0.1, 0.0, 2.0]], [[-1.0, -0.2], [1.0, -0.2]], False),  # Too narrow.
+        ([WALL_BELOW, WALL_ABOVE, [0.1, -1.0, 0.1, 1.0]], [[-1.0, 0.0], [1.0, 0.0]], False),
     ],
 )
 def test_a_doorway_is_a_gap_between_two_walls_in_line(walls, way, passed):
@@ -111,7 +114,8 @@ def test_exits_hide_a_little_beside_them():
 
 
 def test_a_doorway_is_as_wide_as_an_exit_may_be():
-    assert Albot1Config().max_exit_width == DOORWAY
+    config = Albot1Config()
+    assert (config.min_exit_width, config.max_exit_width) == (NARROW, DOORWAY)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +143,7 @@ def test_a_place_is_recognised_in_sight_of_where_the_robot_has_been_in_it(wall, 
 def test_a_robot_that_passed_a_doorway_unnoticed_recognises_nothing():
     walker = led(RING)
     network = walker.network
-    jambs = [[-0.5, 0.3, -0.5, 1.5], [-0.5, -1.5, -0.5, -0.3]]
+    jambs = [[-0.5, 0.4, -0.5, 1.5], [-0.5, -1.5, -0.5, -0.4]]
     network.places[0].surfaces = np.concatenate((network.places[0].surfaces, jambs))
     network.reading = network.stays[-1][0]
     network.drop_breadcrumb(np.array([-1.0, 0.0, 0.0]), np.empty((0, 4)))
